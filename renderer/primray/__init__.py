@@ -18,7 +18,7 @@ from .errors import PrimrayError
 from .keeping.frames import render_frames
 from .lens.diffusion import Diffusion
 from .render import render
-from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
+from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ __all__ = [
     "PrimrayError",
     "Product",
     "Projection",
+    "RenderContext",
     "RenderSettings",
     "RenderWarning",
     "Scene",

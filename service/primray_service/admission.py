@@ -11,7 +11,7 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
+from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -192,6 +192,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         seed=settings.seed,
         default_light=settings.default_light,
         default_wrap=DefaultWrap(settings.default_wrap),
+        render_context=RenderContext(settings.render_context),
         motion_blur=settings.motion_blur,
         shutter=settings.shutter,
         lens_flaws=tuple(settings.lens_flaws),
@@ -245,7 +246,17 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name", "parallel")
-NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye", "lens_flaws")
+NEW_SETTINGS = (
+    "auto_camera",
+    "default_wrap",
+    "render_context",
+    "motion_blur",
+    "shutter",
+    "motion_error",
+    *DIFFUSION,
+    "eye",
+    "lens_flaws",
+)
 
 
 def fingerprint(request: JobRequest) -> str:

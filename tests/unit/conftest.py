@@ -163,6 +163,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         read_asset=lambda path: b"",
         camera_paths=lambda stage: ["/cam", "/other"],
         stage_facts=lambda stage: STAGE_FACTS,
+        stage_name=str,
     )
     install(
         "core",

@@ -83,6 +83,7 @@ NONSENSE: dict[str, list[Any]] = {
     "seed": [-1, None, "x"],
     "default_light": ["no", None],
     "default_wrap": ["useMetadata", None, 1],
+    "render_context": ["arnold", None, ""],
     "rendering_color_space": [709],
     "purposes": ["render", ["final"], []],
     "aovs": ["depth", ["deepth"], 3],

@@ -47,6 +47,7 @@ OF_SCENE = (
     "time_code",
     "default_light",
     "default_wrap",
+    "render_context",
     "motion_blur",
     "shutter",
     "motion_error",
@@ -77,6 +78,7 @@ class About:
     aovs: tuple[str, ...] = ()  # that the render makes beside the picture: from the scene, not from what is held here
     rendering_space: ColorSpace = REC709
     motion: Mapping[str, Any] | None = None  # what the report says of what moves
+    stage: str = ""  # the root layer's file name
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "aovs": list(about.aovs),
         "rendering_space": asdict(about.rendering_space),
         "motion": about.motion,
+        "stage": about.stage,
         "ranges": [[first, sampling.done]],
         "under_way": sampling.goal is not None,
         "adaptive": settings.adapts,
@@ -212,6 +215,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             aovs=tuple(str(name) for name in header["aovs"]),
             rendering_space=_space_of(header["rendering_space"]),
             motion=_motion_of(header["motion"]),
+            stage=_text_of(header["stage"]),
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),
@@ -356,6 +360,11 @@ def compare(held: About, wanted: About, path: Path) -> None:
         return
     hints = [name for name in OF_SCENE if held.settings.get(name) != wanted.settings.get(name)]
     _compare(held.identity, wanted.identity, path, hints)
+
+
+def _text_of(value: Any) -> str:
+    _valid(isinstance(value, str))
+    return str(value)
 
 
 def _compare(held: Mapping[str, Any], wanted: Mapping[str, Any], path: Path, hints: list[str] | None = None) -> None:

@@ -104,6 +104,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         aovs=tuple(request.name for request in prepared.aovs),
         rendering_space=prepared.scene.rendering_space,
         motion=prepared.motion,
+        stage=prepared.stage,
     )
     if held is None:
         sampling = Sampling.begin(prepared.scene, settings)

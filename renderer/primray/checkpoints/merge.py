@@ -13,7 +13,7 @@ from typing import Any
 from .. import core
 from ..diagnostics import Diagnostics
 from ..images.image import Image, pixels_sha256
-from ..report.report import Costs, header_of, make_report, settings_as_json
+from ..report.report import Costs, header_of, make_report, settings_as_json, subject_of
 from ..sampling.sampling import Sampling
 from .checkpoint import Range, check, contents, gaps
 from .checkpoint_file import write_checkpoint
@@ -75,7 +75,7 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     ranges = [list(r) for r in gathering.ranges]
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": about.features}
     report = make_report(sampling, costs, about.counts, diagnostics, core_says, pixels_sha256(pixels), about.rendering_space)
-    metadata = header_of(report)
+    metadata = header_of(report) | subject_of(about.stage, about.camera)
     report |= {"frame": asdict(about.frame), "motion": about.motion} | dict(says) | {"sample_ranges": ranges}
     image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
     header, arrays = contents(sampling, about)

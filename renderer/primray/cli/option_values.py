@@ -10,8 +10,10 @@ from typing import Literal
 
 from ..aov_names import AOVS
 from ..errors import SettingsError
+from ..images.files.encoding import BIT_DEPTHS, Encoding
 from ..render.frame_numbers import frame_list, parse_frames
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK
+from .standard_output import suffix_of
 
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
@@ -152,7 +154,7 @@ def purposes_of(text: str | None) -> tuple[str, ...] | None:
 def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...] | None:
     """None: as the stage's product says, unless no output could hold them."""
     chosen = aovs_of(texts)
-    if any(name.lower().endswith(".exr") for name in outputs):
+    if any(suffix_of(name).lower() == ".exr" for name in outputs):
         return chosen
     if chosen:
         raise SettingsError("--aov writes parts of an EXR, and no output is one: name one with -o", code="aov-output")
@@ -166,6 +168,16 @@ def aovs_of(texts: list[str] | None) -> tuple[str, ...] | None:
     names = tuple(name.strip() for text in texts for name in text.split(",") if name.strip())
     chosen = tuple(AOVS) if "all" in names else ()
     return chosen + tuple(name for name in names if name not in ("all", "none", *chosen))
+
+
+def encoding_of(bit_depth: int | None, half: list[str] | None) -> Encoding:
+    """SettingsError for bits that no format has."""
+    known = sorted({bits for depths in BIT_DEPTHS.values() for bits in depths})
+    if bit_depth is not None and bit_depth not in known:
+        listed = ", ".join(map(str, known))
+        raise SettingsError(f"there are pictures of {listed} bits, not of {bit_depth}", where="--bit-depth", code="bit-depth")
+    names = [name.strip() for text in half or () for name in text.split(",")]
+    return Encoding(bit_depth, tuple(name for name in names if name))
 
 
 def sample_range_of(text: str | None) -> tuple[int, int] | None:

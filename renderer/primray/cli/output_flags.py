@@ -14,7 +14,7 @@ Outputs = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="EXR, PNG or JPEG, or tev://HOST:PORT; may be repeated.",
+        help="EXR, PNG, JPEG, TIFF or HDR; - is standard output (png:- a PNG there), or tev://HOST:PORT; may be repeated.",
         show_default="<scene>.exr",
     ),
 ]
@@ -44,16 +44,19 @@ Aovs = Annotated[
     ),
 ]
 View = Annotated[
-    str | None, typer.Option("--view", metavar="NAME", help="OCIO view of PNG and JPEG.", show_default="the display's default")
+    str | None,
+    typer.Option("--view", metavar="NAME", help="OCIO view of PNG, JPEG and TIFF.", show_default="the display's default"),
 ]
 Display = Annotated[
     str | None,
-    typer.Option("--display", metavar="NAME", help="OCIO display of PNG and JPEG.", show_default="the configuration's default"),
+    typer.Option(
+        "--display", metavar="NAME", help="OCIO display of PNG, JPEG and TIFF.", show_default="the configuration's default"
+    ),
 ]
 Look = Annotated[
     str | None,
     typer.Option(
-        "--look", metavar="NAME", help="OCIO look of PNG and JPEG, in place of the view's.", show_default="the view's"
+        "--look", metavar="NAME", help="OCIO look of PNG, JPEG and TIFF, in place of the view's.", show_default="the view's"
     ),
 ]
 Correction = Annotated[
@@ -66,7 +69,22 @@ Snapshot = Annotated[
     typer.Option("--snapshot", metavar="S", help="Write the picture so far every so many seconds.", show_default=False),
 ]
 Exposure = Annotated[
-    str, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG; auto: as the view needs it, for all frames.")
+    str, typer.Option("--exposure", metavar="STOPS", help="Of PNG, JPEG and TIFF; auto: as the view needs it, for all frames.")
+]
+BitDepth = Annotated[
+    int | None,
+    typer.Option(
+        "--bit-depth", metavar="N", help="Of PNG (8, 16) and TIFF (16, 8; 32: scene-linear floats).", show_default="8; TIFF 16"
+    ),
+]
+Half = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--half",
+        metavar="NAMES",
+        help="Of an EXR, stored as halves: channels, layers or parts (R, stderr, rgba) by commas, or all; may be repeated.",
+        show_default="floats",
+    ),
 ]
 Stereo = Annotated[
     bool,

@@ -5,6 +5,7 @@ Nothing of Typer is imported here (see quick.py).
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import PrimrayError
+from ..images.files.encoding import Encoding
+from .standard_output import check_standard, is_standard, suffix_of, write_standard
 from .tev_outputs import TevOutputs, is_tev
 
 if TYPE_CHECKING:
@@ -33,6 +36,7 @@ class Looks:
     make_folders: bool = False
     chose_exposure: bool = False
     tev: TevOutputs = field(default_factory=TevOutputs)
+    encoding: Encoding = field(default_factory=Encoding)
 
     @property
     def is_chosen(self) -> bool:
@@ -55,10 +59,15 @@ class Looks:
 def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
     """Find out before rendering what cannot be written after it."""
     from ..color.ocio import check_look, check_view
+    from ..images.files.encoding import check_bit_depth, check_half
     from ..images.image import VIEW_EXTENSIONS, check_output_path
     from ..images.output_path import check_folder, make_folder
 
-    in_files = [file for file in files if not is_tev(file)]
+    in_files = [file for file in files if not is_tev(file) and not is_standard(file)]
+    check_standard(files, looks.as_json)
+    suffixes = [suffix_of(file) for file in files if not is_tev(file)]
+    check_bit_depth(looks.encoding, suffixes)
+    check_half(looks.encoding, suffixes)
     if looks.make_folders:
         for name in [*in_files, *([report] if report else [])]:
             make_folder(Path(name))
@@ -66,7 +75,7 @@ def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
         check_output_path(file)
     if report is not None:
         check_folder(Path(report))
-    if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in in_files):
+    if looks.is_chosen or any(suffix.lower() in VIEW_EXTENSIONS for suffix in suffixes):
         check_view(looks.view, looks.display)
         check_look(looks.look)
     for output in files:
@@ -81,7 +90,10 @@ def save(image: Image, file: str, looks: Looks) -> None:
         return looks.tev.show(image, file)
     looks = looks.settled(image)
     assert looks.exposure != "auto"
-    image.write(check_output_path(file), looks.view_of(image), looks.exposure)
+    if is_standard(file):
+        exposure = looks.exposure
+        return write_standard(lambda path: image.write(path, looks.view_of(image), exposure, looks.encoding), file)
+    image.write(check_output_path(file), looks.view_of(image), looks.exposure, looks.encoding)
 
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
@@ -120,17 +132,22 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
     if looks.as_json:
         print_line({"type": "report", **report})
     else:
-        print(_summary_line(image, report, report["outputs"]))
+        where = sys.stderr if any(map(is_standard, report["outputs"])) else sys.stdout
+        print(_summary_line(image, report, report["outputs"]), file=where)
 
 
 def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[str, str]]:
     from ..images.exposure import view_fault
-    from ..images.image import VIEW_EXTENSIONS
+    from ..images.files.encoding import half_faults
+    from ..images.image import exr_parts, shows_view
 
-    if looks.exposure == "auto" or not any(file.lower().endswith(VIEW_EXTENSIONS) for file in files if not is_tev(file)):
-        return []
-    fault = view_fault(image.shown.pixels, looks.view_of(image), looks.exposure)
-    return [] if fault is None else [fault.as_json()]
+    names = [Path(f"picture{suffix_of(file)}") for file in files if not is_tev(file)]
+    faults = []
+    if looks.exposure != "auto" and any(shows_view(name, looks.encoding) for name in names):
+        faults.append(view_fault(image.shown.pixels, looks.view_of(image), looks.exposure))
+    if looks.encoding.half and any(name.suffix.lower() == ".exr" for name in names):
+        faults += half_faults(exr_parts(image), looks.encoding)
+    return [fault.as_json() for fault in faults if fault is not None]
 
 
 def is_written(writing: Callable[[], None], looks: Looks) -> bool:

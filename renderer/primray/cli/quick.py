@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from ..settings import AutoCamera, DefaultWrap, Filter, Metric
+from ..settings import AutoCamera, DefaultWrap, Filter, Metric, RenderContext
 from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
@@ -77,6 +77,8 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "no_motion_blur": (FLAG, ("--no-motion-blur", "--disable-motionblur")),
     "shutter": (SPAN, ("--shutter",)),
     "motion_error": (_number, ("--motion-error",)),
+    "bit_depth": (_whole, ("--bit-depth",)),
+    "half": (LIST, ("--half",)),
     "stereo": (FLAG, ("--stereo",)),
     "diffusion": (_number, ("--diffusion",)),
     "diffusion_glare": (_number, ("--diffusion-glare",)),
@@ -89,6 +91,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "json": (FLAG, ("--json",)),
     "no_default_light": (FLAG, ("--no-default-light", "--disableCameraLight")),
     "default_wrap": (DefaultWrap, ("--default-wrap",)),
+    "render_context": (RenderContext, ("--render-context",)),
     "purposes": (str, ("--purposes", "--purpose")),
     "variants": (LIST, ("--variant", "--variants")),
     "no_payloads": (FLAG, ("--no-payloads",)),

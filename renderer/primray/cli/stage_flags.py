@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from ..settings import AutoCamera, DefaultWrap
+from ..settings import AutoCamera, DefaultWrap, RenderContext
 from .option_values import Complexity
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
@@ -74,6 +74,10 @@ NoDefaultLight = Annotated[
 WrapByDefault = Annotated[
     DefaultWrap,
     typer.Option("--default-wrap", help="Outside of textures whose wrap neither the stage nor the file names."),
+]
+MaterialContext = Annotated[
+    RenderContext,
+    typer.Option("--render-context", help="Of a material that has both, the surface output that counts."),
 ]
 Purposes = Annotated[
     str | None,

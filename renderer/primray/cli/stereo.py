@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ..errors import SettingsError
 from ..settings import Eye
 from .pictures import Looks, finished_report, is_written, save, tell, write_report
+from .standard_output import is_standard
 from .tev_outputs import is_tev
 
 if TYPE_CHECKING:
@@ -27,6 +28,13 @@ def require_whole_renders(given: dict[str, object]) -> None:
     for flag, value in given.items():
         if value is not None:
             raise SettingsError(f"{flag} is for one picture; without --stereo, each eye can have its own", code="stereo-flags")
+
+
+def require_files(outputs: list[str]) -> None:
+    """SettingsError for standard output, which holds one picture."""
+    for output in outputs:
+        if is_standard(output):
+            raise SettingsError("a pair needs files, and standard output is one", where=output, code="stereo-flags")
 
 
 def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoImage | None:
@@ -56,7 +64,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
 
     start, looks = time.perf_counter(), looks.settled(pair.left)
     joint = [file for file in shot.files if is_joint(file) and not is_tev(file)]
-    kept = [file for file in joint if is_written(partial(_write_joint, pair, file), looks)]
+    kept = [file for file in joint if is_written(partial(_write_joint, pair, file, looks), looks)]
     whole, reports = kept == joint, {}
     for eye, image in pair.views.items():
         own = [name_of_eye(file, eye) for file in shot.files if file not in joint]
@@ -70,7 +78,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
     return whole
 
 
-def _write_joint(pair: StereoImage, file: str) -> None:
+def _write_joint(pair: StereoImage, file: str, looks: Looks) -> None:
     from ..images.image import check_output_path
 
-    pair.write(check_output_path(file))
+    pair.write(check_output_path(file), looks.encoding)

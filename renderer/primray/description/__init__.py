@@ -9,7 +9,18 @@ from ..aov_names import AovRequest
 from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
-from .geometry import DisplacedMesh, Interpolation, Mesh, NurbsPatch, Primvar, Shape, Sphere, SubdivisionMesh
+from .geometry import (
+    Curves,
+    DisplacedMesh,
+    Interpolation,
+    Mesh,
+    NurbsPatch,
+    Primvar,
+    Ribbons,
+    Shape,
+    Sphere,
+    SubdivisionMesh,
+)
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
 from .nurbs import Direction, TrimCurve
@@ -24,6 +35,7 @@ __all__ = [
     "AovRequest",
     "Camera",
     "CameraMotion",
+    "Curves",
     "Direction",
     "DisplacedMesh",
     "Doubles",
@@ -60,6 +72,7 @@ __all__ = [
     "PrimvarInput",
     "Projection",
     "Prototype",
+    "Ribbons",
     "SceneDescription",
     "Shadow",
     "Shape",

@@ -1,11 +1,11 @@
-"""A rendered picture and its files: EXR is the record, PNG and JPEG are views of it through OpenColorIO."""
+"""A rendered picture and its files: EXR is the record; PNG, JPEG and TIFF are views of it through OpenColorIO."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,18 +20,20 @@ from ..description import Camera, Frame, Projection
 from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
-from ..textures.image_error import last_error
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
 from .diffused_part import diffused_part
 from .exposure import View, exposure_that_serves, view_fault
+from .files.encoding import LINEAR_BITS, Encoding, half_faults, store_halves
+from .files.writers import write_linear, write_parts_of, write_radiance, write_view
 from .output_path import check_folder, through_links
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
-VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg")
+VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+WITH_ALPHA = (".png", ".tif", ".tiff")
 EYE = "settings.eye"  # in metadata: of a stereo pair
-EXTENSIONS = (".exr", *VIEW_EXTENSIONS)
+EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
 
 # SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
 _ACES_WHITE = (0.32168, 0.33767)
@@ -115,26 +117,40 @@ class Image:
         display: str | None = None,
         exposure: float | Literal["auto"] = 0.0,
         look: str | None = None,
+        bit_depth: Literal[8, 16, 32] | None = None,
+        half: Iterable[str] = (),
     ) -> Path:
         """Write `path` whole or not at all; `view`, `display`, `exposure` (stops, or "auto": as the view needs them) and `look`
-        are for PNG and JPEG, which show the picture alone, diffused if it is. RenderWarning where that is almost only white, or
-        only black.
+        are for PNG, JPEG and TIFF, which show the picture alone, diffused if it is. RenderWarning where that is almost only
+        white, or only black.
+
+        `bit_depth` is a PNG's (8 or 16) or a TIFF's (16, 8, or 32: scene-linear floats). `half` names what an EXR stores as
+        halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
+        nothing is called so, or values are beyond what a half holds.
         """
         path = check_output_path(path)
-        chosen = View(view, display, look, self.color_space)
-        if path.suffix.lower() in VIEW_EXTENSIONS:
+        chosen, encoding = View(view, display, look, self.color_space), Encoding(bit_depth, tuple(half))
+        if shows_view(path, encoding):
             exposure = self._stops(chosen, exposure)
             fault = view_fault(self.shown.pixels, chosen, exposure)
             Announcer(path).tell([] if fault is None else [fault])
-        return self.write(path, chosen, 0.0 if exposure == "auto" else exposure)
+        if path.suffix.lower() == ".exr" and encoding.half:
+            Announcer(path).tell(half_faults(exr_parts(self), encoding))
+        return self.write(path, chosen, 0.0 if exposure == "auto" else exposure, encoding)
 
-    def write(self, path: Path, view: View, exposure: float) -> Path:
-        """`save`, to a path that has been checked and without a word about what the view shows."""
+    def write(self, path: Path, view: View, exposure: float, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
+        """`save`, to a path that has been checked and without a word about what the file does not show."""
+        suffix = path.suffix.lower()
         with _replacing(path) as temporary:
-            if path.suffix.lower() == ".exr":
-                _write_exr(self, temporary)
+            if suffix == ".exr":
+                _write_exr(self, temporary, encoding)
+            elif suffix == ".hdr":
+                write_radiance(self.shown.pixels, self.color_space, temporary)
+            elif encoding.bits_of(suffix) == LINEAR_BITS:
+                write_linear(self.shown.pixels, self.color_space, temporary)
             else:
-                _write_view(_encode(self.shown.pixels, view, exposure, keep_alpha=path.suffix.lower() == ".png"), temporary)
+                bits = encoding.bits_of(suffix)
+                write_view(_encode(self.shown.pixels, view, exposure, keep_alpha=suffix in WITH_ALPHA, bits=bits), temporary)
         return path
 
     def to_uint8(
@@ -235,7 +251,12 @@ def encode(
     return _encode(pixels, View(view, display, look, space), exposure)
 
 
-def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool = True) -> npt.NDArray[np.uint8]:
+def shows_view(path: Path, encoding: Encoding) -> bool:
+    """Whether a file of this name is what a view makes of the picture."""
+    return path.suffix.lower() in VIEW_EXTENSIONS and encoding.bits_of(path.suffix) != LINEAR_BITS
+
+
+def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool = True, bits: int = 8) -> npt.NDArray[Any]:
     """Without alpha the picture is over black."""
     finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
     rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
@@ -246,7 +267,8 @@ def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool = T
     shown = view.shown(rgb, exposure)
     if not opaque:
         shown = np.concatenate([shown, alpha], axis=2)
-    return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
+    most, kind = (255, np.uint8) if bits == 8 else (65535, np.uint16)
+    return (np.clip(np.nan_to_num(shown), 0, 1) * most + 0.5).astype(kind)
 
 
 @contextmanager
@@ -270,7 +292,7 @@ def _replacing(path: Path) -> Iterator[str]:
 def write_png(encoded: np.ndarray[Any, Any], path: Path) -> Path:
     """Write 8-bit values (H, W, 3 or 4) as they are, whole or not at all."""
     with _replacing(path) as temporary:
-        _write_view(encoded, temporary)
+        write_view(encoded, temporary)
     return path
 
 
@@ -280,8 +302,10 @@ def write_text(path: Path, text: str) -> None:
         Path(temporary).write_text(text, encoding="utf-8")
 
 
-def _write_exr(image: Image, path: str) -> None:
-    _write(path, exr_parts(image))
+def _write_exr(image: Image, path: str, encoding: Encoding) -> None:
+    parts = exr_parts(image)
+    store_halves(parts, encoding)
+    write_parts_of(path, parts)
 
 
 def exr_parts(image: Image) -> Parts:
@@ -308,7 +332,7 @@ def _name_view(parts: Parts, view: str) -> None:
 def write_parts(path: Path, parts: Parts) -> Path:
     """An EXR of these, whole or not at all."""
     with _replacing(path) as temporary:
-        _write(temporary, parts)
+        write_parts_of(temporary, parts)
     return path
 
 
@@ -380,27 +404,3 @@ def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:
 
 def _row_vector_floats(matrix: Doubles) -> tuple[float, ...]:
     return tuple(float(v) for v in matrix.T.ravel())
-
-
-def _write_view(encoded: np.ndarray[Any, Any], path: str) -> None:
-    import OpenImageIO as oiio
-
-    height, width, channels = encoded.shape
-    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    spec.attribute("CompressionQuality", 95)
-    _write(path, [(spec, encoded)])
-
-
-def _write(path: str, parts: Parts) -> None:
-    import OpenImageIO as oiio
-
-    out = oiio.ImageOutput.create(path)
-    if out is None:
-        raise PrimrayError(f"the file cannot be written: {last_error(oiio)}", where=path, code="write-failed")
-    specs = [spec for spec, _ in parts]
-    done = out.open(path, specs) if len(specs) > 1 else out.open(path, specs[0])
-    for number, (spec, values) in enumerate(parts):
-        done = done and (number == 0 or out.open(path, spec, "AppendSubimage")) and out.write_image(values)
-    if not done or not out.close():
-        raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")

@@ -12,8 +12,8 @@ from .image import EXTENSIONS
 OTHER_PICTURES = frozenset(
     f".{name}"
     for name in (
-        *("bmp", "dpx", "gif", "hdr", "heic", "iff", "jp2", "j2k", "pfm", "pic", "ppm", "psd"),
-        *("rat", "rgbe", "sgi", "tga", "tif", "tiff", "tx", "webp"),
+        *("bmp", "dpx", "gif", "heic", "iff", "jp2", "j2k", "pfm", "pic", "ppm", "psd"),
+        *("rat", "rgbe", "sgi", "tga", "tx", "webp"),
     )
 )
 # Names that Windows keeps for devices, whatever their extension.

@@ -17,6 +17,7 @@ from ..errors import SettingsError
 from ..settings import Eye
 from .aov_parts import PICTURE_PART, VIEW, Parts
 from .exposure import View
+from .files.encoding import Encoding, store_halves
 from .image import Image, check_output_path, exr_parts, write_parts
 
 NAME = "oiio:subimagename"
@@ -61,9 +62,13 @@ class StereoImage:
         shown = view or View(space=self.left.color_space)
         return [self.views[eye].write(file, shown, exposure) for eye, file in files.items()]
 
-    def write(self, path: Path) -> Path:
+    def write(self, path: Path, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
         """Both as one EXR, to a path that has been checked."""
-        parts = [part for eye, image in self.views.items() for part in _parts_of_view(image, eye)]
+        parts = []
+        for eye, image in self.views.items():
+            own = exr_parts(image)
+            store_halves(own, encoding)
+            parts += named_by_view(own, eye)
         return write_parts(path, parts)
 
 
@@ -80,8 +85,8 @@ def name_of_eye(name: str, eye: Eye) -> str:
     return folder + slash + _END.sub(lambda end: f"_{eye.value}{end[0]}", own, count=1)
 
 
-def _parts_of_view(image: Image, eye: Eye) -> Parts:
-    parts = exr_parts(image)
+def named_by_view(parts: Parts, eye: Eye) -> Parts:
+    """The parts of an eye's picture, as those of one view among others."""
     for spec, _ in parts:
         spec.attribute(NAME, f"{spec.get_string_attribute(NAME, PICTURE_PART)}.{eye.value}")
         spec.attribute(VIEW, eye.value)

@@ -1,6 +1,6 @@
-"""Every SubdivisionMesh and NurbsPatch of a description becomes a Mesh on its surface, as fine as the camera asks.
+"""Every SubdivisionMesh of a description becomes a Mesh on its limit surface, as fine as the camera asks.
 
-The refinement of cages is the core's (core/subdivision/dicing/dice.hpp), that of patches is in nurbs/.
+The refinement itself is the core's (core/subdivision/dicing/dice.hpp).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ..description import (
 from ..settings import RenderSettings
 from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
 from .nurbs.grid import Fineness
-from .nurbs.patches import dice_patches, triangles_of
+from .nurbs.patches import triangles_of
 
 # In the order of the core's enumerations (topology.hpp, face_varying.hpp).
 SCHEMES = ("catmullClark", "loop", "bilinear")
@@ -91,51 +91,8 @@ def dice(
     prints = footprints(description)
     if not prints:
         return description, []
-    description, notes = _with_patches(description, prints, dicing)
-    made, warnings = _with_cages(core, description, prints, dicing, threads, displaced)
-    return made, [*notes, *warnings]
-
-
-def fineness(dicing: Dicing) -> Fineness:
-    return Fineness(dicing.pixels, dicing.flatness, dicing.max_level)
-
-
-def _with_patches(
-    description: SceneDescription, prints: dict[int, Footprint], dicing: Dicing
-) -> tuple[SceneDescription, Warnings]:
-    patches = {k: s for k, s in enumerate(description.shapes) if isinstance(s, NurbsPatch)}
-    if not patches:
-        return description, []
-    made, pixels = dice_patches(patches, prints, fineness(dicing), dicing.max_triangles)
-    warnings: Warnings = []
-    if pixels > dicing.pixels:
-        sentence = f"NURBS patches have edges of up to {pixels:g} pixels, not {dicing.pixels:g}, to have fewer triangles."
-        warnings.append(("dicing-limited", "", sentence))
-    shapes = list(description.shapes)
-    for k, patch in patches.items():
-        found = made[k]
-        shapes[k] = found.mesh
-        if found.is_limited:
-            sentence = f"Edges cover more than {pixels:g} pixels even at level {dicing.max_level}, the finest."
-            warnings.append(("dicing-limited", patch.path, sentence))
-        if found.empty_loops:
-            sentence = f"{found.empty_loops} of {len(patch.loops)} trim loops enclose nothing: they trim nothing."
-            warnings.append(("nurbs-data", patch.path, sentence))
-    return replace(description, shapes=tuple(shapes)), warnings
-
-
-def _with_cages(
-    core: Any,
-    description: SceneDescription,
-    prints: dict[int, Footprint],
-    dicing: Dicing,
-    threads: int,
-    displaced: Displacements | None,
-) -> tuple[SceneDescription, Warnings]:
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
     moved = {k: displaced.of(k, s) for k, s in cages.items() if displaced is not None and isinstance(s, DisplacedMesh)}
-    if not cages:
-        return description, [] if displaced is None else displaced.warnings
     made, pixels = _within_limit(core, cages, prints, moved, dicing, threads)
     warnings: Warnings = [] if displaced is None else displaced.warnings
     if pixels > dicing.pixels:
@@ -199,7 +156,7 @@ def _warnings(cage: SubdivisionMesh, made: dict[str, Any], dicing: Dicing) -> Wa
 def estimated_triangles(core: Any, cage: SubdivisionMesh | NurbsPatch, footprint: Footprint, pixels: float) -> int:
     """Triangles that dicing to edges of so many pixels makes, roughly."""
     if isinstance(cage, NurbsPatch):
-        return triangles_of(cage, footprint, fineness(Dicing(pixels)))
+        return triangles_of(cage, footprint, Fineness(pixels, FLATNESS, MAX_LEVEL))
     return int(core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels))))
 
 

@@ -24,11 +24,14 @@ from ..description import (
     Placement,
     Projection,
     Prototype,
+    Ribbons,
     SceneDescription,
     SubdivisionMesh,
 )
 from ..description.placement import compose
 from .camera_poses import Pose, Window, camera_poses, widened
+
+Diced = SubdivisionMesh | Ribbons | NurbsPatch
 
 # Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
 OUTSIDE = 4.0
@@ -91,9 +94,9 @@ def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
     return scale, window
 
 
-def footprints(description: SceneDescription) -> dict[int, Footprint]:
-    """Of every cage and patch, by its index in `shapes`."""
-    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh | NurbsPatch)}
+def footprints(description: SceneDescription, kind: type[Diced] = SubdivisionMesh) -> dict[int, Footprint]:
+    """Of every cage, ribbon or patch, by its index in `shapes`."""
+    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, kind)}
     if not cages:
         return {}
     exposure = description.exposure
@@ -165,7 +168,7 @@ def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[
     return lambda: (compose(nearest, rows) for rows in _stands(inner))
 
 
-def _footprint(cage: SubdivisionMesh | NurbsPatch, seen: Sequence[_Seen], camera: Projected) -> Footprint:
+def _footprint(cage: Diced, seen: Sequence[_Seen], camera: Projected) -> Footprint:
     """The placements that give a unit of the cage most pixels become views, as many for each pose of the camera."""
     center, radius = _bounding_sphere(cage)
     found, rest = [], 0.0
@@ -198,7 +201,10 @@ def _chunks(seen: Sequence[_Seen], pose: Pose) -> Iterator[Doubles]:
             yield made[np.isfinite(made).all(axis=(1, 2))]
 
 
-def _bounding_sphere(cage: SubdivisionMesh | NurbsPatch) -> tuple[Doubles, float]:
+def _bounding_sphere(cage: Diced) -> tuple[Doubles, float]:
+    if isinstance(cage, Ribbons):
+        low, high = cage.box()
+        return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     steps = cage.points[None] if cage.motion is None else cage.motion.points
     if isinstance(cage, SubdivisionMesh):
         if len(cage.face_points) == 0:

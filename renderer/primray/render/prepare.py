@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import LimitError
+from ..garbage import without_collection
 from ..report.prepared import Prepared
 from ..settings import RenderSettings
 from .steps import Steps
@@ -64,10 +65,22 @@ def prepare(
 
     `steps`: of who keeps what earlier renders made; None: everything is made here.
     """
+    with without_collection():
+        return _prepare(stage, opening, settings, costs, diagnostics, fingerprinted, Steps() if steps is None else steps)
+
+
+def _prepare(
+    stage: Any,
+    opening: Diagnostics,
+    settings: RenderSettings,
+    costs: Costs,
+    diagnostics: Diagnostics,
+    fingerprinted: bool,
+    steps: Steps,
+) -> Prepared:
     from .. import usd
     from ..report.report import resolve_settings
 
-    steps = Steps() if steps is None else steps
     with costs.stage("translate"):
         description, translating = steps.translate(stage, settings)
         diagnostics.name_files(translating.shown)
@@ -94,7 +107,8 @@ def prepare(
         diagnostics.raise_if_strict()
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
+    name = usd.stage_name(stage)
+    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out, name)
 
 
 def check_memory(

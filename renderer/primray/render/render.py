@@ -202,7 +202,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     """What a render that has stopped made, with its report; what sampling has to tell goes to `diagnostics`."""
     from ..images.image import Image, pixels_sha256
     from ..report.emptiness import is_empty, why_empty
-    from ..report.report import header_of, make_report
+    from ..report.report import header_of, make_report, subject_of
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
     if failed:
@@ -218,7 +218,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     aovs = find_aovs(prepared, sampling, costs)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
-    metadata = header_of(report)
+    metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report["frame"] = asdict(prepared.frame)
     report["motion"] = prepared.motion

@@ -27,3 +27,4 @@ class Prepared:
     lights: int = 0
     motion: dict[str, Any] | None = None  # what the report says of what moves
     left_out: dict[str, int] = field(default_factory=dict)  # where nothing is drawn: shapes by why, "" for unknown
+    stage: str = ""  # the root layer's file name, without folders

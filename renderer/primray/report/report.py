@@ -16,6 +16,7 @@ from ..settings import DEFAULT_FILTER_WIDTH, SELDOM, Metric, RenderSettings
 from ..version import __version__
 
 if TYPE_CHECKING:
+    from ..camera import Camera
     from ..color.color_space import ColorSpace
     from ..description import SceneDescription
     from ..sampling.sampling import Sampling
@@ -90,6 +91,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["filter"] = settings.filter.value
     values["error_metric"] = settings.error_metric.value
     values["default_wrap"] = settings.default_wrap.value
+    values["render_context"] = settings.render_context.value
     values["eye"] = settings.eye.value if settings.eye is not None else None
     values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
@@ -195,6 +197,14 @@ _COSTS = (
 def header_of(report: Mapping[str, Any]) -> dict[str, str | int | float]:
     """The report without its costs as flat names and plain values ("settings.spp": 64)."""
     return dict(_flatten("", {name: value for name, value in report.items() if name not in _COSTS}))
+
+
+def subject_of(stage: str, camera: Camera) -> dict[str, str | int | float]:
+    """What a header says of what the picture is of: the stage's file, the camera and its lens; the frame is a setting."""
+    says: dict[str, Any] = {"path": camera.path, "projection": camera.projection.value, "exposure_scale": camera.exposure_scale}
+    says |= {"lens_radius": camera.lens_radius, "focus_distance": camera.focus_distance, "blades": camera.blades}
+    says |= {"shutter": camera.shutter, "clipping_range": camera.clipping_range, "window": camera.window}
+    return dict(_flatten("", {"stage": stage, "camera": says}))
 
 
 def _flatten(prefix: str, value: Any) -> Iterator[tuple[str, str | int | float]]:

@@ -93,7 +93,7 @@ def summary(
 ) -> Summary:
     """Counts of a description, its cages as diced to edges of so many pixels, with such textures."""
     shapes = description.shapes
-    prints = footprints(description)
+    prints = footprints(description) | footprints(description, NurbsPatch)
     count = [_triangles(s, prints.get(k), dicing_rate) for k, s in enumerate(shapes)]
     seen = [0] * len(shapes)
     for placed in description.static:

@@ -1,6 +1,6 @@
 """What a user asks of a render: the settings, what they may be, and how they are read. Names are imported from here."""
 
-from .choices import DEFAULT_FILTER_WIDTH, AutoCamera, DefaultWrap, Eye, Filter, Metric
+from .choices import DEFAULT_FILTER_WIDTH, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
 from .from_json import settings_of_json
 from .limits import (
     DEFAULT_DICING_RATE,
@@ -36,6 +36,7 @@ __all__ = [
     "Eye",
     "Filter",
     "Metric",
+    "RenderContext",
     "RenderSettings",
     "SettingsValues",
     "limit_pixels",

@@ -42,6 +42,17 @@ class DefaultWrap(Enum):
     MIRROR = "mirror"
 
 
+class RenderContext(Enum):
+    """Which of a material's outputs counts where it has more than one: MaterialX's, or the universal one; then the others.
+
+    >>> primray.RenderSettings(render_context="universal").render_context
+    <RenderContext.UNIVERSAL: 'universal'>
+    """
+
+    MTLX = "mtlx"
+    UNIVERSAL = "universal"
+
+
 class Eye(Enum):
     """An eye of a stereo pair of cameras, which UsdGeomCamera's stereoRole names.
 

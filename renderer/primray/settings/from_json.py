@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
 from .render_settings import RenderSettings
 
 
@@ -16,6 +16,7 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
     chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
+    chosen["render_context"] = RenderContext(values.get("render_context", RenderContext.MTLX))
     chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])
     if isinstance(values.get("camera"), Mapping):
         from ..camera import camera_of

@@ -12,7 +12,7 @@ from ..camera_choice import Matrix
 from ..composition import Composition
 from ..errors import SettingsError
 from ..lens.diffusion import fault_of
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
 from .limits import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
@@ -78,6 +78,7 @@ class RenderSettings:
     seed: int = 0
     default_light: bool = True
     default_wrap: DefaultWrap = DefaultWrap.BLACK
+    render_context: RenderContext = RenderContext.MTLX  # of a material's outputs, which is taken first
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict
 
 from ..camera_choice import Matrix, camera_choice, lens_flaws
 from ..setting_values import Reader, choice, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
 
 if TYPE_CHECKING:
     from ..camera import Camera
@@ -48,6 +48,7 @@ class SettingsValues(TypedDict, total=False):
     seed: int
     default_light: bool
     default_wrap: DefaultWrap | Literal["black", "clamp", "repeat", "mirror"]
+    render_context: RenderContext | Literal["mtlx", "universal"]
     rendering_color_space: str | None
     purposes: Iterable[str] | None
     aovs: Iterable[str] | None
@@ -87,6 +88,7 @@ READERS: Mapping[str, Reader] = {
     "error_metric": choice(Metric),
     "filter": choice(Filter),
     "default_wrap": choice(DefaultWrap),
+    "render_context": choice(RenderContext),
     "seed": whole,
     **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
     "lens_flaws": lens_flaws,

@@ -13,7 +13,7 @@ from .facts.left_out import left_out
 from .facts.stage_facts import stage_facts
 from .opening.reading_anew import read_anew
 from .opening.stage import open_stage
-from .opening.stage_metadata import used_files
+from .opening.stage_metadata import stage_name, used_files
 from .querying.asset import read_asset
 from .translate import camera_paths, translate
 from .viewing.session_camera import has_camera, is_session_camera, place_camera
@@ -34,6 +34,7 @@ __all__ = [
     "read_anew",
     "read_asset",
     "stage_facts",
+    "stage_name",
     "translate",
     "used_files",
     "write_usdz",

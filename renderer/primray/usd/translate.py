@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,12 +18,14 @@ from ..description import (
     SceneDescription,
 )
 from ..diagnostics import Diagnostics
+from ..garbage import without_collection
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.lights.light import light
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
 from .adapters.rendering.render_var import aovs_of_variables
+from .adapters.shapes.curves import basis_curves_of
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
@@ -78,6 +77,7 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Capsule": tessellated,
     "Capsule_1": tessellated,
     "Plane": tessellated,
+    "BasisCurves": basis_curves_of,
 }
 SHAPES |= DRAW_MODES  # in place of prims of any type
 SHAPES[POINT] = point_sphere
@@ -95,18 +95,6 @@ def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescript
     with usd_messages(diagnostics), without_collection():
         description = _translate(stage, settings, diagnostics, names)
     return description, with_names(diagnostics, names)
-
-
-@contextmanager
-def without_collection() -> Iterator[None]:
-    """Without Python's search for cyclic garbage, which goes over all that was made again and again: a tenth of the time."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
 
 
 def with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:

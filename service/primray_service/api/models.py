@@ -67,6 +67,9 @@ class Settings(Sent):
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."
     )
+    render_context: Literal["mtlx", "universal"] = Field(
+        "mtlx", description="Of a material that has both, the surface output that counts."
+    )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
     dicing_rate: float | None = Field(None, gt=0, le=1e6)

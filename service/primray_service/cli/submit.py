@@ -13,7 +13,7 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.json_lines import print_line
-from primray.settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric
+from primray.settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderContext
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
@@ -53,6 +53,7 @@ def submit(
     filter_width: render_flags.FilterWidth = None,
     no_default_light: stage_flags.NoDefaultLight = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
+    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -118,6 +119,7 @@ def submit(
         "filter_width": filter_width,
         "default_light": False if no_default_light else None,
         "default_wrap": default_wrap.value if default_wrap is not DefaultWrap.BLACK else None,
+        "render_context": render_context.value if render_context is not RenderContext.MTLX else None,
         "purposes": _list(option_values.purposes_of(purposes)),
         "aovs": _list(option_values.aovs_of(aovs)),
         "variants": variants,

@@ -36,6 +36,7 @@ class Settings(TypedDict, total=False):
     filter_width: float | None
     default_light: bool
     default_wrap: Literal["black", "clamp", "repeat", "mirror"]
+    render_context: Literal["mtlx", "universal"]
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None
     strict: bool
     dicing_rate: float | None

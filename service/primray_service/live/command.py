@@ -9,7 +9,7 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.flag_defaults import with_own_default
-from primray.settings import AutoCamera, DefaultWrap, RenderSettings
+from primray.settings import AutoCamera, DefaultWrap, RenderContext, RenderSettings
 
 from ..cli.connection import need_extra
 from ..cli.exits import problems_as_errors
@@ -36,6 +36,7 @@ def view(
     exposure: output_flags.Exposure = "0",
     no_default_light: stage_flags.NoDefaultLight = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
+    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -60,6 +61,7 @@ def view(
         max_memory_bytes=option_values.bytes_of(max_memory),
         default_light=not no_default_light,
         default_wrap=default_wrap,
+        render_context=render_context,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
         load=option_values.load_of(no_payloads, load),

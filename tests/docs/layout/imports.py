@@ -19,6 +19,7 @@ Graph = Mapping[str, Collection[str]]
 ORDER = (
     "version",
     "errors",
+    "garbage",
     "arrays",
     "lens",
     "camera",

@@ -186,7 +186,7 @@ EXAMPLES: dict[str, Example] = {
                 "Shape = Mesh | SubdivisionMesh | DisplacedMesh | NurbsPatch | Sphere",
                 " | Ball",
             ),
-            Edit(f"{PRIMRAY}/description/__init__.py", "from .geometry import ", "Ball, "),
+            Edit(f"{PRIMRAY}/description/__init__.py", "from .geometry import (\n", "    Ball,\n"),
             Edit(f"{PRIMRAY}/description/__init__.py", '    "AovRequest",\n', '    "Ball",\n'),
             Edit(f"{PRIMRAY}/core/shape_upload.py", "from ..description import ", "Ball, "),
             Edit(

@@ -51,7 +51,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     flags = "-cam /World/cam -r 16 8 -f 3 -p 5 --max-depth 2 --filter gaussian --filter-width 2.5 -j 2 --seed 9 --max-memory 4G"
     stop = "--target-error 0.02 --error-metric rmse --time-limit 7.5 --no-adaptive"
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png -o a.exr"
-    more += " --aov depth,normal --aov st --default-wrap mirror --auto-camera usdrecord"
+    more += " --aov depth,normal --aov st --default-wrap mirror --render-context universal --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
     chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur"
     chosen += " --lens mechanical-vignetting=2,0.5 --lens natural-vignetting=1"
@@ -89,6 +89,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "seed": 9,
         "default_light": False,
         "default_wrap": "mirror",
+        "render_context": "universal",
         "rendering_color_space": "lin_rec709_scene",
         "purposes": ["default", "proxy"],
         "aovs": ["depth", "normal", "st"],
@@ -155,7 +156,7 @@ def test_diagnostics_are_grouped_on_stderr(pipeline: FakePipeline, capsys: pytes
         (["--frames", "1:2", "-o", "a.exr"], "frames", 2),
         (["--max-memory", "lots"], "max-memory", 2),
         (["--view", "Filmic"], "unknown-view", 2),
-        (["-o", "a.tiff"], "unknown-extension", 2),
+        (["-o", "a.gif"], "unknown-extension", 2),
         (["-o", "no/such/a.exr"], "output-folder", 2),
         (["--report", "no/such/r.json"], "output-folder", 2),
         (["--res", "99999", "99999"], "limit", 4),

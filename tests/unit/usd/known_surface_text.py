@@ -18,9 +18,9 @@ from .usd_text import stage_of
 CODES = ("material-input", "mdl-material")
 
 
-def described(text: str) -> tuple[Surface, list[str]]:
+def described(text: str, settings: RenderSettings | None = None) -> tuple[Surface, list[str]]:
     """The ball's surface, and the messages that are about inputs."""
-    description, diagnostics = translate(stage_of(text), RenderSettings())
+    description, diagnostics = translate(stage_of(text), settings or RenderSettings())
     shape = description.shapes[0]
     return description.surfaces[int(np.asarray(shape.surface))], [d.message for d in diagnostics if d.code in CODES]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, RenderContext, RenderSettings
 from .. import option_values, output_flags, stage_flags
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def inspect(
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
+    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -63,6 +64,7 @@ def inspect(
         time_code=option_values.one_frame_of(option_values.frames_of(frames, frame_count, frame_inc, default_time), "inspect"),
         default_light=not no_default_light,
         default_wrap=default_wrap,
+        render_context=render_context,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),

@@ -9,7 +9,7 @@ import typer
 
 from .. import output_flags
 from ..flag_defaults import with_own_default
-from ..option_values import exposure_of
+from ..option_values import encoding_of, exposure_of
 from ..pictures import Looks, check_outputs, write
 
 
@@ -25,6 +25,8 @@ def merge(
     view: output_flags.View = None,
     look: output_flags.Look = None,
     exposure: output_flags.Exposure = "0",
+    bit_depth: output_flags.BitDepth = None,
+    half: output_flags.Half = None,
     make_output_path: output_flags.MakeOutputPath = False,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
@@ -37,7 +39,9 @@ def merge(
     from ...checkpoints.merge import merge
     from ...render.frame_names import name_of_frame
 
-    looks = Looks(json, verbose, view, display, look, exposure_of(exposure), make_output_path)
+    looks = Looks(
+        json, verbose, view, display, look, exposure_of(exposure), make_output_path, encoding=encoding_of(bit_depth, half)
+    )
     check_outputs(outputs, report, looks)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()

@@ -13,12 +13,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from ...errors import PrimrayError, SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from ...settings import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    AutoCamera,
+    DefaultWrap,
+    Filter,
+    Metric,
+    RenderContext,
+    RenderSettings,
+)
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
 from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
-from ..stereo import render_pair, require_whole_renders, write_pair
+from ..standard_output import is_standard
+from ..stereo import render_pair, require_files, require_whole_renders, write_pair
 from ..tev_outputs import EVERY_S, MOST_SHARE, is_tev, output_name
 
 if TYPE_CHECKING:
@@ -77,6 +87,8 @@ def render(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    bit_depth: output_flags.BitDepth = None,
+    half: output_flags.Half = None,
     stereo: output_flags.Stereo = False,
     diffusion: output_flags.Diffusion = None,
     diffusion_glare: output_flags.DiffusionGlare = None,
@@ -91,6 +103,7 @@ def render(
     json: output_flags.Json = False,
     no_default_light: stage_flags.NoDefaultLight = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
+    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -100,7 +113,7 @@ def render(
     list_cameras: Annotated[bool, typer.Option("--list-cameras", help="Print the stage's cameras and end.")] = False,
     verbose: output_flags.Verbose = False,
 ) -> None:
-    """Render a USD stage to EXR, PNG or JPEG."""
+    """Render a USD stage to EXR, PNG, JPEG, TIFF or HDR."""
     time_codes = option_values.time_codes_of(option_values.frames_of(frames, frame_count, frame_inc, default_time))
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
@@ -126,6 +139,7 @@ def render(
         seed=seed,
         default_light=not no_default_light,
         default_wrap=default_wrap,
+        render_context=render_context,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
@@ -154,8 +168,10 @@ def render(
         look,
         option_values.exposure_of(exposure),
         make_output_path,
+        encoding=option_values.encoding_of(bit_depth, half),
     )
     if stereo:
+        require_files([str(name) for name in names])
         require_whole_renders({"--checkpoint": checkpoint, "--resume": resume, "--snapshot": snapshot})
     if ray is not None:
         require_parts({"--checkpoint": checkpoint, "--resume": resume, "--snapshot": snapshot, "--stereo": stereo or None})
@@ -364,7 +380,7 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
 
     def write_so_far(image: Image) -> None:
         for file in rendering[0].files:
-            if is_tev(file):
+            if is_tev(file) or is_standard(file):
                 continue
             try:
                 save(image, file, looks)

@@ -11,6 +11,7 @@ from pxr import Sdf, Usd
 from ...description import SceneDescription, TextureFile, TextureInput
 from ...diagnostics import Diagnostic, Diagnostics
 from ...errors import PrimrayError
+from ...garbage import without_collection
 from ...settings import RenderSettings
 from ..assembling.scene import Scene
 from ..lights.ies_asset import Profiles
@@ -20,7 +21,7 @@ from ..querying.time_varying import changing, has_clips, is_timed
 from ..querying.traversal import populated
 from ..resolving.context import Context
 from ..resolving.read import When, when_of
-from ..translate import Assembled, Begun, assemble, begin, context_of, finish, translate, with_names, without_collection
+from ..translate import Assembled, Begun, assemble, begin, context_of, finish, translate, with_names
 from ..walking.find_by_type import Found, find_by_type
 from ..walking.record import Record
 from .changes import Changes

@@ -13,6 +13,7 @@ from pxr import Usd
 
 from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput, Surface
 from ...description.pattern_reads import reads_view
+from ...settings import RenderContext
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..resolving.context import Context
 from .fed_inputs import FedInputs
@@ -23,7 +24,7 @@ from .primvars_read import SURFACE_SHADERS
 from .pruning import appended, pruned
 from .reducing import Reducer
 
-TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # which of them counts, if there are both
+_TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # if there are both, the first counts, or the second
 ALONG_NORMAL, ALONG_TANGENTS, ALONG_AXES = "displacement", "displacement_tangent", "displacement_object"
 _STAYS = "the surface is rendered where its mesh is"
 
@@ -54,7 +55,8 @@ def displaced(
 
 
 def _found(material: Usd.Prim, names: Sequence[str], shader: Node | None, path: str, ctx: Context) -> _Found | None:
-    terminals = [name for name in TERMINALS if name in names]
+    first = _TERMINALS[:: 1 if ctx.settings.render_context is RenderContext.MTLX else -1]
+    terminals = [name for name in first if name in names]
     for terminal in terminals:
         source = find_source(material.GetAttribute(terminal), ctx)
         if isinstance(source, Node):

@@ -32,6 +32,12 @@ from ..querying.time_varying import has_samples
 _RATES = (1e-9, 1e12)
 
 
+def stage_name(stage: Usd.Stage) -> str:
+    """The root layer's file without its folders, as pictures bear it; "" for one that is in memory alone."""
+    layer = stage.GetRootLayer()
+    return "" if layer.anonymous else os.path.basename(without_marks(layer.identifier))
+
+
 def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
     """InvalidSceneError where reading time samples would hang; a diagnostic for bad rates that nothing is sampled by."""
     session = stage.GetSessionLayer()

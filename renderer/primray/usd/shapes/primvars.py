@@ -46,17 +46,17 @@ class AuthoredPrimvar:
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many values each interpolation needs on one mesh."""
+    """How many values each interpolation needs on one mesh, or on curves, which count as faces."""
 
     faces: int
     points: int
     corners: int
-    varying: int | None = None  # where that is not a value a point
+    ends: int | None = None  # 'varying', where it is not the same as 'vertex'
 
     def of(self, interpolation: str) -> int:
-        varying = self.points if self.varying is None else self.varying
+        varying = self.points if self.ends is None else self.ends
         return {"constant": 1, "uniform": self.faces, "vertex": self.points, "varying": varying}.get(
-            interpolation, self.corners
+            interpolation, self.corners if self.ends is None else varying
         )
 
 

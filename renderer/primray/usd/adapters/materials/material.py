@@ -14,6 +14,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from ....description import Input, PrimvarInput, Surface, TextureInput
 from ....diagnostics import Diagnostic, Diagnostics
+from ....settings import RenderContext
 from ...materials.fed_inputs import FedInputs
 from ...materials.mdl.module import module_of
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
@@ -52,7 +53,7 @@ _SLOTS = {
 }
 _DISPLACEMENT = "inputs:displacement"
 _SURFACE = re.compile(r"outputs:.+:surface")
-_OUTPUTS = {"mtlx:surface": 0, "surface": 1}
+_OUTPUTS = {RenderContext.MTLX: ("mtlx:surface", "surface"), RenderContext.UNIVERSAL: ("surface", "mtlx:surface")}
 PRIORITY = "primray:dielectric:priority"  # of bodies that overlap the higher one is there
 _OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
 
@@ -103,7 +104,8 @@ def translated(key: MaterialKey, ctx: Context) -> tuple[Material, list[Diagnosti
 
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
-    """By the first surface output that leads to a shader known here: MaterialX's, then the universal one, then others."""
+    """By the first surface output that leads to a shader known here: MaterialX's, then the universal one, or the other way
+    round, as the settings say; then others."""
     prim = usd_material.GetPrim()
     names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs says the same, in twenty times as long
     if any(name.endswith(":volume") for name in names):
@@ -124,8 +126,8 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
 def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple[Material, Node | None]:
     """And the shader that it comes from."""
     outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
-    others = []
-    for output in sorted(outputs, key=lambda name: _OUTPUTS.get(name, 2)):
+    others, first = [], _OUTPUTS[ctx.settings.render_context]
+    for output in sorted(outputs, key=lambda name: first.index(name) if name in first else len(first)):
         source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:

@@ -67,7 +67,7 @@ def nurbs_patch(prim: ResolvedPrim, ctx: Context) -> NurbsPatch | None:
 def _sizes(patch: AuthoredPatch) -> Sizes:
     u, v = (d.count - d.order + 1 for d in (patch.u, patch.v))
     crossings = (u + 1) * (v + 1)
-    return Sizes(u * v, patch.u.count * patch.v.count, crossings, varying=crossings)
+    return Sizes(u * v, patch.u.count * patch.v.count, crossings, ends=crossings)
 
 
 def _is_closed(patch: NurbsPatch) -> bool:

@@ -7,6 +7,7 @@ from tests.unit.usd.known_surface_text import described, image_node, known, lobe
 from tests.unit.usd.material_text import material
 
 from primray.description import TextureInput
+from primray.settings import RenderSettings
 from primray.usd.materials.known_surfaces.as_open_pbr import told
 
 OPEN_PBR = "ND_open_pbr_surface_surfaceshader"
@@ -73,6 +74,8 @@ def test_materialx_comes_before_the_universal_output() -> None:
     other = f'def Shader "x" {{\n {said}\n token outputs:out\n}}'
     surface, _ = described(material("float inputs:roughness = 0.25", other, both))
     assert lobes(surface) == {"specular_roughness": 0.75}
+    surface, _ = described(material("float inputs:roughness = 0.25", other, both), RenderSettings(render_context="universal"))
+    assert (surface.open_pbr, surface.roughness) == (None, 0.25)
     unknown = other.replace(OPEN_PBR, "ND_surface")
     surface, _ = described(material("float inputs:roughness = 0.25", unknown, both))
     assert (surface.open_pbr, surface.roughness) == (None, 0.25)

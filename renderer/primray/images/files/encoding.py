@@ -1,0 +1,110 @@
+"""How many bits a file's numbers have: those of PNG and TIFF for all of it, an EXR's by channel.
+
+Importing it takes no NumPy: command lines choose by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ...diagnostic_codes import CODES
+from ...diagnostics import Diagnostic
+from ...errors import SettingsError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+# Bits that there are of a format, the first unless another is asked for. 32 are scene-linear floats, no view.
+BIT_DEPTHS = {".png": (8, 16), ".tif": (16, 8, 32), ".tiff": (16, 8, 32)}
+LINEAR_BITS = 32
+LARGEST_HALF = 65504.0
+ALL, PICTURE = "all", "rgba"
+CODE = "half-channels"
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """`half` names channels of an EXR ("R"), layers ("stderr", "normal"), parts ("rgba", "depth"), or "all" of its floats."""
+
+    bit_depth: int | None = None
+    half: tuple[str, ...] = ()
+
+    def bits_of(self, suffix: str) -> int:
+        """Of a file with this extension; SettingsError where there are no such."""
+        known = BIT_DEPTHS.get(suffix.lower())
+        if known is None or self.bit_depth is None:
+            return 8 if known is None else known[0]
+        if self.bit_depth not in known:
+            listed = " or ".join(str(bits) for bits in sorted(known))
+            sentence = f"{suffix} holds {listed} bits a channel, not {self.bit_depth}"
+            raise SettingsError(sentence, where="bit_depth", code="bit-depth")
+        return self.bit_depth
+
+    def is_half(self, part: str, channel: str) -> bool:
+        return any(name in self.half for name in _names(part, channel))
+
+
+def _names(part: str, channel: str) -> tuple[str, ...]:
+    """By which a channel is meant: "rgba" is the picture without its errors, which share a part."""
+    layer = channel.rpartition(".")[0]
+    return (ALL, channel, layer or PICTURE) if part == PICTURE else (ALL, channel, layer or part, part)
+
+
+def check_bit_depth(encoding: Encoding, suffixes: Sequence[str]) -> None:
+    """SettingsError unless some of the outputs have bits to choose, and each of them as many. Ask before rendering."""
+    choosing = [suffix for suffix in suffixes if suffix.lower() in BIT_DEPTHS]
+    if encoding.bit_depth is not None and not choosing:
+        raise SettingsError("bits are chosen for PNG and TIFF, and no output is one", where="bit_depth", code="bit-depth")
+    for suffix in choosing:
+        encoding.bits_of(suffix)
+
+
+def check_half(encoding: Encoding, suffixes: Sequence[str]) -> None:
+    """SettingsError if halves are asked for and no output is an EXR."""
+    if encoding.half and ".exr" not in [suffix.lower() for suffix in suffixes]:
+        raise SettingsError("channels of an EXR may be halves, and no output is one", where="half", code="half-output")
+
+
+Part = tuple[Any, "npt.NDArray[Any]"]  # an OIIO ImageSpec and its values (H, W, C)
+
+
+def store_halves(parts: Sequence[Part], encoding: Encoding) -> None:
+    """Say in the parts' specs which channels are halves; whole numbers never are."""
+    import OpenImageIO as oiio
+
+    for spec, values in parts:
+        if encoding.half and values.dtype.kind == "f":
+            kinds = [oiio.HALF if encoding.is_half(_name(spec), channel) else oiio.FLOAT for channel in spec.channelnames]
+            if len(set(kinds)) == 1:
+                spec.set_format(kinds[0])
+            else:
+                spec.channelformats = tuple(kinds)
+
+
+def half_faults(parts: Sequence[Part], encoding: Encoding) -> list[Diagnostic]:
+    """Names that nothing bears, and finite values that a half cannot hold."""
+    return [Diagnostic(CODES[CODE].severity, CODE, "", message) for message in _half_faults(parts, encoding)]
+
+
+def _half_faults(parts: Sequence[Part], encoding: Encoding) -> Iterator[str]:
+    import numpy as np
+
+    if not encoding.half:
+        return
+    met = {ALL}
+    for spec, values in parts:
+        for number, channel in enumerate(spec.channelnames):
+            met.update(_names(_name(spec), channel))
+            if values.dtype.kind == "f" and encoding.is_half(_name(spec), channel):
+                beyond = np.isfinite(values[..., number]) & (np.abs(values[..., number]) > LARGEST_HALF)
+                if count := beyond.sum():
+                    yield f"{channel}: {count} values are beyond {LARGEST_HALF:.0f}, the largest half, and infinite there"
+    for name in encoding.half:
+        if name not in met:
+            yield f"no channel, layer or part is called {name}"
+
+
+def _name(spec: Any) -> str:
+    return str(spec.get_string_attribute("oiio:subimagename", PICTURE))
