@@ -15,8 +15,8 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ...opening.stage import scratch_copy
-from ...querying.guarded import property_names, targets, type_name
-from ...querying.traversal import in_world
+from ...querying.guarded import default_value, property_names, targets, type_name
+from ...querying.traversal import collected, drawn_in_instances, in_world
 from ...resolving.renderer_attributes import CAMERA_VISIBILITY
 
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
@@ -92,15 +92,11 @@ def _members(prim: Usd.Prim, name: str) -> frozenset[Sdf.Path] | None:
     """Paths of prims, in instances those of their proxies; None where the collection says nothing but its default."""
     if not any(p.startswith(f"collection:{name}") for p in property_names(prim)):
         return None
-    query = Usd.CollectionAPI(prim, name).ComputeMembershipQuery()
-    found = Usd.CollectionAPI.ComputeIncludedPaths(
-        query, prim.GetStage(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-    )
-    return frozenset(path.GetPrimPath() for path in found)
+    return collected(Usd.CollectionAPI(prim, name).ComputeMembershipQuery(), prim.GetStage())
 
 
 def _all(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    return iter(list(stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))))
+    return iter(list(drawn_in_instances(stage.GetPseudoRoot())))
 
 
 def _prune(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
@@ -134,14 +130,18 @@ def _hide(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     """Geometry and lights that are no members; nothing that lies between."""
     if members is None:
         return
-    rendered = {prim.GetPath(): UsdGeom.Imageable(prim).GetVisibilityAttr().Get() for prim in _all(stage) if _is_rendered(prim)}
+    rendered = {prim.GetPath(): _visibility(prim) for prim in _all(stage) if _is_rendered(prim)}
     for path in rendered:
         if path not in members:
             UsdGeom.Imageable(_editable(stage, path)).CreateVisibilityAttr("invisible")
     for path, before in rendered.items():  # what refers to a prim that is hidden is not, if it is a member
-        hidden = UsdGeom.Imageable(stage.GetPrimAtPath(path)).GetVisibilityAttr().Get() == "invisible"
+        hidden = _visibility(stage.GetPrimAtPath(path)) == "invisible"
         if path in members and hidden and before != "invisible":
             UsdGeom.Imageable(_editable(stage, path)).CreateVisibilityAttr(before or "inherited")
+
+
+def _visibility(prim: Usd.Prim) -> str:
+    return str(default_value(UsdGeom.Imageable(prim).GetVisibilityAttr()) or "")
 
 
 def _is_rendered(prim: Usd.Prim) -> bool:
