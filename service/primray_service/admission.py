@@ -138,7 +138,11 @@ def check_settings(settings: Settings, limits: Limits) -> None:
     for name, (value, why) in asked.items():
         if value:
             raise Problem("unsupported-setting", f"settings.{name}: {why}.", member=f"settings.{name}")
-    for member, path in (("render_settings", settings.render_settings), ("products", _product(settings))):
+    for member, path in (
+        ("render_settings", settings.render_settings),
+        ("render_pass", settings.render_pass),
+        ("products", _product(settings)),
+    ):
         if path is not None and not path.startswith("/"):
             raise invalid(f"settings.{member}", f"{path!r} is no prim's path, which begins with /")
     if settings.resolution is not None:
@@ -189,6 +193,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         camera=settings.camera,
         auto_camera=AutoCamera(settings.auto_camera),
         render_settings=settings.render_settings,
+        render_pass=settings.render_pass,
         product=_product(settings),
         resolution=settings.resolution,
         spp=stop.max_samples,
@@ -259,6 +264,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name", "parallel")
 NEW_SETTINGS = (
+    "render_pass",
     "auto_camera",
     "default_wrap",
     "render_context",

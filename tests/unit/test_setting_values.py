@@ -66,6 +66,7 @@ NONSENSE: dict[str, list[Any]] = {
     "camera": [3, [[1]], np.eye(3), np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)],
     "auto_camera": ["front", None, 1],
     "render_settings": [3],
+    "render_pass": [3],
     "product": [b"/p"],
     "resolution": [640, "640x360", (1, 2, 3), (0, 0), (1.5, 2), {"width": 3}],
     "resolution_scale": [0, -1.0, "half", None, float("nan")],

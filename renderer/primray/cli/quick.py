@@ -35,6 +35,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "outputs": (LIST, ("--output", "-o")),
     "camera": (str, ("--camera", "-c", "-cam")),
     "auto_camera": (AutoCamera, ("--auto-camera",)),
+    "render_pass": (str, ("--render-pass", "--renderPassPrimPath", "-rp")),
     "render_settings": (str, ("--render-settings", "--renderSettingsPrimPath", "-rs", "--settings", "-s")),
     "product": (LIST, ("--product", "--products")),
     "all_products": (FLAG, ("--all-products",)),

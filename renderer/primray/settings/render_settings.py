@@ -60,6 +60,7 @@ class RenderSettings:
     # Where nothing of that is there. usdrecord: its first camera or its framing, whatever viewport the layer remembers.
     auto_camera: AutoCamera = AutoCamera.THREE_QUARTER
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
+    render_pass: str | None = None  # path of the RenderPass that changes the scene, and names the render settings
     product: str | None = None  # prim path of one of their RenderProducts; None: the first
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
     resolution_scale: float = 1.0  # of the resolution, whoever chose it
@@ -151,7 +152,7 @@ class RenderSettings:
         """What is given by its path is populated whatever the mask."""
         mask = self.mask
         if mask:
-            asked = (self.camera, self.render_settings, self.product)
+            asked = (self.camera, self.render_settings, self.render_pass, self.product)
             mask = (*mask, *(path for path in asked if isinstance(path, str) and path.startswith("/")))
         return Composition(self.variants, self.load, mask, self.session_layer)
 

@@ -31,6 +31,7 @@ class SettingsValues(TypedDict, total=False):
     camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
     auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]
     render_settings: str | None
+    render_pass: str | None
     product: str | None
     resolution: Iterable[int] | None
     resolution_scale: float
@@ -76,7 +77,7 @@ class SettingsValues(TypedDict, total=False):
 _WHOLE, _NUMBER, _TEXT, _TEXTS, _PAIR = (optional(read) for read in (whole, number, text, texts, pair))
 READERS: Mapping[str, Reader] = {
     "camera": optional(camera_choice),
-    **dict.fromkeys(("render_settings", "product", "rendering_color_space", "session_layer"), _TEXT),
+    **dict.fromkeys(("render_settings", "render_pass", "product", "rendering_color_space", "session_layer"), _TEXT),
     **dict.fromkeys(("resolution", "sample_range"), _PAIR),
     **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),

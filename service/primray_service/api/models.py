@@ -44,6 +44,7 @@ class Settings(Sent):
     render_settings: str | None = Field(
         None, max_length=1024, description="Path of a RenderSettings prim; not given: the stage's own."
     )
+    render_pass: str | None = Field(None, max_length=1024, description="Path of the RenderPass prim to render; null: none.")
     products: list[Annotated[str, Field(max_length=256)]] = Field(
         default=["beauty"],
         min_length=1,

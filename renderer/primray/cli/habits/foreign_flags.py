@@ -30,8 +30,6 @@ REFUSED: dict[str, str] = {
     # usdrecord
     "--disableDrawMode": f"draw modes are followed; to undo one, set model:drawMode to default: {_SESSION}",
     "--resolver": "assets are always resolved in the root layer's context, as by `--resolver root`: leave it out",
-    "--renderPassPrimPath": "name the RenderSettings that the pass renders: --render-settings PRIM",
-    "-rp": "name the RenderSettings that the pass renders: --render-settings PRIM",
     "--enableDomeLightVisibility": "domes are seen by the camera unless the stage hides them: leave it out",
     "--traceToFile": _NO_TRACE,
     "--traceFormat": _NO_TRACE,
