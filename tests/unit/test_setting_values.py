@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from primray import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
+from primray import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings, StopAt
 from primray.description import Camera, Projection
 from primray.errors import PrimrayError, SettingsError
 from primray.report.report import settings_as_json
@@ -75,6 +75,8 @@ NONSENSE: dict[str, list[Any]] = {
     "target_error": ["small", 0, float("nan")],
     "error_metric": ["psnr", None],
     "time_limit_s": ["1 h", -1],
+    "denoise": ["yes", None],
+    "stop_at": ["noisy", None, 1],
     "adaptive": ["yes", 1],
     "sample_range": ["0:4", (1, 4), (0,)],
     "max_depth": [0, "deep"],
@@ -129,7 +131,14 @@ def test_type_checkers_have_the_same_fields() -> None:
 
 
 def test_choices_of_type_checkers_are_the_enums() -> None:
-    enums = {"filter": Filter, "error_metric": Metric, "default_wrap": DefaultWrap, "auto_camera": AutoCamera, "eye": Eye}
+    enums = {
+        "filter": Filter,
+        "error_metric": Metric,
+        "default_wrap": DefaultWrap,
+        "auto_camera": AutoCamera,
+        "eye": Eye,
+        "stop_at": StopAt,
+    }
     for name, kinds in enums.items():
         assert issubclass(kinds, Enum)
         text = str(SettingsValues.__annotations__[name].__forward_arg__)

@@ -68,6 +68,12 @@ class Settings(Sent):
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."
     )
+    denoise: bool = Field(
+        False, description="A denoised picture beside the record, with its error; previews of outputs show it."
+    )
+    stop_at: Literal["picture", "denoised"] = Field(
+        "picture", description="Whose error stop.target_error is of; a denoised picture's is measured as relmse or rmse."
+    )
     render_context: Literal["mtlx", "universal"] = Field(
         "mtlx", description="Of a material that has both, the surface output that counts."
     )

@@ -13,7 +13,16 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.json_lines import print_line
-from primray.settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderContext
+from primray.settings import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    AutoCamera,
+    DefaultWrap,
+    Filter,
+    Metric,
+    RenderContext,
+    StopAt,
+)
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
@@ -47,6 +56,8 @@ def submit(
     time_limit: render_flags.TimeLimit = None,
     spp: render_flags.Samples = None,
     seed: render_flags.Seed = 0,
+    denoise: render_flags.Denoise = False,
+    stop_at: render_flags.StopAtWhich = StopAt.PICTURE,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
     aovs: output_flags.Aovs = None,
@@ -116,6 +127,8 @@ def submit(
         "stop": given(stop),
         "seed": seed or None,
         "adaptive": adaptive,
+        "denoise": denoise or None,
+        "stop_at": stop_at.value if stop_at is not StopAt.PICTURE else None,
         "max_depth": max_depth,
         "filter": pixel_filter.value if pixel_filter is not Filter.BOX else None,
         "filter_width": filter_width,

@@ -33,6 +33,8 @@ class Settings(TypedDict, total=False):
     seed: int
     max_depth: int | None
     adaptive: bool | None
+    denoise: bool
+    stop_at: Literal["picture", "denoised"]
     filter: Literal["box", "gaussian", "blackman-harris"]
     filter_width: float | None
     default_light: bool

@@ -74,6 +74,8 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "error_metric": "rmse",
         "time_limit_s": 7.5,
         "adaptive": False,
+        "denoise": False,
+        "stop_at": "picture",
         "sample_range": None,
         "dicing_rate": 4.0,
         "motion_blur": False,

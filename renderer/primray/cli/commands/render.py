@@ -22,6 +22,7 @@ from ...settings import (
     Metric,
     RenderContext,
     RenderSettings,
+    StopAt,
 )
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
@@ -64,6 +65,8 @@ def render(
     target_error: render_flags.TargetError = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     time_limit: render_flags.TimeLimit = None,
+    denoise: render_flags.Denoise = False,
+    stop_at: render_flags.StopAtWhich = StopAt.PICTURE,
     sample_range: output_flags.SampleRange = None,
     checkpoint: output_flags.Checkpoint = None,
     checkpoint_every: output_flags.CheckpointEvery = None,
@@ -132,6 +135,8 @@ def render(
         target_error=target_error,
         error_metric=error_metric,
         time_limit_s=time_limit,
+        denoise=denoise,
+        stop_at=stop_at,
         adaptive=adaptive,
         sample_range=option_values.sample_range_of(sample_range),
         max_depth=max_depth,

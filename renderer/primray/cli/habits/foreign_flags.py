@@ -46,7 +46,7 @@ REFUSED: dict[str, str] = {
     "--property-definition-file": "`primray render --help` lists what can be set; docs/supported.md what is read from a stage",
     "--property-definitions-file": "`primray render --help` lists what can be set; docs/supported.md what is read from a stage",
     "--procedurals": _NO_PROCEDURALS,
-    "--filters": "--filter chooses the pixel filter; there is no denoiser among them",
+    "--filters": "--filter chooses the pixel filter; --denoise puts a denoised picture beside the record",
     "--baking-info": "textures are not baked here: leave it out",
     # husk: Karma
     "--engine": _NO_PLUGIN,
