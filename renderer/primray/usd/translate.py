@@ -39,6 +39,7 @@ from .assembling.groups import add_group, add_grouped, shared_paths
 from .assembling.lights import add_default_light
 from .assembling.motion import note_errors, settle
 from .assembling.scene import Adapters, LightAdapter, Scene, ShapeAdapter
+from .lights.geometry_lights import with_geometry_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
@@ -134,6 +135,9 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     if settings.render_pass is not None:
         stage = with_render_pass(stage, settings.render_pass, diagnostics)
     found, when = find_by_type(stage, diagnostics, settings.render_pass), when_of(stage, settings.time_code)
+    if found.geometry_lights:
+        stage = with_geometry_lights(stage, found.geometry_lights, when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
     if are_drawn(stage, found.skeletons):
         stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())

@@ -113,7 +113,7 @@ def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:
     diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
     with usd_messages(diagnostics), without_collection():
         found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
-        if found.skeletons:
+        if found.skeletons or found.geometry_lights:
             return None
         counts = [len(diagnostics)]
         ctx, product = context_of(stage, settings, found, when, diagnostics, names)
