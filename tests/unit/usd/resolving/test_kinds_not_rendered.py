@@ -17,8 +17,6 @@ from ..usd_text import stage_of
 
 # type -> rows of the table
 NOT_RENDERED = {
-    "NurbsCurves": ("NurbsCurves.order", "NurbsCurves.knots", "NurbsCurves.ranges", "NurbsCurves.pointWeights"),
-    "HermiteCurves": ("HermiteCurves.tangents",),
     "NurbsPatch": tuple(
         f"NurbsPatch.{name}"
         for name in (
