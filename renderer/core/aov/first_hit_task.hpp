@@ -70,7 +70,7 @@ class FirstHitTask {
         if (any(there)) write(there, x, y, ray, hits, it);
         return hit & !there;
       };
-      follow(active & ray.exists(), ray, [](B, const V&) {}, std::ref(seen));
+      follow(active & ray.exists(), ray, time_, [](B, const V&) {}, std::ref(seen));
     }
   }
 
@@ -85,7 +85,19 @@ class FirstHitTask {
     return shown_emission(scene_, hit, hits, it, p, glow, presence);
   }
 
-  void filtered(const PixelRect& r) {
+  void filtered(const PixelRect& r) { means(r, false, planes_.albedo, planes_.emission); }
+
+  // Over the lens, the filter and the time that the shutter is open: edges are as soft as the picture's.
+  void guides(const PixelRect& r) { means(r, true, planes_.guide_albedo, planes_.guide_normal); }
+
+ private:
+  using F = vfloat<W>;
+  using I = vint<W>;
+  using B = vbool<W>;
+  using V = vvec3<W>;
+
+  // Means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
+  void means(const PixelRect& r, bool guide, std::vector<float>& first, std::vector<float>& second) {
     const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
     double sums[6] = {};
     for (int at = 0; at < slots; at += W) {
@@ -98,19 +110,32 @@ class FirstHitTask {
       const I px = frame_x(x), py = frame_y(y);
       const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(0u))};
       const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
-      const CameraRay<W> ray = at_frame_.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time_);
+      F time = time_;
+      if (guide && scene_.moves()) {
+        const MotionTable& motion = scene_.motion;
+        time = motion.opens + sampler.single(I(0), kShutterTime) * motion.length;
+        if (motion.rolls)
+          time = min(max(time + to_float(px) * motion.per_column + to_float(py) * motion.per_row, 0.0f), F(1.0f));
+      }
+      const Camera& camera = guide ? scene_.camera : at_frame_;
+      const CameraRay<W> ray = camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
       V albedo(F(0.0f)), emission(F(0.0f));
       F left(1.0f);  // of the view that no layer has covered yet
-      const auto met = [&](B m, const V& light) { emission += select(m, light * left, V(F(0.0f))); };
+      const auto met = [&](B m, const V& light) {
+        if (!guide) emission += select(m, light * left, V(F(0.0f)));
+      };
       const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
         const F presence = rows(kPresence);
         const F share = left * presence;
         albedo += select(hit, normal_albedo(rows, it.color) * share, V(F(0.0f)));
-        if (scene_.has_emission) emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
+        if (guide)
+          emission += select(hit, it.ns * copysign(share, -dot(it.ng, ray.d)), V(F(0.0f)));
+        else if (scene_.has_emission)
+          emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
         left = select(hit, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, std::ref(met), std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(met), std::ref(seen));
       // In the order of the samples, so that the number of lanes does not show.
       for (int i = 0; i < W && at + i < slots; ++i) {
         const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};
@@ -118,19 +143,13 @@ class FirstHitTask {
         if (index[i] != kFilteredSamples - 1) continue;
         const size_t p = pixel_of(x[i], y[i]);
         for (int c = 0; c < 3; ++c) {
-          if (!planes_.albedo.empty()) planes_.albedo[3 * p + c] = float(sums[c] / kFilteredSamples);
-          if (!planes_.emission.empty()) planes_.emission[3 * p + c] = float(sums[3 + c] / kFilteredSamples);
+          if (!first.empty()) first[3 * p + c] = float(sums[c] / kFilteredSamples);
+          if (!second.empty()) second[3 * p + c] = float(sums[3 + c] / kFilteredSamples);
         }
         for (double& s : sums) s = 0;
       }
     }
   }
-
- private:
-  using F = vfloat<W>;
-  using I = vint<W>;
-  using B = vbool<W>;
-  using V = vvec3<W>;
 
   // Pixels are counted on the film, and by the camera on the frame that holds it.
   size_t pixel_of(int x, int y) const { return size_t(y) * scene_.camera.pixels.width + x; }
@@ -142,9 +161,9 @@ class FirstHitTask {
   // which halves a long compilation.
   using Light = std::function<void(B, const V&)>;
   using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&)>;
-  [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
+  [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, F time, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
-    p.ray = {from.o, from.d, from.tnear, from.tfar, time_};
+    p.ray = {from.o, from.d, from.tnear, from.tfar, time};
     p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f));
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
     p.cone_width = F(at_frame_.cone_width()), p.cone_spread = F(at_frame_.cone_spread());

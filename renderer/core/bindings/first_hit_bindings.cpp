@@ -31,6 +31,8 @@ void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars
     if (name == "motion_backward") p.backward.resize(2 * pixels);
     if (name == "albedo") p.albedo.resize(3 * pixels);
     if (name == "emission") p.emission.resize(3 * pixels);
+    if (name == "guide_albedo") p.guide_albedo.resize(3 * pixels);
+    if (name == "guide_normal") p.guide_normal.resize(3 * pixels);
     if (name == "prim") p.shape.resize(pixels);
     if (name == "material") p.surface.resize(pixels);
     if (name == "instance") p.instance.resize(pixels), p.outer.resize(scene.has_grouped ? pixels : 0);
@@ -57,6 +59,7 @@ nb::dict take(FirstHits& self) {
   add("camera_position", p.camera_position, 3), add("normal", p.normal, 3), add("geometric_normal", p.geometric, 3);
   add("motion_forward", p.forward, 2), add("motion_backward", p.backward, 2);
   add("albedo", p.albedo, 3), add("emission", p.emission, 3);
+  add("guide_albedo", p.guide_albedo, 3), add("guide_normal", p.guide_normal, 3);
   add("prim", p.shape, 1), add("material", p.surface, 1), add("instance", p.instance, 1), add("outer", p.outer, 1);
   nb::list primvars;
   for (PrimvarPlane& v : p.primvars) primvars.append(to_numpy(std::move(v.values), {h, w, size_t(v.width)}));

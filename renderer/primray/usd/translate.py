@@ -22,6 +22,7 @@ from ..garbage import without_collection
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.lights.light import light
+from .adapters.rendering.render_pass import with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
 from .adapters.rendering.render_var import aovs_of_variables
@@ -29,6 +30,7 @@ from .adapters.shapes.curves import basis_curves_of, hermite_curves_of, nurbs_cu
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
+from .adapters.shapes.nurbs_patch import nurbs_patch
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
 from .assembling.bounds import scene_bounds
@@ -67,6 +69,7 @@ from .walking.walk import walk
 SHAPES: dict[str, ShapeAdapter] = {
     "Mesh": mesh,
     "TetMesh": mesh,
+    "NurbsPatch": nurbs_patch,
     "Sphere": sphere,
     "Cube": tessellated,
     "Cone": tessellated,
@@ -128,7 +131,9 @@ class Assembled:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
+    if settings.render_pass is not None:
+        stage = with_render_pass(stage, settings.render_pass, diagnostics)
+    found, when = find_by_type(stage, diagnostics, settings.render_pass), when_of(stage, settings.time_code)
     if are_drawn(stage, found.skeletons):
         stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())

@@ -104,6 +104,8 @@ def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:
 
 def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:
     """All of it, recorded; None where nothing of it could stay."""
+    if settings.render_pass is not None:
+        return None
     diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
     with usd_messages(diagnostics), without_collection():
         found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
