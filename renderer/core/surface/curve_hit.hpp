@@ -36,7 +36,9 @@ struct CurvePlace {
       const int32_t* ends = reinterpret_cast<const int32_t*>(scene.curves.ends.data());
       const I at = end * I(kCurveEndFields);
       segment = select(is_end, gather<W>(ends, at), segment);
-      longer = select(is_end & (gather<W>(ends + 1, at) == I(int32_t(CurveEndKind::kEnd))), 1.0f, longer);
+      const I kind = gather<W>(ends + 1, at);
+      longer = select(is_end & (kind == I(int32_t(CurveEndKind::kEnd))), 1.0f, longer);
+      longer = select(is_end & (kind == I(int32_t(CurveEndKind::kJoint))), kBeyond, longer);
     }
     u = clamp(longer * (1.0f + 2 * kBeyond) - kBeyond, 0.0f, 1.0f);
     row = select(is, gather<W>(scene.curves.row.data(), gather<W>(scene.curves.run.data(), segment)), zero);
@@ -104,15 +106,16 @@ struct CurvePoint {
     const V about = ng * (1.0f / max(max_component(abs(ng)), 1e-38f));
     const V across = direction_of(about - along * (dot(about, along) / along2));
     normal = across * max(along2 - radius * dot(across, bend), along2 * 0.05f) - along * narrowing;
-    p = centre + across * radius;
-    if (any(place.is_end)) set_end(scene, place, h, base, motion, p, normal, along);
+    p = centre + select(place.is_end, h.ng, across) * radius;
+    if (any(place.is_end)) set_end(scene, place, h, base, motion, normal, along);
+
     // Embree's roots are off by some parts in 2^24 of a segment's size.
     spread = abs(c[0]) + V(radius + 2.0f * size);
   }
 
  private:
   PRIMRAY_RARE static void set_end(const Scene& scene, const CurvePlace<W>& place, const Hits<W>& h, vint<W> base,
-                                   const VertexMotion<W>& motion, vvec3<W>& p, vvec3<W>& normal, vvec3<W>& along) {
+                                   const VertexMotion<W>& motion, vvec3<W>& normal, vvec3<W>& along) {
     using F = vfloat<W>;
     using I = vint<W>;
     const int32_t* ends = reinterpret_cast<const int32_t*>(scene.curves.ends.data());
@@ -124,7 +127,6 @@ struct CurvePoint {
     const vvec3<W> centre{at.x, at.y, at.z};
     const vvec3<W> outwards = centre * 2.0f - vvec3<W>(before.x + after.x, before.y + after.y, before.z + after.z);
     const vbool<W> joint = place.is_end & (gather<W>(ends + 1, record) == I(int32_t(CurveEndKind::kJoint)));
-    p = select(place.is_end, centre + h.ng * at.w, p);
     normal = select(place.is_end, select(joint, h.ng, outwards), normal);
     const vvec3<W> left = along - h.ng * dot(along, h.ng);
     along = select(joint & (max_component(abs(left)) > F(0.0f)), left, along);
