@@ -16,7 +16,7 @@ from ..querying.cameras import cameras_in_instances
 from ..querying.guarded import type_name
 from ..querying.traversal import is_there, populated, stands_in_world
 
-_TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot"})
+_TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot", "GeometryLight"})
 
 
 @dataclass
@@ -26,6 +26,7 @@ class Found:
     cameras: list[Usd.Prim] = field(default_factory=list)  # in the order of querying.cameras
     in_prototypes: bool = False  # some cameras are in native prototypes
     settings: list[Usd.Prim] = field(default_factory=list)
+    geometry_lights: list[Usd.Prim] = field(default_factory=list)  # of the world
     shaders: list[Usd.Prim] = field(default_factory=list)  # those in native prototypes too
     skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, likewise
 
@@ -53,5 +54,7 @@ def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics, rend
         found.cameras.append(prim)
     elif name == "RenderSettings":
         found.settings.append(prim)
+    elif name == "GeometryLight":
+        found.geometry_lights.append(prim)
     elif render_pass is None:
         note_render_pass(prim, diagnostics)

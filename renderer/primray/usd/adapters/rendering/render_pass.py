@@ -15,6 +15,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ...opening.stage import scratch_copy
+from ...opening.taking_out import editable, take_out
 from ...querying.guarded import default_value, property_names, targets, type_name
 from ...querying.traversal import collected, drawn_in_instances, in_world
 from ...resolving.renderer_attributes import CAMERA_VISIBILITY
@@ -22,7 +23,6 @@ from ...resolving.renderer_attributes import CAMERA_VISIBILITY
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
 COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
 LISTED = 20
-MOST_ARCS = 8  # references to references
 
 
 def note_render_pass(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
@@ -65,8 +65,8 @@ def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> 
     prim = render_pass(made, asked)
     _note_unread(prim, diagnostics)
     collections = {name: _members(prim, name) for name in COLLECTIONS}
+    take_out(made, collections["prune"] or ())
     with Usd.EditContext(made, made.GetSessionLayer()):
-        _prune(made, collections["prune"])
         _hide(made, collections["renderVisibility"])
         _hide_from_camera(made, prim, collections["cameraVisibility"], diagnostics)
     matte = collections["matte"]
@@ -99,33 +99,6 @@ def _all(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     return iter(list(drawn_in_instances(stage.GetPseudoRoot())))
 
 
-def _prune(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
-    """With all that is below them; but what refers to a pruned prim stays, if it is no member."""
-    if not members:
-        return
-    gone = _topmost(members)
-    paths = {prim.GetPath() for prim in _all(stage)}
-    kept = {path for path in paths if path not in members and not _has_above(path, members)}
-    for _ in range(MOST_ARCS):
-        here = {prim.GetPath() for prim in _all(stage)}
-        there, lost = [path for path in gone if path in here], _topmost(frozenset(kept - here))
-        if not there and not lost:
-            break
-        for path in lost:
-            _editable(stage, path).SetActive(True)
-        for path in there:
-            if stage.GetPrimAtPath(path):
-                _editable(stage, path).SetActive(False)
-
-
-def _topmost(paths: frozenset[Sdf.Path]) -> list[Sdf.Path]:
-    return [path for path in sorted(paths) if path != Sdf.Path.absoluteRootPath and not _has_above(path, paths)]
-
-
-def _has_above(path: Sdf.Path, paths: frozenset[Sdf.Path]) -> bool:
-    return any(above in paths for above in path.GetPrefixes()[:-1])
-
-
 def _hide(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     """Geometry and lights that are no members; nothing that lies between."""
     if members is None:
@@ -133,11 +106,11 @@ def _hide(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     rendered = {prim.GetPath(): _visibility(prim) for prim in _all(stage) if _is_rendered(prim)}
     for path in rendered:
         if path not in members:
-            UsdGeom.Imageable(_editable(stage, path)).CreateVisibilityAttr("invisible")
+            UsdGeom.Imageable(editable(stage, path)).CreateVisibilityAttr("invisible")
     for path, before in rendered.items():  # what refers to a prim that is hidden is not, if it is a member
         hidden = _visibility(stage.GetPrimAtPath(path)) == "invisible"
         if path in members and hidden and before != "invisible":
-            UsdGeom.Imageable(_editable(stage, path)).CreateVisibilityAttr(before or "inherited")
+            UsdGeom.Imageable(editable(stage, path)).CreateVisibilityAttr(before or "inherited")
 
 
 def _visibility(prim: Usd.Prim) -> str:
@@ -158,21 +131,8 @@ def _hide_from_camera(
     is_light = [prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim) for prim in left_out]
     shapes = is_light.count(False)
     for path in [prim.GetPath() for prim, light in zip(left_out, is_light, strict=True) if light]:
-        _editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
+        editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
     if shapes:
         message = f"The camera sees {shapes} shapes that cameraVisibility leaves out."
         name = "collection:cameraVisibility:includeRoot"
         diagnostics.add("render-settings-input", str(render_pass.GetPath()), message, name)
-
-
-def _editable(stage: Usd.Stage, path: Sdf.Path) -> Usd.Prim:
-    """What is in an instance is shared: the instances around it become prims of their own."""
-    prim = stage.GetPrimAtPath(path)
-    while prim.IsInstanceProxy():
-        for above in path.GetPrefixes():
-            instance = stage.GetPrimAtPath(above)
-            if instance.IsInstance() and not instance.IsInstanceProxy():
-                instance.SetInstanceable(False)
-                break
-        prim = stage.GetPrimAtPath(path)
-    return prim
