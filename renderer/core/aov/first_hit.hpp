@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "aov/coverage.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -38,6 +39,7 @@ struct FirstHitPlanes {
   std::vector<int32_t> surface;          // -1: nothing
   std::vector<int32_t> instance, outer;  // row of Scene::world_from_group, and that of an outer instance; -1: none
   std::vector<PrimvarPlane> primvars;
+  CoveragePlanes coverage;
 
   bool wants_points() const {
     return !(depth.empty() && distance.empty() && position.empty() && camera_position.empty() && normal.empty() &&

@@ -1,6 +1,8 @@
 // First hits of one tile of pixels, W rays at a time: see first_hit.hpp.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 
@@ -87,6 +89,19 @@ class FirstHitTask {
 
   void filtered(const PixelRect& r) { means(r, false, planes_.albedo, planes_.emission); }
 
+  // By every sample that the film's tile has taken, and no others.
+  void coverage(const PixelRect& r) {
+    const CoveragePlanes& planes = planes_.coverage;
+    const size_t across = size_t(scene_.camera.pixels.width + kTile - 1) / kTile;
+    const size_t tile = size_t(r.y0 / kTile) * across + size_t(r.x0 / kTile), tiles = planes.end.size() / kReplicates;
+    const int pixels = (r.x1 - r.x0) * (r.y1 - r.y0);
+    for (uint32_t replicate = 0; replicate < uint32_t(kReplicates); ++replicate) {
+      const uint32_t first = planes.first[replicate * tiles + tile], end = planes.end[replicate * tiles + tile];
+      const int64_t slots = int64_t(pixels) * (end - first);
+      for (int64_t at = 0; at < slots; at += W) cover(r, replicate, first, end - first, at, slots);
+    }
+  }
+
   // Over the lens, the filter and the time that the shutter is open: edges are as soft as the picture's.
   void guides(const PixelRect& r) { means(r, true, planes_.guide_albedo, planes_.guide_normal); }
 
@@ -95,6 +110,59 @@ class FirstHitTask {
   using I = vint<W>;
   using B = vbool<W>;
   using V = vvec3<W>;
+
+  // The slots from `at` on, of `count` samples a pixel.
+  void cover(const PixelRect& r, uint32_t replicate, uint32_t first, uint32_t count, int64_t at, int64_t slots) {
+    const CoveragePlanes& planes = planes_.coverage;
+    const int width = r.x1 - r.x0;
+    alignas(64) int32_t x[W], y[W];
+    alignas(64) uint32_t index[W];
+    for (int i = 0; i < W; ++i) {
+      const int64_t slot = std::min(at + i, slots - 1);
+      const int pixel = int(slot / count);
+      x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = first + uint32_t(slot % count);
+    }
+    const I px = frame_x(x), py = frame_y(y);
+    const auto sampler = Sampler<W>::of(planes.seed, px, py, vuint<W>(replicate), load<W>(index), planes.screen_block);
+    const Pair<W> film = sampler.link(I(planes.first_link));
+    Pair<W> lens{F(0.5f), F(0.5f)};
+    if (scene_.camera.has_lens()) lens = sampler.pair(I(0), Purpose::kLens);
+    const F time = scene_.moves() ? shutter_time(sampler, px, py) : time_;
+    V weight(F(1.0f));
+    CameraRay<W> ray;
+    if (scene_.camera.flawed) {
+      const F channel = scene_.camera.flaws.is_chromatic ? sampler.single(I(0), kColorChannel) : F(0.0f);
+      ray = scene_.camera.template flawed_ray<W>(px, py, film, lens, time, channel, weight);
+    } else {
+      ray = scene_.camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
+    }
+    F left(1.0f);
+    const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+      const HitGroup<W> in(scene_, hit, hits);
+      const SurfacePoint<W> point(scene_, hit, hits);
+      const F presence = rows(kPresence), share = left * presence;
+      for (uint32_t b = bits(hit); b; b &= b - 1) {
+        const int i = __builtin_ctz(b);
+        const int64_t units = std::llround(double(share[i]) * double(Film::kCovered));
+        if (units == 0) continue;
+        const int32_t instance = in.instanced[i] ? in.instance[i] : -1, outer = in.grouped[i] ? in.outer[i] : -1;
+        const int32_t shape = point.is_triangle[i] ? it.mesh[i] : -2 - it.curved[i];
+        add_covering(planes_.coverage.by_pixel[pixel_of(x[i], y[i])], {shape, it.surface[i], instance, outer, units});
+      }
+      left = select(hit, left * (1.0f - presence), left);
+      return hit & (left > F(0.0f));
+    };
+    alignas(64) int32_t lane[W];
+    for (int i = 0; i < W; ++i) lane[i] = at + i < slots ? 1 : 0;
+    follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, [](B, const V&) {}, std::ref(seen));
+  }
+
+  F shutter_time(const Sampler<W>& sampler, I px, I py) const {
+    const MotionTable& motion = scene_.motion;
+    const F time = motion.opens + sampler.single(I(0), kShutterTime) * motion.length;
+    if (!motion.rolls) return time;
+    return min(max(time + to_float(px) * motion.per_column + to_float(py) * motion.per_row, 0.0f), F(1.0f));
+  }
 
   // Means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
   void means(const PixelRect& r, bool guide, std::vector<float>& first, std::vector<float>& second) {
@@ -110,13 +178,7 @@ class FirstHitTask {
       const I px = frame_x(x), py = frame_y(y);
       const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(0u))};
       const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
-      F time = time_;
-      if (guide && scene_.moves()) {
-        const MotionTable& motion = scene_.motion;
-        time = motion.opens + sampler.single(I(0), kShutterTime) * motion.length;
-        if (motion.rolls)
-          time = min(max(time + to_float(px) * motion.per_column + to_float(py) * motion.per_row, 0.0f), F(1.0f));
-      }
+      const F time = guide && scene_.moves() ? shutter_time(sampler, px, py) : time_;
       const Camera& camera = guide ? scene_.camera : at_frame_;
       const CameraRay<W> ray = camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
       V albedo(F(0.0f)), emission(F(0.0f));

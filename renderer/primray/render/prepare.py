@@ -108,8 +108,12 @@ def _prepare(
         diagnostics.raise_if_strict()
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    name = usd.stage_name(stage)
-    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out, name)
+    assets: dict[str, str] = {}
+    if any(request.source == "crypto_asset" for request in description.aovs):
+        assert scene.record is not None
+        assets = usd.assets_of(stage, scene.record.shape_paths)
+    prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
+    return replace(prepared, assets=assets, stage=usd.stage_name(stage))
 
 
 def check_memory(

@@ -253,10 +253,16 @@ def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str,
     """The outputs beside the picture, by name."""
     if not prepared.aovs:
         return {}
+    from ..aov_names import CRYPTOMATTES
     from ..images.first_hit import aovs_of
+    from ..images.mattes.film_mattes import mattes_of
 
+    mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
+    plain = [request for request in prepared.aovs if request not in mattes]
     with costs.stage("aovs"):
-        return aovs_of(prepared.scene, prepared.aovs, prepared.camera, sampling.film.counts, prepared.settings)
+        found = aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}
+        found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
+        return {request.name: found[request.name] for request in prepared.aovs}
 
 
 def core_says(scene: CoreScene) -> dict[str, Any]:
