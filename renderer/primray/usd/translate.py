@@ -9,7 +9,7 @@ from functools import partial
 
 from pxr import Usd
 
-from ..aov_names import NAMING_INSTANCES, VECTORS, AovRequest, primvars_of, requests_of
+from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of, requests_of
 from ..description import (
     Camera,
     CameraMotion,
@@ -184,8 +184,8 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     asked = settings.aovs
     aovs = requests_of(asked) if asked is not None else aovs_of_variables(product.variables, ctx.diagnostics)
-    names_instances = any(request.source in NAMING_INSTANCES for request in aovs)
-    ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=names_instances)
+    has_names = any(names_instances(request.source) for request in aovs)
+    ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=has_names)
     read, of_colors = primvars_read(found.shaders, ctx)
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
