@@ -26,7 +26,7 @@ from .adapters.rendering.render_pass import with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
 from .adapters.rendering.render_var import aovs_of_variables
-from .adapters.shapes.curves import basis_curves_of
+from .adapters.shapes.curves import basis_curves_of, hermite_curves_of, nurbs_curves_of
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
@@ -83,6 +83,8 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Capsule_1": tessellated,
     "Plane": tessellated,
     "BasisCurves": basis_curves_of,
+    "HermiteCurves": hermite_curves_of,
+    "NurbsCurves": nurbs_curves_of,
 }
 SHAPES |= DRAW_MODES  # in place of prims of any type
 SHAPES[POINT] = point_sphere

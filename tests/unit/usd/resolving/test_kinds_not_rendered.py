@@ -15,17 +15,6 @@ from primray.usd.resolving.applied_schemas import IGNORED, UNDERSTOOD
 
 from ..usd_text import stage_of
 
-# type -> rows of the table
-NOT_RENDERED = {
-    "NurbsCurves": ("NurbsCurves.order", "NurbsCurves.knots", "NurbsCurves.ranges", "NurbsCurves.pointWeights"),
-    "HermiteCurves": ("HermiteCurves.tangents",),
-}
-CASES = [
-    pytest.param(kind, row.partition(".")[2], marks=pytest.mark.conforms(row, state="not rendered"), id=row)
-    for kind, rows in NOT_RENDERED.items()
-    for row in rows
-]
-
 
 def authored(prim: Usd.Prim, name: str) -> None:
     """Give the attribute some value of its type."""
@@ -41,14 +30,6 @@ def authored(prim: Usd.Prim, name: str) -> None:
 def said(stage: Usd.Stage, settings: RenderSettings | None = None) -> list[Diagnostic]:
     ignored = {"camera-automatic", "default-light"}
     return [d for d in translate(stage, settings or RenderSettings())[1] if d.code not in ignored]
-
-
-@pytest.mark.parametrize(("kind", "name"), CASES)
-def test_it_is_told_once_for_each_prim(kind: str, name: str) -> None:
-    stage = stage_of(f'def {kind} "x"\n{{\n}}\ndef Sphere "s"\n{{\n}}\n')
-    authored(stage.GetPrimAtPath("/x"), name)
-    assert [(d.code, d.prim_path) for d in said(stage)] == [("unsupported-prim", "/x")]
-    assert [shape.path for shape in translate(stage, RenderSettings())[0].shapes] == ["/s"]
 
 
 @pytest.mark.parametrize("kind", ["Volume", "ParticleField", "ParticleField3DGaussianSplat", "GenerativeProcedural"])
