@@ -38,7 +38,9 @@ def kept() -> Path:
 def digest(scene: str) -> str:
     """Of everything the scene is made of; references of another scene by that name are not taken for this one's."""
     sources = hashlib.sha256(
-        b"".join((PEERS / name).read_bytes() for name in ("scene.py", "scenes.py", "moving_scenes.py", "shapes.py"))
+        b"".join(
+            (PEERS / name).read_bytes() for name in ("scene.py", "scenes.py", "moving_scenes.py", "surfaces.py", "shapes.py")
+        )
     ).hexdigest()[:12]
     known = kept() / "digests" / f"{scene}_{sources}"  # making a scene takes seconds
     if not known.exists():

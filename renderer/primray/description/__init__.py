@@ -12,6 +12,7 @@ from .frame import Frame, PixelWindow
 from .geometry import DisplacedMesh, Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
+from .hair import Hair
 from .open_pbr import OpenPbr
 from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances

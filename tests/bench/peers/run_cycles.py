@@ -83,6 +83,14 @@ def _look(bpy: Any, name: str, look: dict[str, Any]) -> Any:
         bsdf.distribution, bsdf.fresnel_type = "GGX", "F82"  # with a white edge: Schlick's
     elif look["kind"] == "plastic":
         bsdf = _node(tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=look["roughness"], IOR=look["ior"])
+    elif look["kind"] == "layered":
+        bsdf = _node(
+            tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=look["roughness"], IOR=look["ior"],
+            Metallic=look["metalness"], Transmission_Weight=look["transmission"], Coat_Weight=look["coat"], Coat_Roughness=0.1,
+            Coat_IOR=1.5, Sheen_Weight=look["fuzz"], Subsurface_Weight=look["subsurface"], Subsurface_Scale=1.0,
+            Subsurface_Radius=look["radius"],
+        )  # fmt: skip
+        bsdf.subsurface_method = "RANDOM_WALK"
     elif look["kind"] in EMITTING:
         bsdf = _node(tree, "ShaderNodeEmission", Color=color, Strength=1.0)
     else:

@@ -83,6 +83,13 @@ def _bsdf(look: dict[str, Any]) -> dict[str, Any]:
         base = {"type": "principled", "base_color": _rgb(look["color"]), "roughness": look["roughness"]}
         kind = {"metallic": 1.0} if look["kind"] == "metal" else {"metallic": 0.0, "eta": look["ior"]}
         return {"type": "twosided", "one": base | kind}
+    if look["kind"] == "layered":
+        base = {
+            "type": "principled", "base_color": _rgb(look["color"]), "roughness": look["roughness"], "eta": look["ior"],
+            "metallic": look["metalness"], "clearcoat": look["coat"], "clearcoat_gloss": 0.9, "sheen": look["fuzz"],
+        }  # fmt: skip
+        through = {"spec_trans": look["transmission"]}
+        return base | through if look["transmission"] else {"type": "twosided", "one": base}
     color = [0.0, 0.0, 0.0] if look["kind"] in EMITTING else look["color"]
     return {"type": "twosided", "one": {"type": "diffuse", "reflectance": _rgb(color)}}
 

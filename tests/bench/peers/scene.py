@@ -26,10 +26,22 @@ class Camera:
 
 @dataclass(frozen=True)
 class Look:
-    kind: str  # diffuse, metal, plastic, glass, glow or ember
+    kind: str  # diffuse, metal, plastic, glass, glow, ember or layered
     color: Rgb = (1.0, 1.0, 1.0)
     roughness: float = 0.0
     ior: float = 1.5
+
+
+@dataclass(frozen=True)
+class Layered(Look):
+    """Of the kind "layered"."""
+
+    metalness: float = 0.0
+    transmission: float = 0.0
+    coat: float = 0.0
+    fuzz: float = 0.0
+    subsurface: float = 0.0
+    radius: Rgb = (1.0, 1.0, 1.0)  # mean free paths
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from .scene import Lamp, Look, Rgb, Scene
+from .scene import Lamp, Layered, Look, Rgb, Scene
 from .shapes import Triangles, look_at, perpendicular
 from .usd_motion import write_motion
 
@@ -25,7 +25,9 @@ def write_usd(scene: Scene, path: Path) -> None:
         UsdGeom.Xform.Define(stage, scope)
     stage.SetDefaultPrim(stage.GetPrimAtPath("/world"))
     for name, look in scene.looks.items():
-        if look.kind in ("metal", "plastic", "glass", "ember"):
+        if isinstance(look, Layered):
+            _open_pbr(stage, f"/world/looks/{name}", look)
+        elif look.kind in ("metal", "plastic", "glass", "ember"):
             _material(stage, f"/world/looks/{name}", look)
     for mesh, bound in scene.objects:
         _mesh(stage, f"/world/geometry/{mesh}", scene.meshes[mesh], bound, scene.looks[bound])
@@ -54,6 +56,36 @@ def _material(stage: Usd.Stage, path: str, look: Look) -> None:
         surface.CreateInput("opacity", Types.Float).Set(0.0)
         surface.CreateInput("ior", Types.Float).Set(look.ior)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+
+
+def _open_pbr(stage: Usd.Stage, path: str, look: Layered) -> None:
+    """Without darkening below the coat, which the others don't have."""
+    material = UsdShade.Material.Define(stage, path)
+    surface = UsdShade.Shader.Define(stage, f"{path}/surface")
+    surface.CreateIdAttr("ND_open_pbr_surface_surfaceshader")
+    for name, value in {
+        "base_metalness": look.metalness,
+        "specular_roughness": look.roughness,
+        "specular_ior": look.ior,
+        "transmission_weight": look.transmission,
+        "coat_weight": look.coat,
+        "coat_roughness": 0.1,
+        "coat_ior": 1.5,
+        "coat_darkening": 0.0,
+        "fuzz_weight": look.fuzz,
+        "subsurface_weight": look.subsurface,
+        "subsurface_radius": 1.0,
+    }.items():
+        surface.CreateInput(name, Types.Float).Set(value)
+    colors = {
+        "base_color": look.color,
+        "transmission_color": look.color,
+        "subsurface_color": look.color,
+        "subsurface_radius_scale": look.radius,
+    }
+    for name, color in colors.items():
+        surface.CreateInput(name, Types.Color3f).Set(Gf.Vec3f(*color))
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
 
 
 def _mesh(stage: Usd.Stage, path: str, shape: Triangles, name: str, look: Look) -> UsdGeom.Mesh:
