@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from primray.description import Doubles, Placement, SceneDescription, Sphere, SubdivisionMesh
+from primray.description import Curves, Doubles, Placement, SceneDescription, Sphere, SubdivisionMesh
 
 SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane", "Points")
 _DRAWN = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier & ~Usd.PrimIsAbstract
@@ -137,6 +137,9 @@ def _triangles_of(shape: object) -> Doubles:
     if isinstance(shape, Sphere):
         x, y, z = np.eye(3) * shape.radius
         return np.array([[np.zeros(3), x, y], [np.zeros(3), y, z]])
+    if isinstance(shape, Curves):  # its control points, three by three
+        starts = np.arange(len(shape.controls) - 2)
+        return shape.controls[starts[:, None] + np.arange(3), :3].astype(np.float64)
     if isinstance(shape, SubdivisionMesh):  # a fan over each face of the cage
         first = np.cumsum(shape.face_counts) - shape.face_counts
         fans = [(a, a + k, a + k + 1) for a, n in zip(first, shape.face_counts, strict=True) for k in range(1, n - 1)]

@@ -30,6 +30,7 @@ CLOCKLESS = Row("", "", edits=(Edit("path/rays/entry_choice.hpp", "{ return __rd
 # As PRIMRAY_WITHOUT of renderer/core/CMakeLists.txt has them, and the scenes here that use one.
 FEATURES = [
     "attributes",
+    "curves",
     "cutouts",
     "emission",
     "instances",

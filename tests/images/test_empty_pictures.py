@@ -16,7 +16,7 @@ NEAR = "float2 clippingRange = (20, 1000) }\n"
 FAR = "float2 clippingRange = (1, 5) }\n"
 BALL = 'def Sphere "ball" {}\n'
 LAMP = 'def DistantLight "lamp" { float inputs:intensity = %d }\n'
-CURVE = 'def BasisCurves "ball" { int[] curveVertexCounts = [2]\n point3f[] points = [(0, 0, 0), (0, 1, 0)] }\n'
+PATCH = 'def GenerativeProcedural "ball" {}\n'
 MOVED = 'def Sphere "ball" { double3 xformOp:translate = %s\n uniform token[] xformOpOrder = ["xformOp:translate"] }\n'
 
 EMPTY = {
@@ -25,7 +25,7 @@ EMPTY = {
     "near": (CAMERA + NEAR + BALL, "nearer than its near clipping plane, 20"),
     "far": (CAMERA + FAR + BALL, "beyond its far clipping plane, 5"),
     "nothing": (CAMERA + "}\n", "the stage holds no geometry"),
-    "unsupported": (CAMERA + "}\n" + CURVE, r"/ball is missing \(unsupported-prim\)"),
+    "unsupported": (CAMERA + "}\n" + PATCH, r"/ball is missing \(unsupported-prim\)"),
     "invisible": (CAMERA + "}\n" + 'def Sphere "ball" { token visibility = "invisible" }', "1 shape is invisible"),
     "guide": (
         CAMERA + "}\n" + 'def Sphere "ball" { uniform token purpose = "guide" }',

@@ -26,12 +26,14 @@ from tests.described import (
 from tests.textured import plate, primvar, texture, with_primvars
 
 from primray.description import (
+    Curves,
     Doubles,
     Interpolation,
     LightType,
     Linked,
     PixelWindow,
     Placed,
+    Primvar,
     PrimvarInput,
     Prototype,
     Shadow,
@@ -272,6 +274,42 @@ def textured() -> Described:
     )  # fmt: skip
 
 
+def strands(count: int, surface: int, seed: int) -> Curves:
+    """Bent ones of two segments each, with ends, joints and a colour for each of their parts."""
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(scale=0.06, size=(count, 7, 3)) + (0, 0.07, 0)
+    points = np.cumsum(steps, axis=1) + rng.uniform([-1, 0, -0.5], [1, 0.1, 0.5], (count, 1, 3))
+    radii = np.repeat(np.linspace(0.04, 0.005, 7)[None, :, None], count, axis=0)
+    controls = np.concatenate([points, radii], axis=2).reshape(-1, 4).astype(np.float32)
+    segments = np.full(count, 2, np.int32)
+    colors = tuple(
+        Primvar(name, kind, rng.random((rows * count, 3)).astype(np.float32))
+        for name, kind, rows in (
+            ("a", Interpolation.POINT, 7),
+            ("b", Interpolation.CORNER, 3),
+            ("c", Interpolation.FACE, 1),
+        )
+    )
+    return Curves(f"/hair{seed}", controls, segments, surface, primvars=colors)
+
+
+def hairs() -> Described:
+    """Tubes: in the world and in instances, round and elliptic, of colours that vary."""
+    colored = [Surface(f"/{n}", lambert=True, inputs=(("diffuse_color", PrimvarInput(n, (0.5,) * 3)),)) for n in "abc"]
+    shapes: list[tuple[Shape, Doubles]] = [(ground(4), np.eye(4)), (box([0.3, 0.3, 0.3], 3), translation(-0.8, 0.2, -0.5))]
+    shapes += [(strands(20, k, k), translation(0.6 * (k - 1), 0, 0.3 * k)) for k in range(3)]
+    shapes.append((strands(8, 0, 3), translation(0, 0, 0.8) @ scaling(1, 1.5, 0.6)))
+    matrices = [translation(0.7 * k - 1, 0.1, 0.9) @ rotation([0, 1, 0], 50 * k) @ scaling(0.7, 0.7, 0.7) for k in range(4)]
+    lights = [
+        light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0),
+        light(LightType.DOME, emission=0.3),
+    ]
+    return describe(
+        shapes, [*colored, METAL], lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
+        [Prototype("/p", (Placed(len(shapes), np.eye(4)),))], [strands(5, 1, 4)], [placement(0, matrices)],
+    )  # fmt: skip
+
+
 def linked() -> Described:
     """Light and shadow linking, shadows of every kind, lights that the camera does not see, through panes and instances."""
     d = instances()
@@ -320,6 +358,7 @@ SCENES: dict[str, Callable[[], Described]] = {
     "blades, planes, shutter": through_a_camera,
     "emitters": emitters,
     "textures": textured,
+    "hairs": hairs,
     "linked": linked,
     "linked crowd": linked_crowd,
 }

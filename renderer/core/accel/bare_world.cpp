@@ -72,7 +72,7 @@ OwnedGeometry BareWorld::instances(const Scene& scene, const Group& group, uint3
 
 OwnedScene BareWorld::make(const Scene& scene, const Group& group) {
   must(group.cutout_count + group.moving_cutout_count == 0, "cut-outs");
-  must(!group.curved.any(), "curved shapes");
+  must(!group.curved.any() && !group.curves.any(), "curved shapes");
   must(group.clock < 0 || scene.motion.clocks[size_t(group.clock)].uniform, "uneven clocks");
   OwnedScene made = new_embree_scene();
   attach_triangles(made.get(), scene, group, 0, group.triangle_count, 1);

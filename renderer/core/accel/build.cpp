@@ -1,6 +1,7 @@
 // Embree scenes over the flat arrays, which are shared, not copied.
 #include "accel/build.hpp"
 
+#include "accel/curve_geometry.hpp"
 #include "accel/cutout.hpp"
 #include "accel/placed_geometry.hpp"
 #include "accel/triangle_geometry.hpp"
@@ -60,6 +61,14 @@ void attach_moving(rtc::Scene target, Scene& scene, const Group& group) {
                    first + group.moving_count, kMovingCutoutGeometry);
 }
 
+void attach_curves(rtc::Scene target, Scene& scene, const Group& group, const CurveRange& range, int steps, uint32_t tubes,
+                   uint32_t ends) {
+  if (range.segments > 0) attach(target, make_tubes(scene, group, range, steps), tubes);
+  if (range.ends == 0) return;
+  scene.tube_ends.push_back({&scene, uint32_t(&group - scene.groups.data()), range.end, range.ends, steps});
+  attach(target, make_tube_ends(&scene.tube_ends.back()), ends);
+}
+
 OwnedGeometry make_placement(Scene& scene, size_t placement) {
   const rtc::Api& e = embree();
   const bool last = placement + 1 == scene.placement_group.size();
@@ -92,6 +101,9 @@ void build_group(Scene& scene, Group& group) {
     const CurvedRange& r = group.curved.of<K>();
     if (r.count > 0) attach(target, K::geometry(&scene.curved.records<K>()[r.first], r.count), K::kGeometry);
   });
+  attach_curves(target, scene, group, group.curves.still, 1, kCurveGeometry, kCurveEndGeometry);
+  attach_curves(target, scene, group, group.curves.moving, vertex_steps(scene, group), kMovingCurveGeometry,
+                kMovingCurveEndGeometry);
   for (uint32_t i = 0; i < group.placement_count; ++i)
     attach(target, make_placement(scene, group.placement_base + i), kFirstPlacement + i);
   embree().rtcCommitScene(target);
@@ -101,7 +113,8 @@ void build_group(Scene& scene, Group& group) {
 // Whether Embree is not needed for the world.
 bool build_without_embree(Scene& scene) {
   const Group& world = scene.groups[0];
-  if (world.all_triangles() > world.triangle_count || world.placement_count > 0 || world.curved.any()) return false;
+  if (world.all_triangles() > world.triangle_count || world.placement_count > 0 || world.curved.any() || world.curves.any())
+    return false;
   const TriangleSoup soup{scene.positions.data() + 3 * size_t(world.vertex_base),
                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count,
                           paired_in(scene, world)};

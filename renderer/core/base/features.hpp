@@ -6,6 +6,9 @@
 #ifndef PRIMRAY_HAS_ATTRIBUTES
 #define PRIMRAY_HAS_ATTRIBUTES 1
 #endif
+#ifndef PRIMRAY_HAS_CURVES
+#define PRIMRAY_HAS_CURVES 1
+#endif
 #ifndef PRIMRAY_HAS_CUTOUTS
 #define PRIMRAY_HAS_CUTOUTS 1
 #endif
@@ -50,6 +53,7 @@ namespace primray {
 
 namespace built {
 constexpr bool kAttributes = PRIMRAY_HAS_ATTRIBUTES;
+constexpr bool kCurves = PRIMRAY_HAS_CURVES;
 constexpr bool kCutouts = PRIMRAY_HAS_CUTOUTS;
 constexpr bool kEmission = PRIMRAY_HAS_EMISSION;
 constexpr bool kInstances = PRIMRAY_HAS_INSTANCES;

@@ -47,6 +47,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
       .def_prop_ro("has_instances", [](const Scene& s) { return bool(s.has_instances); })
       .def_prop_ro("has_grouped", [](const Scene& s) { return bool(s.has_grouped); })
+      .def_prop_ro("has_curves", [](const Scene& s) { return bool(s.curves.any); })
       .def_prop_ro("has_spheres", [](const Scene& s) { return s.curved.has<SphereShape>(); })
       .def_prop_ro("has_attributes", [](const Scene& s) { return bool(s.has_attributes); })
       .def_prop_ro("has_inputs", [](const Scene& s) { return bool(s.has_inputs); })

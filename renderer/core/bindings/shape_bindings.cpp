@@ -29,6 +29,11 @@ nb::object boxes(nb::list arrays) {
   return to_numpy(std::move(out), {arrays.size(), 2, 3});
 }
 
+struct HeldCurves : CurvesInput {
+  InArray<float> held_points, held_times, held_step_points;
+  InArray<int32_t> held_segments, held_surfaces;
+};
+
 }  // namespace
 
 void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
@@ -46,7 +51,16 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   def_array(mesh, "step_points", &HeldMesh::held_step_points, &HeldMesh::step_points);
   def_array(mesh, "step_normals", &HeldMesh::held_step_normals, &HeldMesh::step_normals);
   def_array(mesh, "surfaces", &HeldMesh::held_surfaces, &HeldMesh::surfaces);
+  nb::class_<HeldCurves> curves(m, "CurvesInput");
+  curves.def(nb::init<>()).def_rw("closed", &HeldCurves::closed).def_rw("joined", &HeldCurves::joined);
+  def_array(curves, "points", &HeldCurves::held_points, &HeldCurves::points);
+  def_array(curves, "segments", &HeldCurves::held_segments, &HeldCurves::segments);
+  def_array(curves, "surfaces", &HeldCurves::held_surfaces, &HeldCurves::surfaces);
+  def_array(curves, "times", &HeldCurves::held_times, &HeldCurves::times);
+  def_array(curves, "step_points", &HeldCurves::held_step_points, &HeldCurves::step_points);
   builder
+      .def("add_curves",
+           [](SceneBuilder& b, const HeldCurves& input, InArray<double> matrix) { b.add_curves(input, affine_of(matrix)); })
       .def("add_mesh",
            [](SceneBuilder& b, const HeldMesh& input, InArray<double> matrix) { b.add_mesh(input, affine_of(matrix)); })
       .def("restand_mesh", [](SceneBuilder& b, size_t row, const HeldMesh& input, InArray<double> before,
@@ -55,8 +69,8 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
                                   InArray<float> values) { b.add_mesh_primvar(name, kind, width, span_of(values)); })
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
                             InArray<double> matrix) { return b.add_curved<SphereShape>(radius, surface, affine_of(matrix)); })
-      .def("add_curved_primvar", [](SceneBuilder& b, int name, int width, InArray<float> values) {
-        b.add_curved_primvar(name, width, span_of(values));
+      .def("add_curved_primvar", [](SceneBuilder& b, int name, PrimvarKind kind, int width, InArray<float> values) {
+        b.add_curved_primvar(name, kind, width, span_of(values));
       });
 }
 

@@ -128,6 +128,11 @@ void SceneBuilder::add_curved_row(CurvedRange& range, size_t record, int32_t sur
   if (range.count == 0) range.first = uint32_t(record), range.first_row = uint32_t(table.rows());
   if (range.first_row + range.count != table.rows()) throw Error("internal", "curved shapes of two kinds are mixed");
   ++range.count;
+  add_curved_row(surface);
+}
+
+void SceneBuilder::add_curved_row(int32_t surface) {
+  CurvedTable& table = scene_->curved;
   table.surface.push_back(surface);
   if (scene_->lights.links.any()) table.link.push_back(link_row_);
   scene_->primvars.of_curved.insert(scene_->primvars.of_curved.end(), scene_->primvars.names, -1);
@@ -225,6 +230,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   Scene& s = *scene_;
   end_group();
   if (s.motion.any_points) s.meshes.normal_stride.resize(s.meshes.surface.size(), 0);
+  s.curves.shrink();
   s.positions.insert(s.positions.end(), 4, 0.0f);  // Embree reads 16 bytes of the last vertex
   s.indices.push_back(0);                          // as the core does of the last triangle
   for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
@@ -255,7 +261,7 @@ bool Scene::needs_left_out() const {
   return has_instances.is_left_out() || curved.is_left_out() || has_attributes.is_left_out() || has_inputs.is_left_out() ||
          has_cutouts.is_left_out() || has_emission.is_left_out() || has_thin.is_left_out() ||
          lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.moves.is_left_out() ||
-         motion.any_instances.is_left_out() || motion.any_points.is_left_out() ||
+         curves.any.is_left_out() || motion.any_instances.is_left_out() || motion.any_points.is_left_out() ||
          (!built::kMotion && !lights.motion.paths.empty()) || (!built::kLinks && lights.links.words > 0) ||
          (!built::kPortals && !lights.portals.empty()) || (!built::kSpecialShadows && !lights.shadow_rows.empty()) ||
          (!built::kLightImages && !lights.images.empty()) || (!built::kEmission && !geometry_lights.all.empty());
@@ -267,6 +273,8 @@ int64_t Scene::memory_bytes() const {
                   bytes(world_from_group) + bytes(motion.linear) + bytes(motion.turning) + bytes(primvars.values) +
                   bytes(primvars.of_mesh) + bytes(primvars.of_placement) + texture_bytes() + int64_t(triangle_bvh.bytes);
   for_curved_kinds([&]<class K>(K) { total += bytes(curved.records<K>()); });
+  total += bytes(curves.points) + bytes(curves.first_point) + bytes(curves.run) + bytes(curves.ends) + bytes(curves.row) +
+           bytes(curves.curve);
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
   if (distortion) total += bytes(distortion->table.directions);

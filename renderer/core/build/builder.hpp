@@ -7,6 +7,7 @@
 #include <span>
 
 #include "build/inputs/camera_input.hpp"
+#include "build/inputs/curves_input.hpp"
 #include "build/inputs/light_input.hpp"
 #include "build/inputs/mesh_input.hpp"
 #include "build/lights/light_rules.hpp"
@@ -40,7 +41,7 @@ class SceneBuilder {
   // where there is no such shape, as with a matrix that has no inverse.
   template <class K, class Input>
   bool add_curved(const Input& input, int32_t surface, const daffine& group_from_object) {
-    last_curved_taken_ = false, last_is_curved_ = true;
+    last_curved_taken_ = false, last_is_curved_ = true, last_curved_rows_ = scene_->curved.rows();
     const auto record = K::make(input, group_from_outside_.back() * group_from_object);
     if (!record) return false;
     auto& records = scene_->curved.records<K>();
@@ -49,9 +50,11 @@ class SceneBuilder {
     records.push_back(*record);
     return true;
   }
+  // Curves that move come after a group's others.
+  void add_curves(const CurvesInput& curves, const daffine& group_from_object);
   // `width` numbers a row, of the shape that was added last.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
-  void add_curved_primvar(int name, int width, std::span<const float> values);
+  void add_curved_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
   // How many rows of meshes, curved shapes and placements there are so far: for those who keep tables beside them.
   size_t mesh_rows() const { return scene_->meshes.surface.size(); }
   size_t curved_rows() const { return scene_->curved.rows(); }
@@ -103,6 +106,11 @@ class SceneBuilder {
   dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
   void place_points(std::span<const float> points, const daffine& group_from_object, float* to) const;
   void add_curved_row(CurvedRange& range, size_t record, int32_t surface);
+  void add_curved_row(int32_t surface);
+  void place_controls(std::span<const float> points, const daffine& group_from_object, float* to) const;
+  void add_curve_steps(const CurvesInput& curves, const daffine& group_from_object);
+  // The current group's vertices move by the clock of these times.
+  void take_clock(std::span<const float> times);
   int32_t append_primvar(std::span<const float> values);
   // The shape's own space, of a row whose surface asks for it.
   void note_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object);
@@ -114,7 +122,8 @@ class SceneBuilder {
   void set_flaws(const CameraInput& camera);
 
   std::unique_ptr<Scene> scene_;
-  std::vector<std::vector<float>> later_points_;  // of the current group, by time from the second on
+  std::vector<std::vector<float>> later_points_;    // of the current group, by time from the second on
+  std::vector<std::vector<float>> later_controls_;  // likewise of curves
   // Of the current group.
   dvec3 group_origin_;
   double group_scale_;
@@ -124,7 +133,8 @@ class SceneBuilder {
   int parent_ = 0;
   daffine undo_, redo_;
   // Of the shape and the placement that were added last.
-  size_t last_mesh_rows_ = 0;  // first row of the mesh
+  size_t last_mesh_rows_ = 0;    // first row of the mesh
+  size_t last_curved_rows_ = 0;  // of the curved shape
   bool last_is_curved_ = false;
   bool last_mirrored_ = false, last_curved_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;

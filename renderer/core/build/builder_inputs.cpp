@@ -59,10 +59,11 @@ void SceneBuilder::add_mesh_primvar(int name, PrimvarKind kind, int width, std::
     s.primvars.of_mesh[row * s.primvars.names + name] = primvar;
 }
 
-void SceneBuilder::add_curved_primvar(int name, int width, std::span<const float> values) {
+void SceneBuilder::add_curved_primvar(int name, PrimvarKind kind, int width, std::span<const float> values) {
   PrimvarTable& t = scene_->primvars;
   if (!last_curved_taken_) return;
-  t.of_curved[t.of_curved.size() - t.names + name] = t.add(PrimvarKind::kConstant, width, append_primvar(values));
+  const int32_t primvar = t.add(kind, width, append_primvar(values));
+  for (size_t row = last_curved_rows_; row < scene_->curved.rows(); ++row) t.of_curved[row * t.names + name] = primvar;
 }
 
 void SceneBuilder::add_placement_primvar(int name, int width, std::span<const float> values) {

@@ -50,8 +50,8 @@ void SceneBuilder::set_light_of_shape(int light, const daffine& group_from_objec
   worn.group_from_object = group_from_object;
   if (last_is_curved_) {
     if (!last_curved_taken_) return;
-    lights.of_curved.resize(s.curved.rows(), -1);
-    lights.of_curved.back() = light, worn.curved = int32_t(s.curved.rows()) - 1;
+    lights.of_curved.resize(last_curved_rows_, -1), lights.of_curved.resize(s.curved.rows(), light);
+    worn.curved = int32_t(s.curved.rows()) - 1;
     return;
   }
   if (last_mesh_rows_ == s.meshes.surface.size()) return;  // without triangles

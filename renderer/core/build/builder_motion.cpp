@@ -23,14 +23,20 @@ void SceneBuilder::set_rolling(double per_column, double per_row) {
   motion.rolls = per_column != 0 || per_row != 0;
 }
 
+void SceneBuilder::take_clock(std::span<const float> times) {
+  Scene& s = *scene_;
+  Group& group = s.groups.back();
+  const MotionClock clock = clock_of_times(times);
+  const int32_t number = s.motion.clock_of(clock);
+  if (group.clock >= 0 && group.clock != number) throw Error("internal", "shapes of one group move by different clocks");
+  if (s.groups.size() == 1 && !clock.uniform) throw Error("internal", "the world's shapes move by an uneven clock");
+  group.clock = number, s.motion.any_points = true;
+}
+
 void SceneBuilder::add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object) {
   Scene& s = *scene_;
   Group& group = s.groups.back();
-  const MotionClock clock = clock_of_times(mesh.times);
-  const int32_t number = s.motion.clock_of(clock);
-  if (group.clock >= 0 && group.clock != number) throw Error("internal", "meshes of one group move by different clocks");
-  if (s.groups.size() == 1 && !clock.uniform) throw Error("internal", "the world's meshes move by an uneven clock");
-  group.clock = number, s.motion.any_points = true;
+  take_clock(mesh.times);
   const size_t points = mesh.points.size();
   group.moving_vertex_count += uint32_t(points / 3);
   later_points_.resize(mesh.times.size() - 1);
@@ -51,6 +57,13 @@ void SceneBuilder::end_group() {
     std::vector<float>().swap(step);
   }
   later_points_.clear();
+  std::vector<float>& controls = scene_->curves.points;
+  for (std::vector<float>& step : later_controls_) {
+    if (controls.size() + step.size() >= kMostNumbers) throw Error("too-large", "more than 536 million control points");
+    controls.insert(controls.end(), step.begin(), step.end());
+    std::vector<float>().swap(step);
+  }
+  later_controls_.clear();
 }
 
 std::vector<int64_t> SceneBuilder::add_moving_instances(std::span<const float> times, bool turns,

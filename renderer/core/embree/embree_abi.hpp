@@ -20,12 +20,14 @@ using Bvh = BvhHandle*;
 
 constexpr uint32_t kInvalidId = 0xffffffffu;
 
-enum GeometryType : int { kTriangle = 0, kQuad = 1, kUser = 120, kInstanceArray = 122 };
+enum GeometryType : int { kTriangle = 0, kQuad = 1, kRoundBezierCurve = 24, kUser = 120, kInstanceArray = 122 };
 enum BufferType : int { kIndexBuffer = 0, kVertexBuffer = 1, kTransformBuffer = 23 };
 enum Format : int {
+  kUint = 0x5001,
   kUint3 = 0x5003,
   kUint4 = 0x5004,
   kFloat3 = 0x9003,
+  kFloat4 = 0x9004,
   kFloat3x4ColumnMajor = 0x9234,
   kQuaternionDecomposition = 0xb001
 };

@@ -7,7 +7,7 @@ namespace primray {
 
 // geom_id: the geometry in its lowest bits, above them the placement inside the group. inst_id: the highest bit, and the outer
 // instance. inst_prim_id: the instance within the inner placement, as Embree gives it.
-constexpr int kGeometryBits = 3;
+constexpr int kGeometryBits = 4;
 constexpr uint32_t kGroupedBit = 0x80000000u;
 
 template <int W>

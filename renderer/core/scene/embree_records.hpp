@@ -16,6 +16,14 @@ struct CutoutGroup {
   uint32_t first;  // of the group's triangles, that of the geometry
 };
 
+// What closes the tubes of a group, its still ones or those that move.
+struct TubeEnds {
+  const Scene* scene;
+  uint32_t group;
+  uint32_t first, count;  // of CurveTable::ends
+  int steps;              // times at which control points are known
+};
+
 // A placement that is user geometry. Must outlive it.
 struct PlacedGroup {
   const Scene* scene;

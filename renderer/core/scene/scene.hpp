@@ -24,6 +24,7 @@
 #include "pattern/tape.hpp"
 #include "ray/grouped_hit.hpp"
 #include "scene/camera.hpp"
+#include "scene/curved/curve_table.hpp"
 #include "scene/curved/curved_shapes.hpp"
 #include "scene/embree_records.hpp"
 #include "scene/emitter_table.hpp"
@@ -37,10 +38,13 @@
 namespace primray {
 
 // Embree geometry numbers: in every group triangles, cut-out triangles, pairs of triangles (bvh/pairs.hpp), triangles and
-// cut-outs that move, those of curved shapes (scene/curved), and after them the placements in it, from its first on.
+// cut-outs that move, those of curved shapes (scene/curved), tubes and what closes them, still ones and those that move, and
+// after them the placements in it, from its first on.
 constexpr uint32_t kTriangleGeometry = 0, kCutoutGeometry = 2, kMovingGeometry = 4, kMovingCutoutGeometry = 5,
+                   kCurveGeometry = 6, kCurveEndGeometry = 7, kMovingCurveGeometry = 8, kMovingCurveEndGeometry = 9,
                    kFirstPlacement = 1 << kGeometryBits;
-static_assert(kPairGeometry < kFirstPlacement && CurvedKinds::kLastGeometry < kFirstPlacement);
+static_assert(kPairGeometry < kFirstPlacement && kMovingCurveEndGeometry < kFirstPlacement &&
+              CurvedKinds::kLastGeometry < kFirstPlacement);
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
 
@@ -62,11 +66,12 @@ struct Group {
   uint32_t moving_vertex_count = 0;                    // the last of them, which stand again for each later time of the clock
   int32_t clock = -1;                                  // of its vertices
   CurvedRanges curved;
+  CurveGroup curves;
   uint32_t placement_base = 0, placement_count = 0;  // what is placed in it: in the world, or in a prototype without shapes
   OwnedScene accel;
   uint32_t still_count() const { return triangle_count + cutout_count; }
   uint32_t all_triangles() const { return still_count() + moving_count + moving_cutout_count; }
-  bool empty() const { return all_triangles() + placement_count == 0 && !curved.any(); }
+  bool empty() const { return all_triangles() + placement_count == 0 && !curved.any() && !curves.any(); }
 };
 
 struct Scene {
@@ -81,6 +86,7 @@ struct Scene {
   MeshTable meshes;
 
   CurvedTable curved;
+  CurveTable curves;
 
   std::vector<Group> groups;
 
@@ -90,6 +96,7 @@ struct Scene {
   std::vector<int32_t> placement_instance;  // first instance, by placement
   std::deque<PlacedGroup> placed;           // placements that are user geometry; Embree holds pointers to them
   std::deque<CutoutGroup> cutouts;          // of groups with cut-outs; likewise
+  std::deque<TubeEnds> tube_ends;           // likewise
 
   SurfaceTable surfaces;
   // Of the surfaces whose inputs vary: by surface, the index of its inputs, or -1.

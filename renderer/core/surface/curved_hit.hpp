@@ -1,6 +1,7 @@
 // Which curved shape W hits are on, and where.
 #pragma once
 
+#include "surface/curve_hit.hpp"
 #include "surface/hit_group.hpp"
 
 namespace primray {
@@ -22,6 +23,8 @@ struct CurvedHit {
   vbool<W> is{false};
   bool any_is = false;
   vint<W> row{0};
+  CurvePlace<W> curve;  // of those that are on curves
+  vvec3<W> along;       // only where curve.any_is: dP/du of these lanes, in the group's space
   CurvedPoint<W> at{vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f))};  // where it is one
 
   PRIMRAY_INLINE CurvedHit(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
@@ -38,6 +41,14 @@ struct CurvedHit {
       at.p = select(m, found.p, at.p), at.normal = select(m, found.normal, at.normal);
       at.spread = select(m, found.spread, at.spread);
     });
+    if (!scene.curves.any) return;
+    curve = CurvePlace<W>(scene, in, active, h);
+    if (!curve.any_is) return;
+    const CurvePoint<W> found(scene, in, curve, h);
+    is |= curve.is, any_is = true;
+    row = select(curve.is, curve.row, row), along = found.along;
+    at.p = select(curve.is, found.p, at.p), at.normal = select(curve.is, found.normal, at.normal);
+    at.spread = select(curve.is, found.spread, at.spread);
   }
 };
 

@@ -5,6 +5,8 @@
 // UsdGeomPointInstancer); the fallback stands where neither has it.
 #pragma once
 
+#include <optional>
+
 #include "bsdf/surface_inputs.hpp"
 #include "surface/run_pattern.hpp"
 #include "surface/surface_point.hpp"
@@ -27,12 +29,37 @@ struct LaneRows {
   alignas(64) float hair[W * kHairFields];
 };
 
-// One primvar at W points: offsets of its values at the three corners, equal where it does not vary over a triangle.
+// Where values over curves stand, of the lanes that are on one: offsets of two, or of a segment's four control points.
+template <int W>
+struct CurveValues {
+  vbool<W> is, cubic;
+  vint<W> row[4];
+
+  PRIMRAY_RARE CurveValues(const Scene& scene, const CurvePlace<W>& place, vbool<W> point, vbool<W> corner) : is(place.is) {
+    using I = vint<W>;
+    const CurveTable& table = scene.curves;
+    const I zero(0), set = select(is, place.row - I(int32_t(table.first_row)), zero);
+    const I first = gather<W>(table.first_point.data(), place.segment) - gather<W>(table.set_point.data(), set);
+    const I curve = gather<W>(table.curve.data(), gather<W>(table.run.data(), place.segment)),
+            end = at_ends(first, curve, I(2), I(3));
+    cubic = is & point;
+    for (int k = 0; k < 4; ++k) row[k] = select(point, first + I(k), select(corner, end + I(k == 0 ? 0 : 1), curve));
+  }
+  // From values at those, as differences from the first.
+  PRIMRAY_INLINE vfloat<W> mix(vfloat<W> u, vfloat<W> second, vfloat<W> third, vfloat<W> fourth) const {
+    const vfloat<W> v = 1.0f - u;
+    return select(cubic, second * (3.0f * u * v * v) + third * (3.0f * u * u * v) + fourth * (u * u * u), second * u);
+  }
+};
+
+// One primvar at W points: offsets of its values at the three corners, equal where it does not vary over a triangle; a fourth
+// where some are on curves.
 template <int W>
 struct PrimvarLanes {
   vbool<W> present;
-  vint<W> at[3], width;
+  vint<W> at[4], width;
   bool varies;
+  std::optional<CurveValues<W>> curve;
 
   PRIMRAY_INLINE PrimvarLanes(const Scene& scene, vbool<W> active, const SurfacePoint<W>& p, int name) {
     using I = vint<W>;
@@ -71,6 +98,11 @@ struct PrimvarLanes {
       at[k] = base + row * width;
     }
     varies = any(point | corner);
+    if (!p.curve.any_is) return;
+    const vbool<W> own = is(PrimvarKind::kFace) | point | corner;
+    curve.emplace(scene, p.curve, point, corner);
+    curve->is &= own;
+    for (int k = 0; k < 4; ++k) at[k] = select(curve->is, base + curve->row[k] * width, at[k < 3 ? k : 0]);
   }
   // Component `c`, or the last there is, at corner k.
   PRIMRAY_INLINE vfloat<W> component(const Scene& scene, int c, int k) const {
@@ -80,7 +112,11 @@ struct PrimvarLanes {
     if (!any(present)) return vfloat<W>(fallback);
     vfloat<W> r = component(scene, c, 0);
     // Differences, so that equal corners give their value exactly, whatever is beside them in other lanes.
-    if (varies) r += (component(scene, c, 1) - r) * p.u + (component(scene, c, 2) - r) * p.v;
+    if (!varies) return select(present, r, fallback);
+    const vfloat<W> second = component(scene, c, 1) - r, third = component(scene, c, 2) - r;
+    vfloat<W> more = second * p.u + third * p.v;
+    if (curve) more = select(curve->is, curve->mix(p.u, second, third, component(scene, c, 3) - r), more);
+    r += more;
     return select(present, r, fallback);
   }
 };
@@ -94,10 +130,12 @@ struct StLanes {
     const PrimvarLanes<W> st(scene, active, p, name);
     s = st.interpolate(scene, p, 0, fallback[0]), t = st.interpolate(scene, p, 1, fallback[1]);
     s1 = t1 = s2 = t2 = vfloat<W>(0.0f);
-    if (!st.varies) return;
+    if (!st.varies) return;  // along curves it does, but spans no area
     const vfloat<W> s0 = st.component(scene, 0, 0), t0 = st.component(scene, 1, 0);
     s1 = st.component(scene, 0, 1) - s0, t1 = st.component(scene, 1, 1) - t0;
     s2 = st.component(scene, 0, 2) - s0, t2 = st.component(scene, 1, 2) - t0;
+    if (!st.curve) return;
+    for (vfloat<W>* difference : {&s1, &t1, &s2, &t2}) *difference = select(st.curve->is, 0.0f, *difference);
   }
   // Twice the triangle's area in (s, t), with its sign.
   PRIMRAY_INLINE vfloat<W> area2() const { return s1 * t2 - s2 * t1; }

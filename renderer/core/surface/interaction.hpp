@@ -21,6 +21,10 @@ struct Interaction {
   vint<W> link;     // row of the lights' LinkTable, 0 where there is none
   vvec3<W> color;   // multiplies the diffuse albedo
   vbool<W> smooth;  // ns is interpolated from normals
+  // Tubes: `tangent` is the unit tangent dP/du of those lanes, the way of the curve's parameter; on the discs at its ends it is
+  // along ng. It is set where any lane is on a curve.
+  vbool<W> on_curve{false};
+  vvec3<W> tangent;
 };
 
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
@@ -177,6 +181,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     r.surface = select(curved.is, gather<W>(scene.curved.surface.data(), curved.row), r.surface);
     if (scene.lights.links.any()) r.link = select(curved.is, gather<W>(scene.curved.link.data(), curved.row), r.link);
     p = select(curved.is, curved.at.p, p);
+    r.on_curve = curved.curve.is;
   }
   const TrianglePlane<W> plane(is_triangle, e1, e2);
   vvec3<W> ng = plane.n;
@@ -215,6 +220,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
     ng = select(instanced, direction_of(m.normal(ng)), ng);
     if (any(smooth)) normal = select(instanced, m.normal(normal), normal);
+  }
+  if (scene.curves.any && curved.curve.any_is) {
+    vvec3<W> far;
+    r.tangent = direction_of(select(r.on_curve, curved.along, vvec3<W>(vfloat<W>(1.0f))));
+    if (any_instanced) r.tangent = select(instanced, direction_of(in.matrix(scene, far).vector(r.tangent)), r.tangent);
   }
   r.offset = reach * kOffsetUlps;
   r.ng = ng;

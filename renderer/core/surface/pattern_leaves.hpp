@@ -83,6 +83,10 @@ class PatternLeaves {
       const Frame<F> frame(n);
       const F size = max_component(curved.at.spread);
       e1_ = select(curved_, frame.s * size, e1_), e2_ = select(curved_, frame.t * size, e2_);
+      if (!curved.curve.any_is) return;
+      // Along a curve its parameter goes with it.
+      const V across = cross(n, curved.along);
+      e1_ = select(curved.curve.is, curved.along, e1_), e2_ = select(curved.curve.is, across, e2_);
     }
   }
   AffineLanes<W> instance_matrix() const {

@@ -57,6 +57,7 @@ struct SurfacePoint {
   vvec3<W> e1, e2;  // the triangle's edges from its first corner, in world space
   vfloat<W> area2;  // twice its area there
   VertexMotion<W> motion;
+  CurvePlace<W> curve;
 
   // A point of a triangle that is known by its number over the scene and its group's first vertex; `place` -1: in no instance.
   // Without edges, and so without tangents and footprint.
@@ -78,6 +79,11 @@ struct SurfacePoint {
     instance_row = select(in.instanced, h.inst_prim, zero);
     is_triangle = in.is_triangle(scene, active);
     curved = curved_row(scene, in, active, h);
+    if (scene.curves.any) {
+      curve = CurvePlace<W>(scene, in, active, h);
+      curved = select(curve.is, curve.row, curved);
+      u = select(curve.is, curve.u, u), v = select(curve.is, vfloat<W>(0.0f), v);
+    }
     mesh = zero, triangle = zero;
     for (vint<W>& c : corner) c = zero;
     e1 = e2 = vvec3<W>(vfloat<W>(0.0f));

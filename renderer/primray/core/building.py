@@ -6,6 +6,7 @@ from typing import Any
 
 from ..description import SceneDescription, Shape
 from ..refine import dice as dicing
+from ..refine.ribbons import dice_ribbons
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from .core_errors import raise_as_ours
 from .dicing.displacement import displacements
@@ -25,7 +26,9 @@ def dice(
     which those that displace cages are read: every TextureFile that could be."""
     try:
         displaced = displacements(module(), description, textures or {})
-        return dicing.dice(module(), description, dicing.dicing_of(settings), threads(settings), displaced)
+        chosen = dicing.dicing_of(settings)
+        made, warnings = dicing.dice(module(), description, chosen, threads(settings), displaced)
+        return dice_ribbons(made, chosen.pixels), warnings
     except module().CoreError as error:
         raise_as_ours(error)
 

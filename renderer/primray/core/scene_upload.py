@@ -31,6 +31,7 @@ from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes,
 from ..refine.moving import by_clock
 from ..refine.rebasing import rebasing_origin
 from ..refine.skewed import bake_skewed
+from ..refine.stretched_curves import stretched_apart
 from .core_inputs import filled
 from .light_upload import LightUpload
 from .scene_record import SceneRecord
@@ -58,7 +59,7 @@ def hand_over(
     """
     shapes = list(description.shapes) if shapes is None else shapes
     warnings: list[tuple[str, str, str]] = []
-    d = bake_skewed(by_clock(description, shapes, warnings), shapes)
+    d = bake_skewed(by_clock(stretched_apart(description, shapes), shapes, warnings), shapes)
     full_boxes = shape_boxes(core, shapes)
     boxes = usual_boxes(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)

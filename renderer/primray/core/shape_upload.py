@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles, Floats, Ints
-from ..description import Interpolation, Mesh, Placed, Primvar, Shape, Sphere, Surface
+from ..description import Curves, Interpolation, Mesh, Placed, Primvar, Shape, Sphere, Surface
 from ..description.motion import handed_over
 from ..description.pairs import is_paired
 from ..description.placement import transformed_boxes
@@ -68,7 +68,7 @@ class ShapeUpload:
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._link_row = 0
         self._kinds = {type(s) for s in shapes}
-        self._moving = any(isinstance(s, Mesh) and s.motion is not None for s in shapes)
+        self._moving = any(isinstance(s, Mesh | Curves) and s.motion is not None for s in shapes)
         self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
         self._rows: list[int] = []
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
@@ -89,7 +89,7 @@ class ShapeUpload:
                     if self._builder.mesh_rows > first and i not in near and shape.light is None:
                         self._rows[i] = first
                     self._note_mesh(p)
-            elif i not in near:
+            elif i not in near and not (isinstance(shape, Curves) and shape.motion is not None):
                 self._add_curved(shape, matrix(p.matrix), lights.get(i))
                 self._note_curved(p)
         for cutout, moving in ((True, False), (False, True), (True, True)):
@@ -101,6 +101,9 @@ class ShapeUpload:
                     self._rows[i] = -1 if self._wears_cutout(shape) else self._rows[i]
                     self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=cutout)
                     self._note_mesh(p)
+                elif moving and not cutout and isinstance(shape, Curves) and shape.motion is not None and i not in near:
+                    self._add_curved(shape, matrix(p.matrix), lights.get(i))
+                    self._note_curved(p)
 
     def rows_of_last(self) -> list[int]:
         """By what was added last: the builder's first row, of meshes that are whole and still, cut out nowhere, and no lights;
@@ -112,7 +115,7 @@ class ShapeUpload:
 
     def _in_order(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
         """With their numbers, as the core wants them: first the meshes with triangles in pairs; one kind after another."""
-        kinds = {kind: order for order, kind in enumerate(CURVED) if kind in self._kinds}
+        kinds = {kind: order for order, kind in enumerate((*CURVED, Curves)) if kind in self._kinds}
         if not self._paired and len(kinds) < 2:
             return enumerate(placed)
 
@@ -157,16 +160,18 @@ class ShapeUpload:
 
     def _add_curved(self, shape: Shape, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
         kind = type(shape)
-        if kind not in CURVED:
+        if kind not in (*CURVED, Curves):
             raise ValueError(f"{shape.path} is not diced")
-        if self._hole[shape.surface]:
+        if isinstance(shape.surface, int) and self._hole[shape.surface]:
             return
         self._wear(shape)
-        if not CURVED[kind](self._builder, shape, world_from_object):
+        if isinstance(shape, Curves):
+            add_curves(self._core, self._builder, shape, self._hole, world_from_object)
+        elif not CURVED[kind](self._builder, shape, world_from_object):
             message = f"A {kind.__name__.lower()} with a singular matrix is left out"
             self._warnings.append(("singular-transform", shape.path, message))
-        for name, _, width, values in self._inputs.primvars(shape.primvars):
-            self._builder.add_curved_primvar(name, width, values)
+        for name, kind_of, width, values in self._inputs.primvars(shape.primvars):
+            self._builder.add_curved_primvar(name, kind_of, width, values)
         if light is not None:
             self._builder.set_light_of_shape(light, world_from_object)
 
@@ -221,6 +226,21 @@ class ShapeUpload:
 def add_sphere(builder: Any, sphere: Sphere, world_from_object: Doubles) -> bool:
     """Whether it is there, or need not be."""
     return bool(builder.add_sphere(sphere.radius, sphere.surface, world_from_object)) or sphere.radius == 0
+
+
+def add_curves(core: Any, builder: Any, curves: Curves, holes: Flags, world_from_object: Doubles) -> None:
+    surfaces = np.atleast_1d(np.asarray(curves.surface, np.int32))
+    made = filled(
+        core.CurvesInput(),
+        points=np.ascontiguousarray(curves.controls, np.float32),
+        segments=np.ascontiguousarray(curves.segments, np.int32),
+        surfaces=np.where((surfaces >= 0) & holes[surfaces], np.int32(-1), surfaces),
+        closed=curves.closed,
+        joined=curves.joined,
+    )
+    if (motion := curves.motion) is not None:
+        filled(made, times=handed_over(motion.times), step_points=np.ascontiguousarray(motion.points, np.float32))
+    builder.add_curves(made, world_from_object)
 
 
 # What hands a shape to the core that is not made of triangles, by its kind.

@@ -9,7 +9,7 @@ from ..aov_names import AovRequest
 from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
-from .geometry import DisplacedMesh, Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
+from .geometry import Curves, DisplacedMesh, Interpolation, Mesh, Primvar, Ribbons, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
 from .hair import Hair
@@ -24,6 +24,7 @@ __all__ = [
     "AovRequest",
     "Camera",
     "CameraMotion",
+    "Curves",
     "DisplacedMesh",
     "Doubles",
     "Exposure",
@@ -58,6 +59,7 @@ __all__ = [
     "PrimvarInput",
     "Projection",
     "Prototype",
+    "Ribbons",
     "SceneDescription",
     "Shadow",
     "Shape",

@@ -1,4 +1,4 @@
-"""The seam's shapes: triangles, subdivision cages, spheres, and the primvars on them. Part of description.py."""
+"""The seam's shapes: triangles, subdivision cages, spheres, curves, and the primvars on them. Part of description.py."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Interpolation(Enum):
     """What each row of a primvar's values belongs to."""
 
     CONSTANT = "constant"  # the whole shape: one row
-    FACE = "face"  # a triangle of a Mesh, a face of a SubdivisionMesh
-    POINT = "point"
-    CORNER = "corner"  # of a triangle (3T rows) or of a face
+    FACE = "face"  # a triangle of a Mesh, a face of a SubdivisionMesh, a curve of Curves
+    POINT = "point"  # of Curves: a control point
+    CORNER = "corner"  # of a triangle (3T rows) or of a face; of Curves an end of a segment: n + 1 rows a curve
     VARYING = "varying"  # SubdivisionMesh only: a point, interpolated linearly over each face
     INSTANCE = "instance"  # Placement only
 
@@ -127,10 +127,60 @@ class Sphere:
         return np.full(3, -reach), np.full(3, reach)
 
 
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Tubes along cubic Bezier curves: discs across the tangent, whose radius is a cubic likewise, with discs at their ends.
+
+    A curve of n segments has 3 n + 1 control points, one after the other. Radii go with a similarity; any other matrix makes
+    tubes elliptic (refine/stretched_curves.py).
+    """
+
+    path: str
+    controls: Floats  # (N, 4): x, y, z and radius, which is not negative
+    segments: Ints  # (C,) of each curve, at least 1
+    surface: int | Ints  # index into SceneDescription.surfaces, or one for each segment of all, -1 for those not drawn
+    closed: bool = False  # the last control point of each curve is its first
+    joined: bool = True  # segments may meet at angles: part of a ball fills the gap
+    primvars: tuple[Primvar, ...] = ()
+    light: Light | None = None
+    link_row: int = 0
+    motion: PointMotion | None = None  # of the control points, (S + 1, N, 4)
+
+    def box(self) -> tuple[Doubles, Doubles]:
+        """Of the control points' balls, which holds the tubes."""
+        return _box_of_balls(self.controls)
+
+
+@dataclass(frozen=True, eq=False)
+class Ribbons:
+    """Flat curves, diced into a Mesh before rendering (refine/ribbons.py): from each point of a curve, laid out as Curves, half
+    the width to both sides, across the tangent and the interpolated normal."""
+
+    path: str
+    controls: Floats  # (N, 4): x, y, z and half the width, which is not negative
+    normals: Floats  # (N, 3) control values, of any length
+    segments: Ints  # (C,) of each curve, at least 1
+    surface: int | Ints  # index into SceneDescription.surfaces, or one for each segment of all, -1 for those not drawn
+    primvars: tuple[Primvar, ...] = ()
+    light: Light | None = None
+    link_row: int = 0
+    motion: PointMotion | None = None  # of controls and normals side by side, (S + 1, N, 7)
+
+    def box(self) -> tuple[Doubles, Doubles]:
+        """Of the control points' balls."""
+        return _box_of_balls(self.controls)
+
+
 def _used(points: Floats, indices: Ints) -> Floats:
     is_used = np.zeros(len(points), bool)
     is_used[indices] = True
     return points if is_used.all() else points[is_used]
+
+
+def _box_of_balls(balls: Floats) -> tuple[Doubles, Doubles]:
+    """Of (N, 4): centres and radii."""
+    centres, radii = balls[:, :3].astype(np.float64), balls[:, 3:]
+    return (centres - radii).min(axis=0), (centres + radii).max(axis=0)
 
 
 def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
@@ -138,4 +188,4 @@ def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
     return low.astype(np.float64), high.astype(np.float64)
 
 
-Shape = Mesh | SubdivisionMesh | DisplacedMesh | Sphere
+Shape = Mesh | SubdivisionMesh | DisplacedMesh | Sphere | Curves | Ribbons

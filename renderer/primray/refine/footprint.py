@@ -23,11 +23,14 @@ from ..description import (
     Placement,
     Projection,
     Prototype,
+    Ribbons,
     SceneDescription,
     SubdivisionMesh,
 )
 from ..description.placement import compose
 from .camera_poses import Pose, Window, camera_poses, widened
+
+Diced = SubdivisionMesh | Ribbons
 
 # Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
 OUTSIDE = 4.0
@@ -90,9 +93,9 @@ def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
     return scale, window
 
 
-def footprints(description: SceneDescription) -> dict[int, Footprint]:
-    """Of every cage, by its index in `shapes`."""
-    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
+def footprints(description: SceneDescription, kind: type[Diced] = SubdivisionMesh) -> dict[int, Footprint]:
+    """Of every cage, or ribbon, by its index in `shapes`."""
+    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, kind)}
     if not cages:
         return {}
     exposure = description.exposure
@@ -164,7 +167,7 @@ def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[
     return lambda: (compose(nearest, rows) for rows in _stands(inner))
 
 
-def _footprint(cage: SubdivisionMesh, seen: Sequence[_Seen], camera: Projected) -> Footprint:
+def _footprint(cage: Diced, seen: Sequence[_Seen], camera: Projected) -> Footprint:
     """The placements that give a unit of the cage most pixels become views, as many for each pose of the camera."""
     center, radius = _bounding_sphere(cage)
     found, rest = [], 0.0
@@ -197,7 +200,10 @@ def _chunks(seen: Sequence[_Seen], pose: Pose) -> Iterator[Doubles]:
             yield made[np.isfinite(made).all(axis=(1, 2))]
 
 
-def _bounding_sphere(cage: SubdivisionMesh) -> tuple[Doubles, float]:
+def _bounding_sphere(cage: Diced) -> tuple[Doubles, float]:
+    if isinstance(cage, Ribbons):
+        low, high = cage.box()
+        return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     if len(cage.face_points) == 0:
         return np.zeros(3), 0.0
     steps = cage.points[None] if cage.motion is None else cage.motion.points

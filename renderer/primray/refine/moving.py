@@ -1,6 +1,6 @@
-"""Meshes whose vertices move, by their times: the core moves those of one group by one clock, and the world's by an even one.
+"""Shapes whose vertices move, by their times: the core moves those of one group by one clock, and the world's by an even one.
 
-In the world the clock of most points stays; meshes of others become prototypes that stand once. In a prototype all take the
+In the world the clock of most points stays; shapes of others become prototypes that stand once. In a prototype all take the
 times of all: points between two times lie on the line, so nothing is changed by more of them. Beyond MOST_SEGMENTS, as many as
 Embree takes, the path is given at even times.
 """
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles
-from ..description import MatrixInstances, Mesh, Placed, Placement, PointMotion, Prototype, SceneDescription, Shape
+from ..description import Curves, MatrixInstances, Mesh, Placed, Placement, PointMotion, Prototype, SceneDescription, Shape
 from ..description.instance_names import texts
 from ..description.motion import is_uniform, segment_of
 from ..description.placement import IDENTITY
@@ -33,7 +33,7 @@ def by_clock(d: SceneDescription, shapes: list[Shape], warnings: Warnings) -> Sc
         return d
     for k, shape in enumerate(shapes):
         if _moves(shape) and len(_times(shape)) > len(FEWER):
-            assert isinstance(shape, Mesh)
+            assert isinstance(shape, Mesh | Curves)
             assert shape.motion is not None
             shapes[k] = replace(shape, motion=at_times(shape.motion, FEWER))
             warnings.append(
@@ -47,11 +47,11 @@ def by_clock(d: SceneDescription, shapes: list[Shape], warnings: Warnings) -> Sc
 
 
 def _moves(shape: Shape) -> bool:
-    return isinstance(shape, Mesh) and shape.motion is not None
+    return isinstance(shape, Mesh | Curves) and shape.motion is not None
 
 
 def _times(shape: Shape) -> Times:
-    assert isinstance(shape, Mesh)
+    assert isinstance(shape, Mesh | Curves)
     assert shape.motion is not None
     return tuple(shape.motion.times.tolist())
 
@@ -60,7 +60,7 @@ def _with_even_world(d: SceneDescription, shapes: Sequence[Shape]) -> SceneDescr
     points: dict[Times, int] = {}
     for placed in d.static:
         if _moves(shape := shapes[placed.shape]):
-            points[_times(shape)] = points.get(_times(shape), 0) + len(shape.points)  # type: ignore[union-attr]
+            points[_times(shape)] = points.get(_times(shape), 0) + len(shape.motion.points[0])  # type: ignore[union-attr]
     staying = max((times for times in points if is_uniform(times)), key=lambda times: points[times], default=())
     if set(points) <= {staying}:
         return d
@@ -93,7 +93,7 @@ def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape], warnings
     replaced: dict[int, int] = {}
     for p in moving:
         shape = shapes[p.shape]
-        if p.shape not in replaced and isinstance(shape, Mesh) and shape.motion is not None:
+        if p.shape not in replaced and isinstance(shape, Mesh | Curves) and shape.motion is not None:
             replaced[p.shape] = len(shapes)
             shapes.append(replace(shape, motion=at_times(shape.motion, times)))
     return tuple(replace(p, shape=replaced.get(p.shape, p.shape)) for p in placed)

@@ -25,6 +25,7 @@ from .adapters.lights.light import light
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
 from .adapters.rendering.render_var import aovs_of_variables
+from .adapters.shapes.curves import basis_curves_of
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
@@ -74,6 +75,7 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Capsule": tessellated,
     "Capsule_1": tessellated,
     "Plane": tessellated,
+    "BasisCurves": basis_curves_of,
 }
 SHAPES |= DRAW_MODES  # in place of prims of any type
 SHAPES[POINT] = point_sphere

@@ -20,9 +20,9 @@ def rows(*found: tuple[str, str, str, str]) -> list[dict[str, str]]:
 
 
 def test_what_many_have_in_common_is_said_once() -> None:
-    many = rows(*(("unsupported-prim", f"/hair_{k}", "BasisCurves is not rendered.", "") for k in range(5000)))
+    many = rows(*(("unsupported-prim", f"/hair_{k}", "GenerativeProcedural is not rendered.", "") for k in range(5000)))
     assert diagnostics_lines(many) == [
-        "error: unsupported-prim (missing): BasisCurves is not rendered. (5,000 times)",
+        "error: unsupported-prim (missing): GenerativeProcedural is not rendered. (5,000 times)",
         "    /hair_0, /hair_1, /hair_2 and 4,997 more",
     ]
     assert diagnostics_lines(many, verbose=True)[1].count("/hair_") == 5000
@@ -102,7 +102,7 @@ def DomeLight "sky"
 
 @pytest.fixture
 def stage(tmp_path: Path) -> str:
-    curves = "".join(f'def BasisCurves "hair_{k}"\n{{\n}}\n' for k in range(50))
+    curves = "".join(f'def GenerativeProcedural "hair_{k}"\n{{\n}}\n' for k in range(50))
     (tmp_path / "many.usda").write_text(STAGE + curves)
     return str(tmp_path / "many.usda")
 
@@ -113,7 +113,7 @@ def test_inspect_tells_a_person(stage: str, capsys: pytest.CaptureFixture[str]) 
     [fidelity] = [line for line in out if line.startswith("fidelity")]
     assert fidelity.split(maxsplit=1)[1] == "50 missing, 1 ignored, 1 defaulted"
     assert out[out.index(fidelity) + 1 :] == [
-        "error: unsupported-prim (missing): BasisCurves is not rendered. (50 times)",
+        "error: unsupported-prim (missing): GenerativeProcedural is not rendered. (50 times)",
         "    /hair_0, /hair_1, /hair_2 and 47 more",
         "warning: api-schema (ignored): FancyAPI is not known: what it means to the picture is ignored.",
         "    /ball",

@@ -16,7 +16,7 @@ from .foreign_names import note_light_inputs
 from .read import read
 from .resolve import ResolvedPrim, is_drawn
 
-_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves NurbsPatch Volume ParticleField
+_GEOMETRY = """NurbsCurves HermiteCurves NurbsPatch Volume ParticleField
     ParticleField3DGaussianSplat GenerativeProcedural"""
 UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
@@ -24,6 +24,7 @@ UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
 _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
 _TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight"}
+_UNLIT = frozenset({"Points", "BasisCurves", "HermiteCurves", "NurbsCurves"})
 _DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"})
 # Inputs that any light has, of which a portal only guides another's samples.
 _UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "inputs:normalize",
@@ -147,14 +148,14 @@ def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
 
 
 def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:
-    """Shapes become lights; what is not rendered as a surface does not."""
-    if kind == "shape":
+    """Shapes become lights; what is not rendered as a surface does not, nor do curves, whose area nobody asks for."""
+    if kind == "shape" and prim.type_name not in _UNLIT:
         ctx.kept.of(LightShapes).add(prim.path)
         if schema == "VolumeLightAPI":
             message = "VolumeLightAPI on a surface: it gives light as with MeshLightAPI."
             ctx.warn("light-input", prim.path, message)
     elif kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS | {"PortalLight"}:
-        kept = "its shape is rendered unlit" if prim.type_name == "Points" else "its light is missing"
+        kept = "its shape is rendered unlit" if prim.type_name in _UNLIT else "its light is missing"
         ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name or 'prim'} a light: {kept}.")
 
 

@@ -46,15 +46,17 @@ class AuthoredPrimvar:
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many values each interpolation needs on one mesh."""
+    """How many values each interpolation needs on one mesh, or on curves, which count as faces."""
 
     faces: int
     points: int
     corners: int
+    ends: int | None = None  # 'varying', where it is not the same as 'vertex'
 
     def of(self, interpolation: str) -> int:
-        return {"constant": 1, "uniform": self.faces, "vertex": self.points, "varying": self.points}.get(
-            interpolation, self.corners
+        varying = self.points if self.ends is None else self.ends
+        return {"constant": 1, "uniform": self.faces, "vertex": self.points, "varying": varying}.get(
+            interpolation, self.corners if self.ends is None else varying
         )
 
 

@@ -30,7 +30,7 @@ def Xform "world" (
     def Shader "texture" {
         asset inputs:file = @tex/missing.png@
     }
-    def BasisCurves "hair" {
+    def GenerativeProcedural "hair" {
     }
     variantSet "look" = {
         "red" {

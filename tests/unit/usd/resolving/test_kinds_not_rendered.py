@@ -15,10 +15,8 @@ from primray.usd.resolving.applied_schemas import IGNORED, UNDERSTOOD
 
 from ..usd_text import stage_of
 
-CURVES = ("Curves.curveVertexCounts", "Curves.widths")
-# type -> rows of the table; those of the base classes are proved on one of its kinds
+# type -> rows of the table
 NOT_RENDERED = {
-    "BasisCurves": (*CURVES, "BasisCurves.type", "BasisCurves.basis", "BasisCurves.wrap"),
     "NurbsCurves": ("NurbsCurves.order", "NurbsCurves.knots", "NurbsCurves.ranges", "NurbsCurves.pointWeights"),
     "HermiteCurves": ("HermiteCurves.tangents",),
     "NurbsPatch": tuple(

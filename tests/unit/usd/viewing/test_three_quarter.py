@@ -7,7 +7,7 @@ import pytest
 from pxr import Usd, UsdGeom, Vt
 
 from primray.arrays import Doubles
-from primray.description import Camera, Placed, SceneDescription, Sphere
+from primray.description import Camera, Mesh, Placed, SceneDescription, SubdivisionMesh
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.viewing import drawn as drawn_module
@@ -48,7 +48,7 @@ def pixels_of(description: SceneDescription, paths: list[str] | None = None) -> 
     found = []
     for placed in description.static:
         shape = description.shapes[placed.shape]
-        if isinstance(shape, Sphere) or (paths is not None and shape.path not in paths):
+        if not isinstance(shape, Mesh | SubdivisionMesh) or (paths is not None and shape.path not in paths):
             continue
         world = shape.points @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]
         found.append(description.camera.project(world, (width, height)) / (width, height))
@@ -233,7 +233,7 @@ def test_points_that_no_face_has_do_not_count() -> None:
     mesh = mesh.replace("[0, 1, 2, 3]", "[1, 2, 3, 4]")
     description = translate_text(mesh)[0]
     shape = description.shapes[0]
-    assert not isinstance(shape, Sphere)
+    assert isinstance(shape, Mesh | SubdivisionMesh)
     width, height = description.resolution
     assert_fits(description.camera.project(shape.drawn_points(), (width, height)) / (width, height))
 

@@ -1,0 +1,79 @@
+"""UsdGeomBasisCurves: segments by type, basis and wrap, as the schema's text has them ("Segment Indexing").
+
+The text's check of linear curves ("> 2", "> 3") contradicts its own example, [2 3 2 5] and [3 7]: two vertices are enough, and
+three of a periodic curve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ...arrays import Doubles
+from ..shapes.primvars import Sizes
+from .curve_set import EVENLY, CurveSet, Ints, ends_of, run_lengths
+
+Mask = npt.NDArray[np.bool_]
+
+BEZIER, BSPLINE, CATMULL_ROM = "bezier", "bspline", "catmullRom"
+# Control points of a segment, by basis, from its four vertices.
+TO_BEZIER: dict[str, Doubles] = {
+    BEZIER: np.eye(4),
+    BSPLINE: np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6,
+    CATMULL_ROM: np.array([[0, 6, 0, 0], [-1, 6, 1, 0], [0, 1, 6, -1], [0, 0, 6, 0]]) / 6,
+}
+
+
+def basis_curves(counts: Ints, points: int, good: Mask, kind: str, basis: str, wrap: str) -> CurveSet:
+    """Of curves of so many vertices each, of `points` in all. Those that are not `good`, or whose vertices are too few or too
+    many for whole segments, are not drawn."""
+    step = 3 if kind == "cubic" and basis == BEZIER else 1
+    pinned = wrap == "pinned" and kind == "cubic" and basis != BEZIER
+    closed = wrap == "periodic"
+    counts = counts.astype(np.int64)
+    starts = np.cumsum(counts) - counts
+    authored, fits = _segments(counts, kind == "linear", step, pinned=pinned, closed=closed)
+    there = starts + counts <= points
+    drawn = np.flatnonzero(fits & there & good)
+    segments = authored[drawn]
+    sizes = Sizes(len(counts), points, int(authored.sum()), int((authored + (0 if closed else 1)).sum()))
+    ends = ends_of(segments, authored, drawn, closed=closed)
+    run, within = run_lengths(segments)
+    per_segment = 2 if kind == "linear" else 4
+    local = within[:, None] * step + np.arange(per_segment)
+    count, start = counts[drawn][run, None], starts[drawn][run, None]
+    phantoms = None
+    if closed:
+        corners = start + local % count
+    elif pinned:
+        local = local - 1
+        number = run[:, None]
+        before, beyond = points + number, points + len(drawn) + number
+        corners = np.where(local < 0, before, np.where(local >= count, beyond, start + local))
+        first, last = starts[drawn], starts[drawn] + counts[drawn] - 1
+        phantoms = (np.concatenate([first, last]), np.concatenate([first + 1, last - 1]))
+    else:
+        corners = start + local
+    is_linear = kind == "linear"
+    return CurveSet(
+        sizes,
+        drawn,
+        segments,
+        corners,
+        EVENLY if is_linear else TO_BEZIER[basis],
+        ends,
+        closed=closed,
+        joined=is_linear or basis == BEZIER,
+        pinned=phantoms,
+    )
+
+
+def _segments(counts: Ints, is_linear: bool, step: int, *, pinned: bool, closed: bool) -> tuple[Ints, Mask]:
+    """How many segments each has, and whether its vertices fit."""
+    if is_linear:
+        return np.maximum(counts - (0 if closed else 1), 0), counts >= (3 if closed else 2)
+    if closed:
+        return counts // step, (counts >= 3) & (counts % step == 0)
+    if pinned:
+        return np.maximum(counts - 1, 0), counts >= 2
+    return np.maximum((counts - 4) // step + 1, 0), (counts >= 4) & ((counts - 4) % step == 0)

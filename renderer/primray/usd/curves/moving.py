@@ -1,0 +1,56 @@
+"""Control points of curves over the shutter: the points' samples or velocities, and widths that change."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...arrays import Floats
+from ...description import PointMotion
+from ..moving.steps import fractions
+from ..paths.changes import bends, moves
+from ..paths.meshes import finite_points
+from ..paths.point_steps import point_steps
+from ..resolving.context import Context
+from ..resolving.resolve import ResolvedPrim
+from .authored import AuthoredCurves
+from .curve_set import CurveSet
+from .values import fitting, name_of_widths, radii_of, read_widths
+
+
+def with_normals(motion: PointMotion, normals: Floats) -> PointMotion:
+    """Of ribbons, whose normals stay as they are at the frame."""
+    steps = np.broadcast_to(normals, (len(motion.times), *normals.shape))
+    return PointMotion(motion.times, np.concatenate([motion.points, steps], axis=2))
+
+
+def moving_controls(
+    prim: ResolvedPrim, authored: AuthoredCurves, curves: CurveSet, controls: Floats, ctx: Context
+) -> PointMotion | None:
+    """None where they stand still, or only a still is made. `controls`: at the frame."""
+    if not ctx.timing.is_open:
+        return None
+    attribute = prim.prim.GetAttribute(name_of_widths(prim))
+    widens = bool(attribute) and ctx.timing.is_timed and moves(attribute, ctx.when, ctx.timing)
+    if authored.path is None and not widens:
+        return None
+    scale = prim.inherited.blur_scale
+
+    def at(fraction: float) -> Floats:
+        offset = scale * ctx.timing.offset(fraction)
+        then = controls.copy()
+        if authored.path is not None:
+            points = finite_points(authored.path.at(offset).astype(np.float32), authored.points)
+            then[:, :3] = curves.controls(points)
+        if widens:
+            widths = read_widths(prim, ctx.when.after(offset))
+            fits = None if widths is None else fitting(widths, curves)
+            found = None if fits is None else radii_of(fits, curves)
+            then[:, 3] = then[:, 3] if found is None else found
+        return then
+
+    bent = {*(authored.path.times if authored.path else ()), *(bends([attribute], ctx.when, ctx.timing) if widens else ())}
+    curved = authored.path is not None and authored.path.acceleration > 0
+    times = point_steps(
+        at, len(controls), fractions(tuple(sorted(bent)), ctx.timing.span, scale), prim.path, ctx, curved=curved
+    )
+    return None if times is None else PointMotion(np.array(times), np.stack([at(time) for time in times]))

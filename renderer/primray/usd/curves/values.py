@@ -1,0 +1,159 @@
+"""Widths and primvars of curves, by interpolation, at control points, ends of segments or curves."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+from pxr import UsdGeom
+
+from ...arrays import Floats
+from ...description import Interpolation, Surface
+from ...description import Primvar as SeamPrimvar
+from ..querying.guarded import element_size, metadatum
+from ..resolving.context import Context
+from ..resolving.read import When, array, as_columns, value
+from ..resolving.resolve import ResolvedPrim
+from ..shapes.authored_mesh import read_normals
+from ..shapes.primvars import Primvar, checked_vectors, note_clamped_color, read_authored
+from ..shapes.surface_primvars import read_primvars
+from .curve_set import CurveSet
+
+STORMS_WIDTH = 1.0  # where none is authored
+# Nobody means tubes of a unit by lines without widths, tool paths or guides: they are so thin that, where all of a prim's
+# curves fill a picture, they cover a pixel or two.
+THIN = 1 / 500
+DISPLAY_COLOR = "displayColor"
+
+
+def name_of_widths(prim: ResolvedPrim) -> str:
+    """primvars:widths is stronger than widths."""
+    return "primvars:widths" if "primvars:widths" in prim.names else "widths"
+
+
+def read_widths(prim: ResolvedPrim, when: When) -> Primvar | None:
+    """As authored, one column; None where there are none that could be read. Nothing is checked against the curves."""
+    name = name_of_widths(prim)
+    attribute = prim.prim.GetAttribute(name)
+    if not attribute or value(attribute, when) is None:
+        return None
+    if name == "widths":
+        values = array(value(attribute, when), 1, "f")
+        kind = metadatum(attribute, "interpolation")
+        return None if values is None else Primvar(values[:, None].astype(np.float32), str(kind or "vertex"))
+    authored = read_authored(attribute, when)
+    assert authored is not None
+    columns = as_columns(authored.values, element_size(UsdGeom.Primvar(attribute)))
+    indices = None if authored.indices is None else array(authored.indices, 1, "i")
+    if columns is None or columns.shape[1] != 1 or (authored.indices is not None and indices is None):
+        return None
+    if indices is not None and len(indices) and (indices.min() < 0 or indices.max() >= len(columns)):
+        return None
+    return Primvar(columns if indices is None else columns[indices], authored.interpolation)
+
+
+def radii_of(widths: Primvar, curves: CurveSet) -> Floats | None:
+    """(3 S + C,) at control points; None where they do not fit."""
+    at = at_controls(widths, curves)
+    if at is None:
+        return None
+    halves = np.nan_to_num(at[:, 0] * np.float32(0.5), nan=0.0, posinf=0.0, neginf=0.0)
+    return np.asarray(np.maximum(halves, np.float32(0)))
+
+
+def fitting(primvar: Primvar, curves: CurveSet) -> Primvar | None:
+    """With the interpolation that its number of values is of, its own before others; one value stands for all."""
+    count = len(primvar.values)
+    order = [primvar.interpolation, "constant", "vertex", "varying", "uniform"]
+    found = next((kind for kind in order if count and curves.sizes.of(kind) == count), None)
+    return None if found is None else replace(primvar, interpolation=found)
+
+
+def at_controls(primvar: Primvar, curves: CurveSet) -> Floats | None:
+    """(3 S + C, k) of values that are as many as their interpolation needs; None of others."""
+    values, kind = primvar.flat(), primvar.interpolation
+    if len(values) != curves.sizes.of(kind):
+        return None
+    if kind == "constant":
+        return np.repeat(values[:1], 3 * int(curves.segments.sum()) + len(curves.segments), axis=0)
+    if kind == "uniform":
+        return curves.per_control(values[curves.drawn])
+    return curves.controls(values) if kind == "vertex" else curves.controls_of_ends(values[curves.ends])
+
+
+def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) -> Floats:
+    """(3 S + C,) at control points, at the frame. What is authored and does not fit is told, and what is not authored."""
+    authored, name = read_widths(prim, ctx.when), name_of_widths(prim)
+    if authored is None or not len(authored.values):
+        width = _thin(points)
+        message = f"Without widths its curves are tubes of {width:.3g}, a {1 / THIN:g}th of what all of them span"
+        ctx.warn("curve-widths", prim.path, f"{message}, and no more than {STORMS_WIDTH:g}.", "widths")
+        return np.full(_controls(curves), width / 2, np.float32)
+    fits = fitting(authored, curves)
+    if fits is None:
+        usable = authored.values[np.isfinite(authored.values) & (authored.values > 0)]
+        width = float(usable.mean()) if len(usable) else 0.0
+        wanted = curves.sizes.of(authored.interpolation)
+        message = f"{name} ({authored.interpolation}) has {len(authored.values)} values where {wanted} are needed"
+        ctx.warn("curve-widths", prim.path, f"{message}: all curves have their mean, {width:.3g}.", name)
+        return np.full(_controls(curves), width / 2, np.float32)
+    if fits.interpolation != authored.interpolation and len(authored.values) != 1:
+        message = f"{name} ({authored.interpolation}) has as many values as {fits.interpolation} needs, and is read so."
+        ctx.warn("curve-widths", prim.path, message, name)
+    if not (np.isfinite(fits.values) & (fits.values >= 0)).all():
+        bad = int((~(np.isfinite(fits.values) & (fits.values >= 0))).sum())
+        ctx.warn("curve-widths", prim.path, f"{name} has {bad} values that are negative or not finite: they are 0.", name)
+        fits = replace(fits, values=np.maximum(np.nan_to_num(fits.values, posinf=0.0), 0.0))
+    found = radii_of(fits, curves)
+    assert found is not None
+    return found
+
+
+def _thin(points: Floats) -> float:
+    good = points[np.isfinite(points).all(axis=1)].astype(np.float64)
+    return min(STORMS_WIDTH, THIN * float(np.linalg.norm(np.ptp(good, axis=0)))) if len(good) else 0.0
+
+
+def _controls(curves: CurveSet) -> int:
+    return 3 * int(curves.segments.sum()) + len(curves.segments)
+
+
+def control_normals(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> Floats | None:
+    """(3 S + C, 3) of curves that are ribbons; None of tubes, noted where normals do not fit."""
+    authored = read_normals(prim, ctx.when)
+    found = None if authored is None else checked_vectors(authored, curves.sizes, prim.path, ctx)
+    return None if found is None else at_controls(found, curves)
+
+
+def curve_primvars(
+    prim: ResolvedPrim, surfaces: Collection[Surface], curves: CurveSet, ctx: Context
+) -> tuple[SeamPrimvar, ...]:
+    """What surfaces read of the curves, as the seam's Curves have it."""
+    if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
+        return ()
+    colored = replace(ctx, color_primvars=ctx.color_primvars | {f"primvars:{DISPLAY_COLOR}"})
+    found = read_primvars(prim, surfaces, curves.sizes, colored)
+    return tuple(_on_curves(name, _reflecting(name, primvar, prim, ctx), curves) for name, primvar in found)
+
+
+def _reflecting(name: str, primvar: Primvar, prim: ResolvedPrim, ctx: Context) -> Primvar:
+    """displayColor is in [0, 1]: what reflects adds no light."""
+    if name != DISPLAY_COLOR:
+        return primvar
+    inside = np.clip(primvar.values, 0.0, 1.0)
+    if (outside := int(np.count_nonzero((inside != primvar.values).any(axis=1)))) == 0:
+        return primvar
+    note_clamped_color(f"{outside} values of primvars:{DISPLAY_COLOR} are", prim, ctx)
+    return replace(primvar, values=inside)
+
+
+def _on_curves(name: str, primvar: Primvar, curves: CurveSet) -> SeamPrimvar:
+    values, kind = primvar.flat(), primvar.interpolation
+    if kind == "constant":
+        return SeamPrimvar(name, Interpolation.CONSTANT, values)
+    if kind == "uniform":
+        return SeamPrimvar(name, Interpolation.FACE, values[curves.drawn])
+    if kind == "vertex":
+        return SeamPrimvar(name, Interpolation.POINT, curves.controls(values))
+    return SeamPrimvar(name, Interpolation.CORNER, values[curves.ends])
