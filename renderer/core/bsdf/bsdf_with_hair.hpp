@@ -63,8 +63,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
   }
 };
 
-// Turns frames of hair in lanes `m` about their normals, until +x lies along the fibre; where nothing is a fibre, by `along`
-// being 0, they stay.
+// Turns frames of hair in lanes `m` about their normals, until +x lies along the fibre.
 template <int W>
 PRIMRAY_RARE void align_fibre(const SurfaceRows<W>& field, vbool<W> m, const vvec3<W>& along, Frame<vfloat<W>>& frame) {
   m &= (truncate(field(kFlags)) & vint<W>(kHair)) != vint<W>(0);

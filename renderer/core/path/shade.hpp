@@ -117,7 +117,7 @@ PRIMRAY_RARE void scatter_with_hair(Round& round, vbool<W> scatters, const PathL
                                     const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
                                     Frame<vfloat<W>> frame, vbool<W> front) {
   align_tangent(rows, scatters, frame);
-  align_fibre(rows, scatters, vvec3<W>(vfloat<W>(0.0f)), frame);
+  align_fibre(rows, scatters & it.on_curve, it.tangent, frame);
   const Crossing<W>* const none = nullptr;
   scatter_at<BsdfWithHair<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);
 }
@@ -204,7 +204,7 @@ PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> sc
     p.beta = select(m, p.beta * medium_of(scene, b.here).left_after(hits.t + inside.lead), p.beta);
   align_tangent(rows, scatters, frame);
   const bool hairy = !scene.surfaces.hair.empty();
-  if (hairy) align_fibre(rows, scatters, vvec3<W>(vfloat<W>(0.0f)), frame);
+  if (hairy) align_fibre(rows, scatters & it.on_curve, it.tangent, frame);
   const vbool<W> kinds[3] = {leaves, b.unseen, scatters & !b.unseen};
   for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
     if (kind == 0) return come_out(round, lanes, p, hits, it, inside);

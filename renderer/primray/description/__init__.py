@@ -10,9 +10,9 @@ from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
 from .geometry import Curves, DisplacedMesh, Interpolation, Mesh, Primvar, Ribbons, Shape, Sphere, SubdivisionMesh
+from .hair import Hair
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
-from .hair import Hair
 from .open_pbr import OpenPbr
 from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
@@ -30,6 +30,7 @@ __all__ = [
     "Exposure",
     "Floats",
     "Frame",
+    "Hair",
     "IesProfile",
     "Input",
     "Instances",

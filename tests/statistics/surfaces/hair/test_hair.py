@@ -1,4 +1,4 @@
-"""Fibres of hair: nothing is lost or won, sampling, density and value agree on all numbers of lanes, and the model's formulas."""
+"""Fibres of hair: nothing is lost or won, sampling, density and value agree on all numbers of lanes, values are the text's."""
 
 from __future__ import annotations
 
