@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.usd.shapes.ear_clip import ear_clip
+from primray.refine.ear_clip import ear_clip
 from primray.usd.shapes.triangulate import fan_of, flipped, triangulate
 
 

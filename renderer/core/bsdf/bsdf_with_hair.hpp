@@ -25,7 +25,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
                vbool<W> deep = vbool<W>(false))
       : Base(field, active, wo, front, beside, deep), is_hair(false) {
     is_hair = active & ((truncate(field(kFlags)) & vint<W>(kHair)) != vint<W>(0));
-    if (any(is_hair)) set_hair(field, active, wo);
+    if (any(is_hair)) set_hair(field, active, wo, front);
   }
 
   vbool<W> lets_through() const { return is_hair | Base::lets_through(); }
@@ -48,10 +48,14 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
   }
 
  private:
-  __attribute__((noinline)) void set_hair(const SurfaceRows<W>& field, vbool<W> active, const V& wo) {
+  __attribute__((noinline)) void set_hair(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front) {
     all_hair = !any(active & !is_hair);
     const vint<W> row = select(is_hair, truncate(field(kOpenPbrRow)), vint<W>(0));
     hair.emplace(HairRows<W>{field.hair, row * vint<W>(kHairFields)}, wo);
+    // What passes has been through the fibre already where it meets the far wall from within.
+    const vbool<W> within = is_hair & !front;
+    this->presence = select(within, 0.0f, this->presence);
+    this->any_presence |= any(within);
   }
   BsdfSample<W> sample_hair(const V& wo, F lobe, F u, F v) const {
     if (!this->any_presence) return hair->sample(lobe, u, v);
@@ -62,6 +66,14 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
     return Base::select_sample(gone, BsdfSample<W>{-wo, V(F(1.0f)), F(0.0f), all, all, all, V(F(0.0f))}, s);
   }
 };
+
+// What a straight shadow ray keeps when it crosses surfaces of such scenes.
+template <int W>
+PRIMRAY_INLINE vvec3<W> straight_through_hair(const SurfaceRows<W>& field, vbool<W> active, vbool<W> front,
+                                              const vvec3<W>& other) {
+  const vbool<W> is_hair = active & ((truncate(field(kFlags)) & vint<W>(kHair)) != vint<W>(0));
+  return select(is_hair, vvec3<W>(select(front, 1.0f - field(kPresence), 1.0f)), other);
+}
 
 // Turns frames of hair in lanes `m` about their normals, until +x lies along the fibre.
 template <int W>

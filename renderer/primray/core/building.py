@@ -6,6 +6,7 @@ from typing import Any
 
 from ..description import SceneDescription, Shape
 from ..refine import dice as dicing
+from ..refine.nurbs.description import with_patches_diced
 from ..refine.ribbons import dice_ribbons
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from .core_errors import raise_as_ours
@@ -28,7 +29,8 @@ def dice(
         displaced = displacements(module(), description, textures or {})
         chosen = dicing.dicing_of(settings)
         made, warnings = dicing.dice(module(), description, chosen, threads(settings), displaced)
-        return dice_ribbons(made, chosen.pixels), warnings
+        made, notes = with_patches_diced(dice_ribbons(made, chosen.pixels), chosen)
+        return made, [*warnings, *notes]
     except module().CoreError as error:
         raise_as_ours(error)
 

@@ -9,10 +9,22 @@ from ..aov_names import AovRequest
 from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
-from .geometry import Curves, DisplacedMesh, Interpolation, Mesh, Primvar, Ribbons, Shape, Sphere, SubdivisionMesh
+from .geometry import (
+    Curves,
+    DisplacedMesh,
+    Interpolation,
+    Mesh,
+    NurbsPatch,
+    Primvar,
+    Ribbons,
+    Shape,
+    Sphere,
+    SubdivisionMesh,
+)
 from .hair import Hair
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
+from .nurbs import Direction, TrimCurve
 from .open_pbr import OpenPbr
 from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
@@ -25,6 +37,7 @@ __all__ = [
     "Camera",
     "CameraMotion",
     "Curves",
+    "Direction",
     "DisplacedMesh",
     "Doubles",
     "Exposure",
@@ -45,6 +58,7 @@ __all__ = [
     "MotionSteps",
     "MovingInstances",
     "NodeOutput",
+    "NurbsPatch",
     "OpenPbr",
     "Operand",
     "Pattern",
@@ -70,5 +84,6 @@ __all__ = [
     "Surface",
     "TextureFile",
     "TextureInput",
+    "TrimCurve",
     "Wrap",
 ]

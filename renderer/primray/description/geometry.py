@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import Doubles, Floats, Ints
 from .lighting import Light
 from .motion import PointMotion
+from .nurbs import Direction, TrimLoop
 
 
 class Interpolation(Enum):
@@ -17,9 +18,9 @@ class Interpolation(Enum):
 
     CONSTANT = "constant"  # the whole shape: one row
     FACE = "face"  # a triangle of a Mesh, a face of a SubdivisionMesh, a curve of Curves
-    POINT = "point"  # of Curves: a control point
+    POINT = "point"  # of Curves and a NurbsPatch: a control point
     CORNER = "corner"  # of a triangle (3T rows) or of a face; of Curves an end of a segment: n + 1 rows a curve
-    VARYING = "varying"  # SubdivisionMesh only: a point, interpolated linearly over each face
+    VARYING = "varying"  # a point of a SubdivisionMesh, a crossing of a NurbsPatch's knots: linear over each face between
     INSTANCE = "instance"  # Placement only
 
 
@@ -111,6 +112,36 @@ class DisplacedMesh(SubdivisionMesh):
         return (points[None] + ways[:, None]).reshape(-1, 3)
 
 
+@dataclass(frozen=True, eq=False)
+class NurbsPatch:
+    """A rational B-spline surface, diced into a Mesh before rendering (refine/nurbs). Its normals point along dP/du x dP/dv.
+
+    Control points and values of POINT run along u first. The segments between knots [order - 1, count] have the values of
+    FACE, their crossings those of VARYING, likewise along u first.
+    """
+
+    path: str
+    points: Floats  # (N, 3) as authored, not multiplied by weights
+    weights: Doubles | None  # (N,) positive; None: all 1
+    u: Direction
+    v: Direction
+    surface: int
+    loops: tuple[TrimLoop, ...] = ()  # what they enclose is drawn: an odd number of them, or an even one if they are holes
+    colors: Primvar | None = None  # displayColor where it varies, as SubdivisionMesh has it
+    primvars: tuple[Primvar, ...] = ()
+    is_flipped: bool = False  # its normals point the other way: it is left-handed
+    light: Light | None = None
+    link_row: int = 0
+    motion: PointMotion | None = None  # of the control points
+
+    def box(self) -> tuple[Doubles, Doubles]:
+        """Of the control points, whose hull holds the surface."""
+        return _box_of(self.points)
+
+    def drawn_points(self) -> Floats:
+        return self.points
+
+
 @dataclass(frozen=True, slots=True)
 class Sphere:
     """An exact sphere about the object-space origin."""
@@ -188,4 +219,4 @@ def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
     return low.astype(np.float64), high.astype(np.float64)
 
 
-Shape = Mesh | SubdivisionMesh | DisplacedMesh | Sphere | Curves | Ribbons
+Shape = Mesh | SubdivisionMesh | DisplacedMesh | NurbsPatch | Sphere | Curves | Ribbons

@@ -1,6 +1,6 @@
 """Every SubdivisionMesh of a description becomes a Mesh on its limit surface, as fine as the camera asks.
 
-The refinement itself is the core's (core/subdivision/dice.hpp).
+The refinement itself is the core's (core/subdivision/dicing/dice.hpp).
 """
 
 from __future__ import annotations
@@ -13,9 +13,20 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..arrays import Floats, Ints
-from ..description import DisplacedMesh, Interpolation, Mesh, PointMotion, Primvar, SceneDescription, SubdivisionMesh
+from ..description import (
+    DisplacedMesh,
+    Interpolation,
+    Mesh,
+    NurbsPatch,
+    PointMotion,
+    Primvar,
+    SceneDescription,
+    SubdivisionMesh,
+)
 from ..settings import RenderSettings
 from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
+from .nurbs.grid import Fineness
+from .nurbs.patches import triangles_of
 
 # In the order of the core's enumerations (topology.hpp, face_varying.hpp).
 SCHEMES = ("catmullClark", "loop", "bilinear")
@@ -142,8 +153,10 @@ def _warnings(cage: SubdivisionMesh, made: dict[str, Any], dicing: Dicing) -> Wa
     return out
 
 
-def estimated_triangles(core: Any, cage: SubdivisionMesh, footprint: Footprint, pixels: float) -> int:
+def estimated_triangles(core: Any, cage: SubdivisionMesh | NurbsPatch, footprint: Footprint, pixels: float) -> int:
     """Triangles that dicing to edges of so many pixels makes, roughly."""
+    if isinstance(cage, NurbsPatch):
+        return triangles_of(cage, footprint, Fineness(pixels, FLATNESS, MAX_LEVEL))
     return int(core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels))))
 
 

@@ -19,6 +19,7 @@ from ..description import (
     DisplacedMesh,
     Frame,
     MovingInstances,
+    NurbsPatch,
     Placed,
     Placement,
     Projection,
@@ -30,7 +31,7 @@ from ..description import (
 from ..description.placement import compose
 from .camera_poses import Pose, Window, camera_poses, widened
 
-Diced = SubdivisionMesh | Ribbons
+Diced = SubdivisionMesh | Ribbons | NurbsPatch
 
 # Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
 OUTSIDE = 4.0
@@ -94,7 +95,7 @@ def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
 
 
 def footprints(description: SceneDescription, kind: type[Diced] = SubdivisionMesh) -> dict[int, Footprint]:
-    """Of every cage, or ribbon, by its index in `shapes`."""
+    """Of every cage, ribbon or patch, by its index in `shapes`."""
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, kind)}
     if not cages:
         return {}
@@ -204,10 +205,12 @@ def _bounding_sphere(cage: Diced) -> tuple[Doubles, float]:
     if isinstance(cage, Ribbons):
         low, high = cage.box()
         return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    if len(cage.face_points) == 0:
-        return np.zeros(3), 0.0
     steps = cage.points[None] if cage.motion is None else cage.motion.points
-    used = steps[:, np.unique(cage.face_points)].reshape(-1, 3).astype(np.float64)
+    if isinstance(cage, SubdivisionMesh):
+        if len(cage.face_points) == 0:
+            return np.zeros(3), 0.0
+        steps = steps[:, np.unique(cage.face_points)]
+    used = steps.reshape(-1, 3).astype(np.float64)
     low, high = used.min(axis=0), used.max(axis=0)
     reach = cage.reach if isinstance(cage, DisplacedMesh) else 0.0
     return (low + high) / 2, float(np.linalg.norm(high - low)) / 2 + reach

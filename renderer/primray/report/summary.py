@@ -10,7 +10,17 @@ from typing import Any, get_args
 import numpy as np
 
 from .. import core
-from ..description import DisplacedMesh, Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
+from ..description import (
+    DisplacedMesh,
+    Mesh,
+    NurbsPatch,
+    Placement,
+    SceneDescription,
+    Shape,
+    Sphere,
+    SubdivisionMesh,
+    TextureInput,
+)
 from ..description.pattern_reads import pattern_files
 from ..refine.dice import estimated_triangles
 from ..refine.footprint import Footprint, footprints
@@ -83,14 +93,14 @@ def summary(
 ) -> Summary:
     """Counts of a description, its cages as diced to edges of so many pixels, with such textures."""
     shapes = description.shapes
-    prints = footprints(description)
+    prints = footprints(description) | footprints(description, NurbsPatch)
     count = [_triangles(s, prints.get(k), dicing_rate) for k, s in enumerate(shapes)]
     seen = [0] * len(shapes)
     for placed in description.static:
         seen[placed.shape] += 1
     _count_instances(description, description.placements, 1, seen)
     is_sphere = [isinstance(s, Sphere) for s in shapes]
-    is_cage = [isinstance(s, SubdivisionMesh) for s in shapes]
+    is_cage = [isinstance(s, SubdivisionMesh | NurbsPatch) for s in shapes]
     instances, stored, placement_bytes = _instances(description)
     width, height = description.frame.size
     loading, kept = _image_bytes(images, width * height)
@@ -98,7 +108,7 @@ def summary(
         2 * _array_bytes(shapes)
         + max(sum(count) * TRIANGLE_BYTES, loading)  # hierarchies are built when the images are gone
         + kept
-        + sum(n * _diced_bytes(s) for n, s in zip(count, shapes, strict=True) if isinstance(s, SubdivisionMesh))
+        + sum(n * _diced_bytes(s) for n, s in zip(count, shapes, strict=True) if isinstance(s, SubdivisionMesh | NurbsPatch))
         + len(shapes) * SHAPE_BYTES
         + stored * INSTANCE_BYTES
         + placement_bytes
@@ -169,12 +179,12 @@ def counts(summed: Summary) -> dict[str, int]:
 
 
 def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) -> int:
-    if isinstance(shape, SubdivisionMesh) and footprint is not None:
+    if isinstance(shape, SubdivisionMesh | NurbsPatch) and footprint is not None:
         return estimated_triangles(core.module(), shape, footprint, dicing_rate)
     return len(shape.triangles) if isinstance(shape, Mesh) else 0
 
 
-def _diced_bytes(cage: SubdivisionMesh) -> int:
+def _diced_bytes(cage: SubdivisionMesh | NurbsPatch) -> int:
     """Of a triangle."""
     moved = DISPLACED_TRIANGLE_BYTES if isinstance(cage, DisplacedMesh) else 0
     return moved + DICED_TRIANGLE_BYTES + (0 if cage.motion is None else len(cage.motion.times) * DICED_MOMENT_BYTES)

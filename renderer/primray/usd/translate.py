@@ -29,6 +29,7 @@ from .adapters.shapes.curves import basis_curves_of
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
+from .adapters.shapes.nurbs_patch import nurbs_patch
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
 from .assembling.bounds import scene_bounds
@@ -67,6 +68,7 @@ from .walking.walk import walk
 SHAPES: dict[str, ShapeAdapter] = {
     "Mesh": mesh,
     "TetMesh": mesh,
+    "NurbsPatch": nurbs_patch,
     "Sphere": sphere,
     "Cube": tessellated,
     "Cone": tessellated,

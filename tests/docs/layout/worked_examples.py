@@ -181,8 +181,12 @@ EXAMPLES: dict[str, Example] = {
             Edit(f"{PRIMRAY}/usd/translate.py", "import POINT, point_sphere\n", "from .adapters.shapes.worked import ball\n"),
             Edit(f"{PRIMRAY}/usd/translate.py", '    "Sphere": sphere,\n', '    "Ball": ball,\n'),
             Edit(f"{PRIMRAY}/description/geometry.py", "    return low.astype(np.float64), high.astype(np.float64)\n", SHAPE),
-            Edit(f"{PRIMRAY}/description/geometry.py", "Shape = Mesh | SubdivisionMesh | DisplacedMesh | Sphere", " | Ball"),
-            Edit(f"{PRIMRAY}/description/__init__.py", "from .geometry import ", "Ball, "),
+            Edit(
+                f"{PRIMRAY}/description/geometry.py",
+                "Shape = Mesh | SubdivisionMesh | DisplacedMesh | NurbsPatch | Sphere",
+                " | Ball",
+            ),
+            Edit(f"{PRIMRAY}/description/__init__.py", "from .geometry import (\n", "    Ball,\n"),
             Edit(f"{PRIMRAY}/description/__init__.py", '    "AovRequest",\n', '    "Ball",\n'),
             Edit(f"{PRIMRAY}/core/shape_upload.py", "from ..description import ", "Ball, "),
             Edit(

@@ -185,7 +185,7 @@ def test_what_the_stage_does_not_say_is_told(look):
     page, running = look()
     until_finished(page)
     before = number(page)
-    (running.folder / "floor.usda").write_text('#usda 1.0\ndef NurbsPatch "patch" {}\n')
+    (running.folder / "floor.usda").write_text('#usda 1.0\ndef Volume "patch" {}\n')
     until_finished(page, before)
     assert "/patch" in page.locator(".diagnostics").inner_text()
 

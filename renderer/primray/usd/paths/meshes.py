@@ -37,10 +37,13 @@ class MeshPath:
 
 def mesh_path(prim: ResolvedPrim, authored: AuthoredMesh, ctx: Context) -> MeshPath | None:
     """None where it stands all the time as it does at the frame."""
+    return path_of_points(prim, ctx, has_normals=authored.normals is not None)
+
+
+def path_of_points(prim: ResolvedPrim, ctx: Context, *, has_normals: bool = False) -> MeshPath | None:
+    """Of any shape that has points."""
     points = point_path(prim, "points", ctx)
-    names = (
-        () if ctx.timing.is_frame or not ctx.timing.is_timed or authored.normals is None else ("normals", "primvars:normals")
-    )
+    names = ("normals", "primvars:normals") if has_normals and ctx.timing.is_timed and not ctx.timing.is_frame else ()
     attributes = [prim.prim.GetAttribute(name) for name in names if name in prim.names]
     turning = [attribute for attribute in attributes if moves(attribute, ctx.when, ctx.timing)]
     if points is None and not turning:
@@ -94,17 +97,21 @@ def moving_polygons(polygons: Polygons, authored: AuthoredMesh, path: MeshPath, 
 
 
 def moving_cage(cage: Cage, path: MeshPath, ctx: Context) -> Cage:
+    motion = moving_points(cage.points, path, ctx)
+    return cage if motion is None else replace(cage, motion=motion)
+
+
+def moving_points(frame: Floats, path: MeshPath, ctx: Context) -> PointMotion | None:
+    """Of points that stand so at the frame; None where they stand still while the shutter is open."""
     if not ctx.timing.is_open or path.points is None:
-        return cage
+        return None
     points = path.points
 
     def at(fraction: float) -> Floats:
-        return finite_points(points.at(path.blur_scale * ctx.timing.offset(fraction)).astype(np.float32), cage.points)
+        return finite_points(points.at(path.blur_scale * ctx.timing.offset(fraction)).astype(np.float32), frame)
 
-    times = _times(at, len(cage.points), path, ctx)
-    if times is None:
-        return cage
-    return replace(cage, motion=PointMotion(np.array(times), np.stack([at(time) for time in times])))
+    times = _times(at, len(frame), path, ctx)
+    return None if times is None else PointMotion(np.array(times), np.stack([at(time) for time in times]))
 
 
 def finite_points(points: Floats | None, frame: Floats) -> Floats:

@@ -5,9 +5,10 @@ What neither has is left out: then the instance's own may stand in (instance_pri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -71,9 +72,21 @@ def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Co
     )
 
 
-def read_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
-    """What surfaces read of a shape, by name, checked against its sizes; no more columns than are read."""
-    read = cache(lambda name: _own(prim, name, sizes, ctx) or _handed_down(prim, name))
+def read_primvars(
+    prim: ResolvedPrim,
+    surfaces: Iterable[Surface],
+    sizes: Sizes,
+    ctx: Context,
+    instead: Mapping[str, Primvar] = MappingProxyType({}),
+) -> list[tuple[str, Primvar]]:
+    """What surfaces read of a shape, by name, checked against its sizes; no more columns than are read. `instead`: of what
+    neither the shape nor an instance has."""
+
+    @cache
+    def read(name: str) -> Primvar | None:
+        found = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        return found if found is not None or name in prim.inherited.per_instance else instead.get(name)
+
     found = []
     for name, width in names_read(surfaces).items():
         primvar = read(name)

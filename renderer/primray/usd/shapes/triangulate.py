@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Ints
-from .ear_clip import ear_clip
+from ...refine.ear_clip import ear_clip
 from .vectors import cross
 
 Mask = npt.NDArray[np.bool_]

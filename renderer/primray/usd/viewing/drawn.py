@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Floats
-from ...description import Mesh, Placed, Placement, Prototype, Shape, Sphere, SubdivisionMesh
+from ...description import Mesh, NurbsPatch, Placed, Placement, Prototype, Shape, Sphere, SubdivisionMesh
 from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
 from .framing import MANY, prototype_box
 
@@ -134,18 +134,18 @@ class Drawn:
         return min(found, float(bounds[k]))
 
     def _box(self, shape: Shape) -> Box:
-        if not isinstance(shape, Mesh | SubdivisionMesh):
+        if not isinstance(shape, Mesh | SubdivisionMesh | NurbsPatch):
             return shape.box()
         points = self._drawn_points(shape)
         return points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
 
     def _shape_reach(self, shape: Shape, along: Doubles) -> float:
-        if isinstance(shape, Mesh | SubdivisionMesh):
+        if isinstance(shape, Mesh | SubdivisionMesh | NurbsPatch):
             points = self._drawn_points(shape)
             return max(float((points[k : k + ROWS].astype(np.float64) @ along).max()) for k in range(0, len(points), ROWS))
         return abs(shape.radius) * float(np.linalg.norm(along)) if type(shape) is Sphere else _box_reach(shape.box(), along)
 
-    def _drawn_points(self, shape: Mesh | SubdivisionMesh) -> Floats:
+    def _drawn_points(self, shape: Mesh | SubdivisionMesh | NurbsPatch) -> Floats:
         if id(shape) not in self._points:
             self._points[id(shape)] = shape.drawn_points()
         return self._points[id(shape)]

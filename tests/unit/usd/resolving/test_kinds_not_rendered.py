@@ -19,14 +19,6 @@ from ..usd_text import stage_of
 NOT_RENDERED = {
     "NurbsCurves": ("NurbsCurves.order", "NurbsCurves.knots", "NurbsCurves.ranges", "NurbsCurves.pointWeights"),
     "HermiteCurves": ("HermiteCurves.tangents",),
-    "NurbsPatch": tuple(
-        f"NurbsPatch.{name}"
-        for name in (
-            *("uVertexCount", "vVertexCount", "uOrder", "vOrder", "uKnots", "vKnots", "uForm", "vForm", "uRange", "vRange"),
-            "pointWeights",
-            *(f"trimCurve:{name}" for name in ("counts", "orders", "vertexCounts", "knots", "ranges", "points")),
-        )
-    ),
 }
 CASES = [
     pytest.param(kind, row.partition(".")[2], marks=pytest.mark.conforms(row, state="not rendered"), id=row)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Doubles, Ints
+from ..arrays import Doubles, Ints
 
 
 def ear_clip(polygon: Doubles) -> Ints:

@@ -1,0 +1,101 @@
+"""How fine a patch's grid is: intervals are halved while an edge across them covers too many pixels and they are not flat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Doubles
+from ..footprint import Footprint
+from .lines import Flags, Lines
+from .pixels import pixels
+from .surface import Control, grid_normals, points_of
+
+MOST_POINTS = 1 << 22  # of a patch that are looked at: a million cells or so
+STRAIGHT = float(np.cos(np.radians(1.0)))  # of normals of what is flat
+
+
+@dataclass(frozen=True)
+class Fineness:
+    pixels: float  # the longest that edges may be
+    flatness: float  # pixels that flat intervals may be off; 0: none are
+    levels: int  # times that an interval may be halved
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    u: Lines
+    v: Lines
+    per_u: float  # pixels that a unit of each parameter covers at most
+    per_v: float
+    is_limited: bool  # edges are longer than they should be
+
+
+def grid_of(controls: Sequence[Control], u: Lines, v: Lines, footprint: Footprint, fine: Fineness) -> Grid | None:
+    """`controls`: at each time. None where there would be too many points."""
+    for level in range(fine.levels + 1):
+        if 4 * len(u.at) * len(v.at) > MOST_POINTS:
+            return None
+        seen = [_Seen.of(control, u, v, footprint, fine) for control in controls]
+        long_u, long_v = (np.max(lengths, axis=0) for lengths in zip(*((s.u, s.v) for s in seen), strict=True))
+        bent_u, bent_v = (np.any(flags, axis=0) for flags in zip(*((s.bent_u, s.bent_v) for s in seen), strict=True))
+        split_u, split_v = (long_u > fine.pixels) & bent_u & u.is_drawn, (long_v > fine.pixels) & bent_v & v.is_drawn
+        is_done = not (split_u.any() or split_v.any())
+        if is_done or level == fine.levels:
+            return Grid(u, v, _rate(long_u, u), _rate(long_v, v), not is_done)
+        u, v = u.split(split_u), v.split(split_v)
+    return None
+
+
+def _rate(lengths: Doubles, lines: Lines) -> float:
+    steps = np.diff(lines.at)
+    drawn = lines.is_drawn
+    return float((lengths[drawn] / steps[drawn]).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Of each interval: how long edges across it are, and whether it is bent anywhere."""
+
+    u: Doubles
+    v: Doubles
+    bent_u: Flags
+    bent_v: Flags
+
+    @staticmethod
+    def of(control: Control, u: Lines, v: Lines, footprint: Footprint, fine: Fineness) -> _Seen:
+        """By a look at the grid and at what lies halfway, between its lines too."""
+        twice_u, twice_v = _doubled(u), _doubled(v)
+        found = control.grid(twice_u.bases(), twice_v.bases())
+        points = points_of(found[0])
+        long_u = pixels(footprint, points[:, :-1:2], points[:, 2::2]).max(axis=0)
+        long_v = pixels(footprint, points[:-1:2], points[2::2]).max(axis=1)
+        if fine.flatness == 0:
+            return _Seen(long_u, long_v, np.ones(len(long_u), bool), np.ones(len(long_v), bool))
+        normals = grid_normals(control, twice_u, twice_v, found)
+        across_u = _bends(points, normals, footprint, fine)
+        across_v = _bends(points.swapaxes(0, 1), normals.swapaxes(0, 1), footprint, fine)
+        middle, corners = points[1::2, 1::2], points[::2, ::2]
+        twist = np.maximum(
+            pixels(footprint, middle, (corners[:-1, :-1] + corners[1:, 1:]) / 2),
+            pixels(footprint, middle, (corners[1:, :-1] + corners[:-1, 1:]) / 2),
+        )
+        twisted = (twist > fine.flatness) & u.is_drawn & v.is_drawn[:, None]
+        return _Seen(long_u, long_v, across_u | twisted.any(axis=0), across_v | twisted.any(axis=1))
+
+
+def _doubled(lines: Lines) -> Lines:
+    """With a line in every interval, also where nothing is drawn."""
+    where = np.arange(len(lines.at) - 1)
+    return lines.with_lines(where, (lines.at[:-1] + lines.at[1:]) / 2)
+
+
+def _bends(points: Doubles, normals: Doubles, footprint: Footprint, fine: Fineness) -> Flags:
+    """(M - 1,) along the second axis, of which every other is a line."""
+    a, b, middle = points[:, :-1:2], points[:, 2::2], points[:, 1::2]
+    off = pixels(footprint, middle, (a + b) / 2) > fine.flatness
+    m, n = normals[:, 1::2], (normals[:, :-1:2], normals[:, 2::2])
+    turned = np.logical_or.reduce([(m * each).sum(axis=-1) < STRAIGHT for each in n])
+    return np.asarray((off | turned).any(axis=0))

@@ -1,0 +1,99 @@
+"""UsdGeomNurbsPatch to a NurbsPatch, which is diced as the camera sees it (refine/nurbs). Authored normals do not count.
+
+Primvars are laid out as RenderMan's NuPatch has them, which the schema follows: uniform ones have a value a segment of the
+knots, varying and faceVarying ones one a crossing of theirs, vertex ones one a control point. Texture coordinates `st` that
+nobody authored are the parameters, from 0 to 1 over what is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from ....description import Direction, Interpolation, NurbsPatch, Surface
+from ....description import Primvar as SeamPrimvar
+from ....refine.nurbs.patches import coarse_mesh
+from ...nurbs.patches import AuthoredPatch, read_patch
+from ...paths.meshes import moving_points, path_of_points
+from ...resolving.context import Context
+from ...resolving.resolve import ResolvedPrim
+from ...shapes.primvars import Primvar, Sizes, read_display_color
+from ...shapes.surface_primvars import TANGENT_ST, read_primvars
+from ..materials.surface import FALLBACK_COLOR, appearance_of, is_hidden, make_surface, undisplaced
+from .mesh import is_closed
+
+INTERPOLATIONS = {
+    "constant": Interpolation.CONSTANT,
+    "uniform": Interpolation.FACE,
+    "vertex": Interpolation.POINT,
+    "varying": Interpolation.VARYING,
+    "faceVarying": Interpolation.VARYING,
+}
+
+
+def nurbs_patch(prim: ResolvedPrim, ctx: Context) -> NurbsPatch | None:
+    authored = read_patch(prim, ctx)
+    appearance = appearance_of(prim, prim.material, ctx)
+    if authored is None or is_hidden(appearance):
+        return None
+    path = path_of_points(prim, ctx)
+    points = authored.points
+    if path is not None and path.points is not None:
+        points = path.points.at(path.here).astype(np.float32)
+    sizes = _sizes(authored)
+    color = read_display_color(sizes, prim, ctx) if appearance.varying_color else None
+    if color is not None and color.values.shape[1] != 3:
+        color = None
+    if appearance.varying_color and color is None:
+        appearance = replace(appearance, color=FALLBACK_COLOR)
+    made = NurbsPatch(
+        prim.path,
+        points,
+        authored.weights,
+        authored.u,
+        authored.v,
+        0,
+        authored.loops,
+        None if color is None else _at_seam("displayColor", color),
+        is_flipped=authored.is_left_handed,
+        motion=None if path is None else moving_points(points, path, ctx),
+    )
+    surface = undisplaced(make_surface(appearance, lambda: _is_closed(made), prim.path, ctx), prim.path, ctx)
+    return replace(made, surface=ctx.surfaces.index_of(surface), primvars=_primvars(prim, (surface,), authored, sizes, ctx))
+
+
+def _sizes(patch: AuthoredPatch) -> Sizes:
+    u, v = (d.count - d.order + 1 for d in (patch.u, patch.v))
+    crossings = (u + 1) * (v + 1)
+    return Sizes(u * v, patch.u.count * patch.v.count, crossings, ends=crossings)
+
+
+def _is_closed(patch: NurbsPatch) -> bool:
+    mesh = coarse_mesh(patch)
+    return not patch.loops and is_closed(mesh.points, mesh.triangles)
+
+
+def _primvars(
+    prim: ResolvedPrim, surfaces: Collection[Surface], patch: AuthoredPatch, sizes: Sizes, ctx: Context
+) -> tuple[SeamPrimvar, ...]:
+    if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
+        return ()
+    instead = {TANGENT_ST: _parameters(patch)}
+    return tuple(_at_seam(name, found) for name, found in read_primvars(prim, surfaces, sizes, ctx, instead))
+
+
+def _parameters(patch: AuthoredPatch) -> Primvar:
+    """At the crossings of the knots; beyond the range less than 0 and more than 1."""
+    s, t = (_shares(direction) for direction in (patch.u, patch.v))
+    st = np.stack(np.broadcast_arrays(s[None, :], t[:, None]), axis=2)
+    return Primvar(st.reshape(-1, 2).astype(np.float32), "varying")
+
+
+def _shares(d: Direction) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return np.asarray((d.knots[d.order - 1 : d.count + 1] - d.low) / (d.high - d.low))
+
+
+def _at_seam(name: str, primvar: Primvar) -> SeamPrimvar:
+    return SeamPrimvar(name, INTERPOLATIONS.get(primvar.interpolation, Interpolation.VARYING), primvar.flat())
