@@ -6,7 +6,8 @@ the colour to 1. plastic: a diffuse base under GGX with the Fresnel term of an i
 has it. glass: a smooth dielectric. glow: the colour is the radiance it emits, it reflects nothing; meshes of it are closed or
 have something black behind them, as renderers differ in what backs emit. ember: the same, in USD by the surface's material
 where a glow is a light of its own. layered: metal, dielectric and glass under a smooth coat and fuzz, all of an index of 1.5,
-as OpenPBR, Cycles' Principled and Mitsuba's principled have them; subsurface: a random walk. rect, disc, tube and ball: the
+as OpenPBR, Cycles' Principled and Mitsuba's principled have them; subsurface: a random walk. hair: Chiang et
+al. 2016, both roughnesses alike, scales that are not tilted. rect, disc, tube and ball: the
 radiance they emit; the rect, and the disc inscribed in it, to one side (u x v); the tube, along u, from its lateral area, with
 something black at its ends. sun: without extent, its irradiance. sky: a latitude-longitude image (shapes.sky).
 """
@@ -18,6 +19,7 @@ from functools import partial
 
 import numpy as np
 
+from .grooms import groom
 from .moving_scenes import flag, pan, spin, swarm
 from .scene import Camera, Lamp, Look, Placed, Rgb, Scene
 from .shapes import Triangles, ball, block, bumps, cylinder, rectangle, sky, terrain, tube
@@ -306,6 +308,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "plastics": plastics,
     "shelf": shelf,
     "flesh": flesh,
+    "groom": groom,
     "signs": signs,
     "studio": studio,
     "spin": spin,

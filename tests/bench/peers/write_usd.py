@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from .scene import Lamp, Layered, Look, Rgb, Scene
+from .scene import Lamp, Layered, Look, Rgb, Scene, Strands
 from .shapes import Triangles, look_at, perpendicular
 from .usd_motion import write_motion
 
@@ -25,7 +25,9 @@ def write_usd(scene: Scene, path: Path) -> None:
         UsdGeom.Xform.Define(stage, scope)
     stage.SetDefaultPrim(stage.GetPrimAtPath("/world"))
     for name, look in scene.looks.items():
-        if isinstance(look, Layered):
+        if look.kind == "hair":
+            _hair(stage, f"/world/looks/{name}", look)
+        elif isinstance(look, Layered):
             _open_pbr(stage, f"/world/looks/{name}", look)
         elif look.kind in ("metal", "plastic", "glass", "ember"):
             _material(stage, f"/world/looks/{name}", look)
@@ -33,6 +35,8 @@ def write_usd(scene: Scene, path: Path) -> None:
         _mesh(stage, f"/world/geometry/{mesh}", scene.meshes[mesh], bound, scene.looks[bound])
     if scene.placed is not None:
         _instancer(stage, scene)
+    if scene.strands is not None:
+        _strands(stage, scene.strands)
     for k, lamp in enumerate(scene.lamps):
         _light(stage, f"/world/lights/light_{k}", lamp)
     _camera(stage, scene)
@@ -107,6 +111,36 @@ def _mesh(stage: Usd.Stage, path: str, shape: Triangles, name: str, look: Look) 
     else:
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(UsdShade.Material.Get(stage, f"/world/looks/{name}"))
     return mesh
+
+
+def _hair(stage: Usd.Stage, path: str, look: Look) -> None:
+    material = UsdShade.Material.Define(stage, path)
+    shaders = {name: UsdShade.Shader.Define(stage, f"{path}/{name}") for name in ("surface", "hair", "widths")}
+    surface, hair, widths = shaders.values()
+    (
+        surface.CreateIdAttr("ND_surface"),
+        hair.CreateIdAttr("ND_chiang_hair_bsdf"),
+        widths.CreateIdAttr("ND_chiang_hair_roughness"),
+    )
+    surface.CreateInput("bsdf", Types.Token).ConnectToSource(hair.ConnectableAPI(), "out")
+    for name in ("longitudinal", "azimuthal"):
+        widths.CreateInput(name, Types.Float).Set(look.roughness)
+    for lobe in ("R", "TT", "TRT"):
+        hair.CreateInput(f"roughness_{lobe}", Types.Float2).ConnectToSource(widths.ConnectableAPI(), f"roughness_{lobe}")
+    hair.CreateInput("absorption_coefficient", Types.Vector3f).Set(Gf.Vec3f(*look.color))
+    hair.CreateInput("ior", Types.Float).Set(look.ior)
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+
+
+def _strands(stage: Usd.Stage, strands: Strands) -> None:
+    curves = UsdGeom.BasisCurves.Define(stage, "/world/geometry/strands")
+    count, length = strands.points.shape[:2]
+    curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(strands.points.reshape(-1, 3).astype(np.float32)))
+    curves.CreateCurveVertexCountsAttr(Vt.IntArray(count, length))
+    curves.CreateBasisAttr("bspline")
+    curves.CreateWidthsAttr([2 * strands.radius])
+    curves.SetWidthsInterpolation("constant")
+    UsdShade.MaterialBindingAPI.Apply(curves.GetPrim()).Bind(UsdShade.Material.Get(stage, f"/world/looks/{strands.look}"))
 
 
 def _instancer(stage: Usd.Stage, scene: Scene) -> None:
