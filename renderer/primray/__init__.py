@@ -18,7 +18,7 @@ from .errors import PrimrayError
 from .keeping.frames import render_frames
 from .lens.diffusion import Diffusion
 from .render import render
-from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings
+from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings, StopAt
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ __all__ = [
     "RenderWarning",
     "Scene",
     "StereoImage",
+    "StopAt",
     "Verdict",
     "__version__",
     "compare",

@@ -24,6 +24,7 @@ class AovKind:
 
 
 XYZ, RGB, UV, XY = ("X", "Y", "Z"), ("R", "G", "B"), ("U", "V"), ("X", "Y")
+NAMING_INSTANCES = frozenset({"instance", "crypto_object", "crypto_asset"})
 VECTORS = frozenset({"motion_forward", "motion_backward"})
 
 AOVS: dict[str, AovKind] = {
@@ -46,9 +47,23 @@ AOVS: dict[str, AovKind] = {
     "material": AovKind(("",), "number of the bound material; 0 where there is none", unsigned=True),
     "samples": AovKind(("",), "samples that the pixel took", unsigned=True),
 }
+
+
+@dataclass(frozen=True)
+class CryptomatteKind:
+    layer: str  # in a file
+    meaning: str
+
+
+CRYPTOMATTES: dict[str, CryptomatteKind] = {
+    "crypto_object": CryptomatteKind("CryptoObject", "Cryptomatte by prim, instance by instance"),
+    "crypto_material": CryptomatteKind("CryptoMaterial", "Cryptomatte by bound material"),
+    "crypto_asset": CryptomatteKind("CryptoAsset", "Cryptomatte by asset: the instance, or the nearest model above a prim"),
+}
 # Always there, in the picture itself.
 IN_PICTURE = ("beauty", "alpha", "stderr")
 PRIMVAR = "primvar:"
+CRYPTOMATTE_BYTES = 128  # a pixel: of some four surfaces
 MOST_COMPONENTS = 4
 LONGEST_NAME = 256
 _PRIMVAR_NAME = re.compile(r"[^\s,\x00-\x1f]+")
@@ -66,8 +81,8 @@ class AovRequest:
 def check_names(names: Iterable[str]) -> None:
     """SettingsError for a name that means nothing."""
     for name in names:
-        if not isinstance(name, str) or not (name in AOVS or name in IN_PICTURE or _is_primvar(name)):
-            known = ", ".join((*AOVS, *IN_PICTURE))
+        if not isinstance(name, str) or not (name in AOVS or name in CRYPTOMATTES or name in IN_PICTURE or _is_primvar(name)):
+            known = ", ".join((*AOVS, *CRYPTOMATTES, *IN_PICTURE))
             sentence = f"there is no AOV {name!r}; there are {known} and primvar:NAME"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
 
@@ -99,6 +114,9 @@ def aov_bytes(requests: Iterable[AovRequest]) -> int:
     total = 0
     for request in requests:
         kind = AOVS.get(request.source)
+        if request.source in CRYPTOMATTES:
+            total += CRYPTOMATTE_BYTES
+            continue
         numbers = MOST_COMPONENTS if kind is None else len(kind.channels)
         total += numbers * (16 if kind is not None and kind.double else 8)
     return total

@@ -11,7 +11,7 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings
+from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings, StopAt
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -24,6 +24,7 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER
 # RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
 _MEMBERS = (
     ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
+    ("denoised picture", "settings.stop_at"),
     ("resolution", "settings.resolution"),
     ("pixels", "settings.resolution"),
     ("samples per pixel", "settings.stop.max_samples"),
@@ -137,7 +138,11 @@ def check_settings(settings: Settings, limits: Limits) -> None:
     for name, (value, why) in asked.items():
         if value:
             raise Problem("unsupported-setting", f"settings.{name}: {why}.", member=f"settings.{name}")
-    for member, path in (("render_settings", settings.render_settings), ("products", _product(settings))):
+    for member, path in (
+        ("render_settings", settings.render_settings),
+        ("render_pass", settings.render_pass),
+        ("products", _product(settings)),
+    ):
         if path is not None and not path.startswith("/"):
             raise invalid(f"settings.{member}", f"{path!r} is no prim's path, which begins with /")
     if settings.resolution is not None:
@@ -148,6 +153,7 @@ def check_settings(settings: Settings, limits: Limits) -> None:
         if width * height > limits.image_pixels:
             raise over_limit(member, f"{limits.image_pixels} pixels are allowed", limits.image_pixels)
     check_stop(settings.stop, limits, "settings.stop")
+    check_denoising(settings)
     try:
         render_settings(settings)
     except LimitError as error:
@@ -161,6 +167,14 @@ def check_parallel(request: JobRequest) -> None:
     if request.parallel is not None and request.settings.adaptive:
         why = "a frame that is rendered in several places has the same samples in each pixel; leave out adaptive, or parallel"
         raise Problem("parallel-adaptive", f"parallel: {why}.", member="parallel")
+    if request.parallel is not None and (request.settings.denoise or request.settings.stop_at == "denoised"):
+        why = "a denoised picture needs its whole frame in one place; leave out denoise, or parallel"
+        raise Problem("parallel-denoise", f"parallel: {why}.", member="parallel")
+
+
+def check_denoising(settings: Settings) -> None:
+    if settings.stop_at == "denoised" and settings.stop.target_error is None:
+        raise invalid("settings.stop_at", "a frame stops at an error of its denoised picture: name it by stop.target_error")
 
 
 def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
@@ -179,6 +193,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         camera=settings.camera,
         auto_camera=AutoCamera(settings.auto_camera),
         render_settings=settings.render_settings,
+        render_pass=settings.render_pass,
         product=_product(settings),
         resolution=settings.resolution,
         spp=stop.max_samples,
@@ -186,6 +201,8 @@ def render_settings(settings: Settings) -> RenderSettings:
         error_metric=Metric(stop.metric),
         time_limit_s=stop.max_seconds,
         adaptive=settings.adaptive,
+        denoise=settings.denoise,
+        stop_at=StopAt(settings.stop_at),
         max_depth=settings.max_depth,
         filter=Filter(settings.filter),
         filter_width=settings.filter_width,
@@ -247,6 +264,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name", "parallel")
 NEW_SETTINGS = (
+    "render_pass",
     "auto_camera",
     "default_wrap",
     "render_context",
@@ -256,6 +274,8 @@ NEW_SETTINGS = (
     *DIFFUSION,
     "eye",
     "lens_flaws",
+    "denoise",
+    "stop_at",
 )
 
 

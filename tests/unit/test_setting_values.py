@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from primray import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
+from primray import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings, StopAt
 from primray.description import Camera, Projection
 from primray.errors import PrimrayError, SettingsError
 from primray.report.report import settings_as_json
@@ -66,6 +66,7 @@ NONSENSE: dict[str, list[Any]] = {
     "camera": [3, [[1]], np.eye(3), np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)],
     "auto_camera": ["front", None, 1],
     "render_settings": [3],
+    "render_pass": [3],
     "product": [b"/p"],
     "resolution": [640, "640x360", (1, 2, 3), (0, 0), (1.5, 2), {"width": 3}],
     "resolution_scale": [0, -1.0, "half", None, float("nan")],
@@ -74,6 +75,8 @@ NONSENSE: dict[str, list[Any]] = {
     "target_error": ["small", 0, float("nan")],
     "error_metric": ["psnr", None],
     "time_limit_s": ["1 h", -1],
+    "denoise": ["yes", None],
+    "stop_at": ["noisy", None, 1],
     "adaptive": ["yes", 1],
     "sample_range": ["0:4", (1, 4), (0,)],
     "max_depth": [0, "deep"],
@@ -128,7 +131,14 @@ def test_type_checkers_have_the_same_fields() -> None:
 
 
 def test_choices_of_type_checkers_are_the_enums() -> None:
-    enums = {"filter": Filter, "error_metric": Metric, "default_wrap": DefaultWrap, "auto_camera": AutoCamera, "eye": Eye}
+    enums = {
+        "filter": Filter,
+        "error_metric": Metric,
+        "default_wrap": DefaultWrap,
+        "auto_camera": AutoCamera,
+        "eye": Eye,
+        "stop_at": StopAt,
+    }
     for name, kinds in enums.items():
         assert issubclass(kinds, Enum)
         text = str(SettingsValues.__annotations__[name].__forward_arg__)

@@ -19,6 +19,8 @@ void run(const Scene& scene, const PixelRect& r, FirstHitPlanes& planes) {
   FirstHitTask<W> task(scene, planes);
   if (planes.wants_points()) task.points(r);
   if (planes.wants_filtered()) task.filtered(r);
+  if (planes.wants_guides()) task.guides(r);
+  if (!planes.coverage.by_pixel.empty()) task.coverage(r);
 }
 
 using Run = void (*)(const Scene&, const PixelRect&, FirstHitPlanes&);

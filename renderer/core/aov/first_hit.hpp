@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "aov/coverage.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -32,10 +33,13 @@ struct FirstHitPlanes {
   std::vector<float> normal, geometric;  // unit length, world, on the side that is seen
   std::vector<float> forward, backward;  // pixels, right and down: to where the point is at the end of the span, the beginning
   std::vector<float> albedo, emission;   // filtered; R, G, B
+  // As a denoiser is guided: filtered, over the shutter's time too; `guide_normal` is the mean of unit normals.
+  std::vector<float> guide_albedo, guide_normal;
   std::vector<int32_t> shape;            // row of the MeshTable, -2 - n for row n of the CurvedTable, -1: nothing
   std::vector<int32_t> surface;          // -1: nothing
   std::vector<int32_t> instance, outer;  // row of Scene::world_from_group, and that of an outer instance; -1: none
   std::vector<PrimvarPlane> primvars;
+  CoveragePlanes coverage;
 
   bool wants_points() const {
     return !(depth.empty() && distance.empty() && position.empty() && camera_position.empty() && normal.empty() &&
@@ -43,6 +47,7 @@ struct FirstHitPlanes {
              primvars.empty());
   }
   bool wants_filtered() const { return !(albedo.empty() && emission.empty()); }
+  bool wants_guides() const { return !(guide_albedo.empty() && guide_normal.empty()); }
 };
 
 // Fills the pixels of the film's rows [first_row, end_row) on threads, W = `lanes` rays at a time; no bit depends on either.

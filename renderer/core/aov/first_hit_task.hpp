@@ -1,6 +1,8 @@
 // First hits of one tile of pixels, W rays at a time: see first_hit.hpp.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 
@@ -70,7 +72,7 @@ class FirstHitTask {
         if (any(there)) write(there, x, y, ray, hits, it);
         return hit & !there;
       };
-      follow(active & ray.exists(), ray, [](B, const V&) {}, std::ref(seen));
+      follow(active & ray.exists(), ray, time_, [](B, const V&) {}, std::ref(seen));
     }
   }
 
@@ -85,7 +87,85 @@ class FirstHitTask {
     return shown_emission(scene_, hit, hits, it, p, glow, presence);
   }
 
-  void filtered(const PixelRect& r) {
+  void filtered(const PixelRect& r) { means(r, false, planes_.albedo, planes_.emission); }
+
+  // By every sample that the film's tile has taken, and no others.
+  void coverage(const PixelRect& r) {
+    const CoveragePlanes& planes = planes_.coverage;
+    const size_t across = size_t(scene_.camera.pixels.width + kTile - 1) / kTile;
+    const size_t tile = size_t(r.y0 / kTile) * across + size_t(r.x0 / kTile), tiles = planes.end.size() / kReplicates;
+    const int pixels = (r.x1 - r.x0) * (r.y1 - r.y0);
+    for (uint32_t replicate = 0; replicate < uint32_t(kReplicates); ++replicate) {
+      const uint32_t first = planes.first[replicate * tiles + tile], end = planes.end[replicate * tiles + tile];
+      const int64_t slots = int64_t(pixels) * (end - first);
+      for (int64_t at = 0; at < slots; at += W) cover(r, replicate, first, end - first, at, slots);
+    }
+  }
+
+  // Over the lens, the filter and the time that the shutter is open: edges are as soft as the picture's.
+  void guides(const PixelRect& r) { means(r, true, planes_.guide_albedo, planes_.guide_normal); }
+
+ private:
+  using F = vfloat<W>;
+  using I = vint<W>;
+  using B = vbool<W>;
+  using V = vvec3<W>;
+
+  // The slots from `at` on, of `count` samples a pixel.
+  void cover(const PixelRect& r, uint32_t replicate, uint32_t first, uint32_t count, int64_t at, int64_t slots) {
+    const CoveragePlanes& planes = planes_.coverage;
+    const int width = r.x1 - r.x0;
+    alignas(64) int32_t x[W], y[W];
+    alignas(64) uint32_t index[W];
+    for (int i = 0; i < W; ++i) {
+      const int64_t slot = std::min(at + i, slots - 1);
+      const int pixel = int(slot / count);
+      x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = first + uint32_t(slot % count);
+    }
+    const I px = frame_x(x), py = frame_y(y);
+    const auto sampler = Sampler<W>::of(planes.seed, px, py, vuint<W>(replicate), load<W>(index), planes.screen_block);
+    const Pair<W> film = sampler.link(I(planes.first_link));
+    Pair<W> lens{F(0.5f), F(0.5f)};
+    if (scene_.camera.has_lens()) lens = sampler.pair(I(0), Purpose::kLens);
+    const F time = scene_.moves() ? shutter_time(sampler, px, py) : time_;
+    V weight(F(1.0f));
+    CameraRay<W> ray;
+    if (scene_.camera.flawed) {
+      const F channel = scene_.camera.flaws.is_chromatic ? sampler.single(I(0), kColorChannel) : F(0.0f);
+      ray = scene_.camera.template flawed_ray<W>(px, py, film, lens, time, channel, weight);
+    } else {
+      ray = scene_.camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
+    }
+    F left(1.0f);
+    const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+      const HitGroup<W> in(scene_, hit, hits);
+      const SurfacePoint<W> point(scene_, hit, hits);
+      const F presence = rows(kPresence), share = left * presence;
+      for (uint32_t b = bits(hit); b; b &= b - 1) {
+        const int i = __builtin_ctz(b);
+        const int64_t units = std::llround(double(share[i]) * double(Film::kCovered));
+        if (units == 0) continue;
+        const int32_t instance = in.instanced[i] ? in.instance[i] : -1, outer = in.grouped[i] ? in.outer[i] : -1;
+        const int32_t shape = point.is_triangle[i] ? it.mesh[i] : -2 - it.curved[i];
+        add_covering(planes_.coverage.by_pixel[pixel_of(x[i], y[i])], {shape, it.surface[i], instance, outer, units});
+      }
+      left = select(hit, left * (1.0f - presence), left);
+      return hit & (left > F(0.0f));
+    };
+    alignas(64) int32_t lane[W];
+    for (int i = 0; i < W; ++i) lane[i] = at + i < slots ? 1 : 0;
+    follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, [](B, const V&) {}, std::ref(seen));
+  }
+
+  F shutter_time(const Sampler<W>& sampler, I px, I py) const {
+    const MotionTable& motion = scene_.motion;
+    const F time = motion.opens + sampler.single(I(0), kShutterTime) * motion.length;
+    if (!motion.rolls) return time;
+    return min(max(time + to_float(px) * motion.per_column + to_float(py) * motion.per_row, 0.0f), F(1.0f));
+  }
+
+  // Means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
+  void means(const PixelRect& r, bool guide, std::vector<float>& first, std::vector<float>& second) {
     const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
     double sums[6] = {};
     for (int at = 0; at < slots; at += W) {
@@ -98,19 +178,26 @@ class FirstHitTask {
       const I px = frame_x(x), py = frame_y(y);
       const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(0u))};
       const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
-      const CameraRay<W> ray = at_frame_.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time_);
+      const F time = guide && scene_.moves() ? shutter_time(sampler, px, py) : time_;
+      const Camera& camera = guide ? scene_.camera : at_frame_;
+      const CameraRay<W> ray = camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
       V albedo(F(0.0f)), emission(F(0.0f));
       F left(1.0f);  // of the view that no layer has covered yet
-      const auto met = [&](B m, const V& light) { emission += select(m, light * left, V(F(0.0f))); };
+      const auto met = [&](B m, const V& light) {
+        if (!guide) emission += select(m, light * left, V(F(0.0f)));
+      };
       const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
         const F presence = rows(kPresence);
         const F share = left * presence;
         albedo += select(hit, normal_albedo(rows, it.color) * share, V(F(0.0f)));
-        if (scene_.has_emission) emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
+        if (guide)
+          emission += select(hit, it.ns * copysign(share, -dot(it.ng, ray.d)), V(F(0.0f)));
+        else if (scene_.has_emission)
+          emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
         left = select(hit, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, std::ref(met), std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(met), std::ref(seen));
       // In the order of the samples, so that the number of lanes does not show.
       for (int i = 0; i < W && at + i < slots; ++i) {
         const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};
@@ -118,19 +205,13 @@ class FirstHitTask {
         if (index[i] != kFilteredSamples - 1) continue;
         const size_t p = pixel_of(x[i], y[i]);
         for (int c = 0; c < 3; ++c) {
-          if (!planes_.albedo.empty()) planes_.albedo[3 * p + c] = float(sums[c] / kFilteredSamples);
-          if (!planes_.emission.empty()) planes_.emission[3 * p + c] = float(sums[3 + c] / kFilteredSamples);
+          if (!first.empty()) first[3 * p + c] = float(sums[c] / kFilteredSamples);
+          if (!second.empty()) second[3 * p + c] = float(sums[3 + c] / kFilteredSamples);
         }
         for (double& s : sums) s = 0;
       }
     }
   }
-
- private:
-  using F = vfloat<W>;
-  using I = vint<W>;
-  using B = vbool<W>;
-  using V = vvec3<W>;
 
   // Pixels are counted on the film, and by the camera on the frame that holds it.
   size_t pixel_of(int x, int y) const { return size_t(y) * scene_.camera.pixels.width + x; }
@@ -142,9 +223,9 @@ class FirstHitTask {
   // which halves a long compilation.
   using Light = std::function<void(B, const V&)>;
   using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&)>;
-  [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
+  [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, F time, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
-    p.ray = {from.o, from.d, from.tnear, from.tfar, time_};
+    p.ray = {from.o, from.d, from.tnear, from.tfar, time};
     p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f));
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
     p.cone_width = F(at_frame_.cone_width()), p.cone_spread = F(at_frame_.cone_spread());

@@ -2,6 +2,8 @@
 // out.
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
+
 #include "aov/first_hit.hpp"
 #include "base/error.hpp"
 #include "bindings/arrays.hpp"
@@ -31,6 +33,8 @@ void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars
     if (name == "motion_backward") p.backward.resize(2 * pixels);
     if (name == "albedo") p.albedo.resize(3 * pixels);
     if (name == "emission") p.emission.resize(3 * pixels);
+    if (name == "guide_albedo") p.guide_albedo.resize(3 * pixels);
+    if (name == "guide_normal") p.guide_normal.resize(3 * pixels);
     if (name == "prim") p.shape.resize(pixels);
     if (name == "material") p.surface.resize(pixels);
     if (name == "instance") p.instance.resize(pixels), p.outer.resize(scene.has_grouped ? pixels : 0);
@@ -45,6 +49,39 @@ void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars
   }
 }
 
+// `first` and `end`: (R, tiles), the film's samples; `first_link` as Round has it.
+void want_coverage(FirstHits& self, uint32_t seed, int screen_block, int first_link, const InArray<uint32_t>& first,
+                   const InArray<uint32_t>& end) {
+  CoveragePlanes& planes = self.planes.coverage;
+  const PixelWindow& pixels = self.scene.camera.pixels;
+  const size_t tiles = size_t((pixels.width + kTile - 1) / kTile) * size_t((pixels.height + kTile - 1) / kTile);
+  if (first.size() != kReplicates * tiles || end.size() != first.size())
+    throw Error("internal", "the samples are not those of a film of this size");
+  planes.seed = seed, planes.screen_block = screen_block, planes.first_link = first_link;
+  planes.first.assign(first.data(), first.data() + first.size());
+  planes.end.assign(end.data(), end.data() + end.size());
+  for (size_t i = 0; i < planes.end.size(); ++i) planes.first[i] = std::min(planes.first[i], planes.end[i]);
+  planes.by_pixel.resize(size_t(pixels.width) * pixels.height);
+}
+
+// How many surfaces cover each pixel (H, W); of all of them (N, 4) shape, surface, instance and outer instance, and shares (N).
+nb::tuple take_coverage(FirstHits& self) {
+  const auto& by_pixel = self.planes.coverage.by_pixel;
+  std::vector<uint32_t> counts;
+  std::vector<int32_t> what;
+  std::vector<int64_t> shares;
+  for (const std::vector<Covering>& covering : by_pixel) {
+    counts.push_back(uint32_t(covering.size()));
+    for (const Covering& c : covering) {
+      what.insert(what.end(), {c.shape, c.surface, c.instance, c.outer});
+      shares.push_back(c.share);
+    }
+  }
+  const size_t h = size_t(self.scene.camera.pixels.height), w = size_t(self.scene.camera.pixels.width), n = shares.size();
+  return nb::make_tuple(to_numpy(std::move(counts), {h, w}), to_numpy(std::move(what), {n, 4}),
+                        to_numpy(std::move(shares), {n}));
+}
+
 // The planes, which are gone afterwards.
 nb::dict take(FirstHits& self) {
   FirstHitPlanes& p = self.planes;
@@ -57,6 +94,7 @@ nb::dict take(FirstHits& self) {
   add("camera_position", p.camera_position, 3), add("normal", p.normal, 3), add("geometric_normal", p.geometric, 3);
   add("motion_forward", p.forward, 2), add("motion_backward", p.backward, 2);
   add("albedo", p.albedo, 3), add("emission", p.emission, 3);
+  add("guide_albedo", p.guide_albedo, 3), add("guide_normal", p.guide_normal, 3);
   add("prim", p.shape, 1), add("material", p.surface, 1), add("instance", p.instance, 1), add("outer", p.outer, 1);
   nb::list primvars;
   for (PrimvarPlane& v : p.primvars) primvars.append(to_numpy(std::move(v.values), {h, w, size_t(v.width)}));
@@ -76,6 +114,9 @@ void bind_first_hit(nb::module_& m) {
           },
           nb::arg("lanes"), nb::arg("threads"), nb::arg("first_row"), nb::arg("end_row"),
           nb::call_guard<nb::gil_scoped_release>())
+      .def("want_coverage", &want_coverage, nb::arg("seed"), nb::arg("screen_block"), nb::arg("first_link"), nb::arg("first"),
+           nb::arg("end"))
+      .def("take_coverage", &take_coverage)
       .def("take", &take);
 }
 

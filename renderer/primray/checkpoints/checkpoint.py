@@ -43,6 +43,7 @@ OF_SCENE = (
     "eye",
     "auto_camera",
     "render_settings",
+    "render_pass",
     "product",
     "time_code",
     "default_light",

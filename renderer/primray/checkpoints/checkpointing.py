@@ -87,6 +87,7 @@ class Checkpointing:
 
 def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, About]:
     """The sampling of a scene, from a checkpoint where one is given, and what its checkpoints are to say of it."""
+    from ..denoising.target import denoised_target
     from ..report.report import settings_as_json
     from ..sampling.sampling import Sampling
     from . import checkpoint
@@ -111,6 +112,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
     else:
         sampling = checkpoint.resume(prepared.scene, settings, about, held)
     sampling.schedule = replace(sampling.schedule, resumable=True)
+    sampling.judge_by = denoised_target(prepared.scene, settings)
     return sampling, replace(about, features=list(prepared.scene.features))
 
 

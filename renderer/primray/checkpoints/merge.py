@@ -93,6 +93,7 @@ def _diagnostics(sampling: Sampling, gathering: Gathering) -> list[dict[str, str
         spans = ", ".join(f"{a}:{b}" for a, b in missing)
         own.add("samples-missing", "", f"samples {spans} are in none of the parts")
     asked = sorted({name for part in held for name in part.about.aovs})
+    asked += ["denoised"] if any(part.about.settings.get("denoise") for part in held) else []
     if asked:
         own.add("aovs-not-merged", "", f"{', '.join(asked)} are not in the checkpoints that were merged")
     film = sampling.film

@@ -187,6 +187,17 @@ def _error_line(report: dict[str, Any]) -> str:
     low, high = found["ci95"]
     line = f"{metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g})"
     if target is not None:
+        what = "target" if report["settings"]["stop_at"] == "picture" else "target of the denoised picture"
         met = "reached" if report["stop"]["target_met"] else "NOT reached"
-        line += f", target {target:g} {met}"
-    return f"{line}; stopped by {report['stop']['reason']}"
+        line += f", {what} {target:g} {met}"
+    return f"{line}; stopped by {report['stop']['reason']}{_denoised_text(report.get('denoised'), metric)}"
+
+
+def _denoised_text(denoised: dict[str, Any] | None, metric: str) -> str:
+    if denoised is None:
+        return ""
+    found = (denoised["error"] or {}).get(metric)
+    if found is None:
+        return "\ndenoised: biased, its error is unknown"
+    low, high = found["ci95"]
+    return f"\ndenoised: {metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g}), biased"

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from ..settings import AutoCamera, DefaultWrap, Filter, Metric, RenderContext
+from ..settings import AutoCamera, DefaultWrap, Filter, Metric, RenderContext, StopAt
 from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
@@ -35,6 +35,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "outputs": (LIST, ("--output", "-o")),
     "camera": (str, ("--camera", "-c", "-cam")),
     "auto_camera": (AutoCamera, ("--auto-camera",)),
+    "render_pass": (str, ("--render-pass", "--renderPassPrimPath", "-rp")),
     "render_settings": (str, ("--render-settings", "--renderSettingsPrimPath", "-rs", "--settings", "-s")),
     "product": (LIST, ("--product", "--products")),
     "all_products": (FLAG, ("--all-products",)),
@@ -50,6 +51,8 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "target_error": (_number, ("--target-error",)),
     "error_metric": (Metric, ("--error-metric", "--metric")),
     "time_limit": (_number, ("--time-limit", "--max-seconds")),
+    "denoise": (FLAG, ("--denoise",)),
+    "stop_at": (StopAt, ("--stop-at",)),
     "sample_range": (str, ("--sample-range",)),
     "checkpoint": (str, ("--checkpoint",)),
     "checkpoint_every": (_number, ("--checkpoint-every",)),

@@ -20,6 +20,17 @@ Camera = Annotated[
 AutomaticCamera = Annotated[
     AutoCamera, typer.Option("--auto-camera", help="The view of a stage without cameras: a quarter from above, or usdrecord's.")
 ]
+RenderPassPrim = Annotated[
+    str | None,
+    typer.Option(
+        "--render-pass",
+        "--renderPassPrimPath",
+        "-rp",
+        metavar="PRIM",
+        help="Path of the RenderPass to render, or name in /Render.",
+        show_default="none",
+    ),
+]
 RenderSettingsPrim = Annotated[
     str | None,
     typer.Option(

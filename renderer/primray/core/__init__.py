@@ -6,7 +6,7 @@ looks at what is seen.
 
 from .building import build, dice
 from .film import TILE, Film, samples_of_replicates, uniform_ends
-from .first_hit_planes import first_hits
+from .first_hit_planes import FilmSamples, coverage, first_hits
 from .isa_class import DEFAULT_LANES, ISA_FLAGS, build_digest, isa, lanes, load, module, runnable_isas, versions
 from .limits import NO_DEPTH_LIMIT, max_depth, threads
 from .passes import Pass, Progress, Recording, choose_splits, render, render_pass
@@ -19,6 +19,7 @@ __all__ = [
     "TILE",
     "CoreScene",
     "Film",
+    "FilmSamples",
     "Pass",
     "Progress",
     "Recording",
@@ -26,6 +27,7 @@ __all__ = [
     "build",
     "build_digest",
     "choose_splits",
+    "coverage",
     "dice",
     "first_hits",
     "isa",

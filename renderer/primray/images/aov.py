@@ -34,6 +34,7 @@ class Aov:
     meaning: str
     stored: Stored = "float"  # what a file holds of it
     ids: Mapping[int, str] = field(default_factory=dict)  # what the numbers in `values` stand for
+    metadata: Mapping[str, str] = field(default_factory=dict)  # of a file's header, by names of its own
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values)

@@ -20,6 +20,7 @@ PICTURE_PART = "rgba"
 VIEW = "view"  # of a stereo pair
 # Of what a part says of its numbers: this many entries and this much text at most; the rest is counted.
 MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
+CRYPTOMATTE = "cryptomatte/"
 IDS, SOURCE, MEANING = "primray:ids", "primray:source", "primray:meaning"
 
 
@@ -46,6 +47,8 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
         part.attribute(MEANING, aov.meaning)
         if aov.ids:
             part.attribute(IDS, ids_text(aov.ids))
+        for key, value in aov.metadata.items():
+            part.attribute(key, value)
         if aov.source not in ("albedo", "emission"):
             part.attribute("oiio:ColorSpace", "data")
             part.attribute("colorInteropID", "data")
@@ -104,6 +107,6 @@ def _aov(spec: Any, values: Values) -> Aov:
     text = spec.get_string_attribute(IDS)
     ids = {int(number): path for number, path in json.loads(text).items() if number} if text else {}
     values = values if stored == "uint" else values.astype(np.float32)
-    return Aov(
-        values, tuple(spec.channelnames), spec.get_string_attribute(SOURCE), spec.get_string_attribute(MEANING), stored, ids
-    )
+    source, meaning = spec.get_string_attribute(SOURCE), spec.get_string_attribute(MEANING)
+    own = {a.name: str(a.value) for a in spec.extra_attribs if a.name.startswith(CRYPTOMATTE)}
+    return Aov(values, tuple(spec.channelnames), source, meaning, stored, ids, own)

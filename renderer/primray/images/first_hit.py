@@ -37,7 +37,7 @@ def aovs_of(
     found = core.first_hits(scene, list(planes), wanted, settings)
     found |= {f"primvar:{name}": values for name, values in zip(primvars, found["primvars"], strict=True)}
     made: dict[str, Aov] = {}
-    ids = _Ids(scene, record)
+    ids = Ids(scene, record)
     for request in requests:
         made[request.name] = _aov(request, found, camera, counts, scene.exposure_scale, ids)
     return made
@@ -49,7 +49,7 @@ def _aov(
     camera: Camera,
     counts: npt.NDArray[np.uint32],
     exposure_scale: float,
-    ids: _Ids,
+    ids: Ids,
 ) -> Aov:
     source = request.source
     primvar = primvar_of(source)
@@ -74,7 +74,7 @@ def _two(values: Values) -> Values:
     return values[..., :2]
 
 
-class _Ids:
+class Ids:
     """Numbers from 1 on in place of the core's own, paths in sorted order; and what each number that is seen stands for."""
 
     def __init__(self, scene: core.CoreScene, record: SceneRecord) -> None:

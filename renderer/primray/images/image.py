@@ -22,11 +22,11 @@ from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
-from .diffused_part import diffused_part
 from .exposure import View, exposure_that_serves, view_fault
 from .files.encoding import LINEAR_BITS, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
 from .output_path import check_folder, through_links
+from .pictures_beside import DENOISED, DIFFUSED, picture_beside
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
@@ -71,6 +71,7 @@ class Image:
     color_space: ColorSpace = REC709  # linear
     frame: Frame | None = None  # where the pixels lie; None: they are the whole
     aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
+    denoised: Image | None = None  # without errors of its own: a part of an EXR, and what is shown
     # As the camera's lens diffuses it, with the errors of that, where it does: a part of an EXR as well, and what is shown.
     diffused: Image | None = None
 
@@ -89,8 +90,9 @@ class Image:
         for name, aov in self.aovs.items():
             if aov.values.shape[:2] != pixels.shape[:2]:
                 raise ValueError(f"{name} of shape {aov.values.shape} does not go with pixels of shape {pixels.shape}")
-        if self.diffused is not None and self.diffused.resolution != self.resolution:
-            raise ValueError(f"a diffused picture of {self.diffused.resolution} does not go with one of {self.resolution}")
+        for what, made in (("diffused", self.diffused), ("denoised", self.denoised)):
+            if made is not None and made.resolution != self.resolution:
+                raise ValueError(f"a {what} picture of {made.resolution} does not go with one of {self.resolution}")
         if self.frame is not None and self.frame.size != self.resolution:
             raise ValueError(f"pixels of shape {pixels.shape} do not fill {self.frame}")
 
@@ -106,8 +108,8 @@ class Image:
 
     @property
     def shown(self) -> Image:
-        """What PNG, JPEG and notebooks show: the diffused picture, where there is one; else this."""
-        return self.diffused or self
+        """What views and notebooks show: the denoised picture or the diffused one, where there is one; else this."""
+        return self.denoised or self.diffused or self
 
     def save(
         self,
@@ -200,7 +202,7 @@ class Image:
             told.append(f"relmse {error['estimate']:.2g}")
         if self.aovs:
             told.append(f"aovs {' '.join(self.aovs)}")
-        told += [] if self.diffused is None else ["diffused"]
+        told += [name for name in ("denoised", "diffused") if getattr(self, name) is not None]
         severities = [d["severity"] for d in self.report.get("diagnostics", ())]
         for severity in ("error", "warning"):
             count = severities.count(severity)
@@ -312,8 +314,9 @@ def exr_parts(image: Image) -> Parts:
     """Specs and values of its picture, and of what stands beside that."""
     spec, values = _picture_part(image)
     beside = parts_of(spec, image.aovs)
-    if image.diffused is not None:
-        beside.append(diffused_part(spec, image.diffused.values, image.diffused.metadata, image.aovs))
+    for name, made in ((DENOISED, image.denoised), (DIFFUSED, image.diffused)):
+        if made is not None:
+            beside.append(picture_beside(name, spec, made.values, made.metadata, image.aovs))
     parts = [(spec, values), *beside]
     eye = image.metadata.get(EYE)
     if eye is not None:

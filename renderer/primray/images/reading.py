@@ -14,10 +14,10 @@ from ..errors import SettingsError
 from ..settings import Eye
 from .aov import Aov
 from .aov_parts import VIEW, read_aovs
-from .diffused_part import NAME as DIFFUSED
 from .image import CHANNELS, Image, chromaticities_of
 from .image_file import read_image as read_measured
 from .opened_picture import open_picture
+from .pictures_beside import DENOISED, DIFFUSED
 
 FLOATS = ("half", "float", "double")
 SAME = 1e-4  # files have floats, and some programs write few digits
@@ -50,13 +50,13 @@ def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"]
         errors=found.stderr,
         color_space=_space_of(found.chromaticities),
         frame=found.frame,
-        aovs={key: aov for key, aov in parts.items() if aov.source != DIFFUSED},
+        aovs={key: aov for key, aov in parts.items() if aov.source not in (DENOISED, DIFFUSED)},
     )
-    diffused = [_diffused(aov, image) for aov in parts.values() if aov.source == DIFFUSED]
-    return replace(image, diffused=diffused[0]) if diffused else image
+    made = {aov.source: _picture_of(aov, image) for aov in parts.values() if aov.source in (DENOISED, DIFFUSED)}
+    return replace(image, denoised=made.get(DENOISED), diffused=made.get(DIFFUSED))
 
 
-def _diffused(part: Aov, record: Image) -> Image:
+def _picture_of(part: Aov, record: Image) -> Image:
     pixels, errors = np.split(part.values, [len(CHANNELS)], axis=2)
     told = errors if errors.shape[2] else None
     return Image(pixels, errors=told, color_space=record.color_space, frame=record.frame)

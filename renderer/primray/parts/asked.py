@@ -15,6 +15,7 @@ def check(asked: RenderSettings) -> None:
     faults = {
         "adaptive": asked.adaptive is True and "parts have the same samples everywhere: no adaptive sampling with them",
         "sample_range": asked.sample_range is not None and "a frame of parts has all samples: no sample range with it",
+        "denoise": asked.denoises and "a denoised picture needs the whole frame and its scene: render it without parts",
         "spp": asked.is_quick_look and "a quick look of so few samples is not worth parts: render it without them",
     }
     for name, fault in faults.items():

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..report.report import Costs
     from ..report.summary import ImageSize
 
+DENOISING_PIXEL_BYTES = 1000  # what Open Image Denoise and the halves take, a little more than was measured
 FILM_PIXEL_BYTES = 126  # of the core's, which is not loaded yet where memory is checked; a test holds them equal
 
 
@@ -107,8 +108,12 @@ def _prepare(
         diagnostics.raise_if_strict()
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    name = usd.stage_name(stage)
-    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out, name)
+    assets: dict[str, str] = {}
+    if any(request.source == "crypto_asset" for request in description.aovs):
+        assert scene.record is not None
+        assets = usd.assets_of(stage, scene.record.shape_paths)
+    prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
+    return replace(prepared, assets=assets, stage=usd.stage_name(stage))
 
 
 def check_memory(
@@ -125,7 +130,7 @@ def check_memory(
     from ..report.summary import summary
 
     width, height = description.frame.size
-    pixel_bytes = film_copies * FILM_PIXEL_BYTES + aov_bytes(description.aovs)
+    pixel_bytes = film_copies * FILM_PIXEL_BYTES + aov_bytes(description.aovs) + settings.denoises * DENOISING_PIXEL_BYTES
     needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"

@@ -163,6 +163,7 @@ def render_opened(
     steps: Steps | None = None,
 ) -> Image:
     """One picture of a stage; `steps` as for `prepare`."""
+    from ..denoising.target import check_denoising, denoised_target
     from ..diagnostics import Diagnostics
     from ..sampling import pauses
     from ..sampling.sampling import Sampling
@@ -170,6 +171,7 @@ def render_opened(
     diagnostics = Diagnostics()
     if checkpointing is not None:
         checkpointing.check()
+    check_denoising(settings)
     fingerprinted = checkpointing is not None
     prepared = prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
     tell(diagnostics)  # before hours of sampling
@@ -179,6 +181,7 @@ def render_opened(
         savings = [taken.of(prepared) for taken in snapshots]
         if checkpointing is None:
             sampling = Sampling.begin(prepared.scene, prepared.settings)
+            sampling.judge_by = denoised_target(prepared.scene, prepared.settings)
             pauses.run(sampling, watched, savings)
         else:
             sampling, saved = checkpointing.run(prepared, list(diagnostics), watched, savings)
@@ -224,6 +227,8 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
     image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    if prepared.settings.denoises:
+        image = _denoised(image, prepared, sampling, costs)
     if camera.diffusion.strength == 0:
         return image
     from ..diffusing.diffuse import with_diffusion
@@ -232,14 +237,32 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
         return with_diffusion(image)
 
 
+def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:
+    """With the denoised picture beside it; what a target has denoised last is of all samples, and not done again."""
+    from ..denoising.denoised import Denoising, with_denoised
+    from ..denoising.target import DenoisedTarget
+
+    with costs.stage("denoise"):
+        judge = sampling.judge_by
+        if isinstance(judge, DenoisedTarget):
+            return with_denoised(image, judge.denoised(sampling))
+        return with_denoised(image, Denoising(prepared.scene, prepared.settings).of(sampling.film))
+
+
 def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:
     """The outputs beside the picture, by name."""
     if not prepared.aovs:
         return {}
+    from ..aov_names import CRYPTOMATTES
     from ..images.first_hit import aovs_of
+    from ..images.mattes.film_mattes import mattes_of
 
+    mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
+    plain = [request for request in prepared.aovs if request not in mattes]
     with costs.stage("aovs"):
-        return aovs_of(prepared.scene, prepared.aovs, prepared.camera, sampling.film.counts, prepared.settings)
+        found = aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}
+        found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
+        return {request.name: found[request.name] for request in prepared.aovs}
 
 
 def core_says(scene: CoreScene) -> dict[str, Any]:

@@ -27,4 +27,5 @@ class Prepared:
     lights: int = 0
     motion: dict[str, Any] | None = None  # what the report says of what moves
     left_out: dict[str, int] = field(default_factory=dict)  # where nothing is drawn: shapes by why, "" for unknown
+    assets: dict[str, str] = field(default_factory=dict)  # by prim, where Cryptomatte asks for them
     stage: str = ""  # the root layer's file name, without folders

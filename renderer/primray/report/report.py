@@ -89,6 +89,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["camera"] = _camera_as_json(settings)
     values["auto_camera"] = settings.auto_camera.value
     values["filter"] = settings.filter.value
+    values["stop_at"] = settings.stop_at.value
     values["error_metric"] = settings.error_metric.value
     values["default_wrap"] = settings.default_wrap.value
     values["render_context"] = settings.render_context.value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,12 @@ LOOK_PIXELS = 1 << 15  # of the first look
 # progress(fraction, samples, rays), some ten times a second; False stops the render.
 Progress = Callable[[float, int, int], bool | None]
 Ends = npt.NDArray[np.uint32]
+
+
+class Judge(Protocol):
+    """Says whether a render is good enough by another measure than the picture's error."""
+
+    def is_met(self, sampling: Sampling) -> bool: ...
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,7 @@ class Sampling:
     on_pass: Callable[[], None] | None = None  # told when a pass is complete
     stop: Stop | None = None
     most_fraction: float = 0.0
+    judge_by: Judge | None = None
 
     def __post_init__(self) -> None:
         self.curve = ErrorCurve(self.settings.error_metric)
@@ -97,6 +105,8 @@ class Sampling:
     def judge(self) -> Stop | None:
         """Where a pass has ended: measure what is due there, and say whether that is the end."""
         self._measure_at_boundary()
+        if self.judge_by is not None and self.schedule.is_judged(self.done) and self._is_met(self.judge_by):
+            return Stop("target-error", True)
         return self.schedule.stop(self.done, self._row_here(), self.seconds)
 
     def aim(self) -> None:
@@ -180,7 +190,15 @@ class Sampling:
             elif error is not None:
                 self.curve = self.curve.change_last(replace(here, error=error))
         if self.stop is not None:
-            self.stop = replace(self.stop, target_met=self.schedule.target_met(self._row_here()))
+            met = self.schedule.target_met(self._row_here())
+            self.stop = replace(self.stop, target_met=met if self.judge_by is None else self._is_met(self.judge_by))
+
+    def _is_met(self, judge: Judge) -> bool:
+        """Asked now; what that takes counts as sampling."""
+        start = time.perf_counter()
+        met = judge.is_met(self)
+        self.seconds += time.perf_counter() - start
+        return met
 
     def _add(self, error: FrameError | None, *, anchor: bool = False, due: bool = False) -> None:
         if error is not None:

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Any
 
-from ..settings import SAMPLE_BLOCK, RenderSettings
+from ..settings import SAMPLE_BLOCK, RenderSettings, StopAt
 from .error_curve import FEWEST, ErrorCurve, Row, fewest_samples
 
 if TYPE_CHECKING:
     from .adaptive import Plan
 
 FIRST_ANCHOR = FEWEST
+FIRST_LOOK = 4  # of a denoised picture: each half has two samples
 FIRST_PLAN = 16  # adaptive sampling begins here
 # A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
 SHARE_OF_TIME = 0.35
@@ -60,6 +61,11 @@ class Schedule:
     earlier_done: int = 0
 
     @property
+    def target_error(self) -> float | None:
+        """Of the picture itself; whether its denoised form is good enough, a `Judge` says."""
+        return self.settings.target_error if self.settings.stop_at is StopAt.PICTURE else None
+
+    @property
     def first(self) -> int:
         """The sample that a render begins with."""
         return self.settings.sample_range[0] if self.settings.sample_range else 0
@@ -71,7 +77,7 @@ class Schedule:
         if done == 0 or done != FIRST_ANCHOR << doublings:
             return False
         # Where no target can need them, every other one does for the curve.
-        needed = self.settings.target_error is not None or self.settings.adapts or self.resumable or self.pilot
+        needed = self.target_error is not None or self.settings.adapts or self.resumable or self.pilot
         return needed or doublings % 2 == 1
 
     def plans(self, done: int) -> bool:
@@ -80,7 +86,7 @@ class Schedule:
 
     def expected_end(self, curve: ErrorCurve, plan: Plan | None) -> int | None:
         """The first boundary at which the error should have fallen to the target, from the last measurements."""
-        target = self.settings.target_error
+        target = self.target_error
         samples = None if target is None else curve.expected_samples(target, plan)
         return None if samples is None else math.ceil(samples / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK
 
@@ -90,11 +96,15 @@ class Schedule:
             return Measurement.ANCHOR
         if self.first_look and done == SAMPLE_BLOCK:
             return Measurement.LOOK
-        if self.settings.target_error is None or done == 0:
+        if self.target_error is None or done == 0:
             return None
         if expected is not None and done >= expected:
             return Measurement.DUE
         return Measurement.AT_END if done >= self.settings.most_samples else None
+
+    def is_judged(self, done: int) -> bool:
+        """Whether a `Judge` is asked here: where any render of these samples would ask it."""
+        return done >= FIRST_LOOK and (done == _next_look(done - 1) or done >= self.settings.most_samples)
 
     def next_goal(self, done: int, expected: int | None, seconds: float) -> int:
         """The next pass's end, in samples a pixel: where a measurement is due, or before it where time is short."""
@@ -102,6 +112,8 @@ class Schedule:
         anchor = FIRST_ANCHOR
         while anchor <= done:
             anchor *= 2
+        if self.settings.stop_at is StopAt.DENOISED:
+            anchor = _next_look(done)
         goal = min(anchor, most)
         if self.first_look and done == 0:
             goal = min(SAMPLE_BLOCK, most)
@@ -123,7 +135,7 @@ class Schedule:
 
     def target_met(self, here: Row | None) -> bool | None:
         """Whether the error measured of all samples is known to be the target's or less; None: no error was asked for."""
-        target = self.settings.target_error
+        target = self.target_error
         if target is None:
             return None
         if here is None:
@@ -156,3 +168,9 @@ class Schedule:
         if self.settings.time_limit_s is not None:
             by.append(min((seconds - self.earlier_seconds) / self.settings.time_limit_s, 0.99))
         return max(by)
+
+
+def _next_look(done: int) -> int:
+    """Where a denoised picture is judged: at 4 samples a pixel, at powers of two and half-way between them."""
+    step = max((1 << max(done.bit_length() - 1, 0)) // 2, FIRST_LOOK)
+    return (done // step + 1) * step

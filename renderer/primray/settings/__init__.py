@@ -1,6 +1,6 @@
 """What a user asks of a render: the settings, what they may be, and how they are read. Names are imported from here."""
 
-from .choices import DEFAULT_FILTER_WIDTH, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
+from .choices import DEFAULT_FILTER_WIDTH, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
 from .from_json import settings_of_json
 from .limits import (
     DEFAULT_DICING_RATE,
@@ -39,6 +39,7 @@ __all__ = [
     "RenderContext",
     "RenderSettings",
     "SettingsValues",
+    "StopAt",
     "limit_pixels",
     "settings_of_json",
     "with_values",

@@ -29,6 +29,17 @@ class Metric(Enum):
     DISPLAY = "display"
 
 
+class StopAt(Enum):
+    """Whose error a target is of: the picture's, or its denoised form's.
+
+    >>> primray.RenderSettings(target_error=0.01, stop_at="denoised").denoises
+    True
+    """
+
+    PICTURE = "picture"
+    DENOISED = "denoised"
+
+
 class DefaultWrap(Enum):
     """What textures show outside of their image where neither the stage nor the file names a wrap (UsdUVTexture's are black).
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
 from .render_settings import RenderSettings
 
 
@@ -15,6 +15,7 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
+    chosen["stop_at"] = StopAt(values.get("stop_at", StopAt.PICTURE))
     chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
     chosen["render_context"] = RenderContext(values.get("render_context", RenderContext.MTLX))
     chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])

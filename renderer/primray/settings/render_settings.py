@@ -12,7 +12,7 @@ from ..camera_choice import Matrix
 from ..composition import Composition
 from ..errors import SettingsError
 from ..lens.diffusion import fault_of
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
 from .limits import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
@@ -60,6 +60,7 @@ class RenderSettings:
     # Where nothing of that is there. usdrecord: its first camera or its framing, whatever viewport the layer remembers.
     auto_camera: AutoCamera = AutoCamera.THREE_QUARTER
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
+    render_pass: str | None = None  # path of the RenderPass that changes the scene, and names the render settings
     product: str | None = None  # prim path of one of their RenderProducts; None: the first
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
     resolution_scale: float = 1.0  # of the resolution, whoever chose it
@@ -69,6 +70,8 @@ class RenderSettings:
     target_error: float | None = None
     error_metric: Metric = Metric.RELMSE
     time_limit_s: float | None = None
+    denoise: bool = False  # a denoised picture beside the record, with its error
+    stop_at: StopAt = StopAt.PICTURE  # whose error the target is of; a denoised picture's makes one
     adaptive: bool | None = None  # more samples where the error is; None: wherever an error is asked for
     sample_range: tuple[int, int] | None = None  # only these of each pixel's samples, to be merged with others
     max_depth: int | None = None  # surface scatterings, 1 = direct light only
@@ -136,14 +139,20 @@ class RenderSettings:
 
     @property
     def adapts(self) -> bool:
-        return self.target_error is not None and self.sample_range is None if self.adaptive is None else self.adaptive
+        if self.adaptive is not None:
+            return self.adaptive
+        return self.target_error is not None and self.sample_range is None and self.stop_at is StopAt.PICTURE
+
+    @property
+    def denoises(self) -> bool:
+        return self.denoise or self.stop_at is StopAt.DENOISED
 
     @property
     def composition(self) -> Composition:
         """What is given by its path is populated whatever the mask."""
         mask = self.mask
         if mask:
-            asked = (self.camera, self.render_settings, self.product)
+            asked = (self.camera, self.render_settings, self.render_pass, self.product)
             mask = (*mask, *(path for path in asked if isinstance(path, str) and path.startswith("/")))
         return Composition(self.variants, self.load, mask, self.session_layer)
 
@@ -207,6 +216,9 @@ class RenderSettings:
         require(usable, f"the target error must be above 0, not {target}", "target_error")
         usable = seconds is None or (math.isfinite(seconds) and seconds > 0)
         require(usable, f"the time limit must be above 0 seconds, not {seconds}", "time_limit_s")
+        if self.stop_at is StopAt.DENOISED:
+            known = self.error_metric is not Metric.DISPLAY
+            require(known, "the error of a denoised picture is known as relmse and rmse, not on a display", "stop_at")
         if self.sample_range is not None:
             self._check_range(*self.sample_range)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict
 
 from ..camera_choice import Matrix, camera_choice, lens_flaws
 from ..setting_values import Reader, choice, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
 
 if TYPE_CHECKING:
     from ..camera import Camera
@@ -31,6 +31,7 @@ class SettingsValues(TypedDict, total=False):
     camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
     auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]
     render_settings: str | None
+    render_pass: str | None
     product: str | None
     resolution: Iterable[int] | None
     resolution_scale: float
@@ -39,6 +40,8 @@ class SettingsValues(TypedDict, total=False):
     target_error: float | None
     error_metric: Metric | Literal["relmse", "rmse", "display"]
     time_limit_s: float | None
+    denoise: bool
+    stop_at: StopAt | Literal["picture", "denoised"]
     adaptive: bool | None
     sample_range: Iterable[int] | None
     max_depth: int | None
@@ -74,18 +77,19 @@ class SettingsValues(TypedDict, total=False):
 _WHOLE, _NUMBER, _TEXT, _TEXTS, _PAIR = (optional(read) for read in (whole, number, text, texts, pair))
 READERS: Mapping[str, Reader] = {
     "camera": optional(camera_choice),
-    **dict.fromkeys(("render_settings", "product", "rendering_color_space", "session_layer"), _TEXT),
+    **dict.fromkeys(("render_settings", "render_pass", "product", "rendering_color_space", "session_layer"), _TEXT),
     **dict.fromkeys(("resolution", "sample_range"), _PAIR),
     **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
-    **dict.fromkeys(("default_light", "strict", "motion_blur"), yes_or_no),
+    **dict.fromkeys(("default_light", "strict", "motion_blur", "denoise"), yes_or_no),
     **dict.fromkeys(DIFFUSION, _NUMBER),
     "eye": optional(choice(Eye)),
     "shutter": optional(two_numbers),
     "adaptive": optional(yes_or_no),
     "auto_camera": choice(AutoCamera),
     "error_metric": choice(Metric),
+    "stop_at": choice(StopAt),
     "filter": choice(Filter),
     "default_wrap": choice(DefaultWrap),
     "render_context": choice(RenderContext),

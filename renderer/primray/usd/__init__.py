@@ -8,6 +8,7 @@ column-vector.
 
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
+from .facts.assets import assets_of
 from .facts.dependencies import Dependencies, dependencies, files_to_watch, write_usdz
 from .facts.left_out import left_out
 from .facts.stage_facts import stage_facts
@@ -22,6 +23,7 @@ __all__ = [
     "Dependencies",
     "ProductSettings",
     "RenderVariable",
+    "assets_of",
     "camera_paths",
     "dependencies",
     "files_to_watch",

@@ -9,7 +9,7 @@ from functools import partial
 
 from pxr import Usd
 
-from ..aov_names import VECTORS, AovRequest, primvars_of, requests_of
+from ..aov_names import NAMING_INSTANCES, VECTORS, AovRequest, primvars_of, requests_of
 from ..description import (
     Camera,
     CameraMotion,
@@ -22,6 +22,7 @@ from ..garbage import without_collection
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.lights.light import light
+from .adapters.rendering.render_pass import with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
 from .adapters.rendering.render_var import aovs_of_variables
@@ -38,6 +39,7 @@ from .assembling.groups import add_group, add_grouped, shared_paths
 from .assembling.lights import add_default_light
 from .assembling.motion import note_errors, settle
 from .assembling.scene import Adapters, LightAdapter, Scene, ShapeAdapter
+from .lights.geometry_lights import with_geometry_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
@@ -49,6 +51,7 @@ from .querying.cameras import cameras_of
 from .querying.messages import scene_errors
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
+from .resolving.notes import LevelsMet
 from .resolving.read import When, when_of
 from .resolving.resolve import BlurScales, ResolvedPrim
 from .viewing.camera_path import camera_motion, nearest_to
@@ -59,6 +62,7 @@ from .viewing.shutter import shutter_of_vectors, timing_of
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Group, arrange, at_instant, merge_coincident
+from .walking.levels import with_levels_chosen
 from .walking.record import Record
 from .walking.skinning import are_drawn, posed
 from .walking.walk import walk
@@ -128,11 +132,37 @@ class Assembled:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
+    if settings.render_pass is not None:
+        stage = with_render_pass(stage, settings.render_pass, diagnostics)
+    found, when = find_by_type(stage, diagnostics, settings.render_pass), when_of(stage, settings.time_code)
+    if found.geometry_lights:
+        stage = with_geometry_lights(stage, found.geometry_lights, when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
     if are_drawn(stage, found.skeletons):
         stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())
-    begun = begin(found, context_of(stage, settings, found, when, diagnostics, names))
+    try:
+        return _described(stage, settings, found, when, diagnostics, names)
+    except LevelsMet:
+        ctx, product = context_of(stage, settings, found, when, Diagnostics(), {})
+        stage = with_levels_chosen(stage, select_camera(stage, ctx, product, found.cameras), when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
+        return _described(stage, settings, found, when, diagnostics, names, levels_chosen=True)
+
+
+def _described(
+    stage: Usd.Stage,
+    settings: RenderSettings,
+    found: Found,
+    when: When,
+    diagnostics: Diagnostics,
+    names: dict[str, str],
+    *,
+    levels_chosen: bool = False,
+) -> SceneDescription:
+    """LevelsMet where there are levels of detail to choose from."""
+    ctx, product = context_of(stage, settings, found, when, diagnostics, names)
+    begun = begin(found, (replace(ctx, levels_chosen=levels_chosen), product))
     return finish(begun, assemble(begun.ctx))
 
 
@@ -150,7 +180,7 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     asked = settings.aovs
     aovs = requests_of(asked) if asked is not None else aovs_of_variables(product.variables, ctx.diagnostics)
-    names_instances = any(request.source == "instance" for request in aovs)
+    names_instances = any(request.source in NAMING_INSTANCES for request in aovs)
     ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=names_instances)
     read, of_colors = primvars_read(found.shaders, ctx)
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}

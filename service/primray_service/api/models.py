@@ -44,6 +44,7 @@ class Settings(Sent):
     render_settings: str | None = Field(
         None, max_length=1024, description="Path of a RenderSettings prim; not given: the stage's own."
     )
+    render_pass: str | None = Field(None, max_length=1024, description="Path of the RenderPass prim to render; null: none.")
     products: list[Annotated[str, Field(max_length=256)]] = Field(
         default=["beauty"],
         min_length=1,
@@ -66,6 +67,12 @@ class Settings(Sent):
     default_light: bool = True
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."
+    )
+    denoise: bool = Field(
+        False, description="A denoised picture beside the record, with its error; previews of outputs show it."
+    )
+    stop_at: Literal["picture", "denoised"] = Field(
+        "picture", description="Whose error stop.target_error is of; a denoised picture's is measured as relmse or rmse."
     )
     render_context: Literal["mtlx", "universal"] = Field(
         "mtlx", description="Of a material that has both, the surface output that counts."

@@ -26,7 +26,7 @@ _EXITS = {
         (
             USAGE,
             "invalid-request invalid-json unsupported-media-type unsupported-setting view-unavailable webhook-address "
-            "parallel-adaptive idempotency-key-reused",
+            "parallel-adaptive parallel-denoise idempotency-key-reused",
         ),
         (
             LIMIT,

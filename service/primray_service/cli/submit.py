@@ -13,7 +13,16 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.json_lines import print_line
-from primray.settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderContext
+from primray.settings import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    AutoCamera,
+    DefaultWrap,
+    Filter,
+    Metric,
+    RenderContext,
+    StopAt,
+)
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
@@ -35,6 +44,7 @@ def submit(
     camera: stage_flags.Camera = None,
     auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
     render_settings: stage_flags.RenderSettingsPrim = None,
+    render_pass: stage_flags.RenderPassPrim = None,
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
     frames: stage_flags.Frames = None,
@@ -46,6 +56,8 @@ def submit(
     time_limit: render_flags.TimeLimit = None,
     spp: render_flags.Samples = None,
     seed: render_flags.Seed = 0,
+    denoise: render_flags.Denoise = False,
+    stop_at: render_flags.StopAtWhich = StopAt.PICTURE,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
     aovs: output_flags.Aovs = None,
@@ -109,11 +121,14 @@ def submit(
         "camera": option_values.camera_of(camera),
         "auto_camera": auto_camera.value if auto_camera is not AutoCamera.THREE_QUARTER else None,
         "render_settings": option_values.render_settings_of(render_settings),
+        "render_pass": option_values.render_settings_of(render_pass),
         "resolution": option_values.resolution_of(res, image_width),
         "frames": option_values.frames_of(frames, frame_count, frame_inc, default_time),
         "stop": given(stop),
         "seed": seed or None,
         "adaptive": adaptive,
+        "denoise": denoise or None,
+        "stop_at": stop_at.value if stop_at is not StopAt.PICTURE else None,
         "max_depth": max_depth,
         "filter": pixel_filter.value if pixel_filter is not Filter.BOX else None,
         "filter_width": filter_width,

@@ -24,6 +24,7 @@ class Settings(TypedDict, total=False):
     camera: str | None
     auto_camera: Literal["three-quarter", "usdrecord"]
     render_settings: str | None  # path of a RenderSettings prim
+    render_pass: str | None  # path of a RenderPass prim
     products: list[str]  # ["beauty"], or the path of one RenderProduct
     aovs: list[str] | None
     frames: str | None
@@ -32,6 +33,8 @@ class Settings(TypedDict, total=False):
     seed: int
     max_depth: int | None
     adaptive: bool | None
+    denoise: bool
+    stop_at: Literal["picture", "denoised"]
     filter: Literal["box", "gaussian", "blackman-harris"]
     filter_width: float | None
     default_light: bool

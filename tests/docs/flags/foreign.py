@@ -62,7 +62,7 @@ USDRECORD: list[Row] = [
     Refused("-r", "Storm", "`-r` is `--res`, as husk's; " + REFUSED["--renderer"]),
     Understood("--imageWidth -w", "640"),
     "--enableDomeLightVisibility",
-    "--renderPassPrimPath -rp",
+    Understood("--renderPassPrimPath -rp", "/Render/pass"),
     Understood("--renderSettingsPrimPath -rs", "/Render/settings"),
     "--traceToFile",
     "--traceFormat",

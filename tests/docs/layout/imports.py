@@ -45,6 +45,7 @@ ORDER = (
     "sampling",
     "images",
     "diffusing",
+    "denoising",
     "report",
     "checkpoints",
     "parts",

@@ -15,9 +15,11 @@ from tests.service.dispatcher.rig import NO_QUOTAS, MakeExecutor, Rig, dispatchi
 from tests.service.faults import descendants
 
 from primray import RenderSettings, render
+from primray.denoising.denoiser import has_denoiser
 from primray.images.aov_parts import read_aovs
 from primray.images.image import pixels_sha256
 from primray.images.image_file import read_image
+from primray.images.reading import read_image as read_picture
 from primray_service.executor.base import Chunk, Handle, OnMessage
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run
@@ -101,6 +103,33 @@ def test_aovs_are_parts_of_the_exr(tmp_path: Path) -> None:
             assert np.array_equal(aov.values, image.aovs[name].values)
         assert parts["prim"].ids == image.aovs["prim"].ids
         assert ended.result is not None
+
+    async def run() -> None:
+        async with dispatching(tmp_path, local()) as rig:
+            await act(rig)
+
+    asyncio.run(run())
+
+
+@pytest.mark.skipif(not has_denoiser(), reason="primray[denoise] is not installed")
+def test_denoised_pictures_stand_beside_their_record(tmp_path: Path) -> None:
+    stop = {"target_error": 0.01, "max_samples": 64}
+    settings = {"resolution": list(SIZE), "seed": 5, "stop": stop, "stop_at": "denoised"}
+
+    async def act(rig: Rig) -> None:
+        job = rig.submit(rig.scene(SCENE.read_bytes()), settings=settings)
+        [ended] = await rig.ended(job.id)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+        name = next(row.name for row in rig.outputs(job.id) if row.name.endswith(".exr"))
+        found = read_picture(rig.data.outputs(job.id) / name)
+        image = render(str(SCENE), RenderSettings(resolution=SIZE, spp=64, seed=5, target_error=0.01, stop_at="denoised"))
+        assert image.denoised is not None
+        assert found.denoised is not None
+        assert np.array_equal(found.pixels, image.pixels)
+        assert np.array_equal(found.denoised.pixels, image.denoised.pixels)
+        assert ended.result is not None
+        assert ended.result["stop"] == {"reason": "target-error", "target_met": True}
+        assert ended.result["denoised"]["estimate"] <= ended.result["denoised"]["target"] == 0.01
 
     async def run() -> None:
         async with dispatching(tmp_path, local()) as rig:

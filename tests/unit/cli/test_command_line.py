@@ -53,6 +53,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png -o a.exr"
     more += " --aov depth,normal --aov st --default-wrap mirror --render-context universal --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
+    chosen += " --render-pass p"
     chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur"
     chosen += " --lens mechanical-vignetting=2,0.5 --lens natural-vignetting=1"
     chosen += " --diffusion 0 --diffusion-glare 0.1 --diffusion-bloom-width 0.02"
@@ -63,6 +64,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "camera": "/cam",  # as resolved by translation
         "auto_camera": "usdrecord",
         "render_settings": "/s",
+        "render_pass": "/Render/p",
         "product": None,
         "resolution": [16, 8],
         "resolution_scale": 1.0,
@@ -72,6 +74,8 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "error_metric": "rmse",
         "time_limit_s": 7.5,
         "adaptive": False,
+        "denoise": False,
+        "stop_at": "picture",
         "sample_range": None,
         "dicing_rate": 4.0,
         "motion_blur": False,

@@ -22,6 +22,7 @@ from ...settings import (
     Metric,
     RenderContext,
     RenderSettings,
+    StopAt,
 )
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
@@ -49,6 +50,7 @@ def render(
     camera: stage_flags.Camera = None,
     auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
     render_settings: stage_flags.RenderSettingsPrim = None,
+    render_pass: stage_flags.RenderPassPrim = None,
     product: output_flags.Products = None,
     all_products: output_flags.AllProducts = False,
     output_dir: output_flags.OutputDir = None,
@@ -63,6 +65,8 @@ def render(
     target_error: render_flags.TargetError = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     time_limit: render_flags.TimeLimit = None,
+    denoise: render_flags.Denoise = False,
+    stop_at: render_flags.StopAtWhich = StopAt.PICTURE,
     sample_range: output_flags.SampleRange = None,
     checkpoint: output_flags.Checkpoint = None,
     checkpoint_every: output_flags.CheckpointEvery = None,
@@ -123,6 +127,7 @@ def render(
         camera=option_values.camera_of(camera),
         auto_camera=auto_camera,
         render_settings=option_values.render_settings_of(render_settings),
+        render_pass=option_values.render_settings_of(render_pass),
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),
         time_code=time_codes[0] if time_codes else None,
@@ -130,6 +135,8 @@ def render(
         target_error=target_error,
         error_metric=error_metric,
         time_limit_s=time_limit,
+        denoise=denoise,
+        stop_at=stop_at,
         adaptive=adaptive,
         sample_range=option_values.sample_range_of(sample_range),
         max_depth=max_depth,

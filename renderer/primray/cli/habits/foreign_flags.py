@@ -30,8 +30,6 @@ REFUSED: dict[str, str] = {
     # usdrecord
     "--disableDrawMode": f"draw modes are followed; to undo one, set model:drawMode to default: {_SESSION}",
     "--resolver": "assets are always resolved in the root layer's context, as by `--resolver root`: leave it out",
-    "--renderPassPrimPath": "name the RenderSettings that the pass renders: --render-settings PRIM",
-    "-rp": "name the RenderSettings that the pass renders: --render-settings PRIM",
     "--enableDomeLightVisibility": "domes are seen by the camera unless the stage hides them: leave it out",
     "--traceToFile": _NO_TRACE,
     "--traceFormat": _NO_TRACE,
@@ -48,7 +46,7 @@ REFUSED: dict[str, str] = {
     "--property-definition-file": "`primray render --help` lists what can be set; docs/supported.md what is read from a stage",
     "--property-definitions-file": "`primray render --help` lists what can be set; docs/supported.md what is read from a stage",
     "--procedurals": _NO_PROCEDURALS,
-    "--filters": "--filter chooses the pixel filter; there is no denoiser among them",
+    "--filters": "--filter chooses the pixel filter; --denoise puts a denoised picture beside the record",
     "--baking-info": "textures are not baked here: leave it out",
     # husk: Karma
     "--engine": _NO_PLUGIN,

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ...aov_names import CRYPTOMATTES
 from ...diagnostic_codes import CODES
 from ...diagnostics import Diagnostic
 from ...errors import SettingsError
@@ -75,7 +76,7 @@ def store_halves(parts: Sequence[Part], encoding: Encoding) -> None:
     import OpenImageIO as oiio
 
     for spec, values in parts:
-        if encoding.half and values.dtype.kind == "f":
+        if encoding.half and _may_be_half(spec, values):
             kinds = [oiio.HALF if encoding.is_half(_name(spec), channel) else oiio.FLOAT for channel in spec.channelnames]
             if len(set(kinds)) == 1:
                 spec.set_format(kinds[0])
@@ -97,13 +98,18 @@ def _half_faults(parts: Sequence[Part], encoding: Encoding) -> Iterator[str]:
     for spec, values in parts:
         for number, channel in enumerate(spec.channelnames):
             met.update(_names(_name(spec), channel))
-            if values.dtype.kind == "f" and encoding.is_half(_name(spec), channel):
+            if _may_be_half(spec, values) and encoding.is_half(_name(spec), channel):
                 beyond = np.isfinite(values[..., number]) & (np.abs(values[..., number]) > LARGEST_HALF)
                 if count := beyond.sum():
                     yield f"{channel}: {count} values are beyond {LARGEST_HALF:.0f}, the largest half, and infinite there"
     for name in encoding.half:
         if name not in met:
             yield f"no channel, layer or part is called {name}"
+
+
+def _may_be_half(spec: Any, values: npt.NDArray[Any]) -> bool:
+    """Ids of Cryptomatte are floats by their bits alone."""
+    return values.dtype.kind == "f" and spec.get_string_attribute("primray:source") not in CRYPTOMATTES
 
 
 def _name(spec: Any) -> str:

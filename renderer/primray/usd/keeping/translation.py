@@ -20,6 +20,7 @@ from ..opening.stage import usd_messages
 from ..querying.time_varying import changing, has_clips, is_timed
 from ..querying.traversal import populated
 from ..resolving.context import Context
+from ..resolving.notes import LevelsMet
 from ..resolving.read import When, when_of
 from ..translate import Assembled, Begun, assemble, begin, context_of, finish, translate, with_names
 from ..walking.find_by_type import Found, find_by_type
@@ -76,7 +77,10 @@ class KeptTranslation:
             if made is not None:
                 self._made = made
                 return made.description, made.diagnostics
-        self._made = _made_anew(stage, settings)
+        try:
+            self._made = _made_anew(stage, settings)
+        except LevelsMet:
+            self._made = None
         if self._made is None:
             return translate(stage, settings)
         return self._made.description, self._made.diagnostics
@@ -104,10 +108,12 @@ def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:
 
 def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:
     """All of it, recorded; None where nothing of it could stay."""
+    if settings.render_pass is not None:
+        return None
     diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
     with usd_messages(diagnostics), without_collection():
         found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
-        if found.skeletons:
+        if found.skeletons or found.geometry_lights:
             return None
         counts = [len(diagnostics)]
         ctx, product = context_of(stage, settings, found, when, diagnostics, names)

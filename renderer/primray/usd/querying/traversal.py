@@ -66,6 +66,12 @@ def everything_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
     return found
 
 
+def collected(query: Usd.CollectionMembershipQuery, stage: Usd.Stage) -> frozenset[Sdf.Path]:
+    """Paths of the prims that stand in the world and that a collection holds, in native instances those of their proxies."""
+    found = Usd.CollectionAPI.ComputeIncludedPaths(query, stage, Usd.TraverseInstanceProxies())
+    return frozenset(path.GetPrimPath() for path in found)
+
+
 def drawn_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
     """From a prim of the world down: what stands there, in native instances by its proxies."""
     found: Iterable[Usd.Prim] = Usd.PrimRange(root, Usd.TraverseInstanceProxies())

@@ -15,7 +15,8 @@ from pxr import Usd
 from ..querying.guarded import schemas_applied
 
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
-    MaterialXConfigAPI MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI"""
+    MaterialXConfigAPI MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI
+    LODRootAPI LODOverrideAPI"""
 # Of the proposal "physical-lighting", which USD 26.11 does not know; they are for lights.
 PHOTOMETRIC = frozenset(f"{m}metric{kind}LightAPI" for m in ("Photo", "Radio") for kind in ("Area", "Dome", "Distant"))
 ILLUMINANT = "PhysicalLightIlluminantAPI"
@@ -42,8 +43,6 @@ IGNORED = {
     "CoordSysAPI": "Coordinate systems are not read.",
     "HydraGenerativeProceduralAPI": "What its procedural would make is missing.",
     "OmniLensDistortionOmniDirectionalStereoAPI": "Its camera is rendered as one eye, without it.",
-    "LODOverrideAPI": "Level-of-detail overrides have no effect.",
-    "LODRootAPI": "Every level of detail is rendered.",
     "PhysicalCameraResponsivityAPI": "The camera has the standard observer's colours, not a sensor's own.",
     "PhysicalColorFilterArrayAPI": "The picture is no sensor's raw one.",
     "RiMaterialAPI": "RenderMan's outputs are read only where they lead to a UsdPreviewSurface.",

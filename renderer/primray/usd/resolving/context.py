@@ -33,6 +33,7 @@ class Context:
     stands: Stands | None = None  # where what is translated stands in the world, while the shutter is open
     rendering_space: ColorSpace = REC709
     aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
+    levels_chosen: bool = False  # of detail: there is one of each
     names_instances: bool = False  # an AOV asks for instances
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
     color_primvars: frozenset[str] = frozenset()  # of these, what colours read; and what is shown without a material

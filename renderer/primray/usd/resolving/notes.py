@@ -33,6 +33,10 @@ _UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "in
 _MOTION = {"motion:velocityScale": 1.0}
 
 
+class LevelsMet(Exception):
+    """The walk has come to a root of levels of detail, of which nobody has chosen one (walking/levels.py)."""
+
+
 class LightShapes(set[str]):
     """Paths of shapes that LightAPI makes lights."""
 
@@ -49,7 +53,14 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
     """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
     is_light = kind == "light" or bool(names & _LIGHT_SCHEMAS)
-    if is_light or WEIGHTS in properties or "MotionAPI" in names or names & PHYSICAL or any(map(_is_unread, names)):
+    if (
+        is_light
+        or WEIGHTS in properties
+        or "MotionAPI" in names
+        or "LODRootAPI" in names
+        or names & PHYSICAL
+        or any(map(_is_unread, names))
+    ):
         return True
     return (
         not kind and bool(type_name) and (type_name in _TYPES_NOTED or prim.IsA(UsdGeom.Boundable) or not _is_known(type_name))
@@ -59,6 +70,8 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
 def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -> None:
     """Diagnostics for one prim, by the schemas applied to it; `kind` is "" for types that no adapter takes."""
     schemas = [schema.split(":")[0] for schema in applied]
+    if "LODRootAPI" in schemas and not ctx.levels_chosen:
+        raise LevelsMet(prim.path)
     if schemas:
         _note_schemas(prim, schemas, kind, ctx)
     if kind == "light" or "LightAPI" in schemas:

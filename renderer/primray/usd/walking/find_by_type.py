@@ -16,7 +16,7 @@ from ..querying.cameras import cameras_in_instances
 from ..querying.guarded import type_name
 from ..querying.traversal import is_there, populated, stands_in_world
 
-_TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot"})
+_TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot", "GeometryLight"})
 
 
 @dataclass
@@ -26,22 +26,24 @@ class Found:
     cameras: list[Usd.Prim] = field(default_factory=list)  # in the order of querying.cameras
     in_prototypes: bool = False  # some cameras are in native prototypes
     settings: list[Usd.Prim] = field(default_factory=list)
+    geometry_lights: list[Usd.Prim] = field(default_factory=list)  # of the world
     shaders: list[Usd.Prim] = field(default_factory=list)  # those in native prototypes too
     skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, likewise
 
 
-def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> Found:
+def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics, render_pass: str | None = None) -> Found:
+    """`render_pass`: the one that is asked for; others are told."""
     found = Found()
     for prim in populated(stage):
         name = type_name(prim)
         if name in _TYPES and is_there(prim):
-            _add(found, prim, str(name), diagnostics)
+            _add(found, prim, str(name), diagnostics, render_pass)
     if found.in_prototypes:
         found.cameras += cameras_in_instances(stage)
     return found
 
 
-def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> None:
+def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics, render_pass: str | None) -> None:
     if name == "Shader":
         found.shaders.append(prim)
     elif name == "SkelRoot":
@@ -52,5 +54,7 @@ def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> N
         found.cameras.append(prim)
     elif name == "RenderSettings":
         found.settings.append(prim)
-    else:
+    elif name == "GeometryLight":
+        found.geometry_lights.append(prim)
+    elif render_pass is None:
         note_render_pass(prim, diagnostics)

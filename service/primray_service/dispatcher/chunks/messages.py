@@ -26,7 +26,7 @@ TEXT_CHARS = 4000
 # What of a render's report goes into results; the whole is one of the outputs.
 OF_REPORT = (
     *("stop", "samples", "rays", "error", "convergence", "sampling_s", "stages_s", "pixels_sha256", "interrupted"),
-    *("invalid_samples", "isa", "threads", "versions", "settings", "parts"),
+    *("invalid_samples", "isa", "threads", "versions", "settings", "parts", "denoised"),
 )
 
 

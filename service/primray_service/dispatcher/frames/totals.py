@@ -184,16 +184,22 @@ class JobTotals:
         results = list(made.values())
         found: Json = {
             "stop": _stop_of(results),
-            "error": max((r["error"] for r in results if r.get("error")), key=lambda e: float(e["estimate"]), default=None),
+            "error": _largest(r.get("error") for r in results),
             "samples": sum(r.get("samples") or 0 for r in results),
             "rays": sum(r.get("rays") or 0 for r in results),
             "stages_s": _sums(r.get("stages_s") or {} for r in results),
             "sampling_s": sum(r.get("sampling_s") or 0.0 for r in results),
             "outputs": sum(len(r.get("outputs") or ()) for r in results),
         }
+        if denoised := _largest(r.get("denoised") for r in results):
+            found["denoised"] = denoised
         if len(made) <= MOST_DIGESTS:
             found["pixels_sha256"] = [{"frame": n, "sha256": r.get("pixels_sha256")} for n, r in made.items()]
         return found
+
+
+def _largest(errors: Iterable[Json | None]) -> Json | None:
+    return max((error for error in errors if error), key=lambda error: float(error["estimate"]), default=None)
 
 
 def _size_of_error(frame: FrameTotals) -> float:
@@ -232,15 +238,23 @@ def frame_result(report: Mapping[str, object], stop: Json, job: Job, outputs: Se
     """What a frame's row keeps of the report that its worker made."""
     asked = job.settings.get("stop", {})
     metric = asked.get("metric", "relmse")
-    errors = report.get("error")
-    measured = errors.get(metric) if isinstance(errors, Mapping) else None
-    error = None
-    if isinstance(measured, Mapping) and measured.get("estimate") is not None:
-        target = asked.get("target_error")
-        error = {"metric": metric, "estimate": measured["estimate"], "ci95": measured.get("ci95"), "target": target}
-        error["kind"] = "estimated"
+    of_denoised = job.settings.get("stop_at") == "denoised"
+    target = asked.get("target_error")
+    error = _error_of(report, metric, None if of_denoised else target)
+    made = report.get("denoised")
+    denoised = _error_of(made, metric, target if of_denoised else None) if isinstance(made, Mapping) else None
     kept = ("samples", "rays", "stages_s", "sampling_s", "pixels_sha256", "invalid_samples", "versions", "isa", "threads")
-    return {"stop": stop, "error": error} | {name: report.get(name) for name in kept} | {"outputs": list(outputs)}
+    beside = {} if denoised is None else {"denoised": denoised}
+    return {"stop": stop, "error": error} | beside | {name: report.get(name) for name in kept} | {"outputs": list(outputs)}
+
+
+def _error_of(says: Mapping[str, object], metric: str, target: float | None) -> Json | None:
+    errors = says.get("error")
+    measured = errors.get(metric) if isinstance(errors, Mapping) else None
+    if not isinstance(measured, Mapping) or measured.get("estimate") is None:
+        return None
+    found = {"metric": metric, "estimate": measured["estimate"], "ci95": measured.get("ci95"), "target": target}
+    return found | {"kind": "estimated"}
 
 
 def target_warning(frame: Frame, result: Json, frames: int) -> Json | None:

@@ -5,6 +5,13 @@ import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
 import { STOPPED } from "../base/words.js";
 
+// With its interval.
+function errorOf(found) {
+  if (!found) return undefined;
+  const [low, high] = found.ci95 ?? [];
+  return `${format.error(found.estimate)} (95 %: ${format.error(low)} – ${format.error(high)})`;
+}
+
 export function facts() {
   const failure = element("div", {});
   const list = element("dl", { class: "facts" });
@@ -28,6 +35,8 @@ export function facts() {
       ["Started", format.when(job.started_at)],
       ["Ended", format.when(job.finished_at)],
       ["It ended because", STOPPED[job.result?.stop?.reason] ?? job.result?.stop?.reason],
+      ["Error", errorOf(job.result?.error)],
+      ["Error, denoised", errorOf(job.result?.denoised)],
       ["CPU time", format.duration(job.usage?.cpu_s)],
       ["Most memory", format.bytes(job.usage?.peak_rss_bytes)],
       ["Kept until", format.when(job.expires_at)],

@@ -96,6 +96,7 @@ LINKS = leading_to(
             "invalid-request",
             "limit-exceeded",
             "parallel-adaptive",
+            "parallel-denoise",
             "idempotency-key-reused",
             "webhook-address",
             "ambiguous-entry",

@@ -116,7 +116,7 @@ def test_schemas_that_mean_nothing_to_pictures_are_not_told(schema: str) -> None
     assert said(stage_of(f'def Sphere "s" (prepend apiSchemas = ["{schema}"])\n{{\n}}\n')) == []
 
 
-@pytest.mark.parametrize("schema", ["FancyAPI", "FancyAPI:one", "HydraGenerativeProceduralAPI", "LODRootAPI", "StatementsAPI"])
+@pytest.mark.parametrize("schema", ["FancyAPI", "FancyAPI:one", "HydraGenerativeProceduralAPI", "StatementsAPI"])
 def test_schemas_that_may_change_it_are(schema: str) -> None:
     found = said(stage_of(f'def Sphere "s" (prepend apiSchemas = ["{schema}"])\n{{\n}}\n'))
     assert [(d.code, d.prim_path) for d in found] == [("api-schema", "/s")]

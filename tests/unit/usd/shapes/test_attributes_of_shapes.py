@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from pxr import UsdGeom
 
+from primray import core
 from primray.description import Mesh, Sphere, SubdivisionMesh
 from primray.settings import RenderSettings
 from primray.usd import translate
+from primray.usd.adapters.shapes.mesh import is_closed
 
 from ..usd_text import stage_of, translate_text
 
@@ -220,8 +222,8 @@ def test_orientation(kind: str) -> None:
     assert (centers < 0).all()
 
 
-@pytest.mark.conforms("Gprim.orientation", state="approximated")
-def test_a_left_handed_sphere_is_told_where_it_would_matter() -> None:
+@pytest.mark.conforms("Gprim.orientation")
+def test_a_left_handed_sphere_faces_inwards_where_it_would_matter() -> None:
     """An exact sphere faces outwards; only glass would show that."""
     glass = """def Material "g"
 {
@@ -239,8 +241,16 @@ def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])
     rel material:binding = </g>
 }
 """
-    assert ("shape-input", "/ball") in translate_text(glass.replace("OPACITY", "0"))[1]
-    assert ("shape-input", "/ball") not in translate_text(glass.replace("OPACITY", "1"))[1]
+    settings = RenderSettings(resolution=(32, 32))
+    description, told = translate_text(glass.replace("OPACITY", "0"), settings)
+    assert "/ball" not in [path for _, path in told]
+    (mesh,) = core.dice(description, settings)[0].shapes
+    assert isinstance(mesh, Mesh)
+    assert mesh.normals is not None
+    assert np.abs(mesh.normals + mesh.points).max() < 3e-7
+    assert is_closed(mesh.points, mesh.triangles)
+    (opaque,) = translate_text(glass.replace("OPACITY", "1"))[0].shapes
+    assert isinstance(opaque, Sphere)
 
 
 @pytest.mark.conforms("Gprim.primvars:displayColor")

@@ -1,20 +1,34 @@
-"""UsdRenderPass: told, not followed. What it says is for the software that submits renders, or asks for a changed scene."""
+"""UsdRenderPass: the one that is asked for changes the scene before it is translated; what others say is for the software that
+submits renders.
+
+What `prune` holds is deactivated; geometry and lights that `renderVisibility` leaves out are invisible, lights that
+`cameraVisibility` leaves out are not seen by the camera. All of it is written to a session layer of a copy of the stage, so
+that everything after it sees an ordinary stage; instances that are told apart inside are instances no more there.
+"""
 
 from __future__ import annotations
 
-from pxr import Usd
+from collections.abc import Iterator
+
+from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from ....diagnostics import Diagnostics
-from ...querying.guarded import property_names
+from ....errors import SettingsError
+from ...opening.stage import scratch_copy
+from ...opening.taking_out import editable, take_out
+from ...querying.guarded import default_value, property_names, targets, type_name
+from ...querying.traversal import collected, drawn_in_instances, in_world
+from ...resolving.renderer_attributes import CAMERA_VISIBILITY
 
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
 COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
+LISTED = 20
 
 
 def note_render_pass(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
-    """The pass itself, and whatever it authors, since each could have changed the picture."""
+    """Of one that is not asked for: the pass itself, and whatever it authors, since each could have changed the picture."""
     path, authored = str(prim.GetPath()), property_names(prim)
-    diagnostics.add("render-settings-input", path, "Render passes are ignored.")
+    diagnostics.add("render-settings-input", path, "Render passes are ignored where none is asked for (--render-pass).")
     for name in ABOUT_JOBS:
         if name in authored:
             diagnostics.add("render-settings-input", path, f"{name} of a render pass is ignored.", name)
@@ -23,3 +37,102 @@ def note_render_pass(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
             if name.startswith(f"collection:{collection}:"):
                 message = f"The scene is rendered whole, whatever a render pass says of {collection}."
                 diagnostics.add("render-settings-input", path, message, name)
+
+
+def render_pass(stage: Usd.Stage, asked: str) -> Usd.Prim:
+    """SettingsError where there is none of this path."""
+    is_path = Sdf.Path.IsValidPathString(asked) and Sdf.Path(asked).IsAbsolutePath()
+    prim = stage.GetPrimAtPath(asked) if is_path else None
+    if prim and type_name(prim) == "RenderPass":
+        return prim
+    found = [str(p.GetPath()) for p in in_world(stage) if type_name(p) == "RenderPass"]
+    listed = ", ".join(found[:LISTED]) or "none"
+    raise SettingsError(f"There is no RenderPass {asked}; the stage's: {listed}.", where=asked, code="unknown-render-pass")
+
+
+def settings_of_pass(stage: Usd.Stage, asked: str) -> str | None:
+    """The RenderSettings that it renders from, if it names any of the stage."""
+    for target in targets(render_pass(stage, asked), "renderSource"):
+        prim = stage.GetPrimAtPath(target)
+        if prim and type_name(prim) == "RenderSettings":
+            return str(target)
+    return None
+
+
+def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> Usd.Stage:
+    """A copy of the stage as the pass wants it rendered."""
+    made = scratch_copy(stage)
+    prim = render_pass(made, asked)
+    _note_unread(prim, diagnostics)
+    collections = {name: _members(prim, name) for name in COLLECTIONS}
+    take_out(made, collections["prune"] or ())
+    with Usd.EditContext(made, made.GetSessionLayer()):
+        _hide(made, collections["renderVisibility"])
+        _hide_from_camera(made, prim, collections["cameraVisibility"], diagnostics)
+    matte = collections["matte"]
+    if matte:
+        drawn = sum(p.GetPath() in matte and bool(p.IsA(UsdGeom.Boundable)) for p in _all(made))
+        if drawn:
+            message = f"{drawn} shapes that matte holds are rendered with their alpha."
+            diagnostics.add("render-settings-input", asked, message, "collection:matte:includes")
+    return made
+
+
+def _note_unread(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
+    path, authored = str(prim.GetPath()), property_names(prim)
+    if "fileName" in authored:
+        message = "fileName names another file's scene: this one's is rendered."
+        diagnostics.add("render-settings-input", path, message, "fileName")
+    if "inputPasses" in authored and targets(prim, "inputPasses"):
+        message = "The passes that inputPasses names are not rendered first."
+        diagnostics.add("render-settings-input", path, message, "inputPasses")
+
+
+def _members(prim: Usd.Prim, name: str) -> frozenset[Sdf.Path] | None:
+    """Paths of prims, in instances those of their proxies; None where the collection says nothing but its default."""
+    if not any(p.startswith(f"collection:{name}") for p in property_names(prim)):
+        return None
+    return collected(Usd.CollectionAPI(prim, name).ComputeMembershipQuery(), prim.GetStage())
+
+
+def _all(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    return iter(list(drawn_in_instances(stage.GetPseudoRoot())))
+
+
+def _hide(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
+    """Geometry and lights that are no members; nothing that lies between."""
+    if members is None:
+        return
+    rendered = {prim.GetPath(): _visibility(prim) for prim in _all(stage) if _is_rendered(prim)}
+    for path in rendered:
+        if path not in members:
+            UsdGeom.Imageable(editable(stage, path)).CreateVisibilityAttr("invisible")
+    for path, before in rendered.items():  # what refers to a prim that is hidden is not, if it is a member
+        hidden = _visibility(stage.GetPrimAtPath(path)) == "invisible"
+        if path in members and hidden and before != "invisible":
+            UsdGeom.Imageable(editable(stage, path)).CreateVisibilityAttr(before or "inherited")
+
+
+def _visibility(prim: Usd.Prim) -> str:
+    return str(default_value(UsdGeom.Imageable(prim).GetVisibilityAttr()) or "")
+
+
+def _is_rendered(prim: Usd.Prim) -> bool:
+    return bool(prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI)) and bool(prim.IsA(UsdGeom.Imageable))
+
+
+def _hide_from_camera(
+    stage: Usd.Stage, render_pass: Usd.Prim, members: frozenset[Sdf.Path] | None, diagnostics: Diagnostics
+) -> None:
+    """Lights; shapes are told."""
+    if members is None:
+        return
+    left_out = [prim for prim in _all(stage) if prim.GetPath() not in members and _is_rendered(prim)]
+    is_light = [prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim) for prim in left_out]
+    shapes = is_light.count(False)
+    for path in [prim.GetPath() for prim, light in zip(left_out, is_light, strict=True) if light]:
+        editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
+    if shapes:
+        message = f"The camera sees {shapes} shapes that cameraVisibility leaves out."
+        name = "collection:cameraVisibility:includeRoot"
+        diagnostics.add("render-settings-input", str(render_pass.GetPath()), message, name)

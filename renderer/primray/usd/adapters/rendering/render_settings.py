@@ -15,6 +15,7 @@ from ...querying.stage_values import render_settings_path
 from ...querying.time_varying import is_below_clips
 from ...querying.traversal import in_world
 from ...resolving.read import When, when_of
+from .render_pass import settings_of_pass
 from .render_product import ProductSettings, product_of, settings_alone
 
 LISTED = 20
@@ -31,7 +32,7 @@ def products(
     settings = settings or RenderSettings()
     diagnostics = Diagnostics() if diagnostics is None else diagnostics
     candidates = [prim for prim in in_world(stage) if type_name(prim) == "RenderSettings"]
-    prim = _choose(stage, settings.render_settings, candidates, diagnostics)
+    prim = _choose(stage, _asked(stage, settings), candidates, diagnostics)
     found = _products(stage, prim, diagnostics)
     when = when_of(stage, settings.time_code, any(map(is_below_clips, (prim, *found))))
     return tuple(_read(prim, product, when, diagnostics) for product in found)
@@ -41,7 +42,7 @@ def product_settings(
     stage: Usd.Stage, settings: RenderSettings, candidates: Sequence[Usd.Prim], when: When, diagnostics: Diagnostics
 ) -> ProductSettings:
     """Those of the product that a render makes: the one asked for, else the first. `candidates`: the RenderSettings prims."""
-    prim = _choose(stage, settings.render_settings, candidates, diagnostics)
+    prim = _choose(stage, _asked(stage, settings), candidates, diagnostics)
     found = _products(stage, prim, diagnostics)
     if settings.product is not None:
         return _read(prim, _named(settings.product, found), when, diagnostics)
@@ -50,6 +51,13 @@ def product_settings(
         message = f"The first of {len(found)} products, {_path(found[0])}, is rendered; the others are {others}."
         diagnostics.add("product-chosen", _path(prim), message, "products")
     return _read(prim, found[0], when, diagnostics)
+
+
+def _asked(stage: Usd.Stage, settings: RenderSettings) -> str | None:
+    """Those of the render pass, unless others are asked for."""
+    if settings.render_settings is not None or settings.render_pass is None:
+        return settings.render_settings
+    return settings_of_pass(stage, settings.render_pass)
 
 
 def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim], diagnostics: Diagnostics) -> Usd.Prim | None:

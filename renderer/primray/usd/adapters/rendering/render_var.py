@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ....aov_data_types import data_type_of
-from ....aov_names import AOVS, LONGEST_NAME, PRIMVAR, AovRequest, check_names
+from ....aov_names import AOVS, CRYPTOMATTES, LONGEST_NAME, PRIMVAR, AovRequest, check_names
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from .render_product import RenderVariable
@@ -36,7 +36,13 @@ COMMON: dict[str, tuple[str, ...]] = {
     "material": ("materialId", "materialid"),
     "samples": ("sampleCount", "samplecount", "ray:pixelsamples"),
 }
+CRYPTO = {  # as Arnold, RenderMan and Karma call them
+    "crypto_object": ("CryptoObject", "cryptoObject"),
+    "crypto_material": ("CryptoMaterial", "cryptoMaterial"),
+    "crypto_asset": ("CryptoAsset", "cryptoAsset"),
+}
 NAMES = {name: source for source in AOVS for name in (source, *COMMON.get(source, ()))}
+NAMES |= {name: source for source in CRYPTOMATTES for name in (source, *CRYPTO[source])}
 # Light path expressions that are the picture, and that are what the camera sees directly.
 LPE_BEAUTY = frozenset({"C.*", "C.*[LO]", "C.*<[LO].>", "C[.]*[LO]", "C.*[<L.>O]", "C.*[<L.><O.>]"})
 LPE_EMISSION = frozenset({"C[LO]", "C<[LO].>", "C[<L.>O]"})

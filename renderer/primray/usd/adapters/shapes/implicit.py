@@ -9,6 +9,7 @@ import numpy as np
 
 from ....arrays import Floats
 from ....description import Mesh, Shape, Sphere
+from ...nurbs.spheres import inward_sphere
 from ...paths.sizes import Call, growing_shape
 from ...resolving.context import Context
 from ...resolving.read import When, number, token
@@ -31,9 +32,10 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     if radius == 0 or is_hidden(appearance):
         return None
     surface = undisplaced(make_surface(appearance, lambda: True, prim.path, ctx), prim.path, ctx)
-    if surface.transmits and not surface.thin and _is_left_handed(prim, ctx):
-        ctx.warn("shape-input", prim.path, "orientation = leftHanded is ignored: the sphere's inside is inside.", "orientation")
-    return Sphere(prim.path, radius, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))
+    of_surface, primvars = ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx)
+    if surface.transmits and not surface.thin and _is_left_handed(prim, ctx):  # which nothing else would show
+        return inward_sphere(prim.path, radius, of_surface, primvars)
+    return Sphere(prim.path, radius, of_surface, primvars)
 
 
 def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:

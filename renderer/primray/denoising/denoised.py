@@ -1,0 +1,84 @@
+"""The denoised picture of a film, and what a report says of it: how wrong it is, and how much light it has lost.
+
+It is the mean of its two halves, each denoised by itself. One picture denoised as a whole would be about as good, but nobody
+could tell how good.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .. import core
+from ..arrays import Doubles, Floats
+from ..images.image import Image
+from ..settings import RenderSettings
+from .cross_half import DenoisedError, cross_half_error
+from .denoiser import Denoiser, Guides, denoiser_name
+from .halves import halves_of
+
+GUIDES = ("albedo", "normal")
+
+
+@dataclass(frozen=True)
+class Denoised:
+    """Pixels (H, W, 3); `error` is None where a pixel has samples of one half alone, and the picture is denoised as a whole."""
+
+    pixels: Doubles
+    error: DenoisedError | None
+    energy: tuple[float, float, float] | None  # of the noisy picture's light, by channel; None: it has none
+    seconds: float
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "by": denoiser_name(),
+            "biased": True,
+            "guides": list(GUIDES),
+            "error": None if self.error is None else self.error.as_json(),
+            "energy": None if self.energy is None else list(self.energy),
+            "seconds": self.seconds,
+        }
+
+
+class Denoising:
+    """Of one scene's films."""
+
+    def __init__(self, scene: core.CoreScene, settings: RenderSettings) -> None:
+        self._scene = scene
+        found = core.first_hits(scene, [f"guide_{name}" for name in GUIDES], [], settings)
+        guides = Guides(*(found[f"guide_{name}"] for name in GUIDES))
+        self._denoiser = Denoiser(guides, core.threads(settings))
+
+    def of(self, film: core.Film) -> Denoised:
+        start = time.perf_counter()
+        halves = halves_of(film, self._scene.exposure_scale)
+        noisy = halves.mean
+        if halves.are_whole:
+            p, q = (np.asarray(self._denoiser.denoise(half.astype(np.float32)), np.float64) for half in (halves.a, halves.b))
+            pixels, error = (p + q) / 2, cross_half_error(halves, (p, q))
+        else:
+            pixels, error = np.asarray(self._denoiser.denoise(noisy.astype(np.float32)), np.float64), None
+        return Denoised(pixels, error, _energy(noisy, pixels), time.perf_counter() - start)
+
+
+def with_denoised(image: Image, made: Denoised) -> Image:
+    """With the denoised picture beside the record, whose alpha it has, and the report that tells of it."""
+    says = made.as_json()
+    pixels: Floats = np.concatenate([made.pixels.astype(np.float32), image.pixels[..., 3:]], axis=2)
+    metadata: dict[str, str | int | float] = {"denoised.by": says["by"], "denoised.biased": 1}
+    for metric, found in (says["error"] or {}).items():
+        metadata |= {f"denoised.error.{metric}.estimate": found["estimate"]}
+        metadata |= {f"denoised.error.{metric}.ci95": " ".join(map(str, found["ci95"]))}
+    own = Image(pixels, {}, metadata, image.camera, image.channels, None, image.color_space, image.frame)
+    return replace(image, denoised=own, report={**image.report, "denoised": says})
+
+
+def _energy(noisy: Doubles, denoised: Doubles) -> tuple[float, float, float] | None:
+    before, after = noisy.sum(axis=(0, 1)), denoised.sum(axis=(0, 1))
+    if not (before > 0).all():
+        return None
+    r, g, b = (after / before).tolist()
+    return r, g, b

@@ -1,0 +1,60 @@
+"""A render that stops when its denoised picture is good enough: judged where the error of the noisy one is, and at its end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..errors import SettingsError
+from ..settings import RenderSettings, StopAt
+from .denoiser import check_denoiser
+
+if TYPE_CHECKING:
+    from ..core import CoreScene
+    from ..sampling.sampling import Sampling
+    from .denoised import Denoised, Denoising
+
+# The interval's upper end may be so many times the target: else the estimate is chance.
+MOST_DOUBT = 2.0
+
+
+def check_denoising(settings: RenderSettings) -> None:
+    """SettingsError for what cannot be denoised. Ask before rendering."""
+    if not settings.denoises:
+        return
+    check_denoiser()
+    if settings.stop_at is StopAt.DENOISED and settings.target_error is None:
+        sentence = "a render stops at an error of the denoised picture: name it by target_error"
+        raise SettingsError(sentence, where="stop_at", code="denoised-target")
+
+
+class DenoisedTarget:
+    """A `sampling.sampling.Judge`; keeps what it has denoised last."""
+
+    def __init__(self, denoising: Denoising, settings: RenderSettings) -> None:
+        assert settings.target_error is not None
+        self._denoising = denoising
+        self._target = settings.target_error
+        self._metric = settings.error_metric
+        self._last: tuple[int, Denoised] | None = None
+
+    def is_met(self, sampling: Sampling) -> bool:
+        made = self.denoised(sampling)
+        if made.error is None:
+            return False
+        found = made.error.of(self._metric)
+        return found.value <= self._target and found.high <= MOST_DOUBT * self._target
+
+    def denoised(self, sampling: Sampling) -> Denoised:
+        """Of all samples taken by now."""
+        if self._last is None or self._last[0] != sampling.film.samples:
+            self._last = sampling.film.samples, self._denoising.of(sampling.film)
+        return self._last[1]
+
+
+def denoised_target(scene: CoreScene, settings: RenderSettings) -> DenoisedTarget | None:
+    """None where the target is the picture's own error's, or there is none."""
+    if settings.stop_at is not StopAt.DENOISED or settings.target_error is None:
+        return None
+    from .denoised import Denoising
+
+    return DenoisedTarget(Denoising(scene, settings), settings)

@@ -1,0 +1,1 @@
+"""Cryptomattes: ids of what covers each pixel, and by how much."""

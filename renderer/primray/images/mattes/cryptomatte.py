@@ -1,0 +1,122 @@
+"""Cryptomatte: which objects, materials or assets cover each pixel and by how much, as ids that are hashes of their names.
+
+As its specification 1.2 has it (Psyop, 2015): pairs of id and coverage, largest first, two pairs to a layer; an id is
+MurmurHash3 of the name with an exponent that makes it a usual float; the header has the names. Coverage is of the film's own
+samples, counted in whole units, and adds up to the picture's alpha.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...aov_names import CRYPTOMATTES
+from ...arrays import Floats
+from ..aov import Aov
+
+MOST_RANKS = 32
+MOST_TEXT = 1 << 22  # of a manifest
+MASK = 0xFFFFFFFF
+UNIT = 1 << 24  # of shares: a whole sample
+NOTHING = 1e-6  # of a pixel
+LIGHTS = "lights"
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What covers the pixels of a picture: `counts` (H, W) of entries, which are pixel by pixel: names and shares (N)."""
+
+    counts: npt.NDArray[np.uint32]
+    shares: npt.NDArray[np.int64]
+    samples: npt.NDArray[np.int64]  # (H, W)
+    alpha: Floats  # (H, W)
+
+
+def cryptomatte(source: str, coverage: Coverage, number: npt.NDArray[np.int64], names: Sequence[str]) -> Aov:
+    """Of one kind: `number` (N) says which of `names` each entry is."""
+    layer = CRYPTOMATTES[source].layer
+    hashes = np.array([hash_of(name) for name in names] or [0], np.uint32)
+    pixel = np.repeat(np.arange(coverage.counts.size), coverage.counts.ravel())
+    pairs, inverse = np.unique(np.stack([pixel, hashes[number]], axis=1), axis=0, return_inverse=True)
+    shares = np.bincount(inverse.ravel(), weights=coverage.shares.astype(np.float64), minlength=len(pairs))
+    weights = shares / (coverage.samples.ravel()[pairs[:, 0]] * float(UNIT))
+    pairs, weights = _to_alpha(pairs, weights, coverage.alpha.ravel().astype(np.float64))
+    order = np.lexsort((pairs[:, 1], -weights, pairs[:, 0]))
+    at, ids, weights = pairs[order, 0], pairs[order, 1].astype(np.uint32), weights[order]
+    rank = np.arange(len(at)) - np.searchsorted(at, at)
+    ranks = min(max(int(rank.max(initial=0)) + 1, 2), MOST_RANKS)
+    ranks += ranks % 2
+    values = np.zeros((coverage.counts.size, ranks, 2), np.float32)
+    kept = (rank < ranks) & (weights > 0)
+    values[at[kept], rank[kept], 0] = ids[kept].view(np.float32)
+    values[at[kept], rank[kept], 1] = weights[kept]
+    channels = tuple(f"{layer}{n:02d}.{letter}" for n in range(ranks // 2) for letter in "RGBA")
+    seen = {int(h) for h in np.unique(ids[weights > 0]).tolist()}
+    every = dict(zip([*names, LIGHTS], [*hashes.tolist(), hash_of(LIGHTS)], strict=False))
+    manifest = {name: h for name, h in every.items() if h in seen}
+    values = values.reshape(*coverage.counts.shape, 2 * ranks)
+    return Aov(values, channels, source, CRYPTOMATTES[source].meaning, metadata=header_of(layer, manifest))
+
+
+def _to_alpha(
+    pairs: npt.NDArray[np.int64], weights: npt.NDArray[np.float64], alpha: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Weights that add up to each pixel's alpha. Lights that are seen cover without being surfaces; what light passes straight
+    through by chance, such as thin glass, covers less than it is met."""
+    sums = np.bincount(pairs[:, 0], weights=weights, minlength=len(alpha))
+    weights = weights * np.where(sums > alpha, alpha / np.maximum(sums, 1e-30), 1.0)[pairs[:, 0]]
+    missing = alpha - np.minimum(sums, alpha)
+    lit = np.flatnonzero(missing > NOTHING)
+    more = np.stack([lit, np.full(len(lit), hash_of(LIGHTS))], axis=1)
+    return np.concatenate([pairs, more]), np.concatenate([weights, missing[lit]])
+
+
+def header_of(layer: str, manifest: Mapping[str, int]) -> dict[str, str]:
+    """What the specification wants in a file's header of one layer: its name, how ids are made, and whose they are."""
+    key = f"cryptomatte/{murmur_hash(layer.encode()):08x}"[: len("cryptomatte/") + 7]
+    says: dict[str, str] = {}
+    size = 0
+    for name, number in manifest.items():
+        size += len(name.encode()) + 16
+        if size > MOST_TEXT:
+            break
+        says[name] = f"{number:08x}"
+    text = json.dumps(says, ensure_ascii=False, separators=(",", ":"))
+    return {
+        f"{key}/name": layer,
+        f"{key}/hash": "MurmurHash3_32",
+        f"{key}/conversion": "uint32_to_float32",
+        f"{key}/manifest": text,
+    }
+
+
+def hash_of(name: str) -> int:
+    """The bits of a name's id: never an infinity, a NaN, or a number that processors round to 0."""
+    number = murmur_hash(name.encode())
+    return number ^ (1 << 23) if (number >> 23) & 255 in (0, 255) else number
+
+
+def murmur_hash(data: bytes) -> int:
+    """MurmurHash3_x86_32 with seed 0 (Appleby, public domain)."""
+    number = 0
+    for i in range(0, len(data) // 4 * 4, 4):
+        number ^= _scrambled(int.from_bytes(data[i : i + 4], "little"))
+        number = (_rotated(number, 13) * 5 + 0xE6546B64) & MASK
+    rest = data[len(data) // 4 * 4 :]
+    number ^= _scrambled(int.from_bytes(rest, "little")) if rest else 0
+    number ^= len(data)
+    number = ((number ^ number >> 16) * 0x85EBCA6B) & MASK
+    number = ((number ^ number >> 13) * 0xC2B2AE35) & MASK
+    return number ^ number >> 16
+
+
+def _scrambled(word: int) -> int:
+    return (_rotated(word * 0xCC9E2D51 & MASK, 15) * 0x1B873593) & MASK
+
+
+def _rotated(word: int, by: int) -> int:
+    return (word << by | word >> (32 - by)) & MASK

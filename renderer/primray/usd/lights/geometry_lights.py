@@ -1,0 +1,46 @@
+"""GeometryLight (UsdLux, deprecated): what it emits is given to the geometry that it names, as LightAPI gives it, in a copy of
+the stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pxr import Usd, UsdGeom
+
+from ...diagnostics import Diagnostics
+from ..opening.stage import scratch_copy
+from ..opening.taking_out import editable
+from ..querying.guarded import is_invisible, property_names, schemas_applied, targets
+from ..resolving.read import When
+
+# Of the light itself, where it stands and what it is.
+_ITS_OWN = ("xformOp", "visibility", "purpose", "geometry", "light:shaderId", "extent")
+
+
+def with_geometry_lights(stage: Usd.Stage, lights: Sequence[Usd.Prim], when: When, diagnostics: Diagnostics) -> Usd.Stage:
+    """A copy of the stage in which their geometry gives the light, and they are gone. One that names no geometry stays, and is
+    told as any light that is not supported."""
+    made = scratch_copy(stage)
+    with Usd.EditContext(made, made.GetSessionLayer()):
+        for path in [light.GetPath() for light in lights]:
+            light = made.GetPrimAtPath(path)
+            hidden = is_invisible(light, when.time)
+            shapes = [shape for target in targets(light, "geometry") if (shape := made.GetPrimAtPath(target))]
+            for shape in [] if hidden else shapes:
+                if shape.IsA(UsdGeom.Gprim):
+                    _give(light, editable(made, shape.GetPath()))
+                else:
+                    message = f"{shape.GetPath()} is no geometry that could give its light."
+                    diagnostics.add("light-input", str(path), message, "geometry")
+            if shapes:
+                light.SetActive(False)
+    return made
+
+
+def _give(light: Usd.Prim, shape: Usd.Prim) -> None:
+    for schema in ("LightAPI", *schemas_applied(light)):
+        if schema not in schemas_applied(shape):
+            shape.AddAppliedSchema(schema)
+    for name in property_names(light):
+        if not name.startswith(_ITS_OWN):
+            light.GetProperty(name).FlattenTo(shape, name)

@@ -1,0 +1,134 @@
+"""Levels of detail (UsdLod): of each LOD root the one child that its override, its heuristics or its default index choose.
+
+Heuristics of the domain `imaging` are asked, by pxr's own functions, as the camera stands at the frame. Between two levels
+the nearer one is drawn. The other children are taken out of a copy of the stage; roots in native instances choose for
+themselves, and end the instances around them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLod
+
+from ...diagnostics import Diagnostics
+from ..opening.stage import scratch_copy
+from ..opening.taking_out import take_out
+from ..querying.guarded import default_value, schemas_applied, targets, type_name, value_at, world_transform
+from ..querying.traversal import THERE_IN_INSTANCES, children, drawn_in_instances, populated, stands_in_world
+from ..resolving.read import When
+
+ROOT, OVERRIDE = "LODRootAPI", "LODOverrideAPI"
+DOMAIN = "imaging"
+MOST_TOLD = 50
+
+
+@dataclass(frozen=True)
+class Choice:
+    index: float | None  # None: all of them; NaN: none
+    why: str
+
+
+def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, diagnostics: Diagnostics) -> Usd.Stage:
+    """A copy of the stage with one level of each root."""
+    gone: set[Sdf.Path] = set()
+    told = 0
+    cache = UsdGeom.XformCache(when.time)
+    for root in [*drawn_in_instances(stage.GetPseudoRoot()), *_abstract(stage)]:
+        if ROOT not in schemas_applied(root) or any(path in gone for path in root.GetPath().GetPrefixes()):
+            continue
+        levels = [child for child in children(root, THERE_IN_INSTANCES) if not child.IsA(UsdLod.Heuristic)]
+        choice = _choice(root, camera, when, cache)
+        left_out, drawn = _left_out(levels, choice)
+        gone |= left_out
+        told += 1
+        if told <= MOST_TOLD:
+            message = f"{drawn} of its {len(levels)} levels of detail, {choice.why}."
+            diagnostics.add("lod-chosen", str(root.GetPath()), message, "lod:heuristics")
+    if told > MOST_TOLD:
+        diagnostics.add("lod-chosen", "", f"Levels of {told - MOST_TOLD:,} further prims were chosen likewise.")
+    made = scratch_copy(stage)
+    take_out(made, gone)
+    return made
+
+
+def _abstract(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """What point instancers may draw from."""
+    return (prim for prim in populated(stage) if not prim.IsInPrototype() and not stands_in_world(prim))
+
+
+def _left_out(levels: list[Usd.Prim], choice: Choice) -> tuple[set[Sdf.Path], str]:
+    """And what is drawn, in words."""
+    if choice.index is None or not levels:
+        return set(), "All"
+    if math.isnan(choice.index):
+        return {level.GetPath() for level in levels}, "None"
+    chosen = min(max(math.ceil(choice.index - 0.5), 0), len(levels) - 1)
+    others = {level.GetPath() for k, level in enumerate(levels) if k != chosen}
+    return others, f"{levels[chosen].GetName()} (number {chosen})"
+
+
+def _choice(root: Usd.Prim, camera: Usd.Prim | None, when: When, cache: UsdGeom.XformCache) -> Choice:
+    override = _override(root, when)
+    if override is not None:
+        return override
+    stands = _stands_alone(root)
+    for target in targets(root, "lod:heuristics"):
+        heuristic = root.GetStage().GetPrimAtPath(target)
+        if camera is None or not stands or not heuristic or default_value(heuristic.GetAttribute("lod:domain")) != DOMAIN:
+            continue
+        index = _asked(heuristic, root, camera, when, cache)
+        if index is not None and math.isfinite(index):
+            return Choice(index, f"as its heuristic {target} says ({index:g})")
+    index = value_at(root.GetAttribute("lod:default:index"), when.time)
+    why = "its default" if camera is not None else "its default, for no camera of the stage looks"
+    why = why if stands else "its default, for a point instancer draws it in many places"
+    return Choice(float(index) if isinstance(index, int) else 0.0, why)
+
+
+def _stands_alone(prim: Usd.Prim) -> bool:
+    if not stands_in_world(prim):
+        return False
+    while prim and not prim.IsPseudoRoot():
+        if type_name(prim) == "PointInstancer":
+            return False
+        prim = prim.GetParent()
+    return True
+
+
+def _override(root: Usd.Prim, when: When) -> Choice | None:
+    """The nearest above it, or its own, that says anything."""
+    prim = root
+    while prim and not prim.IsPseudoRoot():
+        if OVERRIDE in schemas_applied(prim):
+            mode = value_at(prim.GetAttribute("lod:override:mode"), when.time)
+            why = f"by the override of {prim.GetPath()}"
+            if mode == "noOverride":
+                return None
+            if mode == "noLOD":
+                return Choice(math.nan, why)
+            if mode == "allLOD":
+                return Choice(None, why)
+            if mode == "indexedLOD":
+                index = value_at(prim.GetAttribute("lod:override:index"), when.time)
+                return Choice(float(index) if isinstance(index, int | float) and math.isfinite(index) else 0.0, why)
+        prim = prim.GetParent()
+    return None
+
+
+def _asked(heuristic: Usd.Prim, root: Usd.Prim, camera: Usd.Prim, when: When, cache: UsdGeom.XformCache) -> float | None:
+    world, stands = world_transform(cache, root), world_transform(cache, camera)
+    if world is None or stands is None:
+        return None
+    try:
+        if heuristic.IsA(UsdLod.DistanceHeuristic):
+            viewpoint = Gf.Vec3d(stands.ExtractTranslation())
+            return float(UsdLod.DistanceHeuristic(heuristic).ComputeLOD(viewpoint, world, when.time))
+        if heuristic.IsA(UsdLod.ScreenSizeHeuristic):
+            frustum = UsdGeom.Camera(camera).GetCamera(when.time).frustum
+            return float(UsdLod.ScreenSizeHeuristic(heuristic).ComputeLOD(frustum, world, when.time))
+    except Tf.ErrorException:
+        return None
+    return None

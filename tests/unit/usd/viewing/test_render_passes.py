@@ -1,0 +1,175 @@
+"""RenderPass: what it prunes, hides and renders from, also within instances, and what of it is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from primray.diagnostics import Diagnostics
+from primray.errors import SettingsError
+from primray.settings import RenderSettings
+from primray.usd import translate
+from primray.usd.adapters.rendering.render_settings import products
+
+from ..usd_text import stage_of
+
+SCENE = """def Xform "set"
+{
+    def Sphere "a"
+    {
+        def Sphere "inner"
+        {
+        }
+    }
+    def Cube "b"
+    {
+    }
+    def SphereLight "lamp"
+    {
+    }
+}
+def Xform "tree"
+{
+    def Sphere "leaf"
+    {
+    }
+    def Cube "trunk"
+    {
+    }
+}
+def Xform "one" (
+    instanceable = true
+    references = </tree>
+)
+{
+}
+def Xform "two" (
+    instanceable = true
+    references = </tree>
+)
+{
+}
+def RenderSettings "first"
+{
+    uniform int2 resolution = (10, 10)
+}
+def RenderSettings "second"
+{
+    uniform int2 resolution = (20, 20)
+}
+def RenderPass "pass"
+{
+    BODY
+}
+"""
+
+
+def rendered(body: str, **settings: Any) -> tuple[list[str], list[str], list[tuple[str, str, str]], Any]:
+    """Paths of shapes as users know them, those of lights, and what is told of the pass."""
+    stage = stage_of(SCENE.replace("BODY", body))
+    before = stage.GetSessionLayer().ExportToString()
+    asked = {"resolution": (8, 8), "render_pass": "/pass"} | settings
+    description, diagnostics = translate(stage, RenderSettings(**asked))
+    assert stage.GetSessionLayer().ExportToString() == before
+    shapes = [s.path for s in description.shapes]
+    count = dict.fromkeys(shapes, 0)
+    for placed in description.static:
+        count[shapes[placed.shape]] += 1
+    for placement in description.placements:
+        for placed in description.prototypes[placement.prototype].shapes:
+            count[shapes[placed.shape]] += len(placement)
+    told = [(d.code, d.prim_path, d.attribute) for d in diagnostics if d.prim_path == "/pass"]
+    found = [f"{path} {n}" for path, n in sorted(count.items())]
+    return found, sorted(x.path for x in description.lights if not x.path.startswith("primray:")), told, description
+
+
+WHOLE = 3 + 2 + 2 + 2  # shapes that stand in the world
+
+
+def total(found: list[str]) -> int:
+    return sum(int(each.rpartition(" ")[2]) for each in found)
+
+
+def test_an_empty_pass_changes_nothing() -> None:
+    found, lights, told, _ = rendered("")
+    assert total(found) == WHOLE
+    assert lights == ["/set/lamp"]
+    assert told == []
+
+
+@pytest.mark.conforms("RenderPass.collection:prune")
+def test_what_is_pruned_is_gone_with_all_below() -> None:
+    found, lights, told, _ = rendered("rel collection:prune:includes = [</set/a>, </set/lamp>]")
+    assert total(found) == WHOLE - 2
+    assert not any(each.startswith("/set/a") for each in found)
+    assert lights == []
+    assert told == []
+
+
+def test_pruned_in_one_instance_of_two() -> None:
+    found, _, _, _ = rendered("rel collection:prune:includes = </one/leaf>")
+    assert total(found) == WHOLE - 1
+    whole, _, _, _ = rendered("rel collection:prune:includes = </two>")
+    assert total(whole) == WHOLE - 2
+    source, _, _, _ = rendered("rel collection:prune:includes = [</tree>, </two/leaf>]")
+    assert total(source) == WHOLE - 3  # what refers to it stays
+    expression = """uniform pathExpression collection:prune:membershipExpression = "//leaf" """
+    everywhere, _, _, _ = rendered(expression)
+    assert total(everywhere) == WHOLE - 3
+
+
+@pytest.mark.conforms("RenderPass.collection:renderVisibility", "RenderPass.collection:renderVisibility:includeRoot")
+def test_only_what_is_included_is_visible() -> None:
+    body = "uniform bool collection:renderVisibility:includeRoot = 0\n"
+    body += "rel collection:renderVisibility:includes = [</set>, </one>]"
+    found, lights, told, _ = rendered(body)
+    assert total(found) == 3 + 2
+    assert lights == ["/set/lamp"]
+    assert told == []
+    fewer, lights, _, _ = rendered("rel collection:renderVisibility:excludes = [</set/b>, </set/lamp>, </two/trunk>]")
+    assert total(fewer) == WHOLE - 2
+    assert lights == []
+
+
+@pytest.mark.conforms("RenderPass.renderSource")
+def test_it_renders_from_its_settings() -> None:
+    stage = stage_of(SCENE.replace("BODY", "rel renderSource = </second>"))
+    asked = RenderSettings(render_pass="/pass")
+    assert translate(stage, asked)[0].frame.resolution == (20, 20)
+    assert products(stage, asked, Diagnostics())[0].resolution == (20, 20)
+    other = RenderSettings(render_pass="/pass", render_settings="/first")
+    assert translate(stage, other)[0].frame.resolution == (10, 10)
+
+
+@pytest.mark.conforms(
+    "RenderPass.collection:cameraVisibility", "RenderPass.collection:cameraVisibility:includeRoot", state="approximated"
+)
+def test_lights_that_the_camera_does_not_see() -> None:
+    """Shapes are told."""
+    body = "rel collection:cameraVisibility:excludes = [</set/lamp>]"
+    _, _, told, description = rendered(body)
+    assert told == []
+    assert not description.lights[0].visible_to_camera
+    _, _, told, description = rendered("rel collection:cameraVisibility:excludes = [</set>]")
+    assert told == [("render-settings-input", "/pass", "collection:cameraVisibility:includeRoot")]
+    assert not description.lights[0].visible_to_camera
+
+
+@pytest.mark.conforms("RenderPass.collection:matte", state="diagnosed")
+def test_matte_is_told() -> None:
+    assert rendered("rel collection:matte:includes = </set/a>")[2] == [
+        ("render-settings-input", "/pass", "collection:matte:includes")
+    ]
+
+
+def test_what_a_pass_says_of_jobs_is_told() -> None:
+    body = "uniform asset fileName = @x.usda@\n    rel inputPasses = </pass>"
+    assert [attribute for _, _, attribute in rendered(body)[2]] == ["fileName", "inputPasses"]
+
+
+@pytest.mark.parametrize("asked", ["/none", "/set", "pass"])
+def test_a_pass_that_is_not_there(asked: str) -> None:
+    with pytest.raises(SettingsError, match="/pass") as error:
+        translate(stage_of(SCENE.replace("BODY", "")), RenderSettings(render_pass=asked))
+    assert error.value.code == "unknown-render-pass"
