@@ -12,7 +12,6 @@ from functools import cache
 from ...description import NodeOutput, Operand, PatternNode, TextureFile
 from .definitions import Definition, FromInterface, FromStep, definition, graph
 from .folding import folded
-from .hair_nodes import NODES as HAIR_NODES
 
 MOST_NODES = 20_000  # of one material
 DEEPEST = 32  # definitions in definitions
@@ -42,8 +41,6 @@ class Expressions:
         defaults = found.defaults
         given = {key: value for key, value in inputs.items() if key in defaults}
         if graph(name) is None:
-            if name in HAIR_NODES:
-                return HAIR_NODES[name](self, {**{key: v for key, v in defaults.items() if v is not None}, **given})
             return self._of_inputs(found, {**defaults, **given}, path)
         left = _left_of(name, frozenset(given))
         made: list[Outputs] = []

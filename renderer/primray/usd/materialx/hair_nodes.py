@@ -6,12 +6,9 @@ Formulas: d'Eon et al. 2011 (melanin), Chiang et al. 2016 (the rest), as the lib
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 from ...description import Operand
-
-if TYPE_CHECKING:
-    from .expressions import Expressions
+from .expressions import Expressions
 
 Given = Mapping[str, Operand]
 _LEAST_COLOR, _LEAST_ROUGHNESS, _LEAST_LEFT = (1e-3,), (1e-3,), (1e-4,)
