@@ -63,6 +63,7 @@ CRYPTOMATTES: dict[str, CryptomatteKind] = {
 # Always there, in the picture itself.
 IN_PICTURE = ("beauty", "alpha", "stderr")
 PRIMVAR = "primvar:"
+LABELS = "labels:"  # before a taxonomy of semantic labels
 CRYPTOMATTE_BYTES = 128  # a pixel: of some four surfaces
 MOST_COMPONENTS = 4
 LONGEST_NAME = 256
@@ -81,15 +82,27 @@ class AovRequest:
 def check_names(names: Iterable[str]) -> None:
     """SettingsError for a name that means nothing."""
     for name in names:
-        if not isinstance(name, str) or not (name in AOVS or name in CRYPTOMATTES or name in IN_PICTURE or _is_primvar(name)):
+        if not isinstance(name, str) or not (name in AOVS or name in CRYPTOMATTES or name in IN_PICTURE or _is_named(name)):
             known = ", ".join((*AOVS, *CRYPTOMATTES, *IN_PICTURE))
-            sentence = f"there is no AOV {name!r}; there are {known} and primvar:NAME"
+            sentence = f"there is no AOV {name!r}; there are {known}, primvar:NAME and labels:TAXONOMY"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
 
 
-def _is_primvar(name: str) -> bool:
-    own = name.removeprefix(PRIMVAR)
-    return name.startswith(PRIMVAR) and len(own) <= LONGEST_NAME and _PRIMVAR_NAME.fullmatch(own) is not None
+def _is_named(name: str) -> bool:
+    """A primvar, or labels of a taxonomy."""
+    kind = next((prefix for prefix in (PRIMVAR, LABELS) if name.startswith(prefix)), None)
+    own = name.removeprefix(kind or "")
+    return kind is not None and len(own) <= LONGEST_NAME and _PRIMVAR_NAME.fullmatch(own) is not None
+
+
+def taxonomy_of(source: str) -> str | None:
+    """The taxonomy whose labels a source is."""
+    return source.removeprefix(LABELS) if source.startswith(LABELS) else None
+
+
+def names_instances(source: str) -> bool:
+    """Whether what is asked for is told by the names of instances."""
+    return source in NAMING_INSTANCES or source.startswith(LABELS)
 
 
 def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:

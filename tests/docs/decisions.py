@@ -27,6 +27,7 @@ TOPICS = {
     "sampling": "Samples, splits and their sums",
     "measuring": "The error: measuring, stopping, comparing",
     "images": "Cameras, colours, files, AOVs",
+    "outputs": "What stands beside a picture: denoised, mattes, labels, files",
     "commands": "The command line and packaging",
     "service": "The render service",
     "farm": "Many machines",

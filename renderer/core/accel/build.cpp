@@ -10,6 +10,10 @@
 namespace primray {
 namespace {
 
+// From which on a group of curves takes the memory of Embree's compact structures, 55 bytes a segment and not 135, at nine
+// tenths of the speed.
+constexpr uint32_t kManySegments = 1 << 18;
+
 void attach(rtc::Scene scene, const OwnedGeometry& g, uint32_t id) { embree().rtcAttachGeometryByID(scene, g.get(), id); }
 
 // The pairs that the group's triangles begin with, of `paired` triangles.
@@ -88,7 +92,7 @@ OwnedGeometry make_placement(Scene& scene, size_t placement) {
 }
 
 void build_group(Scene& scene, Group& group) {
-  group.accel = new_embree_scene();
+  group.accel = new_embree_scene(group.curves.still.segments > kManySegments);
   rtc::Scene target = group.accel.get();
   group.paired_count = paired_in(scene, group);
   scene.has_pairs |= group.paired_count > 0;

@@ -34,7 +34,12 @@ PlacedEnd place(const TubeEnds& t, uint32_t number, float time) {
     for (int k = 0; k < 4; ++k) r[k] = a[k] + (double(b[k]) - a[k]) * within;
     return r;
   };
-  const auto p = at(end.at);
+  auto p = at(end.at);
+  if (end.kind == CurveEndKind::kJoint) {  // where the segment begins without going on into the one before
+    const double t = kBeyond, s = 1 - t;
+    const auto a = at(end.at + 1), b = at(end.at + 2), c = at(end.at + 3);
+    for (int k = 0; k < 4; ++k) p[k] = p[k] * s * s * s + 3 * t * s * (a[k] * s + b[k] * t) + c[k] * t * t * t;
+  }
   const auto way = [&](uint32_t from, uint32_t to) {
     if (from == to) return dvec3(0.0);
     const auto a = at(from), b = at(to);

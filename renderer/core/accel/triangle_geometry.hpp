@@ -6,9 +6,9 @@
 
 namespace primray {
 
-inline OwnedScene new_embree_scene() {
+inline OwnedScene new_embree_scene(bool is_compact = false) {
   OwnedScene s(embree().rtcNewScene(embree_device()));
-  embree().rtcSetSceneFlags(s.get(), rtc::kRobust);
+  embree().rtcSetSceneFlags(s.get(), rtc::kRobust | (is_compact ? rtc::kCompact : 0));
   embree().rtcSetSceneBuildQuality(s.get(), rtc::BuildQuality(2));
   return s;
 }

@@ -107,7 +107,8 @@ class SceneBuilder {
   void place_points(std::span<const float> points, const daffine& group_from_object, float* to) const;
   void add_curved_row(CurvedRange& range, size_t record, int32_t surface);
   void add_curved_row(int32_t surface);
-  void place_controls(std::span<const float> points, const daffine& group_from_object, float* to) const;
+  void place_controls(std::span<const float> points, std::span<const int32_t> segments, bool closed,
+                      const daffine& group_from_object, float* to) const;
   void add_curve_steps(const CurvesInput& curves, const daffine& group_from_object);
   // The current group's vertices move by the clock of these times.
   void take_clock(std::span<const float> times);

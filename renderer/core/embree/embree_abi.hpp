@@ -31,7 +31,7 @@ enum Format : int {
   kFloat3x4ColumnMajor = 0x9234,
   kQuaternionDecomposition = 0xb001
 };
-enum SceneFlags : int { kRobust = 1 << 2 };
+enum SceneFlags : int { kCompact = 1 << 1, kRobust = 1 << 2 };
 enum BuildQuality : int { kMediumQuality = 1 };
 enum DeviceProperty : int { kVersion = 0 };
 

@@ -11,7 +11,7 @@ struct CurvePlace {
   vbool<W> is{false}, is_end{false};
   bool any_is = false;
   vint<W> row{0}, segment{0}, end{0};  // of the CurvedTable; counted over the scene
-  vfloat<W> u{0.0f};                   // along the segment, [0, 1]
+  vfloat<W> u{0.0f}, longer{0.0f};     // along the segment, and along what Embree has of it, [0, 1]
 
   CurvePlace() = default;
   PRIMRAY_INLINE CurvePlace(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
@@ -29,15 +29,18 @@ struct CurvePlace {
     const auto base = [&](auto field) { return in.base(scene, field); };
     segment = select(still, base([](const Group& g) { return g.curves.still.segment; }) + h.prim, zero);
     segment = select(moving, base([](const Group& g) { return g.curves.moving.segment; }) + h.prim, segment);
-    u = select(still | moving, h.u, 0.0f);
+    longer = select(still | moving, h.u, 0.0f);
     if (primray::any(is_end)) {
       end = select(end_still, base([](const Group& g) { return g.curves.still.end; }) + h.prim, zero);
       end = select(end_moving, base([](const Group& g) { return g.curves.moving.end; }) + h.prim, end);
       const int32_t* ends = reinterpret_cast<const int32_t*>(scene.curves.ends.data());
       const I at = end * I(kCurveEndFields);
       segment = select(is_end, gather<W>(ends, at), segment);
-      u = select(is_end & (gather<W>(ends + 1, at) == I(int32_t(CurveEndKind::kEnd))), 1.0f, u);
+      const I kind = gather<W>(ends + 1, at);
+      longer = select(is_end & (kind == I(int32_t(CurveEndKind::kEnd))), 1.0f, longer);
+      longer = select(is_end & (kind == I(int32_t(CurveEndKind::kJoint))), kBeyond, longer);
     }
+    u = clamp(longer * (1.0f + 2 * kBeyond) - kBeyond, 0.0f, 1.0f);
     row = select(is, gather<W>(scene.curves.row.data(), gather<W>(scene.curves.run.data(), segment)), zero);
   }
 };
@@ -83,7 +86,7 @@ struct CurvePoint {
       c[k] = {q.x, q.y, q.z}, r[k] = q.w;
     }
     const V e1 = c[1] - c[0], e2 = c[2] - c[0], e3 = c[3] - c[0];
-    const F u = place.u, v = 1.0f - u;
+    const F u = place.longer, v = 1.0f - u;
     const F b1 = 3.0f * u * v * v, b2 = 3.0f * u * u * v, b3 = u * u * u;
     const V centre = c[0] + (e1 * b1 + e2 * b2 + e3 * b3);
     const F radius = r[0] + ((r[1] - r[0]) * b1 + (r[2] - r[0]) * b2 + (r[3] - r[0]) * b3);
@@ -103,15 +106,16 @@ struct CurvePoint {
     const V about = ng * (1.0f / max(max_component(abs(ng)), 1e-38f));
     const V across = direction_of(about - along * (dot(about, along) / along2));
     normal = across * max(along2 - radius * dot(across, bend), along2 * 0.05f) - along * narrowing;
-    p = centre + across * radius;
-    if (any(place.is_end)) set_end(scene, place, h, base, motion, p, normal, along);
+    p = centre + select(place.is_end, h.ng, across) * radius;
+    if (any(place.is_end)) set_end(scene, place, h, base, motion, normal, along);
+
     // Embree's roots are off by some parts in 2^24 of a segment's size.
     spread = abs(c[0]) + V(radius + 2.0f * size);
   }
 
  private:
   PRIMRAY_RARE static void set_end(const Scene& scene, const CurvePlace<W>& place, const Hits<W>& h, vint<W> base,
-                                   const VertexMotion<W>& motion, vvec3<W>& p, vvec3<W>& normal, vvec3<W>& along) {
+                                   const VertexMotion<W>& motion, vvec3<W>& normal, vvec3<W>& along) {
     using F = vfloat<W>;
     using I = vint<W>;
     const int32_t* ends = reinterpret_cast<const int32_t*>(scene.curves.ends.data());
@@ -123,7 +127,6 @@ struct CurvePoint {
     const vvec3<W> centre{at.x, at.y, at.z};
     const vvec3<W> outwards = centre * 2.0f - vvec3<W>(before.x + after.x, before.y + after.y, before.z + after.z);
     const vbool<W> joint = place.is_end & (gather<W>(ends + 1, record) == I(int32_t(CurveEndKind::kJoint)));
-    p = select(place.is_end, centre + h.ng * at.w, p);
     normal = select(place.is_end, select(joint, h.ng, outwards), normal);
     const vvec3<W> left = along - h.ng * dot(along, h.ng);
     along = select(joint & (max_component(abs(left)) > F(0.0f)), left, along);

@@ -39,9 +39,9 @@ struct CurveValues {
     using I = vint<W>;
     const CurveTable& table = scene.curves;
     const I zero(0), set = select(is, place.row - I(int32_t(table.first_row)), zero);
-    const I first = gather<W>(table.first_point.data(), place.segment) - gather<W>(table.set_point.data(), set);
-    const I curve = gather<W>(table.curve.data(), gather<W>(table.run.data(), place.segment)),
-            end = at_ends(first, curve, I(2), I(3));
+    const I segment = (gather<W>(table.first_point.data(), place.segment) - gather<W>(table.set_point.data(), set)) >> 2;
+    const I curve = gather<W>(table.curve.data(), gather<W>(table.run.data(), place.segment));
+    const I first = segment * I(3) + curve, end = segment + curve;
     cubic = is & point;
     for (int k = 0; k < 4; ++k) row[k] = select(point, first + I(k), select(corner, end + I(k == 0 ? 0 : 1), curve));
   }

@@ -115,6 +115,7 @@ class CoreScene:
             photons = 0
         rows = [
             (s.has_instances, "instances", "prototypes are placed more than once"),
+            (s.has_curves, "curves", "the scene has curves"),
             (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
             (s.has_attributes, "vertex attributes", "meshes have normals or varying displayColor"),
             (s.textures > 0, f"textures ({s.texture_bytes / 2**20:.1f} MiB)", "surfaces' inputs are connected to images"),

@@ -48,7 +48,7 @@ def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"]
         np.concatenate([found.pixels, alpha[..., None]], axis=2),
         metadata=found.metadata,
         errors=found.stderr,
-        color_space=_space_of(found.chromaticities),
+        color_space=space_of(found.chromaticities),
         frame=found.frame,
         aovs={key: aov for key, aov in parts.items() if aov.source not in (DENOISED, DIFFUSED)},
     )
@@ -86,7 +86,7 @@ def _check_linear(name: str) -> None:
         raise SettingsError(sentence, where=name, code="image-display")
 
 
-def _space_of(chromaticities: tuple[float, ...] | None) -> ColorSpace:
+def space_of(chromaticities: tuple[float, ...] | None) -> ColorSpace:
     if chromaticities is None:
         return REC709
     for space in linear_spaces():

@@ -20,6 +20,8 @@ Ints = npt.NDArray[np.integer[Any]]
 MAX_QUADS = 1024  # of a segment
 STRAIGHT = 1e-5  # how far a segment is off its chord, in parts of its size, and counts as straight
 TINY = 1e-12
+BEND = 1e-3  # between the sides of two segments that meet, from which on their edges are mitred
+LEAST_COSINE = 0.5  # mitres are no longer than twice the width
 
 
 def dice_ribbons(description: SceneDescription, pixels: float) -> SceneDescription:
@@ -137,8 +139,9 @@ def _edges(rows: _Rows, controls: Floats, normals: Floats) -> tuple[Floats, Floa
     here, along = rows.bezier(controls), rows.derivative(controls)
     asked = rows.bezier(normals)
     tangent = along[:, :3]
-    side = _across(rows, tangent, asked)
-    left, right = here[:, :3] - here[:, 3:] * side, here[:, :3] + here[:, 3:] * side
+    side = _across(tangent, asked)
+    out = side * _mitred(rows, controls, asked, side)
+    left, right = here[:, :3] - here[:, 3:] * out, here[:, :3] + here[:, 3:] * out
     # What the strip does along the curve, at its left and right edges.
     turning = _turning(rows, side)
     found = []
@@ -149,7 +152,22 @@ def _edges(rows: _Rows, controls: Floats, normals: Floats) -> tuple[Floats, Floa
     return points, np.stack(found, axis=1).reshape(-1, 3).astype(np.float32)
 
 
-def _across(rows: _Rows, tangent: Doubles, normals: Doubles) -> Doubles:
+def _mitred(rows: _Rows, controls: Floats, normals: Doubles, side: Doubles) -> Doubles:
+    """(R, 1) how much further out edges meet where two segments meet at an angle; `side` is turned half way there."""
+    starts = np.flatnonzero((rows.u == 0) & (np.append(-1, rows.curve[:-1]) == rows.curve))
+    at = rows.first[starts]
+    before = controls[at, :3].astype(np.float64) - controls[at - 1, :3]
+    other = _across(before, normals[starts])
+    turned = _unit(other + side[starts], side[starts])
+    longer = np.ones((len(side), 1))
+    cosine = np.einsum("rc,rc->r", turned, side[starts])
+    bends = (np.linalg.norm(other - side[starts], axis=1) > BEND) & before.any(axis=1)
+    longer[starts[bends], 0] = 1 / np.maximum(cosine[bends], LEAST_COSINE)
+    side[starts[bends]] = turned[bends]
+    return longer
+
+
+def _across(tangent: Doubles, normals: Doubles) -> Doubles:
     """Unit vectors to the right, of which the normal is to the left's left: tangent x normal. Where the two are parallel, any
     across the tangent."""
     size = np.linalg.norm(tangent, axis=1, keepdims=True) * np.linalg.norm(normals, axis=1, keepdims=True)

@@ -9,6 +9,7 @@ import os
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from ..aov_names import taxonomy_of
 from ..errors import LimitError
 from ..garbage import without_collection
 from ..report.prepared import Prepared
@@ -113,7 +114,10 @@ def _prepare(
         assert scene.record is not None
         assets = usd.assets_of(stage, scene.record.shape_paths)
     prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
-    return replace(prepared, assets=assets, stage=usd.stage_name(stage))
+    labels = None
+    if any(taxonomy_of(request.source) for request in description.aovs):
+        labels = lambda path, taxonomy: usd.labels_of(stage, path, taxonomy, settings.time_code)  # noqa: E731
+    return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage))
 
 
 def check_memory(

@@ -218,11 +218,12 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
         if prepared.settings.strict:
             diagnostics.raise_if_strict()
     space = prepared.scene.rendering_space
-    aovs = find_aovs(prepared, sampling, costs)
+    aovs, of_labels = find_aovs(prepared, sampling, costs)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    report |= {"labels": of_labels} if of_labels else {}
     report["frame"] = asdict(prepared.frame)
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
@@ -249,20 +250,26 @@ def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs
         return with_denoised(image, Denoising(prepared.scene, prepared.settings).of(sampling.film))
 
 
-def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:
-    """The outputs beside the picture, by name."""
+def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> tuple[dict[str, Aov], dict[str, Any]]:
+    """The outputs beside the picture, by name, and what a report says of labelled things."""
     if not prepared.aovs:
-        return {}
-    from ..aov_names import CRYPTOMATTES
+        return {}, {}
+    from ..aov_names import CRYPTOMATTES, taxonomy_of
     from ..images.first_hit import aovs_of
+    from ..images.labels import labels_of_view
     from ..images.mattes.film_mattes import mattes_of
 
     mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
-    plain = [request for request in prepared.aovs if request not in mattes]
+    labels = [request for request in prepared.aovs if taxonomy_of(request.source)]
+    plain = [request for request in prepared.aovs if request not in (*mattes, *labels)]
+    says: dict[str, Any] = {}
     with costs.stage("aovs"):
         found = aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}
         found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
-        return {request.name: found[request.name] for request in prepared.aovs}
+        if labels and prepared.labels is not None:
+            made, says = labels_of_view(prepared.scene, labels, prepared.camera, prepared.settings, prepared.labels)
+            found |= made
+        return {request.name: found[request.name] for request in prepared.aovs}, says
 
 
 def core_says(scene: CoreScene) -> dict[str, Any]:

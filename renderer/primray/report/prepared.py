@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -27,5 +28,6 @@ class Prepared:
     lights: int = 0
     motion: dict[str, Any] | None = None  # what the report says of what moves
     left_out: dict[str, int] = field(default_factory=dict)  # where nothing is drawn: shapes by why, "" for unknown
+    labels: Callable[[str, str], tuple[str, ...]] | None = None  # of a prim in a taxonomy, where AOVs ask for them
     assets: dict[str, str] = field(default_factory=dict)  # by prim, where Cryptomatte asks for them
     stage: str = ""  # the root layer's file name, without folders

@@ -192,6 +192,7 @@ _COSTS = (
     "diagnostics",
     "checkpoint",
     "aovs",
+    "labels",
 )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import core
 from ..description import (
+    Curves,
     DisplacedMesh,
     Mesh,
     NurbsPatch,
@@ -33,6 +34,7 @@ DISPLACED_TRIANGLE_BYTES = 60  # half a vertex with what moves it, where it was 
 DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing
 DICED_MOMENT_BYTES = 24  # half a vertex with its normal, twice: for each other time that a cage is diced for
 SHAPE_BYTES = 2000
+SEGMENT_BYTES = 215  # of curves: in the core and in Embree, with what closes them
 INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
 PIXEL_BYTES = 146  # the exact sums and counts of both replicates, and the image with its errors
 # Images are kept as their files have them until the core has taken what it keeps: levels as fine as the view needs (about
@@ -109,6 +111,7 @@ def summary(
         + max(sum(count) * TRIANGLE_BYTES, loading)  # hierarchies are built when the images are gone
         + kept
         + sum(n * _diced_bytes(s) for n, s in zip(count, shapes, strict=True) if isinstance(s, SubdivisionMesh | NurbsPatch))
+        + sum(int(s.segments.sum()) for s in shapes if isinstance(s, Curves)) * SEGMENT_BYTES
         + len(shapes) * SHAPE_BYTES
         + stored * INSTANCE_BYTES
         + placement_bytes

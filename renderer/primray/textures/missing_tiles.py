@@ -9,8 +9,10 @@ import numpy.typing as npt
 
 from ..arrays import Floats, Ints
 from ..description import (
+    Curves,
     Interpolation,
     Mesh,
+    Ribbons,
     SceneDescription,
     Shape,
     SubdivisionMesh,
@@ -78,6 +80,10 @@ def _coordinates(shape: Shape, surface: int, reads: TextureInput, per_instance: 
     if primvar is None or primvar.values.ndim != 2 or primvar.values.shape[1] < 2:
         if reads.st.name not in per_instance:
             yield np.tile(np.asarray(reads.st.fallback[:2], np.float64), (1, 3, 1))
+        return
+    if isinstance(shape, Curves | Ribbons):  # between control points, or ends of segments
+        for first in range(0, len(primvar.values), _AT_ONCE):
+            yield np.repeat(primvar.values[first : first + _AT_ONCE, None, :2].astype(np.float64), 3, axis=1)
         return
     corners, face_of = _corners(shape)
     if isinstance(shape, Mesh | SubdivisionMesh) and not isinstance(shape.surface, int):

@@ -10,6 +10,7 @@ from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
 from .facts.assets import assets_of
 from .facts.dependencies import Dependencies, dependencies, files_to_watch, write_usdz
+from .facts.labels import labels_of
 from .facts.left_out import left_out
 from .facts.stage_facts import stage_facts
 from .opening.reading_anew import read_anew
@@ -29,6 +30,7 @@ __all__ = [
     "files_to_watch",
     "has_camera",
     "is_session_camera",
+    "labels_of",
     "left_out",
     "open_stage",
     "place_camera",

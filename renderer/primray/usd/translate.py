@@ -9,7 +9,7 @@ from functools import partial
 
 from pxr import Usd
 
-from ..aov_names import NAMING_INSTANCES, VECTORS, AovRequest, primvars_of, requests_of
+from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of, requests_of
 from ..description import (
     Camera,
     CameraMotion,
@@ -26,7 +26,7 @@ from .adapters.rendering.render_pass import with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
 from .adapters.rendering.render_var import aovs_of_variables
-from .adapters.shapes.curves import basis_curves_of
+from .adapters.shapes.curves import basis_curves_of, hermite_curves_of, nurbs_curves_of
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
@@ -54,12 +54,13 @@ from .resolving.context import Context
 from .resolving.notes import LevelsMet
 from .resolving.read import When, when_of
 from .resolving.resolve import BlurScales, ResolvedPrim
+from .viewing.back_plates import Looks, plates_of, with_back_plates
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.diffusion import with_diffusion
 from .viewing.foreseen import as_seen, foreseen
 from .viewing.rolling import exposed
 from .viewing.shutter import shutter_of_vectors, timing_of
-from .viewing.view import select_camera, view_through
+from .viewing.view import select_camera, view_through, view_without_things
 from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Group, arrange, at_instant, merge_coincident
 from .walking.levels import with_levels_chosen
@@ -82,6 +83,8 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Capsule_1": tessellated,
     "Plane": tessellated,
     "BasisCurves": basis_curves_of,
+    "HermiteCurves": hermite_curves_of,
+    "NurbsCurves": nurbs_curves_of,
 }
 SHAPES |= DRAW_MODES  # in place of prims of any type
 SHAPES[POINT] = point_sphere
@@ -138,6 +141,9 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     if found.geometry_lights:
         stage = with_geometry_lights(stage, found.geometry_lights, when, diagnostics)
         found = find_by_type(stage, Diagnostics())
+    if plates := plates_of(found.cameras):
+        stage = with_back_plates(stage, plates, _looks(stage, settings, found, when), when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
     if are_drawn(stage, found.skeletons):
         stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())
@@ -180,8 +186,8 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     asked = settings.aovs
     aovs = requests_of(asked) if asked is not None else aovs_of_variables(product.variables, ctx.diagnostics)
-    names_instances = any(request.source in NAMING_INSTANCES for request in aovs)
-    ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=names_instances)
+    has_names = any(names_instances(request.source) for request in aovs)
+    ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=has_names)
     read, of_colors = primvars_read(found.shaders, ctx)
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
@@ -235,6 +241,13 @@ def _timed(
     steps += [*settle(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
     note_errors(steps, ctx)
     return motion, steps
+
+
+def _looks(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Looks | None:
+    """The stage's camera that the picture is taken through."""
+    begun = begin(found, context_of(stage, settings, found, when, Diagnostics(), {}))
+    camera, frame = view_without_things(begun.camera, begun.ctx, begun.product, begun.shutter)
+    return None if begun.camera is None or camera is None else Looks(begun.camera, camera, frame)
 
 
 def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Foreseen:

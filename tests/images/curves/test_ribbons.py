@@ -75,3 +75,12 @@ def test_normals_that_do_not_fit_leave_tubes() -> None:
     image = look(curves(linear("[(-1.5, 0, 0), (1.5, 0, 0)]", WIDTH, more)), "position")
     assert [d["code"] for d in image.report["diagnostics"] if d["code"] == "invalid-primvar"]
     assert values(image, "position")[..., 2].max() > 0.39
+
+
+def test_edges_are_mitred_where_segments_meet_at_an_angle() -> None:
+    """An L of two strips of width 0.8: two rectangles that share the square of the corner."""
+    body = linear("[(-1.2, -0.8, 0), (0.8, -0.8, 0), (0.8, 1.2, 0)]", WIDTH + "\n" + UP.format("0, 0, 1"))
+    image = look(curves(body), "distance")
+    x, y = centres()
+    inside = ((x > -1.2) & (x < 1.2) & (np.abs(y + 0.8) < 0.4)) | ((y > -1.2) & (y < 1.2) & (np.abs(x - 0.8) < 0.4))
+    assert np.array_equal(np.isfinite(values(image, "distance")), inside)

@@ -20,7 +20,8 @@ def Camera "camera"
     float horizontalAperture = 40
     float verticalAperture = 40
     float2 clippingRange = (0.1, 100)
-    double3 xformOp:translate = (0, 0, 10)
+    double3 xformOp:translate = (FAR, 0, 10)
+    CAMERA
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }
 def DomeLight "sky"
@@ -45,14 +46,15 @@ def cubic(points: str, widths: str, basis: str = "bezier", wrap: str = "nonperio
     )
 
 
-def stage_of(text: str) -> Usd.Stage:
+def stage_of(text: str, camera: str = "", far: str = "0") -> Usd.Stage:
     stage = Usd.Stage.CreateInMemory()
-    assert stage.GetRootLayer().ImportFromString(STAGE + text)
+    assert stage.GetRootLayer().ImportFromString(STAGE.replace("CAMERA", camera).replace("FAR", far) + text)
     return stage
 
 
-def look(text: str, *aovs: str, size: int = SIZE, spp: int = 2, **more: object) -> Image:
-    return render(stage_of(text), resolution=(size, size), spp=spp, seed=1, aovs=aovs, **more)  # type: ignore[arg-type]
+def look(text: str, *aovs: str, size: int = SIZE, spp: int = 2, camera: str = "", far: str = "0", **more: object) -> Image:
+    """`camera`: more of it; `far`: where it is along x."""
+    return render(stage_of(text, camera, far), resolution=(size, size), spp=spp, seed=1, aovs=aovs, **more)  # type: ignore[arg-type]
 
 
 def values(image: Image, name: str) -> np.ndarray:

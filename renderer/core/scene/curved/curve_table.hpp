@@ -1,9 +1,10 @@
 // Tubes: cubic Bezier curves with a radius, discs across their tangents swept along them. One row of the CurvedTable is many
 // curves; Embree has their segments (accel/curve_geometry.cpp), and what closes them.
 //
-// A curve of n segments has 3 n + 1 control points one after the other, a set of curves those of its curves. So a segment's
-// first point says where on the set it is: values for every point stand as the points do, values for every end of a segment
-// (n + 1 a curve) at a number that follows from it (at_ends).
+// Each segment has four control points of its own, and goes on a little into its neighbours (kBeyond): Embree's roots
+// are off by some millionths of a segment, which else let rays through between two of them. Segments of a set stand one after
+// the other, so a segment's first point says which it is, and with its curve where values stand: of the 3 n + 1 control points
+// of each curve as it was given, and of the n + 1 ends of its segments.
 #pragma once
 
 #include <array>
@@ -13,6 +14,9 @@
 #include "base/features.hpp"
 
 namespace primray {
+
+// How far a segment goes on, in parts of its parameter.
+constexpr float kBeyond = 0x1p-14f;
 
 // What closes tubes: discs at their ends, and where two segments meet at an angle the part of a ball between both.
 enum class CurveEndKind : int32_t { kStart = 0, kEnd = 1, kJoint = 2 };
@@ -36,7 +40,7 @@ struct CurveGroup {
 };
 
 struct CurveTable {
-  std::vector<float> points;  // x, y, z, radius
+  std::vector<float> points;  // x, y, z, radius; four a segment
   // By segment: its first control point, counted within the group, and the run of its curve's segments that wear one surface.
   std::vector<int32_t> first_point, run;
   std::vector<CurveEnd> ends;
@@ -52,12 +56,5 @@ struct CurveTable {
     row.shrink_to_fit(), curve.shrink_to_fit();
   }
 };
-
-// The first of the two values of a segment in a set that has one for every end of its segments: `point` and `curve` counted
-// within the set. A curve of n segments has 3 n + 1 points and n + 1 values.
-template <class I>
-inline I at_ends(I point, I curve, I two, I three) {
-  return (point + curve * two) / three;
-}
 
 }  // namespace primray

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ...errors import PrimrayError, SettingsError
+
+
+class FurtherMetric(Enum):
+    FLIP = "flip"
+
 
 EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 6}  # 3 to 5 say something else of renders
 
@@ -20,6 +26,10 @@ def compare(
         float, typer.Option(metavar="T", help="Smallest relative difference that matters; 0: any that noise does not explain.")
     ] = 0.01,
     tile: Annotated[int, typer.Option(metavar="N", help="Pixels across a tile.")] = 32,
+    metric: Annotated[
+        list[FurtherMetric] | None,
+        typer.Option("--metric", help="Beside the verdict, which it does not change (primray[flip]).", show_default=False),
+    ] = None,
     difference: Annotated[
         str | None, typer.Option(metavar="FILE", help="PNG or EXR of the difference in units of its noise.", show_default=False)
     ] = None,
@@ -29,7 +39,7 @@ def compare(
 ) -> None:
     """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 6: needs more samples, 2: usage."""
     try:
-        verdict = _compare(a, b, alpha, tolerance, tile, difference, report, json)
+        verdict = _compare(a, b, alpha, tolerance, tile, difference, report, json, bool(metric))
     except PrimrayError as error:
         error.exit_code = 2  # whatever went wrong: 1 would say that the picture has changed
         raise
@@ -37,16 +47,27 @@ def compare(
 
 
 def _compare(
-    a: str, b: str, alpha: float, tolerance: float, tile: int, difference: str | None, report: str | None, json: bool
+    a: str,
+    b: str,
+    alpha: float,
+    tolerance: float,
+    tile: int,
+    difference: str | None,
+    report: str | None,
+    json: bool,
+    with_flip: bool,
 ) -> str:
     from ...compare.comparison import compare as compare_images
     from ...compare.comparison_report import as_json, lines
     from ...compare.difference_picture import check_difference_path, save_difference
+    from ...compare.flip import check_flip, flip
     from ...images.image import write_text
     from ...images.image_file import read_image
     from ...images.output_path import check_folder
     from ..json_lines import dumps, print_line
 
+    if with_flip:
+        check_flip()
     if difference is not None:
         check_difference_path(difference)
     if report is not None:
@@ -54,8 +75,10 @@ def _compare(
     for output in (difference, report):
         if output is not None and Path(output).resolve() in (Path(a).resolve(), Path(b).resolve()):
             raise SettingsError("the output would replace a picture that is compared", where=output, code="output-folder")
-    result = compare_images(read_image(a), read_image(b), alpha=alpha, tolerance=tolerance, tile=tile)
-    facts = {"a": a, "b": b, **as_json(result)}
+    pictures = read_image(a), read_image(b)
+    result = compare_images(*pictures, alpha=alpha, tolerance=tolerance, tile=tile)
+    seen = flip(*pictures) if with_flip else None
+    facts = {"a": a, "b": b, **as_json(result)} | ({} if seen is None else {"flip": seen.as_json()})
     if difference is not None:
         save_difference(result, difference)
     if report is not None:
@@ -63,5 +86,5 @@ def _compare(
     if json:
         print_line({"type": "comparison", **facts})
     else:
-        print("\n".join(lines(result, a, b)))
+        print("\n".join([*lines(result, a, b), *([] if seen is None else [seen.line()])]))
     return result.verdict.value

@@ -41,10 +41,10 @@ def read_curves(prim: ResolvedPrim, ctx: Context) -> AuthoredCurves | None:
         ctx.warn("invalid-curves", prim.path, f"curveVertexCounts ask for {total} points, of which there are {len(points)}.")
     with np.errstate(invalid="ignore"):
         bad = ~(np.abs(points).max(axis=1) <= LARGEST)
-    return AuthoredCurves(counts, points.astype(np.float32, copy=False), path, _without(bad, counts))
+    return AuthoredCurves(counts, points.astype(np.float32, copy=False), path, without(bad, counts))
 
 
-def _without(bad: npt.NDArray[np.bool_], counts: Ints) -> npt.NDArray[np.bool_]:
+def without(bad: npt.NDArray[np.bool_], counts: Ints) -> npt.NDArray[np.bool_]:
     """(C,) curves without any of the bad vertices."""
     if not bad.any():
         return np.ones(len(counts), bool)

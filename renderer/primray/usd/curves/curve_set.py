@@ -28,11 +28,12 @@ class CurveSet:
     sizes: Sizes  # of what is authored: faces are curves, varying ones ends of segments
     drawn: Ints  # (C,) number of each among those authored
     segments: Ints  # (C,) at least 1
-    corners: Ints  # (S, 4) or (S, 2) vertices of each, counted over `extended`
-    to_bezier: Doubles  # (4, 4) or (4, 2): a segment's control points of its vertices
+    corners: Ints  # (S, k) vertices of each, counted over `extended`
+    to_bezier: Doubles  # (4, k), or (S, 4, k): a segment's control points of its vertices
     ends: Ints  # (S + C,) which of the authored ends of segments each is
     closed: bool = False
     joined: bool = True
+    within: Doubles | None = None  # (S + C,) how far each end is on the way to the next authored one
     pinned: tuple[Ints, Ints] | None = None  # by phantom point: the vertex that it is beyond, and the one before that
 
     @property
@@ -51,6 +52,14 @@ class CurveSet:
         """(3 S + C, k) from (V, k): values at the control points, of those at vertices."""
         extended = self.extended(values.astype(np.float64, copy=False))
         return self.laid_out(np.matmul(self.to_bezier, extended[self.corners]))
+
+    def at_ends(self, values: Floats) -> Floats:
+        """(S + C, k) at the ends of segments, of those that are authored."""
+        found = values[self.ends]
+        if self.within is None:
+            return found
+        after = values[np.minimum(self.ends + 1, len(values) - 1)]
+        return np.asarray(found + (after - found) * self.within[:, None].astype(np.float32))
 
     def controls_of_ends(self, ends: Floats) -> Floats:
         """(3 S + C, k) from (S + C, k): linear from end to end."""

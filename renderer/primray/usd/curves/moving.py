@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ...arrays import Floats
@@ -24,9 +26,14 @@ def with_normals(motion: PointMotion, normals: Floats) -> PointMotion:
 
 
 def moving_controls(
-    prim: ResolvedPrim, authored: AuthoredCurves, curves: CurveSet, controls: Floats, ctx: Context
+    prim: ResolvedPrim,
+    authored: AuthoredCurves,
+    curves: CurveSet,
+    places: Callable[[Floats], Floats],
+    controls: Floats,
+    ctx: Context,
 ) -> PointMotion | None:
-    """None where they stand still, or only a still is made. `controls`: at the frame."""
+    """None where they stand still, or only a still is made. `places`: control points of vertices; `controls`: at the frame."""
     if not ctx.timing.is_open:
         return None
     attribute = prim.prim.GetAttribute(name_of_widths(prim))
@@ -40,7 +47,7 @@ def moving_controls(
         then = controls.copy()
         if authored.path is not None:
             points = finite_points(authored.path.at(offset).astype(np.float32), authored.points)
-            then[:, :3] = curves.controls(points)
+            then[:, :3] = places(points)
         if widens:
             widths = read_widths(prim, ctx.when.after(offset))
             fits = None if widths is None else fitting(widths, curves)

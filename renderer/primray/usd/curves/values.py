@@ -79,7 +79,7 @@ def at_controls(primvar: Primvar, curves: CurveSet) -> Floats | None:
         return np.repeat(values[:1], 3 * int(curves.segments.sum()) + len(curves.segments), axis=0)
     if kind == "uniform":
         return curves.per_control(values[curves.drawn])
-    return curves.controls(values) if kind == "vertex" else curves.controls_of_ends(values[curves.ends])
+    return curves.controls(values) if kind == "vertex" else curves.controls_of_ends(curves.at_ends(values))
 
 
 def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) -> Floats:
@@ -156,4 +156,4 @@ def _on_curves(name: str, primvar: Primvar, curves: CurveSet) -> SeamPrimvar:
         return SeamPrimvar(name, Interpolation.FACE, values[curves.drawn])
     if kind == "vertex":
         return SeamPrimvar(name, Interpolation.POINT, curves.controls(values))
-    return SeamPrimvar(name, Interpolation.CORNER, values[curves.ends])
+    return SeamPrimvar(name, Interpolation.CORNER, curves.at_ends(values))

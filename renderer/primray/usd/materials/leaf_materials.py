@@ -16,7 +16,7 @@ from ..resolving.context import Context
 from ..resolving.prim_kinds import PrimKind
 from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
 
-HAVE_SUBSETS = frozenset({"Mesh", "TetMesh"})  # prim types
+HAVE_SUBSETS = frozenset({"Mesh", "TetMesh", "BasisCurves"})  # prim types
 MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 
 

@@ -23,8 +23,9 @@ class PointSteps(list[MotionSteps]):
 def point_steps(
     at: Callable[[float], Floats], count: int, bent: Sequence[float], path: str, ctx: Context, *, curved: bool
 ) -> tuple[float, ...] | None:
-    """Fractions of the span; None where they stand still. `at` gives the rows that move: `count` points, and normals perhaps;
-    `bent` are the fractions at which they may bend; `curved`: between these they do not go straight."""
+    """Fractions of the span; None where they stand still. `at` gives the rows that move: `count` points, whose first three
+    numbers are where they are, and normals perhaps; `bent` are the fractions at which they may bend; `curved`: between these
+    they do not go straight."""
     inside = [time for time in bent if 0.0 < time < 1.0]
     looked_at = [at(time) for time in (0.0, *inside, 0.5, 1.0)]
     if any(len(rows) != len(looked_at[0]) for rows in looked_at):
@@ -33,7 +34,7 @@ def point_steps(
         return None
     points = np.concatenate([rows[:count] for rows in looked_at]).astype(np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
-    scale = ctx.stands.per_length(low, high, ctx.foreseen) if ctx.stands is not None else 0.0
+    scale = ctx.stands.per_length(low[:3], high[:3], ctx.foreseen) if ctx.stands is not None else 0.0
     scale = scale or ctx.foreseen.side / (float(np.linalg.norm(high - low)) or 1.0)
     scales = np.where(np.arange(len(looked_at[0])) < count, scale, 1.0)  # a normal that is off by much shows as a pixel
 

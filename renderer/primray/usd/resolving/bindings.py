@@ -13,12 +13,14 @@ from .context import Context
 
 BINDING = "material:binding"
 NO_MATERIAL = "which is no Material"
-FACE, TETRAHEDRON = "face", "tetrahedron"
+FACE, TETRAHEDRON, SEGMENT = "face", "tetrahedron", "segment"
+# What subsets may hold, by the type of their prim; of all others faces.
+ELEMENTS = {"TetMesh": (FACE, TETRAHEDRON), "BasisCurves": (SEGMENT,)}
 
 
 @dataclass(frozen=True)
 class Subset:
-    """A GeomSubset of faces, or of tetrahedra; a later one in its mesh's list is stronger."""
+    """A GeomSubset of faces, of tetrahedra, or of segments of curves; a later one in its mesh's list is stronger."""
 
     path: str
     prim: Usd.Prim
@@ -119,8 +121,10 @@ def subsets_of(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
             continue
         note_bindings(child, path, binding_names(names), ctx)
         element = str(default_value(child.GetAttribute("elementType")))
-        if element != FACE and not (element == TETRAHEDRON and type_name(mesh) == "TetMesh"):
-            ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.", "elementType")
+        kind = type_name(mesh)
+        if element not in ELEMENTS.get(kind, (FACE,)):
+            meant_for = " or ".join(ELEMENTS.get(kind, (FACE,)))
+            ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not {meant_for}s.", "elementType")
             continue
         (meant if is_meant else others).append(Subset(path, child, family, element=element))
     return others + meant

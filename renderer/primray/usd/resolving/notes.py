@@ -16,8 +16,7 @@ from .foreign_names import note_light_inputs
 from .read import read
 from .resolve import ResolvedPrim, is_drawn
 
-_GEOMETRY = """NurbsCurves HermiteCurves Volume ParticleField
-    ParticleField3DGaussianSplat GenerativeProcedural"""
+_GEOMETRY = "Volume ParticleField ParticleField3DGaussianSplat GenerativeProcedural"
 UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())

@@ -15,17 +15,6 @@ from primray.usd.resolving.applied_schemas import IGNORED, UNDERSTOOD
 
 from ..usd_text import stage_of
 
-# type -> rows of the table
-NOT_RENDERED = {
-    "NurbsCurves": ("NurbsCurves.order", "NurbsCurves.knots", "NurbsCurves.ranges", "NurbsCurves.pointWeights"),
-    "HermiteCurves": ("HermiteCurves.tangents",),
-}
-CASES = [
-    pytest.param(kind, row.partition(".")[2], marks=pytest.mark.conforms(row, state="not rendered"), id=row)
-    for kind, rows in NOT_RENDERED.items()
-    for row in rows
-]
-
 
 def authored(prim: Usd.Prim, name: str) -> None:
     """Give the attribute some value of its type."""
@@ -43,14 +32,6 @@ def said(stage: Usd.Stage, settings: RenderSettings | None = None) -> list[Diagn
     return [d for d in translate(stage, settings or RenderSettings())[1] if d.code not in ignored]
 
 
-@pytest.mark.parametrize(("kind", "name"), CASES)
-def test_it_is_told_once_for_each_prim(kind: str, name: str) -> None:
-    stage = stage_of(f'def {kind} "x"\n{{\n}}\ndef Sphere "s"\n{{\n}}\n')
-    authored(stage.GetPrimAtPath("/x"), name)
-    assert [(d.code, d.prim_path) for d in said(stage)] == [("unsupported-prim", "/x")]
-    assert [shape.path for shape in translate(stage, RenderSettings())[0].shapes] == ["/s"]
-
-
 @pytest.mark.parametrize("kind", ["Volume", "ParticleField", "ParticleField3DGaussianSplat", "GenerativeProcedural"])
 def test_other_kinds_that_are_not_rendered(kind: str) -> None:
     assert [d.code for d in said(stage_of(f'def {kind} "x"\n{{\n}}\n'))] == ["unsupported-prim"]
@@ -58,20 +39,14 @@ def test_other_kinds_that_are_not_rendered(kind: str) -> None:
     assert said(hidden) == []  # not asked for
 
 
-BACK_PLATE = """scale:tweak rotateXYZ:tweak translate:tweak image alpha:image depth:image depth:minOffset
-    depth:normalizingFactor depth:cameraSpaceOffset luma:slope luma:offset luma:power plateVisibility"""
-
-
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.conforms(f"BackPlateAPI.{n}", state="diagnosed"), id=n) for n in BACK_PLATE.split()],
+@pytest.mark.conforms(
+    *(f"BackPlateAPI.depth:{n}" for n in ("image", "minOffset", "normalizingFactor", "cameraSpaceOffset")), state="diagnosed"
 )
-def test_back_plates(name: str) -> None:
-    stage = stage_of('def Camera "c" (prepend apiSchemas = ["BackPlateAPI:b"])\n{\n}\ndef Sphere "s"\n{\n}\n')
-    prim = stage.GetPrimAtPath("/c")
-    (full,) = [n for n in prim.GetPropertyNames() if str(n).endswith(f":b:{name}")]
-    authored(prim, full)
-    assert ("api-schema", "/c") in [(d.code, d.prim_path) for d in said(stage)]
+def test_depth_of_back_plates() -> None:
+    """Offsets and factor have no meaning without the image."""
+    text = 'def Camera "c" (prepend apiSchemas = ["BackPlateAPI:b"])\n{\nasset backPlate:b:depth:image = @a.exr@\n}\n'
+    found = [(d.code, d.prim_path, d.attribute) for d in said(stage_of(text + 'def Sphere "s"\n{\n}\n'))]
+    assert ("api-schema", "/c", "backPlate:b:depth:image") in found
 
 
 @pytest.mark.conforms("CoordSysAPI.binding", state="diagnosed")

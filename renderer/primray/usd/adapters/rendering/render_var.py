@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ....aov_data_types import data_type_of
-from ....aov_names import AOVS, CRYPTOMATTES, LONGEST_NAME, PRIMVAR, AovRequest, check_names
+from ....aov_names import AOVS, CRYPTOMATTES, LABELS, LONGEST_NAME, PRIMVAR, AovRequest, check_names
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from .render_product import RenderVariable
@@ -89,6 +89,8 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
         return None
     if name in NAMES:
         return NAMES[name]
+    if name.startswith(("semantics:labels:", LABELS)):
+        return _labels(name.removeprefix("semantics:labels:").removeprefix(LABELS), var, diagnostics)
     if name.startswith(("primvars:", PRIMVAR)):
         return _primvar(name.removeprefix("primvars:").removeprefix(PRIMVAR), var, diagnostics)
     message = f"The renderer has no output called {name}; there are {', '.join(AOVS)} and primvars."
@@ -105,3 +107,13 @@ def _primvar(name: str, var: RenderVariable, diagnostics: Diagnostics) -> str | 
         diagnostics.add("render-var", var.path, message, "sourceName")
         return None
     return source
+
+
+def _labels(taxonomy: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:
+    try:
+        check_names([LABELS + taxonomy])
+    except SettingsError:
+        message = f"sourceName = {taxonomy[:LONGEST_NAME]!r} is no name of a taxonomy."
+        diagnostics.add("render-var", var.path, message, "sourceName")
+        return None
+    return LABELS + taxonomy

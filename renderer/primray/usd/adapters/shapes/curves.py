@@ -1,22 +1,27 @@
-"""UsdGeomBasisCurves to tubes, or with normals to ribbons: points and widths to control points, primvars along, surfaces."""
+"""BasisCurves, HermiteCurves and NurbsCurves to tubes, or with normals to ribbons: points and widths to control points,
+primvars along, surfaces assigned."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ....arrays import Floats
 from ....description import Curves, PrimvarInput, Ribbons, Shape, Surface
-from ...curves.authored import AuthoredCurves, note_left_out, read_curves
+from ...curves.authored import AuthoredCurves, note_left_out, read_curves, without
 from ...curves.basis import BEZIER, BSPLINE, CATMULL_ROM, basis_curves
 from ...curves.curve_set import CurveSet
+from ...curves.hermite import hermite_controls, hermite_curves
 from ...curves.moving import moving_controls, with_normals
+from ...curves.nurbs import nurbs_curves
 from ...curves.values import DISPLAY_COLOR, control_normals, curve_primvars, radii
 from ...resolving.context import Context
-from ...resolving.read import token
+from ...resolving.read import array, read, token
 from ...resolving.resolve import ResolvedPrim
-from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface, undisplaced
+from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface, undisplaced
+from .segment_parts import segment_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +30,7 @@ class CurveGeometry:
 
     authored: AuthoredCurves
     curves: CurveSet
+    places: Callable[[Floats], Floats]  # (3 S + C, 3) of vertices (V, 3)
     radii: Floats  # (3 S + C,) at the frame
     normals: Floats | None = None  # (3 S + C, 3) of ribbons
 
@@ -36,11 +42,64 @@ def basis_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     kind, basis, wrap = (_allowed(prim, name, default, allowed, ctx) for name, default, allowed in _TOKENS)
     curves = basis_curves(authored.counts, len(authored.points), authored.good, kind, basis, wrap)
     why = f"their vertices do not fit {kind} curves of the basis {basis}, {wrap}, or are not finite"
+    return _of_set(prim, authored, curves, curves.controls, why, ctx)
+
+
+def hermite_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
+    authored = read_curves(prim, ctx)
+    if authored is None:
+        return None
+    tangents = array(read(prim.prim, "tangents", ctx.when), 3, "f")
+    if tangents is None or len(tangents) != len(authored.points):
+        found = "no" if tangents is None else len(tangents)
+        message = f"There are {found} tangents for {len(authored.points)} points: the curves are missing."
+        ctx.warn("invalid-curves", prim.path, message, "tangents")
+        return None
+    good = authored.good & without(~np.isfinite(tangents).all(axis=1), authored.counts)
+    curves = hermite_curves(authored.counts, len(authored.points), good)
+    known: Floats = tangents.astype(np.float32, copy=False)
+    why = "their vertices are too few, or not finite"
+    return _of_set(prim, authored, curves, lambda points: hermite_controls(curves, points, known), why, ctx)
+
+
+def nurbs_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
+    authored = read_curves(prim, ctx)
+    if authored is None:
+        return None
+    orders = array(read(prim.prim, "order", ctx.when), 1, "i")
+    knots = array(read(prim.prim, "knots", ctx.when), 1, "f")
+    ranges = array(read(prim.prim, "ranges", ctx.when), 2, "f")
+    weights = array(read(prim.prim, "pointWeights", ctx.when), 1, "f")
+    if orders is None or knots is None:
+        name = "order" if orders is None else "knots"
+        ctx.warn("invalid-curves", prim.path, f"{name}: missing, or of the wrong type.", name)
+        return None
+    if weights is not None and len(weights) != len(authored.points):
+        message = f"There are {len(weights)} pointWeights for {len(authored.points)} points: all weights are 1."
+        if len(weights):
+            ctx.warn("invalid-primvar", prim.path, message, "pointWeights")
+        weights = None
+    if ranges is not None and len(ranges) == 0:
+        ranges = None
+    curves = nurbs_curves(authored.counts, authored.points, authored.good, orders, knots, ranges, weights)
+    why = "their order, knots, range or weights are of no use, or their points are not finite"
+    return _of_set(prim, authored, curves, curves.controls, why, ctx)
+
+
+def _of_set(
+    prim: ResolvedPrim,
+    authored: AuthoredCurves,
+    curves: CurveSet,
+    places: Callable[[Floats], Floats],
+    why: str,
+    ctx: Context,
+) -> Shape | None:
     note_left_out(len(authored.counts), len(curves.drawn), why, prim, ctx)
     if not len(curves.drawn):
         return None
     normals = control_normals(prim, curves, ctx)
-    return drawn(prim, CurveGeometry(authored, curves, radii(prim, curves, authored.points, ctx), normals), ctx)
+    own = radii(prim, curves, authored.points, ctx)
+    return drawn(prim, CurveGeometry(authored, curves, places, own, normals), ctx)
 
 
 _TOKENS = (
@@ -59,18 +118,24 @@ def _allowed(prim: ResolvedPrim, name: str, default: str, allowed: tuple[str, ..
 
 
 def drawn(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Curves | Ribbons | None:
-    appearance = _colored(appearance_of(prim, prim.material, ctx))
-    if is_hidden(appearance) or not geometry.radii.any():
+    curves, is_tube = geometry.curves, geometry.normals is None
+    parts, of_segment = segment_parts(prim, curves, ctx)
+    worn = [k for k in np.unique(of_segment).tolist() if not is_hidden(parts[k])]
+    if not worn:
         return None
-    is_tube = geometry.normals is None
-    surface = undisplaced(make_surface(appearance, lambda: is_tube, prim.path, ctx), prim.path, ctx)
-    if is_tube and emits(surface):
+    surfaces = {k: undisplaced(make_surface(_colored(parts[k]), lambda: is_tube, prim.path, ctx), prim.path, ctx) for k in worn}
+    if is_tube and any(map(is_cut_out, surfaces.values())):
+        ctx.warn("curve-cutouts", prim.path, "Its opacityThreshold makes no holes in tubes: they are whole.")
+    if is_tube and any(map(emits, surfaces.values())):
         ctx.warn("curve-lights", prim.path, "Its curves emit light that rays find by chance: expect noise.")
-    curves = geometry.curves
-    controls = np.column_stack([curves.controls(geometry.authored.points), geometry.radii])
-    segments, number = curves.segments.astype(np.int32), ctx.surfaces.index_of(surface)
-    primvars = curve_primvars(prim, (surface,), curves, ctx)
-    motion = moving_controls(prim, geometry.authored, curves, controls, ctx)
+    controls = np.column_stack([geometry.places(geometry.authored.points), geometry.radii])
+    segments = curves.segments.astype(np.int32)
+    numbers = {k: ctx.surfaces.index_of(surface) for k, surface in surfaces.items()}
+    number = numbers[0] if len(parts) == 1 else np.array([numbers.get(k, -1) for k in range(len(parts))], np.int32)[of_segment]
+    primvars = curve_primvars(prim, tuple(surfaces.values()), curves, ctx)
+    motion = moving_controls(prim, geometry.authored, curves, geometry.places, controls, ctx)
+    if not geometry.radii.any() and (motion is None or not motion.points[..., 3].any()):
+        return None
     if geometry.normals is None:
         return Curves(prim.path, controls, segments, number, curves.closed, curves.joined, primvars, motion=motion)
     motion = None if motion is None else with_normals(motion, geometry.normals)
@@ -83,6 +148,10 @@ def _colored(appearance: Appearance) -> Appearance:
         return appearance
     inputs = (*appearance.inputs, ("diffuse_color", PrimvarInput(DISPLAY_COLOR, FALLBACK_COLOR)))
     return replace(appearance, color=FALLBACK_COLOR, varying_color=False, inputs=inputs)
+
+
+def is_cut_out(surface: Surface) -> bool:
+    return surface.opacity_threshold > 0 and any(name == "opacity" for name, _ in surface.inputs)
 
 
 def emits(surface: Surface) -> bool:

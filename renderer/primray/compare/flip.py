@@ -1,0 +1,77 @@
+"""How different two pictures look when one is shown after the other: FLIP, by its authors' package (extra primray[flip]).
+
+HDR-FLIP (Andersson et al. 2021), over the exposures that it chooses for the first picture. It knows nothing of noise:
+beside the verdict, it changes none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..color.color_space import REC709, matrix, transformed
+from ..errors import SettingsError
+from ..images.image_file import MeasuredImage
+from ..images.reading import space_of
+
+PACKAGE = "flip_evaluator"
+
+
+@dataclass(frozen=True)
+class Flip:
+    """0 where nobody sees a difference, 1 at the most; `errors` (H, W)."""
+
+    errors: Floats
+    pixels_per_degree: float
+    exposures: tuple[float, float, int]  # the first and the last, in stops, and how many
+
+    @property
+    def mean(self) -> float:
+        return float(self.errors.mean())
+
+    def as_json(self) -> dict[str, Any]:
+        first, last, count = self.exposures
+        return {
+            "mean": self.mean,
+            "largest": float(self.errors.max()),
+            "pixels_per_degree": self.pixels_per_degree,
+            "exposures": {"first": first, "last": last, "count": count},
+        }
+
+    def line(self) -> str:
+        return (
+            f"FLIP: mean {self.mean:.4f}, largest {self.errors.max():.3f} (HDR, {self.pixels_per_degree:.0f} pixels a degree)"
+        )
+
+
+def has_flip() -> bool:
+    return find_spec(PACKAGE) is not None
+
+
+def check_flip() -> None:
+    """SettingsError ("flip-missing") unless the package is there."""
+    if not has_flip():
+        raise SettingsError("FLIP takes its package: pip install 'primray[flip]'", where="--metric", code="flip-missing")
+
+
+def flip(a: MeasuredImage, b: MeasuredImage) -> Flip:
+    """Of pictures of one size, the first as the reference."""
+    check_flip()
+    if a.resolution != b.resolution:
+        raise SettingsError(f"pictures of {a.resolution} and {b.resolution} cannot be compared", code="compare-size")
+    errors, _, says = import_module(PACKAGE).evaluate(_shown(a), _shown(b), "HDR", applyMagma=False, computeMeanError=False)
+    exposures = float(says["startExposure"]), float(says["stopExposure"]), int(says["numExposures"])
+    return Flip(np.asarray(errors, np.float32).reshape(a.pixels.shape[:2]), float(says["ppd"]), exposures)
+
+
+def _shown(image: MeasuredImage) -> Floats:
+    """In Rec.709, as FLIP takes pictures; nothing below 0."""
+    rgb = np.where(np.isfinite(image.pixels), image.pixels, np.float32(0))
+    rgb = transformed(rgb, matrix(space_of(image.chromaticities), REC709))
+    made: Floats = np.ascontiguousarray(np.maximum(rgb, 0), np.float32)
+    return made

@@ -1,0 +1,47 @@
+"""Which appearance each segment of curves has: that of the subset that holds it, else the curves' own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...curves.curve_set import CurveSet, Ints
+from ...resolving.bindings import Subset
+from ...resolving.context import Context
+from ...resolving.read import array, read
+from ...resolving.resolve import ResolvedPrim
+from ..materials.surface import Appearance, appearance_of
+
+
+def segment_parts(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> tuple[list[Appearance], Ints]:
+    """Appearances, of which the first is the curves' own, and which of them each of the S segments has that are drawn."""
+    parts = [appearance_of(prim, prim.material, ctx)]
+    of_segment = np.zeros(int(curves.segments.sum()), np.int64)
+    families: list[str | None] = [None]
+    for subset in prim.subsets:
+        held = _segments_of(subset, curves, ctx)
+        if held is None:
+            continue
+        twice = np.array([family == subset.family for family in families])[of_segment[held]]
+        if twice.any():
+            message = f"{int(twice.sum())} of its segments are in another subset of its family."
+            ctx.warn("subset-overlap", subset.path, message, "indices")
+        families.append(subset.family)
+        of_segment[held] = len(parts)
+        parts.append(appearance_of(prim, subset.material, ctx))
+    return parts, of_segment
+
+
+def _segments_of(subset: Subset, curves: CurveSet, ctx: Context) -> Ints | None:
+    """Those that are drawn, of pairs of a curve's number and a segment's within it; None, noted, where it names others."""
+    indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
+    pairs = None if indices is None or len(indices) % 2 else indices.reshape(-1, 2).astype(np.int64)
+    place = np.full(curves.sizes.faces, -1)
+    place[curves.drawn] = np.arange(len(curves.drawn))
+    if pairs is not None and ((pairs >= 0).all() and (pairs[:, 0] < len(place)).all()):
+        at = place[pairs[:, 0]]
+        drawn = at >= 0
+        if (pairs[drawn, 1] < curves.segments[at[drawn]]).all():
+            return np.asarray(curves.first_segments[at[drawn]] + pairs[drawn, 1])
+    message = f"Its indices are not pairs of a curve, of which there are {len(place)}, and a segment of it."
+    ctx.warn("subset-ignored", subset.path, message, "indices")
+    return None

@@ -1,0 +1,113 @@
+"""Semantic labels as ids with a table, by the schema and by the older attributes; boxes and matrices in the report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import primray
+
+SQUARE = """def Mesh "%s" %s{
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(%g, 0, 0), (%g, 0, 0), (%g, 1, 0), (%g, 1, 0)]
+        uniform token subdivisionScheme = "none"
+        %s
+    }
+"""
+STAGE = (
+    """#usda 1.0
+(upAxis = "Y")
+def Camera "cam" {
+    token projection = "orthographic"
+    float horizontalAperture = 40
+    float verticalAperture = 20
+    double3 xformOp:translate = (0, 0, 10)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Xform "street" (prepend apiSchemas = ["SemanticsLabelsAPI:class"]) {
+    token[] semantics:labels:class = ["outdoor"]
+"""
+    + SQUARE
+    % (
+        "car",
+        '(prepend apiSchemas = ["SemanticsLabelsAPI:class"]) ',
+        -2,
+        -1,
+        -1,
+        -2,
+        'token[] semantics:labels:class = ["car"]',
+    )
+    + SQUARE
+    % (
+        "old",
+        "",
+        -1,
+        0,
+        0,
+        -1,
+        'string semantic:S:params:semanticType = "class"\n        string semantic:S:params:semanticData = "kerb"',
+    )
+    + SQUARE % ("plain", "", 0, 1, 1, 0, "")
+    + "}\n"
+    + SQUARE % ("alone", "", 1, 1.5, 1.5, 1, "")
+    + """def PointInstancer "trees" (prepend apiSchemas = ["SemanticsLabelsAPI:class"]) {
+    token[] semantics:labels:class = ["tree"]
+    rel prototypes = </trees/p>
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(-2, -1, 0), (1, -1, 0)]
+    def Xform "p" {
+"""
+    + SQUARE % ("leaf", "", 0, 0.5, 0.5, 0, 'token[] semantics:labels:other = ["green"]')
+    + "}\n}\n"
+)
+
+
+@pytest.fixture(scope="module")
+def image(tmp_path_factory: pytest.TempPathFactory) -> primray.Image:
+    path = tmp_path_factory.mktemp("labels") / "s.usda"
+    path.write_text(STAGE)
+    return primray.render(path, aovs=["labels:class", "labels:other"], resolution=(40, 20), spp=1, progress=False)
+
+
+def _at(image: primray.Image, x: float, y: float, name: str = "labels:class") -> str:
+    """What is at a point of the world."""
+    column, row = int((x + 2) * 10), int((1 - y) * 10)
+    aov = image.aovs[name]
+    return aov.ids.get(int(aov.values[row, column, 0]), "")
+
+
+def test_labels_are_inherited_and_joined(image: primray.Image) -> None:
+    assert _at(image, -1.5, 0.5) == "car,outdoor"
+    assert _at(image, -0.5, 0.5) == "kerb,outdoor"
+    assert _at(image, 0.5, 0.5) == "outdoor"
+    assert _at(image, 1.25, 0.5) == ""
+    assert _at(image, -1.75, -0.5) == _at(image, 1.25, -0.5) == "tree"
+    assert _at(image, 1.25, -0.5, "labels:other") == "green"
+    assert image.aovs["labels:class"].ids == {1: "car,outdoor", 2: "kerb,outdoor", 3: "outdoor", 4: "tree"}
+
+
+def test_boxes_are_of_every_object(image: primray.Image) -> None:
+    boxes = {row["object"]: row for row in image.report["labels"]["boxes"]["labels:class"]}
+    assert boxes["/street/car"] == {"label": "car,outdoor", "object": "/street/car", "box": [0, 0, 10, 10], "pixels": 100}
+    assert boxes["/trees[0]"]["box"] == [0, 10, 5, 20]
+    assert boxes["/trees[1]"]["box"] == [30, 10, 35, 20]
+    assert "/alone" not in boxes
+    ndc = np.array(image.report["labels"]["camera"]["world_to_ndc"])
+    seen = ndc @ [-2, 1, 0, 1]
+    np.testing.assert_allclose(seen[:2] / seen[3], [0, 0], atol=1e-6)  # the car's upper left corner
+    json.dumps(image.report)
+
+
+def test_a_file_has_the_table(image: primray.Image, tmp_path: Path) -> None:
+    path = image.save(tmp_path / "a.exr")
+    again = primray.read_image(path)
+    assert again.aovs["labels:class"].ids == image.aovs["labels:class"].ids
+    np.testing.assert_array_equal(again.aovs["labels:class"].values, image.aovs["labels:class"].values)
+    file = oiio.ImageInput.open(str(path))
+    assert file is not None
+    assert file.spec().get_string_attribute("worldToCamera") is not None
