@@ -54,12 +54,13 @@ from .resolving.context import Context
 from .resolving.notes import LevelsMet
 from .resolving.read import When, when_of
 from .resolving.resolve import BlurScales, ResolvedPrim
+from .viewing.back_plates import Looks, plates_of, with_back_plates
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.diffusion import with_diffusion
 from .viewing.foreseen import as_seen, foreseen
 from .viewing.rolling import exposed
 from .viewing.shutter import shutter_of_vectors, timing_of
-from .viewing.view import select_camera, view_through
+from .viewing.view import select_camera, view_through, view_without_things
 from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Group, arrange, at_instant, merge_coincident
 from .walking.levels import with_levels_chosen
@@ -139,6 +140,9 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     found, when = find_by_type(stage, diagnostics, settings.render_pass), when_of(stage, settings.time_code)
     if found.geometry_lights:
         stage = with_geometry_lights(stage, found.geometry_lights, when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
+    if plates := plates_of(found.cameras):
+        stage = with_back_plates(stage, plates, _looks(stage, settings, found, when), when, diagnostics)
         found = find_by_type(stage, Diagnostics())
     if are_drawn(stage, found.skeletons):
         stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
@@ -237,6 +241,13 @@ def _timed(
     steps += [*settle(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
     note_errors(steps, ctx)
     return motion, steps
+
+
+def _looks(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Looks | None:
+    """The stage's camera that the picture is taken through."""
+    begun = begin(found, context_of(stage, settings, found, when, Diagnostics(), {}))
+    camera, frame = view_without_things(begun.camera, begun.ctx, begun.product, begun.shutter)
+    return None if begun.camera is None or camera is None else Looks(begun.camera, camera, frame)
 
 
 def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Foreseen:

@@ -23,6 +23,7 @@ from ..resolving.context import Context
 from ..resolving.notes import LevelsMet
 from ..resolving.read import When, when_of
 from ..translate import Assembled, Begun, assemble, begin, context_of, finish, translate, with_names
+from ..viewing.back_plates import plates_of
 from ..walking.find_by_type import Found, find_by_type
 from ..walking.record import Record
 from .changes import Changes
@@ -113,7 +114,7 @@ def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:
     diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
     with usd_messages(diagnostics), without_collection():
         found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
-        if found.skeletons or found.geometry_lights:
+        if found.skeletons or found.geometry_lights or plates_of(found.cameras):
             return None
         counts = [len(diagnostics)]
         ctx, product = context_of(stage, settings, found, when, diagnostics, names)

@@ -16,7 +16,7 @@ from ..querying.guarded import schemas_applied
 
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
     MaterialXConfigAPI MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI
-    LODRootAPI LODOverrideAPI"""
+    LODRootAPI LODOverrideAPI BackPlateAPI"""
 # Of the proposal "physical-lighting", which USD 26.11 does not know; they are for lights.
 PHOTOMETRIC = frozenset(f"{m}metric{kind}LightAPI" for m in ("Photo", "Radio") for kind in ("Area", "Dome", "Distant"))
 ILLUMINANT = "PhysicalLightIlluminantAPI"
@@ -39,7 +39,6 @@ UNDERSTOOD = frozenset(f"{_READ} {_READ_OF_OTHERS} {_WITHOUT_EFFECT}".split()) |
 
 # What is done instead.
 IGNORED = {
-    "BackPlateAPI": "Back plates are not rendered.",
     "CoordSysAPI": "Coordinate systems are not read.",
     "HydraGenerativeProceduralAPI": "What its procedural would make is missing.",
     "OmniLensDistortionOmniDirectionalStereoAPI": "Its camera is rendered as one eye, without it.",

@@ -148,3 +148,46 @@ def test_curves_without_counts_or_points_are_told(missing: str) -> None:
 
 def test_nothing_authored_is_nothing() -> None:
     assert translated("", 'def BasisCurves "c"\n{\n}\n') == ([], ["invalid-curves"])
+
+
+GLOWING = """def Material "m"
+{
+    token outputs:surface.connect = </m/s.outputs:surface>
+    def Shader "s"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        INPUT
+        token outputs:surface
+    }
+    def Shader "r"
+    {
+        uniform token info:id = "UsdPrimvarReader_float"
+        string inputs:varname = "alpha"
+        float outputs:result
+    }
+}
+"""
+BOUND = STAGE.replace('"c"\n', '"c" (prepend apiSchemas = ["MaterialBindingAPI"])\n')
+BOUND = BOUND.replace("MORE", "rel material:binding = </m>\nMORE")
+
+
+@pytest.mark.parametrize(
+    ("given", "code"),
+    [
+        ("color3f inputs:emissiveColor = (1, 1, 1)", "curve-lights"),
+        ("float inputs:opacityThreshold = 0.5\nfloat inputs:opacity.connect = </m/r.outputs:result>", "curve-cutouts"),
+    ],
+)
+def test_what_materials_cannot_do_to_tubes_is_told(given: str, code: str) -> None:
+    more = "float[] widths = [0.1]\nfloat[] primvars:alpha = [1, 1] (\n interpolation = 'uniform'\n)"
+    _, codes = translated(more, BOUND + GLOWING.replace("INPUT", given))
+    assert codes == [code]
+    normals = "\nnormal3f[] normals = [(0, 0, 1)] (\n interpolation = 'constant'\n)"
+    _, diagnostics = translate_text((BOUND + GLOWING.replace("INPUT", given)).replace("MORE", more + normals))
+    assert code not in [found for found, _ in diagnostics]
+
+
+@pytest.mark.parametrize("kind", ["invisible", "guide"])
+def test_what_is_not_asked_for_is_not_drawn(kind: str) -> None:
+    more = 'token visibility = "invisible"' if kind == "invisible" else 'uniform token purpose = "guide"'
+    assert translated("float[] widths = [0.1]\n" + more) == ([], [])

@@ -39,22 +39,6 @@ def test_other_kinds_that_are_not_rendered(kind: str) -> None:
     assert said(hidden) == []  # not asked for
 
 
-BACK_PLATE = """scale:tweak rotateXYZ:tweak translate:tweak image alpha:image depth:image depth:minOffset
-    depth:normalizingFactor depth:cameraSpaceOffset luma:slope luma:offset luma:power plateVisibility"""
-
-
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.conforms(f"BackPlateAPI.{n}", state="diagnosed"), id=n) for n in BACK_PLATE.split()],
-)
-def test_back_plates(name: str) -> None:
-    stage = stage_of('def Camera "c" (prepend apiSchemas = ["BackPlateAPI:b"])\n{\n}\ndef Sphere "s"\n{\n}\n')
-    prim = stage.GetPrimAtPath("/c")
-    (full,) = [n for n in prim.GetPropertyNames() if str(n).endswith(f":b:{name}")]
-    authored(prim, full)
-    assert ("api-schema", "/c") in [(d.code, d.prim_path) for d in said(stage)]
-
-
 @pytest.mark.conforms("CoordSysAPI.binding", state="diagnosed")
 def test_coordinate_systems() -> None:
     stage = stage_of('def Sphere "s" (prepend apiSchemas = ["CoordSysAPI:paint"])\n{\nrel coordSys:paint:binding = </s>\n}\n')

@@ -1,0 +1,224 @@
+"""Back plates of cameras (UsdGeom BackPlateAPI): a card that fills the frustum at focusDistance + focalLength, written to a
+copy of the stage as a mesh below the camera, whose material is the image without any lighting.
+
+The camera that looks is filled as its picture is conformed, other cameras' plates (`all`) fill their own apertures. Colours are
+graded as decoded: (in * slope + offset) ^ power.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from ...camera import Camera, Projection
+from ...description import Frame
+from ...diagnostics import Diagnostics
+from ...errors import AssetError
+from ...textures.image_header import read_header
+from ..opening.stage import scratch_copy
+from ..querying.asset import read_asset
+from ..querying.guarded import schemas_applied, value_at
+from ..resolving.read import When
+from .plate_relief import Card, Relief, depths_of, flat_card, relief
+
+SCHEMA = "BackPlateAPI"
+UNITS_PER_TENTH = 0.1  # UsdGeomCamera: focalLength is in tenths of a scene unit
+# Of the image of opacity, by its number of channels: the type that reads it, and which number counts. Two channels are read
+# as a grey and its alpha.
+_ALPHA = {1: ("float", None), 2: ("color4", 3), 4: ("color4", 3)}
+
+
+@dataclass(frozen=True)
+class Plate:
+    camera: Usd.Prim
+    name: str
+
+    def value(self, what: str, when: When, default: Any) -> Any:
+        attribute = self.camera.GetAttribute(f"backPlate:{self.name}:{what}")
+        found = value_at(attribute, when.time) if attribute else None
+        return default if found is None else found
+
+    def file(self, what: str, when: When) -> str:
+        found = self.value(what, when, None)
+        return str(found.resolvedPath or found.path) if isinstance(found, Sdf.AssetPath) else ""
+
+
+@dataclass(frozen=True)
+class Looks:
+    """A camera that the picture is taken through, conformed to its frame."""
+
+    prim: Usd.Prim
+    camera: Camera
+    frame: Frame
+
+
+def plates_of(cameras: Sequence[Usd.Prim]) -> list[Plate]:
+    """Those of all cameras of the stage."""
+    return [
+        Plate(camera, schema.partition(":")[2])
+        for camera in cameras
+        for schema in map(str, schemas_applied(camera))
+        if schema.startswith(f"{SCHEMA}:")
+    ]
+
+
+def with_back_plates(
+    stage: Usd.Stage, plates: Sequence[Plate], looks: Looks | None, when: When, diagnostics: Diagnostics
+) -> Usd.Stage:
+    """`looks`: the camera that the picture is taken through, if it is one of the stage."""
+    made = scratch_copy(stage)
+    own = None if looks is None else looks.prim.GetPath()
+    with Usd.EditContext(made, made.GetSessionLayer()):
+        for plate in plates:
+            path = plate.camera.GetPath()
+            visibility = plate.value("plateVisibility", when, "solo")
+            if visibility == "mute" or (visibility != "all" and path != own):
+                continue
+            if plate.camera.IsInstanceProxy():
+                diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate of a camera in an instance is not drawn.")
+                continue
+            through = looks if path == own else None
+            card = _card(plate, None if through is None else through.camera, when)
+            _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
+    return made
+
+
+def _card(plate: Plate, conformed: Camera | None, when: When) -> Card:
+    camera = UsdGeom.Camera(plate.camera).GetCamera(when.time)
+    away = float(camera.focusDistance) + UNITS_PER_TENTH * float(camera.focalLength)
+    if conformed is None:
+        window = camera.frustum.GetWindow()
+        sides = (*(window.GetMin()), *(window.GetMax()))
+        left, bottom, right, top = (float(side) for side in sides)
+        flat = camera.projection == Gf.Camera.Orthographic
+    else:
+        left, right, bottom, top = conformed.window
+        flat = conformed.projection is Projection.ORTHOGRAPHIC
+    scale = 1.0 if flat else away
+    return Card(left * scale, right * scale, bottom * scale, top * scale, away, flat)
+
+
+def _shape(plate: Plate, card: Card, when: When, diagnostics: Diagnostics) -> Relief:
+    file = plate.file("depth:image", when)
+    if not file:
+        return flat_card(card)
+    least, factor, offset = (
+        float(plate.value(f"depth:{name}", when, default))
+        for name, default in (("minOffset", 0.0), ("normalizingFactor", 1.0), ("cameraSpaceOffset", 0.0))
+    )
+    try:
+        return relief(card, depths_of(file, least, factor, offset))
+    except AssetError as error:
+        message = f"The plate {plate.name} is flat, its depth image cannot be read: {error.message}."
+        diagnostics.add("asset-missing", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
+        return flat_card(card)
+
+
+def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: Looks | None, when: When) -> None:
+    path = plate.camera.GetPath().AppendChild(f"__backPlate_{plate.name.replace(':', '_')}")
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(shape.points))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(shape.quads), 4))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(shape.quads.ravel()))
+    mesh.CreateSubdivisionSchemeAttr("none")
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex")
+    st.Set(Vt.Vec2fArray.FromNumpy(shape.st))
+    mesh.AddTranslateOp().Set(Gf.Vec3d(*card.center))
+    mesh.AddTranslateOp(opSuffix="tweak").Set(Gf.Vec3d(plate.value("translate:tweak", when, Gf.Vec3f(0))))
+    mesh.AddRotateXYZOp(opSuffix="tweak").Set(plate.value("rotateXYZ:tweak", when, Gf.Vec3f(0)))
+    scale = plate.value("scale:tweak", when, Gf.Vec2f(1))
+    mesh.AddScaleOp(opSuffix="tweak").Set(Gf.Vec3f(scale[0], scale[1], 1))
+    material = UsdShade.Material.Define(stage, path.AppendChild("image"))
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    _wear(_Nodes(stage, material.GetPath()), material, plate, through, when)
+
+
+def _wear(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: Looks | None, when: When) -> None:
+    unlit = nodes.node("unlit", "ND_surface_unlit")
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(unlit.CreateOutput("out", Sdf.ValueTypeNames.Token))
+    image = plate.file("image", when)
+    color: UsdShade.Output | Gf.Vec3f = Gf.Vec3f(0)
+    if image and _channels(image):
+        color = nodes.image("color", "color3", image, whole=_is_as_fine(image, through))
+    slope, offset, power = (
+        plate.value(f"luma:{name}", when, Gf.Vec3f(k)) for name, k in (("slope", 1), ("offset", 0), ("power", 1))
+    )
+    for name, value, neutral in (("multiply", slope, 1), ("add", offset, 0), ("max", Gf.Vec3f(0), None), ("power", power, 1)):
+        graded = power != Gf.Vec3f(1) if name == "max" else value != Gf.Vec3f(neutral)
+        if graded:
+            color = nodes.apply(name, "color3", color, value)
+    nodes.set(unlit, "emission_color", "color3", color)
+    alpha = plate.file("alpha:image", when)
+    kind, number = _ALPHA.get(_channels(alpha) if alpha else 0, (None, None))
+    if kind is not None:
+        found = nodes.image("opacity", kind, alpha, raw=True, whole=_is_as_fine(alpha, through))
+        nodes.set(unlit, "opacity", "float", found if number is None else nodes.extract(kind, found, number))
+
+
+def _is_as_fine(path: str, through: Looks | None) -> bool:
+    """As the picture: then a pixel is the mean of the texels in it, and of no others."""
+    header = read_header(path, read_asset)
+    return header is not None and through is not None and header.width >= through.frame.resolution[0]
+
+
+def _channels(path: str) -> int:
+    """0 where the image cannot be opened."""
+    header = read_header(path, read_asset)
+    return 0 if header is None else int(header.nchannels)
+
+
+_TYPES = {
+    "float": Sdf.ValueTypeNames.Float,
+    "vector2": Sdf.ValueTypeNames.Float2,
+    "color3": Sdf.ValueTypeNames.Color3f,
+    "color4": Sdf.ValueTypeNames.Color4f,
+}
+
+
+class _Nodes:
+    """MaterialX's nodes of a material."""
+
+    def __init__(self, stage: Usd.Stage, path: Sdf.Path) -> None:
+        self._stage, self._path = stage, path
+
+    def node(self, name: str, kind: str) -> UsdShade.Shader:
+        made = UsdShade.Shader.Define(self._stage, self._path.AppendChild(name))
+        made.CreateIdAttr(kind)
+        return made
+
+    def set(self, node: UsdShade.Shader, name: str, kind: str, value: object) -> None:
+        made = node.CreateInput(name, _TYPES[kind])
+        if isinstance(value, UsdShade.Output):
+            made.ConnectToSource(value)
+        else:
+            made.Set(value)
+
+    def image(self, name: str, kind: str, file: str, *, raw: bool = False, whole: bool = False) -> UsdShade.Output:
+        place = self.node(f"{name}_st", "ND_geompropvalue_vector2")
+        place.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
+        made = self.node(name, f"ND_image_{kind}")
+        found = made.CreateInput("file", Sdf.ValueTypeNames.Asset)
+        found.Set(Sdf.AssetPath(file))
+        if raw:
+            found.GetAttr().SetColorSpace("raw")
+        self.set(made, "texcoord", "vector2", place.CreateOutput("out", Sdf.ValueTypeNames.Float2))
+        if whole:
+            made.CreateInput("filtertype", Sdf.ValueTypeNames.String).Set("closest")
+        for axis in "uv":
+            made.CreateInput(f"{axis}addressmode", Sdf.ValueTypeNames.String).Set("clamp")
+        return made.CreateOutput("out", _TYPES[kind])
+
+    def apply(self, name: str, kind: str, first: object, second: object) -> UsdShade.Output:
+        made = self.node(name, f"ND_{name}_{kind}")
+        self.set(made, "in1", kind, first)
+        self.set(made, "in2", kind, second)
+        return made.CreateOutput("out", _TYPES[kind])
+
+    def extract(self, kind: str, first: UsdShade.Output, number: int) -> UsdShade.Output:
+        made = self.node("alpha", f"ND_extract_{kind}")
+        self.set(made, "in", kind, first)
+        made.CreateInput("index", Sdf.ValueTypeNames.Int).Set(number)
+        return made.CreateOutput("out", _TYPES["float"])
