@@ -1,6 +1,7 @@
 // A fibre of hair as a row of numbers that its lobes are made of.
 #pragma once
 
+#include "bsdf/basics/lobe_rows.hpp"
 #include "bsdf/hair/inputs.hpp"
 #include "math/power.hpp"
 #include "math/transcendental.hpp"
@@ -20,8 +21,8 @@ enum HairField : int {
   kHairFields = kHairTilt + 2 * 3
 };
 
-// Columns of W rows of one surface whose inputs are `v`. Scales tilt what is reflected by 2 alpha towards the root (-x), what passes
-// by alpha and what is reflected within by 4 alpha towards the tip (Marschner et al. 2003, Chiang et al. 2016).
+// Columns of W rows of one surface whose inputs are `v`. Scales tilt what is reflected by 2 alpha towards the root (-x), what
+// passes by alpha and what is reflected within by 4 alpha towards the tip (Marschner et al. 2003, Chiang et al. 2016).
 template <int W>
 PRIMRAY_INLINE void reduce_hair(const HairValues<W>& v, vfloat<W> (&row)[kHairFields]) {
   const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
@@ -37,16 +38,7 @@ PRIMRAY_INLINE void reduce_hair(const HairValues<W>& v, vfloat<W> (&row)[kHairFi
   }
 }
 
-// Where the rows of W lanes stand.
 template <int W>
-struct HairRows {
-  const float* rows;
-  vint<W> base;
-  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
-  PRIMRAY_INLINE vvec3<W> color(int field) const {
-    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
-    return {c.x, c.y, c.z};
-  }
-};
+using HairRows = LobeRows<W>;
 
 }  // namespace primray

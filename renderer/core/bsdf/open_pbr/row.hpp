@@ -1,6 +1,7 @@
 // An OpenPBR surface as a row of numbers that its lobes are made of.
 #pragma once
 
+#include "bsdf/basics/lobe_rows.hpp"
 #include "bsdf/open_pbr/fresnel.hpp"
 #include "bsdf/open_pbr/inputs.hpp"
 #include "bsdf/open_pbr/interior.hpp"
@@ -140,16 +141,7 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   row[kOpenFilmThickness] = v.thin_film_thickness, row[kOpenFilmIor] = v.thin_film_ior;
 }
 
-// Where the rows of W lanes stand.
 template <int W>
-struct OpenPbrRows {
-  const float* rows;
-  vint<W> base;
-  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
-  PRIMRAY_INLINE vvec3<W> color(int field) const {
-    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
-    return {c.x, c.y, c.z};
-  }
-};
+using OpenPbrRows = LobeRows<W>;
 
 }  // namespace primray
