@@ -186,22 +186,6 @@ def test_stereo(role: str) -> None:
     assert only('uniform token stereoRole = "mono"')
 
 
-BACK_PLATE = [
-    "scale:tweak", "rotateXYZ:tweak", "translate:tweak", "image", "alpha:image", "depth:image", "depth:minOffset",
-    "depth:normalizingFactor", "depth:cameraSpaceOffset", "luma:slope", "luma:offset", "luma:power", "plateVisibility",
-]  # fmt: skip
-
-
-@pytest.mark.conforms(*(f"BackPlateAPI.{row}" for row in BACK_PLATE), state="diagnosed")
-def test_back_plates_are_told() -> None:
-    assert {name.split(":", 2)[2] for name in UsdGeom.BackPlateAPI.GetSchemaAttributeNames(False, "x")} == set(BACK_PLATE)
-    text = (
-        'def Camera "eye" (\n    prepend apiSchemas = ["BackPlateAPI:sky"]\n)\n{\n    asset backPlate:sky:image = @x.png@\n}\n'
-    )
-    diagnostics = translate(stage_of(text), RenderSettings(camera="/eye"))[1]
-    assert [d.code for d in diagnostics if d.prim_path == "/eye"] == ["api-schema"]
-
-
 # The shutter, and what moves while it is open.
 
 SHUTTER = "double shutter:open = -0.25\ndouble shutter:close = 0.25\n"
