@@ -38,6 +38,8 @@ AOVS: dict[str, AovKind] = {
     "st": AovKind(UV, "the primvar st"),
     "albedo": AovKind(RGB, "filtered reflectance at normal incidence, with what is transmitted; 0 where nothing is"),
     "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes"),
+    "guide_albedo": AovKind(RGB, "as albedo, over the shutter's time too: what a denoiser is guided by"),
+    "guide_normal": AovKind(XYZ, "mean of unit normals over filter, lens and shutter, likewise"),
     "motion_forward": AovKind(
         XY, "pixels, right and down, from where the point is seen at the frame to where it is as the shutter closes"
     ),

@@ -38,7 +38,10 @@ def kept() -> Path:
 def digest(scene: str) -> str:
     """Of everything the scene is made of; references of another scene by that name are not taken for this one's."""
     sources = hashlib.sha256(
-        b"".join((PEERS / name).read_bytes() for name in ("scene.py", "scenes.py", "moving_scenes.py", "shapes.py"))
+        b"".join(
+            (PEERS / name).read_bytes()
+            for name in ("scene.py", "scenes.py", "moving_scenes.py", "surfaces.py", "grooms.py", "shapes.py")
+        )
     ).hexdigest()[:12]
     known = kept() / "digests" / f"{scene}_{sources}"  # making a scene takes seconds
     if not known.exists():
@@ -57,6 +60,8 @@ def _digest_of(made: Scene) -> str:
         found.update(made.placed.matrices().tobytes())
     for points in made.ends.values():
         found.update(points.tobytes())
+    if made.strands is not None:
+        found.update(made.strands.points.tobytes() + repr((made.strands.radius, made.strands.look)).encode())
     if made.moves:
         found.update(repr((made.glides, made.pan, made.placed and made.placed.shifts)).encode())
     found.update(repr((made.resolution, made.depth, made.camera, made.looks, made.objects, made.lamps)).encode())

@@ -17,6 +17,8 @@ PLANES = (
     "normal",
     "geometric_normal",
     "albedo",
+    "guide_albedo",
+    "guide_normal",
     "emission",
     "prim",
     "material",
@@ -54,3 +56,26 @@ def test_what_is_asked_for_beside_does_not_show(name: str) -> None:
         hits = core_module().FirstHits(scene, [plane], [])
         hits.fill(core_module().MAX_LANES, 2, 0, scene.resolution[1])
         assert hits.take()[plane].tobytes() == everything[plane].tobytes()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_covers_pixels_is_the_same_at_any_lanes_and_in_parts(name: str) -> None:
+    scene = SCENES[name]().build()
+    width, height = scene.resolution
+    tiles = -(-width // 16) * -(-height // 16)
+
+    def covering(lanes: int, first: int, end: int) -> dict[tuple[int, ...], int]:
+        hits = core_module().FirstHits(scene, [], [])
+        numbers = [np.full((2, tiles), n, np.uint32) for n in (first, end)]
+        hits.want_coverage(7, 0, 0, *numbers)
+        hits.fill(lanes, 2, 0, height)
+        counts, what, shares = hits.take_coverage()
+        pixel = np.repeat(np.arange(counts.size), counts.ravel())
+        rows = [(int(p), *map(int, w)) for p, w in zip(pixel, what, strict=True)]
+        return dict(zip(rows, shares.tolist(), strict=True))
+
+    whole = covering(1, 0, 3)
+    assert whole
+    assert covering(core_module().MAX_LANES, 0, 3) == whole
+    parts = [covering(4, *part) for part in ((0, 1), (1, 3))]
+    assert {key: sum(part.get(key, 0) for part in parts) for key in parts[0] | parts[1]} == whole

@@ -13,6 +13,7 @@ from tests.textured import FILE, glowing, plate, primvar, texture, with_primvars
 from primray import core
 from primray.core.surface_upload import DIRECTIONS
 from primray.description import Input, Interpolation, OpenPbr, Placed, PrimvarInput, Prototype, Surface, TextureFile
+from primray.description.hair import PREFIX as HAIR
 from primray.description.open_pbr import PREFIX
 
 INPUT_FIELDS = [field.name for field in core.module().InputField]
@@ -25,7 +26,8 @@ def numbers(surface: Surface, name: str) -> tuple[float, ...]:
 
 def connected(surface: Surface) -> Surface:
     """Every input a primvar that nothing has; the constants themselves are other ones."""
-    names = [n for n in INPUT_FIELDS if n not in DIRECTIONS and (surface.open_pbr is not None or not n.startswith(PREFIX))]
+    lobes = [p for p, own in ((PREFIX, surface.open_pbr), (HAIR, surface.hair)) if own is None]
+    names = [n for n in INPUT_FIELDS if n not in DIRECTIONS and not n.startswith(tuple(lobes))]
     inputs = tuple((name, PrimvarInput("nobody's", numbers(surface, name))) for name in names)
     blank = Surface(surface.path, open_pbr=OpenPbr())
     return replace(surface, inputs=inputs).with_constants({name: blank.constant(name) for name in names})

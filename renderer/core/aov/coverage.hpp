@@ -22,6 +22,7 @@ struct Covering {
 struct CoveragePlanes {
   uint32_t seed = 0;
   int screen_block = 0, first_link = 0;
+  // Filled by bands of whole tiles.
   std::vector<uint32_t> first, end;             // samples of each replicate and tile, as Film::next has them
   std::vector<std::vector<Covering>> by_pixel;  // rows from the top; empty: not wanted
 };

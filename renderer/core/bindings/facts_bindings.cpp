@@ -35,6 +35,9 @@ void bind_facts(nb::module_& m) {
   int own = 0;
   for_each_open_pbr_input(
       [&](const char* name, InputRange, auto) { inputs.value(open_pbr_name(name).c_str(), open_pbr_field(own++)); });
+  int of_hair = 0;
+  for_each_hair_input(
+      [&](const char* name, InputRange, auto) { inputs.value(hair_name(name).c_str(), hair_field(of_hair++)); });
   nb::enum_<LightType> lights(m, "LightType");
   for_light_types([&]<class T>(T) { lights.value(T::kName, T::kType); });
   nb::enum_<DomeFormat>(m, "DomeFormat")

@@ -82,6 +82,9 @@ void bind_surface(nb::module_& m) {
   nb::class_<OpenPbrInput> open_pbr(m, "OpenPbrInput");
   open_pbr.def(nb::init<>());
   for_each_open_pbr_input([&](const char* name, InputRange, auto member) { def_input<OpenPbrInput>(open_pbr, name, member); });
+  nb::class_<HairInput> hair(m, "HairInput");
+  hair.def(nb::init<>());
+  for_each_hair_input([&](const char* name, InputRange, auto member) { def_input<HairInput>(hair, name, member); });
   nb::class_<SurfaceInput> surface(m, "SurfaceInput");
   surface.def(nb::init<>())
       .def_rw("lambert", &SurfaceInput::lambert)
@@ -91,6 +94,7 @@ void bind_surface(nb::module_& m) {
       .def_rw("presence", &SurfaceInput::presence)
       .def_rw("thin", &SurfaceInput::thin);
   surface.def_prop_rw("open_pbr", nullptr, [](SurfaceInput& s, const OpenPbrInput& o) { s.open_pbr = o; });
+  surface.def_prop_rw("hair", nullptr, [](SurfaceInput& s, const HairInput& h) { s.hair = h; });
   for_each_input(
       [&](InputField, const char* name, InputRange, auto member) { def_input<SurfaceInput>(surface, name, member); });
   nb::class_<InputSource> source(m, "InputSource");

@@ -53,6 +53,17 @@ struct BsdfWithOpenPbr : Bsdf<W> {
     return all_open_pbr ? s : select_sample(is_open_pbr, s, Bsdf<W>::sample(wo, lobe, u, v));
   }
 
+  static BsdfSample<W> select_sample(vbool<W> m, const BsdfSample<W>& a, const BsdfSample<W>& b) {
+    return {select(m, a.wi, b.wi),
+            select(m, a.weight, b.weight),
+            select(m, a.pdf, b.pdf),
+            select(m, a.is_delta, b.is_delta),
+            select(m, a.transmits, b.transmits),
+            select(m, a.straight, b.straight),
+            select(m, a.diffuse_share, b.diffuse_share),
+            select(m, a.enters, b.enters)};
+  }
+
  private:
   // Also what others ask of any surface.
   __attribute__((noinline)) void set_open_pbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front,
@@ -76,16 +87,6 @@ struct BsdfWithOpenPbr : Bsdf<W> {
     BsdfSample<W> s = open_pbr->sample(wo, min(lobe / max(there, 1e-20f), 0x1.fffffep-1f), u, v);
     s.pdf = s.pdf * there;
     return select_sample(gone, BsdfSample<W>{-wo, V(F(1.0f)), F(0.0f), all, all, all, V(F(0.0f))}, s);
-  }
-  static BsdfSample<W> select_sample(vbool<W> m, const BsdfSample<W>& a, const BsdfSample<W>& b) {
-    return {select(m, a.wi, b.wi),
-            select(m, a.weight, b.weight),
-            select(m, a.pdf, b.pdf),
-            select(m, a.is_delta, b.is_delta),
-            select(m, a.transmits, b.transmits),
-            select(m, a.straight, b.straight),
-            select(m, a.diffuse_share, b.diffuse_share),
-            select(m, a.enters, b.enters)};
   }
 };
 

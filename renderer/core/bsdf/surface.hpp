@@ -1,5 +1,6 @@
 // Surfaces as a table of floats, one row each, reduced from UsdPreviewSurface's inputs to what the BSDF evaluates. An OpenPBR
-// surface has a row of its own beside (open_pbr/row.hpp); its row here says what others ask of any surface.
+// surface has a row of its own beside (open_pbr/row.hpp), and so has hair (hair/row.hpp); the row here says what others ask of
+// any surface.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "bsdf/basics/varying_inputs.hpp"
+#include "bsdf/hair/row.hpp"
 #include "bsdf/open_pbr/row.hpp"
 
 namespace primray {
@@ -30,6 +32,7 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   float opacity_threshold = 0;    // above 0: a cut-out, whole where it is at all
   float dielectric_priority = 0;  // of bodies that overlap the higher one is there
   std::optional<OpenPbrInput> open_pbr;
+  std::optional<HairInput> hair;
 };
 
 // Columns of a row.
@@ -48,10 +51,10 @@ enum SurfaceField : int {
   kClearcoatAlpha,
   kClearcoatRoughness,
   kClearcoatF0,
-  kOpenPbrRow,  // of an OpenPBR surface, in its own table
+  kOpenPbrRow,  // of an OpenPBR surface, or of hair, in its own table
   kSurfaceFields
 };
-enum SurfaceFlag : int32_t { kPreview = 1, kEmits = 2, kThin = 4, kOpenPbr = 8 };
+enum SurfaceFlag : int32_t { kPreview = 1, kEmits = 2, kThin = 4, kOpenPbr = 8, kHair = 16 };
 
 // The same on lanes, all of one surface.
 template <int W>
@@ -148,9 +151,28 @@ PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& 
   row[kOpenPbrRow] = at;
 }
 
+// The same of hair, whose row is number `at`: to others it is about as a diffuse surface of the colour that light has after a
+// mean way through, pi / 2 radii.
+template <int W>
+PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, const HairValues<W>& hair, vfloat<W> at,
+                                 vfloat<W> (&row)[kSurfaceFields]) {
+  using F = vfloat<W>;
+  reduce_surface(s, v, row);
+  for (int field = kDiffuse; field < kEmission; ++field) row[field] = F(0.0f);
+  row[kFlags] =
+      F(float(kPreview | kHair | kThin)) + select(max_component(v.emissive_color) > F(0.0f), F(float(kEmits)), F(0.0f));
+  const auto kept = [](F absorption, F tint) { return tint * exp2_negative<W>(min(absorption, 80.0f) * -2.26618007f); };
+  row[kDiffuse] = kept(hair.absorption.x, hair.tint_tt.x), row[kDiffuse + 1] = kept(hair.absorption.y, hair.tint_tt.y);
+  row[kDiffuse + 2] = kept(hair.absorption.z, hair.tint_tt.z);
+  row[kAlpha] = row[kRoughness] = F(1.0f);
+  row[kTransmission] = row[kClearcoat] = F(0.0f);
+  row[kOpenPbrRow] = at;
+}
+
 struct SurfaceTable {
   std::vector<float> rows;      // kSurfaceFields floats a surface; kFlags holds the flags as a float (exact)
   std::vector<float> open_pbr;  // kOpenPbrFields floats each
+  std::vector<float> hair;      // kHairFields floats each
   int32_t add(const SurfaceInput& s) {
     vfloat<1> row[kSurfaceFields];
     if (s.open_pbr) {
@@ -159,6 +181,12 @@ struct SurfaceTable {
       reduce_open_pbr<1>(values, s.thin, open);
       reduce_surface<1>(s, SurfaceValues<1>(s), values, open, vfloat<1>(float(open_pbr.size() / kOpenPbrFields)), row);
       for (const vfloat<1>& f : open) open_pbr.push_back(f[0]);
+    } else if (s.hair) {
+      const HairValues<1> values(*s.hair);
+      vfloat<1> fibre[kHairFields];
+      reduce_hair<1>(values, fibre);
+      reduce_surface<1>(s, SurfaceValues<1>(s), values, vfloat<1>(float(hair.size() / kHairFields)), row);
+      for (const vfloat<1>& f : fibre) hair.push_back(f[0]);
     } else {
       reduce_surface<1>(s, SurfaceValues<1>(s), row);
     }
@@ -173,9 +201,14 @@ struct SurfaceRows {
   const float* rows;
   vint<W> base;
   const float* open_pbr;  // rows of the OpenPBR surfaces among them
-  PRIMRAY_INLINE SurfaceRows(const float* r, vint<W> b, const float* o) : rows(r), base(b), open_pbr(o) {}
+  const float* hair;      // and of hair
+  PRIMRAY_INLINE SurfaceRows(const float* r, vint<W> b, const float* o, const float* h = nullptr)
+      : rows(r), base(b), open_pbr(o), hair(h) {}
   PRIMRAY_INLINE SurfaceRows(const SurfaceTable& table, vint<W> surface)
-      : rows(table.rows.data()), base(surface * vint<W>(kSurfaceFields)), open_pbr(table.open_pbr.data()) {}
+      : rows(table.rows.data()),
+        base(surface * vint<W>(kSurfaceFields)),
+        open_pbr(table.open_pbr.data()),
+        hair(table.hair.data()) {}
   PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
   // Three of these in one; no color is a row's last.
   PRIMRAY_INLINE vvec3<W> color(int field) const {

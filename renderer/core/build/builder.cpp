@@ -237,7 +237,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     const float* row = &s.surfaces.rows[i];
     const int flags = int(row[kFlags]);
     s.has_emission |= (flags & kEmits) != 0;
-    s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
+    s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1 || (flags & kHair);
   }
   note_inputs(s);
   note_bodies(s);

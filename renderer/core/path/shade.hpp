@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "bsdf/bsdf_with_open_pbr.hpp"
+#include "bsdf/bsdf_with_hair.hpp"
 #include "path/emission.hpp"
 #include "path/outline_rays.hpp"
 #include "path/sample_light.hpp"
@@ -112,6 +112,16 @@ PRIMRAY_RARE void scatter_with_open_pbr(Round& round, vbool<W> scatters, const P
   scatter_at<BsdfWithOpenPbr<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);
 }
 
+template <int W>
+PRIMRAY_RARE void scatter_with_hair(Round& round, vbool<W> scatters, const PathLanes<W>& p, const Hits<W>& hits,
+                                    const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
+                                    Frame<vfloat<W>> frame, vbool<W> front) {
+  align_tangent(rows, scatters, frame);
+  align_fibre(rows, scatters & it.on_curve, it.tangent, frame);
+  const Crossing<W>* const none = nullptr;
+  scatter_at<BsdfWithHair<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);
+}
+
 // A Lambert surface from which light goes out among bodies.
 template <int W>
 struct WhiteLobes : Bsdf<W> {
@@ -193,11 +203,15 @@ PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> sc
   if (const vbool<W> m = b.missed & !walks & (inside.bodies.top() < vint<W>(0)); any(m))
     p.beta = select(m, p.beta * medium_of(scene, b.here).left_after(hits.t + inside.lead), p.beta);
   align_tangent(rows, scatters, frame);
+  const bool hairy = !scene.surfaces.hair.empty();
+  if (hairy) align_fibre(rows, scatters & it.on_curve, it.tangent, frame);
   const vbool<W> kinds[3] = {leaves, b.unseen, scatters & !b.unseen};
   for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
     if (kind == 0) return come_out(round, lanes, p, hits, it, inside);
     if (kind == 1)
       return pass_unseen(round, lanes, p, it, ng, Inside<W>{b.beyond, inside.below, lead_of(it.offset, ng, p.ray.d)});
+    if (hairy)
+      return scatter_at<BsdfWithHair<W>>(round, lanes, p, hits, it, rows, ng, frame, front, &crossing, b.beside, enterable);
     scatter_at<BsdfWithOpenPbr<W>>(round, lanes, p, hits, it, rows, ng, frame, front, &crossing, b.beside, enterable);
   });
 }
@@ -247,6 +261,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   const V ns = it.ns * side;
   const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
   if (among_bodies) return scatter_inside(round, at, hit, scatters, p, hits, it, rows, ng, frame, front);
+  if (!scene.surfaces.hair.empty()) return scatter_with_hair(round, scatters, p, hits, it, rows, ng, frame, front);
   if (!scene.surfaces.open_pbr.empty()) return scatter_with_open_pbr(round, scatters, p, hits, it, rows, ng, frame, front);
   const Crossing<W>* const none = nullptr;
   scatter_at<Bsdf<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);

@@ -26,6 +26,7 @@ template <int W>
 struct LaneRows {
   alignas(64) float rows[W * kSurfaceFields];
   alignas(64) float open_pbr[W * kOpenPbrFields];
+  alignas(64) float hair[W * kHairFields];
 };
 
 // Where values over curves stand, of the lanes that are on one: offsets of two, or of a segment's four control points.
@@ -284,6 +285,29 @@ PRIMRAY_RARE void put_open_pbr(const SurfaceInput& s, const SurfaceValues<W>& va
     for (int f = 0; f < kOpenPbrFields; ++f) out.open_pbr[i * kOpenPbrFields + f] = columns[f][i];
   }
 }
+// The same of hair.
+template <int W>
+PRIMRAY_RARE void put_hair(const SurfaceInput& s, const SurfaceValues<W>& values, const HairValues<W>& hair, vbool<W> m,
+                           vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
+  vfloat<W> columns[kHairFields];
+  reduce_hair(hair, columns);
+  reduce_surface(s, values, hair, to_float(lane_numbers<W>()), row);
+  for (uint32_t b = bits(m); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    for (int f = 0; f < kHairFields; ++f) out.hair[i * kHairFields + f] = columns[f][i];
+  }
+}
+template <int W>
+PRIMRAY_RARE void copy_hair(const SurfaceTable& table, vbool<W> m, LaneRows<W>& out) {
+  for (uint32_t b = bits(m); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    float* row = out.rows + i * kSurfaceFields;
+    if (!(int(row[kFlags]) & kHair)) continue;
+    std::memcpy(out.hair + i * kHairFields, table.hair.data() + int(row[kOpenPbrRow]) * kHairFields,
+                kHairFields * sizeof(float));
+    row[kOpenPbrRow] = float(i);
+  }
+}
 template <int W>
 PRIMRAY_RARE void copy_open_pbr(const SurfaceTable& table, vbool<W> m, LaneRows<W>& out) {
   for (uint32_t b = bits(m); b; b &= b - 1) {
@@ -309,6 +333,7 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
                 kSurfaceFields * sizeof(float));
   const I number = gather<W>(scene.surface_inputs_of.data(), surface);
   if (!scene.surfaces.open_pbr.empty()) copy_open_pbr(scene.surfaces, active & !(number >= I(0)), out);
+  if (!scene.surfaces.hair.empty()) copy_hair(scene.surfaces, active & !(number >= I(0)), out);
   for (vbool<W> left = active & (number >= I(0)); any(left);) {
     const int k = number[__builtin_ctz(bits(left))];
     const vbool<W> same = left & (number == I(k));
@@ -317,6 +342,8 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
     SurfaceValues<W> values(inputs.constants);
     std::optional<OpenPbrValues<W>> open;
     if (inputs.constants.open_pbr) open.emplace(*inputs.constants.open_pbr);
+    std::optional<HairValues<W>> hair;
+    if (inputs.constants.hair) hair.emplace(*inputs.constants.hair);
     InputReader<W> reader(scene, same, point, footprint);
     const auto wants = [&](InputField f) { return f != InputField::kOpacity || !(inputs.constants.opacity_threshold > 0); };
     reader.run_tape(inputs, wants, &h, &p, &ns);
@@ -330,6 +357,7 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
         ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
       } else if (source.field >= InputField::kOpenPbr) {
         if (open) open->set(source.field, x);
+        if (hair) hair->set(source.field, x);
       } else {
         values.set(source.field, x);
       }
@@ -337,6 +365,8 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
     vfloat<W> row[kSurfaceFields];
     if (open) {
       put_open_pbr(inputs.constants, values, *open, same, row, out);
+    } else if (hair) {
+      put_hair(inputs.constants, values, *hair, same, row, out);
     } else {
       reduce_surface(inputs.constants, values, row);
     }
@@ -345,7 +375,7 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
       for (int f = 0; f < kSurfaceFields; ++f) out.rows[i * kSurfaceFields + f] = row[f][i];
     }
   }
-  return SurfaceRows<W>(out.rows, lane_numbers<W>() * I(kSurfaceFields), out.open_pbr);
+  return SurfaceRows<W>(out.rows, lane_numbers<W>() * I(kSurfaceFields), out.open_pbr, out.hair);
 }
 
 }  // namespace primray

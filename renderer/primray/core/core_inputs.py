@@ -22,11 +22,13 @@ def filled(made: Any, **values: Any) -> Any:
 
 def surface_input(core: Any, surface: Surface) -> Any:
     """The SurfaceInput of a surface: its constants."""
-    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr")]
+    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair")]
     made = filled(core.SurfaceInput(), **{name: getattr(surface, name) for name in names})
     lobes = surface.open_pbr
     if lobes is not None:
         made.open_pbr = filled(core.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})
+    if surface.hair is not None:
+        made.hair = filled(core.HairInput(), **{f.name: getattr(surface.hair, f.name) for f in fields(surface.hair)})
     return made
 
 

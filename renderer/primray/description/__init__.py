@@ -21,6 +21,7 @@ from .geometry import (
     Sphere,
     SubdivisionMesh,
 )
+from .hair import Hair
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
 from .nurbs import Direction, TrimCurve
@@ -42,6 +43,7 @@ __all__ = [
     "Exposure",
     "Floats",
     "Frame",
+    "Hair",
     "IesProfile",
     "Input",
     "Instances",

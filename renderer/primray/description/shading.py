@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
+from .hair import PREFIX as HAIR_PREFIX
+from .hair import Hair
 from .open_pbr import PREFIX, OpenPbr
 from .patterns import Pattern, PatternInput
 from .texture_file import TextureFile
@@ -59,9 +61,11 @@ DISPLACEMENTS = ("displacement", "displacement_tangent", "displacement_object")
 
 @dataclass(frozen=True)
 class Surface:
-    """UsdPreviewSurface's inputs, a Lambert surface of `diffuse_color` (exactly albedo / pi), or `open_pbr`'s lobes.
+    """UsdPreviewSurface's inputs, a Lambert surface of `diffuse_color` (exactly albedo / pi), or the lobes of `open_pbr` or
+    `hair`.
 
-    The fields are constants. `inputs` names those that vary, by field name ("open_pbr_" and its name for one of OpenPBR's),
+    The fields are constants. `inputs` names those that vary, by field name ("open_pbr_" or "hair_" and its name for one
+    of theirs),
     "normal" (tangent space, -1 to 1; a pattern's is in world space) or "tangent" (of anisotropy: a pattern's, in world space);
     their constants then stand where nothing else is known. One of DISPLACEMENTS has none: it is there, or is not. `thin`: what
     is not opaque lets light straight through (else it refracts by its index; needs closed geometry).
@@ -84,6 +88,7 @@ class Surface:
     thin: bool = False
     dielectric_priority: float = 0.0  # of OpenPBR's bodies that overlap the higher one is there, of equals that entered last
     open_pbr: OpenPbr | None = None  # of a surface's other fields, emission, opacity and thin then have an effect
+    hair: Hair | None = None  # likewise
     inputs: tuple[tuple[str, Input], ...] = ()
     pattern: Pattern | None = None  # what its PatternInputs read
 
@@ -108,6 +113,8 @@ class Surface:
     @property
     def transmits(self) -> bool:
         """Whether light goes through what is there of it."""
+        if self.hair is not None:
+            return False  # what passes comes out of the same fibre: no body is entered
         if self.open_pbr is not None:
             return self.open_pbr.transmission_weight > 0 or f"{PREFIX}transmission_weight" in self.varying
         return self.opacity < 1 or ("opacity" in self.varying and self.opacity_threshold == 0)
@@ -127,14 +134,20 @@ class Surface:
 
         Raises AttributeError for a surface that has no such input.
         """
-        holder = self.open_pbr if name.startswith(PREFIX) else self
-        value: float | tuple[float, float, float] = getattr(holder, name.removeprefix(PREFIX))
+        prefix, holder = next(((p, h) for p, h in self._lobes if name.startswith(p)), ("", self))
+        value: float | tuple[float, float, float] = getattr(holder, name.removeprefix(prefix))
         return value
+
+    @property
+    def _lobes(self) -> tuple[tuple[str, Any], ...]:
+        """Holders of inputs, by the prefixes of their names here."""
+        return (PREFIX, self.open_pbr), (HAIR_PREFIX, self.hair)
 
     def with_constants(self, values: Mapping[str, float | tuple[float, float, float]]) -> Surface:
         """With these, by names as `constant` takes them."""
-        lobes = {name.removeprefix(PREFIX): value for name, value in values.items() if name.startswith(PREFIX)}
-        own: dict[str, Any] = {name: value for name, value in values.items() if not name.startswith(PREFIX)}
-        if lobes and self.open_pbr is not None:
-            own["open_pbr"] = replace(self.open_pbr, **lobes)  # type: ignore[arg-type]
+        own: dict[str, Any] = {name: v for name, v in values.items() if not name.startswith((PREFIX, HAIR_PREFIX))}
+        for prefix, holder in self._lobes:
+            lobes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
+            if lobes and holder is not None:
+                own[prefix[:-1]] = replace(holder, **lobes)
         return replace(self, **own)

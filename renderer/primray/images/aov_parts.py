@@ -49,7 +49,7 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
             part.attribute(IDS, ids_text(aov.ids))
         for key, value in aov.metadata.items():
             part.attribute(key, value)
-        if aov.source not in ("albedo", "emission"):
+        if aov.source not in ("albedo", "emission", "guide_albedo"):
             part.attribute("oiio:ColorSpace", "data")
             part.attribute("colorInteropID", "data")
             part.erase_attribute("chromaticities")

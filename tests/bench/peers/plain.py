@@ -32,6 +32,10 @@ class PlainScene:
         """(N, 3): the points of a mesh that bends, when the shutter closes."""
         return np.load(self.folder / f"{self.name}_{mesh}_ends.npy").astype(float)
 
+    def strands(self) -> np.ndarray:  # type: ignore[type-arg]
+        """(N, K, 3): control points of cubic B-splines."""
+        return np.load(self.folder / f"{self.name}_strands.npy").astype(float)
+
     def swarms(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
         """(N,) the swarm of each that is placed, and (G, 3) their shifts."""
         read = np.load(self.folder / f"{self.name}_swarms.npz")

@@ -43,6 +43,8 @@ def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]
         thing.cycles.shadow_terminator_offset = thing.cycles.shadow_terminator_geometry_offset = 0
         if mesh not in scene["smooth"]:
             thing.data.shade_flat()
+    if scene.facts.get("strands"):
+        _strands(bpy, scene, world, z_up, looks[scene["strands"]["look"]])
     _lights(bpy, Matrix, scene, world, z_up)
     _camera(bpy, Matrix, scene, world, z_up)
     _settings(scene, job, world)
@@ -66,10 +68,13 @@ def _nodes(owner: Any) -> Any:
 
 
 def _node(tree: Any, kind: str, **values: Any) -> Any:
-    made = tree.nodes.new(kind)
+    return _fill(tree.nodes.new(kind), **values)
+
+
+def _fill(node: Any, **values: Any) -> Any:
     for name, value in values.items():
-        made.inputs[name.replace("_", " ")].default_value = value
-    return made
+        node.inputs[name.replace("_", " ")].default_value = value
+    return node
 
 
 def _look(bpy: Any, name: str, look: dict[str, Any]) -> Any:
@@ -83,6 +88,21 @@ def _look(bpy: Any, name: str, look: dict[str, Any]) -> Any:
         bsdf.distribution, bsdf.fresnel_type = "GGX", "F82"  # with a white edge: Schlick's
     elif look["kind"] == "plastic":
         bsdf = _node(tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=look["roughness"], IOR=look["ior"])
+    elif look["kind"] == "hair":
+        bsdf = _node(tree, "ShaderNodeBsdfHairPrincipled")
+        bsdf.model, bsdf.parametrization = "CHIANG", "ABSORPTION"  # before: inputs of others have no names here
+        _fill(
+            bsdf, Absorption_Coefficient=look["color"], Roughness=look["roughness"], Radial_Roughness=look["roughness"],
+            IOR=look["ior"], Offset=0.0, Coat=0.0,
+        )  # fmt: skip
+    elif look["kind"] == "layered":
+        bsdf = _node(
+            tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=look["roughness"], IOR=look["ior"],
+            Metallic=look["metalness"], Transmission_Weight=look["transmission"], Coat_Weight=look["coat"], Coat_Roughness=0.1,
+            Coat_IOR=1.5, Sheen_Weight=look["fuzz"], Subsurface_Weight=look["subsurface"], Subsurface_Scale=1.0,
+            Subsurface_Radius=look["radius"],
+        )  # fmt: skip
+        bsdf.subsurface_method = "RANDOM_WALK"
     elif look["kind"] in EMITTING:
         bsdf = _node(tree, "ShaderNodeEmission", Color=color, Strength=1.0)
     else:
@@ -90,6 +110,25 @@ def _look(bpy: Any, name: str, look: dict[str, Any]) -> Any:
     output = _node(tree, "ShaderNodeOutputMaterial")
     tree.links.new(bsdf.outputs[0], output.inputs["Surface"])
     return material
+
+
+def _strands(bpy: Any, scene: PlainScene, world: Any, z_up: Any, look: Any) -> None:
+    """Its strands go through their points: through those of the B-splines at their knots, and half way between."""
+    b = scene.strands()
+    knots = (b[:, :-2] + 4 * b[:, 1:-1] + b[:, 2:]) / 6
+    middles = (b[:, :-3] + 23 * b[:, 1:-2] + 23 * b[:, 2:-1] + b[:, 3:]) / 48
+    points = np.empty((len(b), 2 * knots.shape[1] - 1, 3))
+    points[:, ::2], points[:, 1::2] = knots, middles
+    made = bpy.data.hair_curves.new("strands")
+    made.add_curves([points.shape[1]] * len(points))
+    made.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
+    radius = made.attributes.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set("value", np.full(points.shape[0] * points.shape[1], scene["strands"]["radius"], np.float32))
+    made.materials.append(look)
+    thing = bpy.data.objects.new("strands", made)
+    thing.matrix_world = z_up
+    world.collection.objects.link(thing)
+    world.cycles_curves.shape = "THICK"
 
 
 def _lights(bpy: Any, Matrix: Any, scene: PlainScene, world: Any, z_up: Any) -> None:

@@ -51,6 +51,8 @@ def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]
         reference = {"type": "ref", "id": "group"}
         for k, matrix in enumerate(scene.matrices()):
             world[f"instance_{k}"] = {"type": "instance", "to_world": place(matrix), "group": reference}
+    if scene.facts.get("strands"):
+        world["strands"] = _strands(scene)
     for k, lamp in enumerate(scene["lamps"]):
         world[f"light_{k}"] = _emitter(scene, lamp, place, np)
     described = time.perf_counter()
@@ -83,6 +85,18 @@ def _bsdf(look: dict[str, Any]) -> dict[str, Any]:
         base = {"type": "principled", "base_color": _rgb(look["color"]), "roughness": look["roughness"]}
         kind = {"metallic": 1.0} if look["kind"] == "metal" else {"metallic": 0.0, "eta": look["ior"]}
         return {"type": "twosided", "one": base | kind}
+    if look["kind"] == "hair":
+        return {
+            "type": "hair", "sigma_a": _rgb(look["color"]), "longitudinal_roughness": look["roughness"],
+            "azimuthal_roughness": look["roughness"], "scale_tilt": 0.0, "int_ior": look["ior"],
+        }  # fmt: skip
+    if look["kind"] == "layered":
+        base = {
+            "type": "principled", "base_color": _rgb(look["color"]), "roughness": look["roughness"], "eta": look["ior"],
+            "metallic": look["metalness"], "clearcoat": look["coat"], "clearcoat_gloss": 0.9, "sheen": look["fuzz"],
+        }  # fmt: skip
+        through = {"spec_trans": look["transmission"]}
+        return base | through if look["transmission"] else {"type": "twosided", "one": base}
     color = [0.0, 0.0, 0.0] if look["kind"] in EMITTING else look["color"]
     return {"type": "twosided", "one": {"type": "diffuse", "reflectance": _rgb(color)}}
 
@@ -90,6 +104,16 @@ def _bsdf(look: dict[str, Any]) -> dict[str, Any]:
 def _ply(scene: PlainScene, mesh: str, look: str) -> dict[str, Any]:
     faceted = mesh not in scene["smooth"]
     return {"type": "ply", "filename": scene.ply(mesh), "face_normals": faceted, "bsdf": {"type": "ref", "id": f"look_{look}"}}
+
+
+def _strands(scene: PlainScene) -> dict[str, Any]:
+    """Lines of control points with their radius, strands apart by empty ones."""
+    path, radius = scene.file(f"{scene.name}_strands.txt"), scene["strands"]["radius"]
+    with open(path, "w") as out:
+        for strand in scene.strands():
+            out.writelines(f"{x:.8g} {y:.8g} {z:.8g} {radius}\n" for x, y, z in strand)
+            out.write("\n")
+    return {"type": "bsplinecurve", "filename": path, "bsdf": {"type": "ref", "id": f"look_{scene['strands']['look']}"}}
 
 
 def _emitter(scene: PlainScene, lamp: dict[str, Any], place: Any, np: Any) -> dict[str, Any]:

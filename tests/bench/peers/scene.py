@@ -26,10 +26,22 @@ class Camera:
 
 @dataclass(frozen=True)
 class Look:
-    kind: str  # diffuse, metal, plastic, glass, glow or ember
+    kind: str  # diffuse, metal, plastic, glass, glow, ember, layered or hair
     color: Rgb = (1.0, 1.0, 1.0)
     roughness: float = 0.0
     ior: float = 1.5
+
+
+@dataclass(frozen=True)
+class Layered(Look):
+    """Of the kind "layered"."""
+
+    metalness: float = 0.0
+    transmission: float = 0.0
+    coat: float = 0.0
+    fuzz: float = 0.0
+    subsurface: float = 0.0
+    radius: Rgb = (1.0, 1.0, 1.0)  # mean free paths
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,13 @@ class Placed:
         return found
 
 
+@dataclass(frozen=True)
+class Strands:
+    points: Array  # (N, K, 3): control points of uniform cubic B-splines
+    radius: float
+    look: str
+
+
 @dataclass
 class Scene:
     name: str
@@ -98,6 +117,7 @@ class Scene:
     glides: dict[str, Glide] = field(default_factory=dict)  # by mesh
     ends: dict[str, Array] = field(default_factory=dict)  # by mesh: points (N, 3) at closing; its own are those at opening
     pan: Pan | None = None
+    strands: Strands | None = None
 
     @property
     def moves(self) -> bool:

@@ -5,9 +5,11 @@ depth: surface scatterings (1 = direct light). diffuse: Lambert. metal: GGX, alp
 the colour to 1. plastic: a diffuse base under GGX with the Fresnel term of an index of refraction of 1.5, as each renderer
 has it. glass: a smooth dielectric. glow: the colour is the radiance it emits, it reflects nothing; meshes of it are closed or
 have something black behind them, as renderers differ in what backs emit. ember: the same, in USD by the surface's material
-where a glow is a light of its own. rect, disc, tube and ball: the radiance they emit; the rect, and the disc inscribed in it,
-to one side (u x v); the tube, along u, from its lateral area, with something black at its ends. sun: without extent, its
-irradiance. sky: a latitude-longitude image (shapes.sky).
+where a glow is a light of its own. layered: metal, dielectric and glass under a smooth coat and fuzz, all of an index of 1.5,
+as OpenPBR, Cycles' Principled and Mitsuba's principled have them; subsurface: a random walk. hair: Chiang et
+al. 2016, both roughnesses alike, scales that are not tilted. rect, disc, tube and ball: the
+radiance they emit; the rect, and the disc inscribed in it, to one side (u x v); the tube, along u, from its lateral area, with
+something black at its ends. sun: without extent, its irradiance. sky: a latitude-longitude image (shapes.sky).
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from functools import partial
 
 import numpy as np
 
+from .grooms import groom
 from .moving_scenes import flag, pan, spin, swarm
 from .scene import Camera, Lamp, Look, Placed, Rgb, Scene
 from .shapes import Triangles, ball, block, bumps, cylinder, rectangle, sky, terrain, tube
+from .surfaces import flesh, shelf
 
 
 def box() -> Scene:
@@ -302,6 +306,9 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "window": window,
     "showroom": showroom,
     "plastics": plastics,
+    "shelf": shelf,
+    "flesh": flesh,
+    "groom": groom,
     "signs": signs,
     "studio": studio,
     "spin": spin,

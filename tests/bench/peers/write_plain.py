@@ -39,6 +39,8 @@ def write_scene(name: str, folder: Path) -> None:
             _write_ply(folder / f"{name}_light_{k}.ply", LAMP_SHAPES[lamp.kind](lamp))
     if scene.placed is not None:
         np.save(folder / f"{name}_placed.npy", scene.placed.matrices().astype(np.float32))
+    if scene.strands is not None:
+        np.save(folder / f"{name}_strands.npy", scene.strands.points.astype(np.float32))
     if scene.moves:
         _write_motion(scene, folder)
     write_usd(scene, folder / f"{name}.usdc")
@@ -78,6 +80,7 @@ def _plain(scene: Scene) -> dict[str, object]:
         "objects": scene.objects,
         "smooth": [name for name, mesh in scene.meshes.items() if mesh.normals is not None],
         "placed": None if scene.placed is None else {"mesh": scene.placed.mesh, "look": scene.placed.look},
+        "strands": None if scene.strands is None else {"radius": scene.strands.radius, "look": scene.strands.look},
         "lamps": [asdict(lamp) for lamp in scene.lamps],
         "motion": _motion(scene),
     }

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from .scene import Lamp, Look, Rgb, Scene
+from .scene import Lamp, Layered, Look, Rgb, Scene, Strands
 from .shapes import Triangles, look_at, perpendicular
 from .usd_motion import write_motion
 
@@ -25,12 +25,18 @@ def write_usd(scene: Scene, path: Path) -> None:
         UsdGeom.Xform.Define(stage, scope)
     stage.SetDefaultPrim(stage.GetPrimAtPath("/world"))
     for name, look in scene.looks.items():
-        if look.kind in ("metal", "plastic", "glass", "ember"):
+        if look.kind == "hair":
+            _hair(stage, f"/world/looks/{name}", look)
+        elif isinstance(look, Layered):
+            _open_pbr(stage, f"/world/looks/{name}", look)
+        elif look.kind in ("metal", "plastic", "glass", "ember"):
             _material(stage, f"/world/looks/{name}", look)
     for mesh, bound in scene.objects:
         _mesh(stage, f"/world/geometry/{mesh}", scene.meshes[mesh], bound, scene.looks[bound])
     if scene.placed is not None:
         _instancer(stage, scene)
+    if scene.strands is not None:
+        _strands(stage, scene.strands)
     for k, lamp in enumerate(scene.lamps):
         _light(stage, f"/world/lights/light_{k}", lamp)
     _camera(stage, scene)
@@ -56,6 +62,36 @@ def _material(stage: Usd.Stage, path: str, look: Look) -> None:
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
 
 
+def _open_pbr(stage: Usd.Stage, path: str, look: Layered) -> None:
+    """Without darkening below the coat, which the others don't have."""
+    material = UsdShade.Material.Define(stage, path)
+    surface = UsdShade.Shader.Define(stage, f"{path}/surface")
+    surface.CreateIdAttr("ND_open_pbr_surface_surfaceshader")
+    for name, value in {
+        "base_metalness": look.metalness,
+        "specular_roughness": look.roughness,
+        "specular_ior": look.ior,
+        "transmission_weight": look.transmission,
+        "coat_weight": look.coat,
+        "coat_roughness": 0.1,
+        "coat_ior": 1.5,
+        "coat_darkening": 0.0,
+        "fuzz_weight": look.fuzz,
+        "subsurface_weight": look.subsurface,
+        "subsurface_radius": 1.0,
+    }.items():
+        surface.CreateInput(name, Types.Float).Set(value)
+    colors = {
+        "base_color": look.color,
+        "transmission_color": look.color,
+        "subsurface_color": look.color,
+        "subsurface_radius_scale": look.radius,
+    }
+    for name, color in colors.items():
+        surface.CreateInput(name, Types.Color3f).Set(Gf.Vec3f(*color))
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+
+
 def _mesh(stage: Usd.Stage, path: str, shape: Triangles, name: str, look: Look) -> UsdGeom.Mesh:
     """A diffuse surface is displayColor without a material: Lambert, where UsdPreviewSurface has a specular lobe as well."""
     mesh = UsdGeom.Mesh.Define(stage, path)
@@ -75,6 +111,36 @@ def _mesh(stage: Usd.Stage, path: str, shape: Triangles, name: str, look: Look) 
     else:
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(UsdShade.Material.Get(stage, f"/world/looks/{name}"))
     return mesh
+
+
+def _hair(stage: Usd.Stage, path: str, look: Look) -> None:
+    material = UsdShade.Material.Define(stage, path)
+    shaders = {name: UsdShade.Shader.Define(stage, f"{path}/{name}") for name in ("surface", "hair", "widths")}
+    surface, hair, widths = shaders.values()
+    (
+        surface.CreateIdAttr("ND_surface"),
+        hair.CreateIdAttr("ND_chiang_hair_bsdf"),
+        widths.CreateIdAttr("ND_chiang_hair_roughness"),
+    )
+    surface.CreateInput("bsdf", Types.Token).ConnectToSource(hair.ConnectableAPI(), "out")
+    for name in ("longitudinal", "azimuthal"):
+        widths.CreateInput(name, Types.Float).Set(look.roughness)
+    for lobe in ("R", "TT", "TRT"):
+        hair.CreateInput(f"roughness_{lobe}", Types.Float2).ConnectToSource(widths.ConnectableAPI(), f"roughness_{lobe}")
+    hair.CreateInput("absorption_coefficient", Types.Vector3f).Set(Gf.Vec3f(*look.color))
+    hair.CreateInput("ior", Types.Float).Set(look.ior)
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+
+
+def _strands(stage: Usd.Stage, strands: Strands) -> None:
+    curves = UsdGeom.BasisCurves.Define(stage, "/world/geometry/strands")
+    count, length = strands.points.shape[:2]
+    curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(strands.points.reshape(-1, 3).astype(np.float32)))
+    curves.CreateCurveVertexCountsAttr(Vt.IntArray(count, length))
+    curves.CreateBasisAttr("bspline")
+    curves.CreateWidthsAttr([2 * strands.radius])
+    curves.SetWidthsInterpolation("constant")
+    UsdShade.MaterialBindingAPI.Apply(curves.GetPrim()).Bind(UsdShade.Material.Get(stage, f"/world/looks/{strands.look}"))
 
 
 def _instancer(stage: Usd.Stage, scene: Scene) -> None:

@@ -109,6 +109,38 @@ def test_tweaks_are_about_its_centre(seen: Any) -> None:
     assert turned[0].tolist() == [0] * 4 + [1] * 24 + [0] * 4
 
 
+DEPTH = ("minOffset", "normalizingFactor", "cameraSpaceOffset")
+
+
+@pytest.mark.conforms("BackPlateAPI.depth:image", *(f"BackPlateAPI.depth:{name}" for name in DEPTH))
+def test_texels_stand_at_their_depths(tmp_path: Path) -> None:
+    """(texel - minOffset) * normalizingFactor + cameraSpaceOffset, on the camera's own rays: the picture stays as it is."""
+    image = np.random.default_rng(2).uniform(0.1, 0.9, (HEIGHT, WIDTH, 3)).astype(np.float32)
+    texels = np.repeat(np.repeat(np.array([[0.2, 0.4], [0.6, 0.8]]), HEIGHT // 2, axis=0), WIDTH // 2, axis=1)[:, :, None]
+    save(tmp_path / "plate.exr", image)
+    save(tmp_path / "depth.exr", texels)
+    more = "asset backPlate:b:depth:image = @depth.exr@\n"
+    more += "".join(f"    float backPlate:b:depth:{name} = {v}\n" for name, v in zip(DEPTH, (0.1, 10, 3), strict=True))
+    (tmp_path / "shot.usda").write_text(STAGE.replace("MORE", more))
+    settings = primray.RenderSettings(
+        camera="/c", resolution=(WIDTH, HEIGHT), spp=16, filter="box", default_light=False, aovs=("depth",)
+    )
+    found = primray.render(str(tmp_path / "shot.usda"), settings)
+    depth = np.asarray(found.aovs["depth"]).reshape(HEIGHT, WIDTH)
+    expected = (texels[:, :, 0] - 0.1) * 10 + 3
+    inner = np.ones((HEIGHT, WIDTH), bool)  # between the quarters it goes from one to the other
+    inner[HEIGHT // 2 - 1 : HEIGHT // 2 + 1] = inner[:, WIDTH // 2 - 1 : WIDTH // 2 + 1] = False
+    assert np.allclose(depth[inner], expected[inner], rtol=1e-4)
+    assert np.abs(np.asarray(found.pixels)[..., :3] - image)[inner].max() < 5e-4
+
+
+def test_nothing_stands_where_there_is_no_depth(seen: Any, tmp_path: Path) -> None:
+    save(tmp_path / "depth.exr", np.concatenate([np.zeros((HEIGHT, 8, 1)), np.full((HEIGHT, WIDTH - 8, 1), 5.0)], axis=1))
+    found = seen(GREY, "asset backPlate:b:depth:image = @depth.exr@")[..., 3]
+    assert found[:, :8].max() == 0
+    assert found[:, 9:].min() == 1
+
+
 def test_without_an_image_it_is_black(tmp_path: Path) -> None:
     (tmp_path / "shot.usda").write_text(STAGE.replace("MORE", "").replace("plate.exr", "none.exr"))
     settings = primray.RenderSettings(camera="/c", resolution=(8, 6), spp=4, filter="box", default_light=False)

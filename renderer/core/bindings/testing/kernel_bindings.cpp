@@ -6,7 +6,7 @@
 #include "accel/build.hpp"
 #include "accel/query.hpp"
 #include "bindings/testing/rows.hpp"
-#include "bsdf/bsdf_with_open_pbr.hpp"
+#include "bsdf/bsdf_with_hair.hpp"
 #include "build/inputs/input_facts.hpp"
 #include "light/selection/portal.hpp"
 #include "sampler/sampler.hpp"
@@ -21,6 +21,7 @@ namespace {
 template <int W, class F>
 auto with_lobes(const SurfaceTable& table, const vvec3<W>& wo, vint<W> front, const F& f) {
   const vbool<W> all(true), in_front = front != vint<W>(0);
+  if (!table.hair.empty()) return f(BsdfWithHair<W>(table, vint<W>(0), all, wo, in_front));
   if (table.open_pbr.empty()) return f(Bsdf<W>(table, vint<W>(0), all, wo, in_front));
   return f(BsdfWithOpenPbr<W>(table, vint<W>(0), all, wo, in_front));
 }

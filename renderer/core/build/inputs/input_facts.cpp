@@ -82,9 +82,11 @@ struct MeanInputs {
   const SurfaceInput& constants;
   SurfaceValues<1> values;
   std::optional<OpenPbrValues<1>> open;
+  std::optional<HairValues<1>> hair;
 
   MeanInputs(const Scene& scene, const SurfaceInputs& inputs) : constants(inputs.constants), values(inputs.constants) {
     if (inputs.constants.open_pbr) open.emplace(*inputs.constants.open_pbr);
+    if (inputs.constants.hair) hair.emplace(*inputs.constants.hair);
     for (const InputSource& source : inputs.sources) {
       const vec3 m = mean_of(scene, source);
       const vvec3<1> mean{vfloat<1>(m.x), vfloat<1>(m.y), vfloat<1>(m.z)};
@@ -92,6 +94,8 @@ struct MeanInputs {
         values.set(source.field, mean);
       else if (open)
         open->set(source.field, mean);
+      else if (hair)
+        hair->set(source.field, mean);
     }
   }
 };
@@ -110,6 +114,9 @@ void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceField
     reduce_open_pbr(*means.open, means.constants.thin, open_columns);
     const vfloat<1> at(scene.surfaces.rows[size_t(surface) * kSurfaceFields + kOpenPbrRow]);
     reduce_surface(means.constants, means.values, *means.open, open_columns, at, columns);
+  } else if (means.hair) {
+    const vfloat<1> at(scene.surfaces.rows[size_t(surface) * kSurfaceFields + kOpenPbrRow]);
+    reduce_surface(means.constants, means.values, *means.hair, at, columns);
   } else {
     reduce_surface(means.constants, means.values, columns);
   }

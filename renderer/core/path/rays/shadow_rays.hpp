@@ -3,7 +3,7 @@
 #pragma once
 
 #include "accel/query.hpp"
-#include "bsdf/bsdf_with_open_pbr.hpp"
+#include "bsdf/bsdf_with_hair.hpp"
 #include "emitter/emitter.hpp"
 #include "light/shadow.hpp"
 #include "medium/bodies.hpp"
@@ -40,11 +40,13 @@ struct ShadowStep {
       vvec3<W> unbent = it.ns;
       rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
     }
-    if (around)
+    if (around) {
       cross(scene, active, rays, hits.t, rows, wo, *around);
-    else
+    } else {
       through = scene.surfaces.open_pbr.empty() ? straight_transmittance(Bsdf<W>(rows, active, wo, front))
                                                 : straight_with_open_pbr(rows, active, wo, front, vfloat<W>(1.0f));
+    }
+    if (!scene.surfaces.hair.empty()) through = straight_through_hair(rows, active, front, through);
   }
   PRIMRAY_RARE void cross(const Scene& scene, vbool<W> active, const Rays<W>& rays, vfloat<W> t, const SurfaceRows<W>& rows,
                           const vvec3<W>& wo, BodiesAround<W>& around) {

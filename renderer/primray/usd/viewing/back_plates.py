@@ -11,16 +11,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from ...camera import Camera, Projection
 from ...description import Frame
 from ...diagnostics import Diagnostics
+from ...errors import AssetError
 from ...textures.image_header import read_header
 from ..opening.stage import scratch_copy
 from ..querying.asset import read_asset
 from ..querying.guarded import schemas_applied, value_at
 from ..resolving.read import When
+from .plate_relief import Card, Relief, depths_of, flat_card, relief
 
 SCHEMA = "BackPlateAPI"
 UNITS_PER_TENTH = 0.1  # UsdGeomCamera: focalLength is in tenths of a scene unit
@@ -78,16 +80,13 @@ def with_back_plates(
             if plate.camera.IsInstanceProxy():
                 diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate of a camera in an instance is not drawn.")
                 continue
-            if plate.file("depth:image", when):
-                message = f"{SCHEMA}:{plate.name}: its depth image is not used, the plate is flat."
-                diagnostics.add("api-schema", str(path), message, f"backPlate:{plate.name}:depth:image")
             through = looks if path == own else None
-            _write(made, plate, _corners(plate, None if through is None else through.camera, when), through, when)
+            card = _card(plate, None if through is None else through.camera, when)
+            _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
     return made
 
 
-def _corners(plate: Plate, conformed: Camera | None, when: When) -> tuple[float, float, float, float, float]:
-    """Left, right, bottom, top, and the distance."""
+def _card(plate: Plate, conformed: Camera | None, when: When) -> Card:
     camera = UsdGeom.Camera(plate.camera).GetCamera(when.time)
     away = float(camera.focusDistance) + UNITS_PER_TENTH * float(camera.focalLength)
     if conformed is None:
@@ -99,23 +98,35 @@ def _corners(plate: Plate, conformed: Camera | None, when: When) -> tuple[float,
         left, right, bottom, top = conformed.window
         flat = conformed.projection is Projection.ORTHOGRAPHIC
     scale = 1.0 if flat else away
-    return left * scale, right * scale, bottom * scale, top * scale, away
+    return Card(left * scale, right * scale, bottom * scale, top * scale, away, flat)
 
 
-def _write(
-    stage: Usd.Stage, plate: Plate, corners: tuple[float, float, float, float, float], through: Looks | None, when: When
-) -> None:
-    left, right, bottom, top, away = corners
-    path = plate.camera.GetPath().AppendChild(f"__backPlate_{plate.name}")
+def _shape(plate: Plate, card: Card, when: When, diagnostics: Diagnostics) -> Relief:
+    file = plate.file("depth:image", when)
+    if not file:
+        return flat_card(card)
+    least, factor, offset = (
+        float(plate.value(f"depth:{name}", when, default))
+        for name, default in (("minOffset", 0.0), ("normalizingFactor", 1.0), ("cameraSpaceOffset", 0.0))
+    )
+    try:
+        return relief(card, depths_of(file, least, factor, offset))
+    except AssetError as error:
+        message = f"The plate {plate.name} is flat, its depth image cannot be read: {error.message}."
+        diagnostics.add("asset-missing", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
+        return flat_card(card)
+
+
+def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: Looks | None, when: When) -> None:
+    path = plate.camera.GetPath().AppendChild(f"__backPlate_{plate.name.replace(':', '_')}")
     mesh = UsdGeom.Mesh.Define(stage, path)
-    x, y = (right - left) / 2, (top - bottom) / 2
-    mesh.CreatePointsAttr([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)])
-    mesh.CreateFaceVertexCountsAttr([4])
-    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(shape.points))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(shape.quads), 4))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(shape.quads.ravel()))
     mesh.CreateSubdivisionSchemeAttr("none")
     st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex")
-    st.Set([(0, 0), (1, 0), (1, 1), (0, 1)])
-    mesh.AddTranslateOp().Set(Gf.Vec3d((left + right) / 2, (bottom + top) / 2, -away))
+    st.Set(Vt.Vec2fArray.FromNumpy(shape.st))
+    mesh.AddTranslateOp().Set(Gf.Vec3d(*card.center))
     mesh.AddTranslateOp(opSuffix="tweak").Set(Gf.Vec3d(plate.value("translate:tweak", when, Gf.Vec3f(0))))
     mesh.AddRotateXYZOp(opSuffix="tweak").Set(plate.value("rotateXYZ:tweak", when, Gf.Vec3f(0)))
     scale = plate.value("scale:tweak", when, Gf.Vec2f(1))

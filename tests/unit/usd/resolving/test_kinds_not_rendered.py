@@ -39,16 +39,6 @@ def test_other_kinds_that_are_not_rendered(kind: str) -> None:
     assert said(hidden) == []  # not asked for
 
 
-@pytest.mark.conforms(
-    *(f"BackPlateAPI.depth:{n}" for n in ("image", "minOffset", "normalizingFactor", "cameraSpaceOffset")), state="diagnosed"
-)
-def test_depth_of_back_plates() -> None:
-    """Offsets and factor have no meaning without the image."""
-    text = 'def Camera "c" (prepend apiSchemas = ["BackPlateAPI:b"])\n{\nasset backPlate:b:depth:image = @a.exr@\n}\n'
-    found = [(d.code, d.prim_path, d.attribute) for d in said(stage_of(text + 'def Sphere "s"\n{\n}\n'))]
-    assert ("api-schema", "/c", "backPlate:b:depth:image") in found
-
-
 @pytest.mark.conforms("CoordSysAPI.binding", state="diagnosed")
 def test_coordinate_systems() -> None:
     stage = stage_of('def Sphere "s" (prepend apiSchemas = ["CoordSysAPI:paint"])\n{\nrel coordSys:paint:binding = </s>\n}\n')

@@ -25,7 +25,7 @@ from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context
 from ...resolving.notes import note_unknown_schemas
-from ...resolving.read import number
+from ...resolving.read import flag, number
 from ...resolving.resolve import Inherited
 
 
@@ -54,6 +54,7 @@ _SLOTS = {
 _DISPLACEMENT = "inputs:displacement"
 _SURFACE = re.compile(r"outputs:.+:surface")
 _OUTPUTS = {RenderContext.MTLX: ("mtlx:surface", "surface"), RenderContext.UNIVERSAL: ("surface", "mtlx:surface")}
+HAIR = "primray:hair"  # UsdPreviewSurface's inputs are those of fibres (materials/fibre.py)
 PRIORITY = "primray:dielectric:priority"  # of bodies that overlap the higher one is there
 _OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
 
@@ -131,6 +132,10 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
         source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:
+                if HAIR in names and flag(prim, HAIR, ctx.when, False):
+                    from ...materials.fibre import preview_hair
+
+                    return Material(preview_hair(source, path, ctx)), None
                 return _preview_surface(source, path, ctx), source
             if (made := _of_other_model(source, path, ctx)) is not None:
                 return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
@@ -143,6 +148,11 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
 def _of_other_model(source: Node, path: str, ctx: Context) -> Material | None:
     """Of a MaterialX surface or an MDL module that is known; imported where there is one, as most stages have none."""
     if source.id.startswith("ND_"):
+        if source.id == "ND_surface":
+            from ...materials.fibre import hair_bsdf, hair_surface
+
+            bsdf = hair_bsdf(source, ctx)
+            return None if bsdf is None else Material(hair_surface(bsdf, path, ctx))
         from ...materials.known_material import known_material
 
         made = known_material(source, path, ctx)

@@ -29,6 +29,8 @@ COMMON: dict[str, tuple[str, ...]] = {
     "st": ("uv", "UV", "__st"),
     "albedo": ("Albedo",),
     "emission": ("Emission", "emissive"),
+    "guide_albedo": ("denoise_albedo",),
+    "guide_normal": ("denoise_normal",),
     "motion_forward": ("motionFore",),
     "motion_backward": ("motionBack",),
     "prim": ("primId", "id", "ID", "objectId", "objectid", "ray:objectid"),

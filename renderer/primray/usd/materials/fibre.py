@@ -1,0 +1,107 @@
+"""Materials of hair: MaterialX's ND_surface of an ND_chiang_hair_bsdf, and UsdPreviewSurface where the material says that it is
+of fibres."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+
+from ...description import Hair, Input, NodeOutput, Operand, Surface
+from ...description.hair import PREFIX
+from ..materialx.expressions import MOST_NODES, Expressions, TooManyNodesError
+from ..materialx.hair_nodes import absorption_from_color, roughness
+from ..querying.guarded import property_names
+from ..resolving.context import Context
+from .network import Node, find_source, node_path
+from .node_values import NodeValues, definition_of
+from .pruning import pruned
+from .reducing import Reducer
+
+BSDF = "ND_chiang_hair_bsdf"
+_PREVIEW = "ND_UsdPreviewSurface_surfaceshader"
+_LOBES = ("R", "TT", "TRT")
+_LOGISTIC = math.sqrt(math.pi / 8)  # of the node's azimuthal roughness (Chiang et al. 2016, equation 12)
+_WIDTHS = {f.name: len(f.default) if isinstance(f.default, tuple) else 1 for f in fields(Hair)}
+_NEUTRAL = (0.3,)  # the azimuthal roughness of what has only one
+
+
+def hair_bsdf(shader: Node, ctx: Context) -> Node | None:
+    """The hair that a constructor of surfaces is given."""
+    attribute = shader.prim.GetAttribute("inputs:bsdf")
+    source = find_source(attribute, ctx) if attribute else None
+    if not isinstance(source, Node) or source.id != BSDF:
+        return None
+    others = sorted(str(n) for n in property_names(shader.prim) if n.startswith("inputs:") and n != "inputs:bsdf")
+    if others:
+        ctx.warn("material-input", node_path(shader, ctx), f"No effect on hair have: {', '.join(others)}.", others[0])
+    return source
+
+
+def hair_surface(bsdf: Node, path: str, ctx: Context) -> Surface | None:
+    """By the node's own inputs; its normal and direction are those of the fibre."""
+    found = definition_of(bsdf)
+    assert found is not None
+    values = NodeValues(ctx)
+    try:
+        given = values.inputs_of(bsdf, found)
+        inputs = {**{i.name: i.default for i in found.inputs if i.default is not None}, **given}
+        for name in ("normal", "curve_direction"):
+            if name in given:
+                message = f"{name} has no effect: a fibre has its own."
+                ctx.warn("material-input", node_path(bsdf, ctx), message, f"inputs:{name}")
+        return _made(_of_node(inputs, values.expressions), values.expressions, path)
+    except TooManyNodesError:
+        ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
+        return None
+
+
+def preview_hair(shader: Node, path: str, ctx: Context) -> Surface | None:
+    """diffuseColor is the colour of many such fibres, roughness goes along them, ior is theirs; nothing else has an effect."""
+    found = definition_of(Node(shader.prim, shader.output, _PREVIEW))
+    assert found is not None
+    values = NodeValues(ctx)
+    e = values.expressions
+    try:
+        given = values.inputs_of(shader, found)
+        used = ("diffuseColor", "roughness", "ior")
+        if unused := sorted(name for name in given if name not in used):
+            ctx.warn("material-input", node_path(shader, ctx), f"No effect on hair have: {', '.join(unused)}.")
+        color, along = given.get("diffuseColor", (0.18,) * 3), given.get("roughness", (0.5,))
+        widths = {"longitudinal": along, "azimuthal": _NEUTRAL, "scale_TT": (0.5,), "scale_TRT": (2.0,)}
+        absorbed = absorption_from_color(e, {"color": color, "azimuthal_roughness": _NEUTRAL})
+        inputs = {"absorption_coefficient": absorbed["absorption"], "ior": given.get("ior", (1.55,)), **roughness(e, widths)}
+        return _made(_of_node(inputs, e), e, path)
+    except TooManyNodesError:
+        ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
+        return None
+
+
+def _of_node(inputs: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
+    """Hair's inputs by their names here."""
+    made: dict[str, Operand] = {"absorption": inputs["absorption_coefficient"], "ior": inputs["ior"]}
+    for lobe in _LOBES:
+        if (tint := inputs.get(f"tint_{lobe}")) is not None:
+            made[f"tint_{lobe.lower()}"] = tint
+        width = inputs[f"roughness_{lobe}"]
+        along, about = (e.apply("ND_extract_vector2", **{"in": width, "index": (float(k),)}) for k in (0, 1))
+        made[f"variance_{lobe.lower()}"] = along
+        made[f"scale_{lobe.lower()}"] = e.apply("ND_multiply_float", in1=about, in2=(_LOGISTIC,))
+    angle = inputs.get("cuticle_angle", (0.5,))
+    turned = e.apply("ND_multiply_float", in1=angle, in2=(math.pi,))
+    made["cuticle_tilt"] = e.apply("ND_subtract_float", in1=turned, in2=(math.pi / 2,))
+    return made
+
+
+def _made(inputs: dict[str, Operand], e: Expressions, path: str) -> Surface:
+    constants: dict[str, float | tuple[float, ...]] = {}
+    varying: dict[str, Input] = {}
+    reducer = Reducer(e.nodes)
+    for name, value in inputs.items():
+        width = _WIDTHS[name]
+        if isinstance(value, NodeOutput):
+            varying[PREFIX + name] = reducer.input(value, width)
+        elif isinstance(value, tuple):
+            constants[PREFIX + name] = value[0] if width == 1 else (value * 3)[:3]
+    pattern, read = pruned(e.nodes, varying)
+    surface = Surface(path, hair=Hair(), inputs=tuple(read.items()), pattern=pattern)
+    return surface.with_constants(constants)  # type: ignore[arg-type]
