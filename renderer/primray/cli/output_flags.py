@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ..settings import StopAt
 from .option_values import ColorCorrection
 
 Outputs = Annotated[
@@ -70,6 +71,13 @@ Snapshot = Annotated[
 ]
 Exposure = Annotated[
     str, typer.Option("--exposure", metavar="STOPS", help="Of PNG, JPEG and TIFF; auto: as the view needs it, for all frames.")
+]
+Denoise = Annotated[
+    bool,
+    typer.Option("--denoise", help="A denoised picture beside the record, with its error; views show it (primray[denoise])."),
+]
+StopAtWhich = Annotated[
+    StopAt, typer.Option("--stop-at", help="Whose error --target-error is of; denoised: as --denoise, at relmse or rmse.")
 ]
 BitDepth = Annotated[
     int | None,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ..settings import Filter, Metric, StopAt
+from ..settings import Filter, Metric
 
 Samples = Annotated[
     int | None,
@@ -41,13 +41,6 @@ TimeLimit = Annotated[
         help="Stop a frame after so many seconds of sampling (set-up comes before).",
         show_default=False,
     ),
-]
-Denoise = Annotated[
-    bool,
-    typer.Option("--denoise", help="A denoised picture beside the record, with its error; views show it (primray[denoise])."),
-]
-StopAtWhich = Annotated[
-    StopAt, typer.Option("--stop-at", help="Whose error --target-error is of; denoised: as --denoise, at relmse or rmse.")
 ]
 Adaptive = Annotated[
     bool | None,

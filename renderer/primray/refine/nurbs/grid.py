@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,7 +14,8 @@ from .lines import Flags, Lines
 from .pixels import pixels
 from .surface import Control, grid_normals, points_of
 
-MOST_POINTS = 1 << 22  # of a patch that are looked at: a million cells or so
+MOST_POINTS = 1 << 24  # of a patch that are looked at: four million cells or so
+AT_ONCE = 1 << 20
 STRAIGHT = float(np.cos(np.radians(1.0)))  # of normals of what is flat
 
 
@@ -67,6 +69,18 @@ class _Seen:
     @staticmethod
     def of(control: Control, u: Lines, v: Lines, footprint: Footprint, fine: Fineness) -> _Seen:
         """By a look at the grid and at what lies halfway, between its lines too."""
+        rows = max(1, AT_ONCE // (4 * len(u.at)))
+        cuts = [*range(0, len(v.at) - 1, rows), len(v.at) - 1]
+        parts = [_Seen._of_rows(control, u, v.part(a, b + 1), footprint, fine) for a, b in pairwise(cuts)]
+        return _Seen(
+            np.max([p.u for p in parts], axis=0),
+            np.concatenate([p.v for p in parts]),
+            np.any([p.bent_u for p in parts], axis=0),
+            np.concatenate([p.bent_v for p in parts]),
+        )
+
+    @staticmethod
+    def _of_rows(control: Control, u: Lines, v: Lines, footprint: Footprint, fine: Fineness) -> _Seen:
         twice_u, twice_v = _doubled(u), _doubled(v)
         found = control.grid(twice_u.bases(), twice_v.bases())
         points = points_of(found[0])

@@ -47,6 +47,10 @@ class Lines:
             np.insert(self.joined, place, False),
         )
 
+    def part(self, first: int, end: int) -> Lines:
+        rows = slice(first, end)
+        return Lines(self.direction, self.at[rows], self.spans[rows], self.starts[rows], self.joined[rows])
+
     def bases(self) -> Bases:
         return bases(self.direction, self.spans, self.at)
 
@@ -54,7 +58,7 @@ class Lines:
         """The parameters moved off the ends of pieces, by this share of the interval there."""
         moved = self.at.copy()
         ends = np.append(self.starts[1:], True)
-        first, last = np.flatnonzero(self.starts), np.flatnonzero(ends)
+        first, last = np.flatnonzero(self.starts[:-1]), np.flatnonzero(ends)
         moved[first] += share * (self.at[first + 1] - self.at[first])
         moved[last] -= share * (self.at[last] - self.at[last - 1])
         return moved
