@@ -67,7 +67,16 @@ void attach_moving(rtc::Scene target, Scene& scene, const Group& group) {
 
 void attach_curves(rtc::Scene target, Scene& scene, const Group& group, const CurveRange& range, int steps, uint32_t tubes,
                    uint32_t ends) {
-  if (range.segments > 0) attach(target, make_tubes(scene, group, range, steps), tubes);
+  if (range.segments > 0) {
+    const OwnedGeometry g = make_tubes(scene, group, range, steps);
+    if (has_holes(scene, range)) {
+      scene.cutouts.push_back({&scene, uint32_t(&group - scene.groups.data()), range.segment});
+      set_tube_filter(g.get(), scene.cutouts.back());
+      scene.has_cutouts = true;
+    }
+    embree().rtcCommitGeometry(g.get());
+    attach(target, g, tubes);
+  }
   if (range.ends == 0) return;
   scene.tube_ends.push_back({&scene, uint32_t(&group - scene.groups.data()), range.end, range.ends, steps});
   attach(target, make_tube_ends(&scene.tube_ends.back()), ends);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "accel/cutout.hpp"
 #include "accel/user_geometry.hpp"
 
 namespace primray {
@@ -131,13 +132,17 @@ bool meet(const TubeEnds& ends, uint32_t number, const float* ray, uint32_t n, u
   return (e.kind == CurveEndKind::kJoint ? meet_wedge : meet_disc)(e, o, d, field(3), field(8), met);
 }
 
+bool is_gone(const TubeEnds& ends, uint32_t number, const rtc::RayQueryContext& context) {
+  return ends.scene->has_cutouts && is_end_hole(*ends.scene, int32_t(ends.first + number), context);
+}
+
 void intersect(const rtc::IntersectArguments* args) {
   const TubeEnds& ends = *static_cast<const TubeEnds*>(args->user);
   const uint32_t n = args->n;
   for (uint32_t i = 0; i < n; ++i) {
     float* ray = args->rayhit;
     Met met;
-    if (!args->valid[i] || !meet(ends, args->prim_id, ray, n, i, met)) continue;
+    if (!args->valid[i] || !meet(ends, args->prim_id, ray, n, i, met) || is_gone(ends, args->prim_id, *args->context)) continue;
     ray[8 * n + i] = float(met.t);
     float* hit = ray + 12 * n;
     hit[0 * n + i] = float(met.offset.x), hit[1 * n + i] = float(met.offset.y), hit[2 * n + i] = float(met.offset.z);
@@ -152,7 +157,9 @@ void occluded(const rtc::OccludedArguments* args) {
   const TubeEnds& ends = *static_cast<const TubeEnds*>(args->user);
   for (uint32_t i = 0; i < args->n; ++i) {
     Met met;
-    if (args->valid[i] && meet(ends, args->prim_id, args->ray, args->n, i, met)) args->ray[8 * args->n + i] = -INFINITY;
+    if (args->valid[i] && meet(ends, args->prim_id, args->ray, args->n, i, met) &&
+        !is_gone(ends, args->prim_id, *args->context))
+      args->ray[8 * args->n + i] = -INFINITY;
   }
 }
 
@@ -169,7 +176,6 @@ OwnedGeometry make_tubes(const Scene& scene, const Group& group, const CurveRang
                                  (size_t(curves.point_base) + size_t(k) * curves.moving_points) * 16, 16, curves.point_count);
   e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint, table.first_point.data(), size_t(range.segment) * 4,
                                4, range.segments);
-  e.rtcCommitGeometry(g.get());
   return g;
 }
 

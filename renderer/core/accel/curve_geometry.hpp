@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// `steps` times, where they move.
+// `steps` times, where they move; not committed yet.
 OwnedGeometry make_tubes(const Scene& scene, const Group& group, const CurveRange& range, int steps);
 // `record` must outlive it.
 OwnedGeometry make_tube_ends(const TubeEnds* record);

@@ -20,6 +20,35 @@ struct FilterHit {
   }
 };
 
+// Whether the surface is not there.
+bool is_open(const Scene& scene, const SurfacePoint<1>& point, int32_t surface) {
+  const vbool<1> yes(true);
+  const int32_t inputs = scene.surface_inputs_of[surface];
+  const SurfaceInputs* s = inputs < 0 ? nullptr : &scene.surface_inputs[inputs];
+  const InputSource* opacity = s ? s->find(InputField::kOpacity) : nullptr;
+  if (!opacity || !(s->constants.opacity_threshold > 0)) return false;
+  InputReader<1> reader(scene, yes, point, vfloat<1>(0.0f));
+  reader.run_tape(*s, [](InputField f) { return f == InputField::kOpacity; });
+  return !(reader.read(*opacity).x[0] >= s->constants.opacity_threshold);
+}
+
+// On segment `segment` of the scene's, at `longer` of what Embree has of it.
+bool is_tube_open(const Scene& scene, int32_t segment, float longer, uint32_t instance, uint32_t instance_prim) {
+  const vbool<1> yes(true);
+  Hits<1> nowhere{};
+  nowhere.geom = nowhere.inst = vint<1>(-1);
+  SurfacePoint<1> point(scene, yes, nowhere);
+  point.curve.is = yes, point.curve.any_is = true, point.curve.segment = vint<1>(segment);
+  const int32_t row = scene.curves.row[size_t(scene.curves.run[size_t(segment)])];
+  point.curve.row = point.curved = vint<1>(row);
+  point.u = point.curve.u = clamp(vfloat<1>(longer) * (1.0f + 2 * kBeyond) - kBeyond, 0.0f, 1.0f);
+  if (instance != rtc::kInvalidId && !scene.has_grouped) {
+    point.instanced = yes, point.instance_row = vint<1>(int32_t(instance_prim));
+    point.placement = vint<1>(int32_t(instance - kFirstPlacement + scene.groups[0].placement_base));
+  }
+  return is_open(scene, point, scene.curved.surface[size_t(row)]);
+}
+
 bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
   const Scene& scene = *cutouts.scene;
   const Group& group = scene.groups[cutouts.group];
@@ -30,13 +59,7 @@ bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
   const int32_t triangle = int32_t(group.triangle_base + cutouts.first + hit.prim);
   const SurfacePoint<1> point(scene, yes, vint<1>(triangle), vint<1>(int32_t(group.vertex_base)), vint<1>(placement),
                               vint<1>(int32_t(hit.instance_prim)), vfloat<1>(hit.u), vfloat<1>(hit.v));
-  const int32_t surface = scene.meshes.surface[point.mesh[0]], inputs = scene.surface_inputs_of[surface];
-  const SurfaceInputs* s = inputs < 0 ? nullptr : &scene.surface_inputs[inputs];
-  const InputSource* opacity = s ? s->find(InputField::kOpacity) : nullptr;
-  if (!opacity) return false;
-  InputReader<1> reader(scene, yes, point, vfloat<1>(0.0f));
-  reader.run_tape(*s, [](InputField f) { return f == InputField::kOpacity; });
-  return !(reader.read(*opacity).x[0] >= s->constants.opacity_threshold);
+  return is_open(scene, point, scene.meshes.surface[point.mesh[0]]);
 }
 
 void filter(const rtc::FilterArguments* args) {
@@ -45,13 +68,44 @@ void filter(const rtc::FilterArguments* args) {
     if (args->valid[i] && is_hole(cutouts, FilterHit(*args, i))) args->valid[i] = 0;
 }
 
-}  // namespace
+void tube_filter(const rtc::FilterArguments* args) {
+  const CutoutGroup& cutouts = *static_cast<const CutoutGroup*>(args->user);
+  for (uint32_t i = 0; i < args->n; ++i) {
+    if (!args->valid[i]) continue;
+    const FilterHit hit(*args, i);
+    if (is_tube_open(*cutouts.scene, int32_t(cutouts.first + hit.prim), hit.u, hit.instance, hit.instance_prim))
+      args->valid[i] = 0;
+  }
+}
 
-void set_cutout_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) {
+void set_filter(rtc::Geometry geometry, const CutoutGroup& cutouts, rtc::FilterFunction function) {
   const rtc::Api& e = embree();
   e.rtcSetGeometryUserData(geometry, const_cast<CutoutGroup*>(&cutouts));
-  e.rtcSetGeometryIntersectFilterFunction(geometry, filter);
-  e.rtcSetGeometryOccludedFilterFunction(geometry, filter);
+  e.rtcSetGeometryIntersectFilterFunction(geometry, function);
+  e.rtcSetGeometryOccludedFilterFunction(geometry, function);
+}
+
+}  // namespace
+
+void set_cutout_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) { set_filter(geometry, cutouts, filter); }
+void set_tube_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) { set_filter(geometry, cutouts, tube_filter); }
+
+bool has_holes(const Scene& scene, const CurveRange& range) {
+  int32_t before = -1;
+  for (uint32_t i = 0; i < range.segments; ++i) {
+    const int32_t run = scene.curves.run[range.segment + i];
+    if (run == before) continue;
+    before = run;
+    const int32_t inputs = scene.surface_inputs_of[size_t(scene.curved.surface[size_t(scene.curves.row[size_t(run)])])];
+    const SurfaceInputs* s = inputs < 0 ? nullptr : &scene.surface_inputs[size_t(inputs)];
+    if (s && s->constants.opacity_threshold > 0 && s->find(InputField::kOpacity)) return true;
+  }
+  return false;
+}
+
+bool is_end_hole(const Scene& scene, int32_t end, const rtc::RayQueryContext& context) {
+  const CurveEnd& e = scene.curves.ends[size_t(end)];
+  return is_tube_open(scene, e.segment, e.kind == CurveEndKind::kEnd ? 1.0f : kBeyond, context.inst_id, context.inst_prim_id);
 }
 
 }  // namespace primray

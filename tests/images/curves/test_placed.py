@@ -109,6 +109,39 @@ def test_colours_go_along_the_curve() -> None:
     assert np.abs(values(image, "albedo")[inside] - np.stack([1 - s, 0 * s, s], axis=1)).max() < 0.03
 
 
+@pytest.mark.parametrize("place", ["alone", "instanced"])
+def test_tubes_have_holes_where_their_opacity_is_below_the_threshold(place: str) -> None:
+    """From x = 0 on: the discs at the far ends are gone as well."""
+    material = """def Material "m"
+{
+    token outputs:surface.connect = </m/s.outputs:surface>
+    def Shader "s"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        float inputs:opacityThreshold = 0.5
+        float inputs:opacity.connect = </m/r.outputs:result>
+        token outputs:surface
+    }
+    def Shader "r"
+    {
+        uniform token info:id = "UsdPrimvarReader_float"
+        string inputs:varname = "alpha"
+        float outputs:result
+    }
+}
+"""
+    alpha = "float[] primvars:alpha = [1, 0] (\n interpolation = 'varying'\n)\nrel material:binding = </m>"
+    text = curves(cubic("[(-1.5, 0, 0), (-0.5, 0, 0), (0.5, 0, 0), (1.5, 0, 0)]", FLAT.format(0.8), more=alpha))
+    text = text.replace('"c"', '"c" (prepend apiSchemas = ["MaterialBindingAPI"])')
+    if place == "instanced":
+        text = PLACED["point instancer"].replace(curves(BODY), text)
+    image = look(text + material, spp=16)
+    x, y = centres()
+    inside = (np.abs(x) < 1.5) & (np.abs(y) < 0.4)
+    assert (image.pixels[..., 3][inside & (x < -0.05)] == 1).all()
+    assert (image.pixels[..., 3][(x > 0.05)] == 0).all()
+
+
 def test_subsets_colour_segments() -> None:
     material = """def Material "red"
 {

@@ -159,32 +159,18 @@ GLOWING = """def Material "m"
         INPUT
         token outputs:surface
     }
-    def Shader "r"
-    {
-        uniform token info:id = "UsdPrimvarReader_float"
-        string inputs:varname = "alpha"
-        float outputs:result
-    }
 }
 """
 BOUND = STAGE.replace('"c"\n', '"c" (prepend apiSchemas = ["MaterialBindingAPI"])\n')
 BOUND = BOUND.replace("MORE", "rel material:binding = </m>\nMORE")
 
 
-@pytest.mark.parametrize(
-    ("given", "code"),
-    [
-        ("color3f inputs:emissiveColor = (1, 1, 1)", "curve-lights"),
-        ("float inputs:opacityThreshold = 0.5\nfloat inputs:opacity.connect = </m/r.outputs:result>", "curve-cutouts"),
-    ],
-)
-def test_what_materials_cannot_do_to_tubes_is_told(given: str, code: str) -> None:
-    more = "float[] widths = [0.1]\nfloat[] primvars:alpha = [1, 1] (\n interpolation = 'uniform'\n)"
-    _, codes = translated(more, BOUND + GLOWING.replace("INPUT", given))
-    assert codes == [code]
-    normals = "\nnormal3f[] normals = [(0, 0, 1)] (\n interpolation = 'constant'\n)"
-    _, diagnostics = translate_text((BOUND + GLOWING.replace("INPUT", given)).replace("MORE", more + normals))
-    assert code not in [found for found, _ in diagnostics]
+def test_light_of_tubes_is_told() -> None:
+    text = BOUND + GLOWING.replace("INPUT", "color3f inputs:emissiveColor = (1, 1, 1)")
+    assert translated("float[] widths = [0.1]", text)[1] == ["curve-lights"]
+    normals = "float[] widths = [0.1]\nnormal3f[] normals = [(0, 0, 1)] (\n interpolation = 'constant'\n)"
+    _, diagnostics = translate_text(text.replace("MORE", normals))
+    assert "curve-lights" not in [code for code, _ in diagnostics]
 
 
 @pytest.mark.parametrize("kind", ["invisible", "guide"])

@@ -124,8 +124,6 @@ def drawn(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Curves |
     if not worn:
         return None
     surfaces = {k: undisplaced(make_surface(_colored(parts[k]), lambda: is_tube, prim.path, ctx), prim.path, ctx) for k in worn}
-    if is_tube and any(map(is_cut_out, surfaces.values())):
-        ctx.warn("curve-cutouts", prim.path, "Its opacityThreshold makes no holes in tubes: they are whole.")
     if is_tube and any(map(emits, surfaces.values())):
         ctx.warn("curve-lights", prim.path, "Its curves emit light that rays find by chance: expect noise.")
     controls = np.column_stack([geometry.places(geometry.authored.points), geometry.radii])
@@ -148,10 +146,6 @@ def _colored(appearance: Appearance) -> Appearance:
         return appearance
     inputs = (*appearance.inputs, ("diffuse_color", PrimvarInput(DISPLAY_COLOR, FALLBACK_COLOR)))
     return replace(appearance, color=FALLBACK_COLOR, varying_color=False, inputs=inputs)
-
-
-def is_cut_out(surface: Surface) -> bool:
-    return surface.opacity_threshold > 0 and any(name == "opacity" for name, _ in surface.inputs)
 
 
 def emits(surface: Surface) -> bool:
