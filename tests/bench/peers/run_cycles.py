@@ -30,6 +30,7 @@ def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]
         filepath=scene.file(f"{scene.name}{'_still' if moves else ''}.usdc"),
         import_cameras=False,
         import_lights=False,
+        import_curves=False,
         create_world_material=False,
     )
     opened = time.perf_counter()
