@@ -14,7 +14,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from primray.description import Curves, Doubles, Placement, SceneDescription, Sphere, SubdivisionMesh
 
-SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane", "Points")
+SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane", "Points", "BasisCurves")
 _DRAWN = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier & ~Usd.PrimIsAbstract
 _NOT_COPIED = ("xformOp", "visibility", "purpose", "proxyPrim", "extent", "primvars:", "velocities", "accelerations")
 
@@ -96,11 +96,14 @@ def flat_stage(stage: Usd.Stage, time: Usd.TimeCode) -> Usd.Stage:
         for attribute in prim.GetAuthoredAttributes():
             value = _value(prim, attribute, time)
             if value is not None and not attribute.GetName().startswith(_NOT_COPIED):
-                copy.CreateAttribute(attribute.GetName(), attribute.GetTypeName()).Set(value)
+                made = copy.CreateAttribute(attribute.GetName(), attribute.GetTypeName())
+                made.Set(value)
+                if attribute.HasAuthoredMetadata("interpolation"):
+                    made.SetMetadata("interpolation", attribute.GetMetadata("interpolation"))
         color = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
         if color and color.HasValue():
-            made = UsdGeom.PrimvarsAPI(copy).CreatePrimvar("displayColor", color.GetTypeName(), color.GetInterpolation())
-            made.Set(color.ComputeFlattened(time))
+            primvar = UsdGeom.PrimvarsAPI(copy).CreatePrimvar("displayColor", color.GetTypeName(), color.GetInterpolation())
+            primvar.Set(color.ComputeFlattened(time))
         UsdGeom.Xformable(copy).AddTransformOp().Set(world)
     return flat
 
