@@ -32,6 +32,7 @@ STAGES = {
     "emission": ("emission", 6),
     "clearcoat": ("clearcoat", 6),
     "instancer": ("point-instancer", 4),
+    "interiors": ("interiors", 24),
     # Bright lights in view, small in it: a few pixels at their corners hold most of the error.
     "rectangle": ("light-rect", 6),
     "sphere": ("light-sphere", 6),
