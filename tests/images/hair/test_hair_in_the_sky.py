@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.statistics.surfaces.hair.hair_cases import hair_absorption, hair_widths
 from tests.unit.usd.usd_text import stage_of
 
 import primray
 from primray.description import Hair
-from primray.description.hair import hair_absorption, hair_widths
 from primray.settings import RenderSettings
 from primray.usd import translate
 

@@ -4,12 +4,14 @@ of fibres."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import fields
 
 from ...description import Hair, Input, NodeOutput, Operand, Surface
 from ...description.hair import PREFIX
+from ..materialx.definitions import Definition
 from ..materialx.expressions import MOST_NODES, Expressions, TooManyNodesError
-from ..materialx.hair_nodes import absorption_from_color, roughness
+from ..materialx.hair_nodes import hair_node
 from ..querying.guarded import property_names
 from ..resolving.context import Context
 from .network import Node, find_source, node_path
@@ -22,6 +24,7 @@ _PREVIEW = "ND_UsdPreviewSurface_surfaceshader"
 _LOBES = ("R", "TT", "TRT")
 _LOGISTIC = math.sqrt(math.pi / 8)  # of the node's azimuthal roughness (Chiang et al. 2016, equation 12)
 _WIDTHS = {f.name: len(f.default) if isinstance(f.default, tuple) else 1 for f in fields(Hair)}
+_Read = Callable[[dict[str, Operand], Expressions], dict[str, Operand]]
 _NEUTRAL = (0.3,)  # the azimuthal roughness of what has only one
 
 
@@ -41,36 +44,42 @@ def hair_surface(bsdf: Node, path: str, ctx: Context) -> Surface | None:
     """By the node's own inputs; its normal and direction are those of the fibre."""
     found = definition_of(bsdf)
     assert found is not None
-    values = NodeValues(ctx)
-    try:
-        given = values.inputs_of(bsdf, found)
-        inputs = {**{i.name: i.default for i in found.inputs if i.default is not None}, **given}
+
+    def read(given: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
         for name in ("normal", "curve_direction"):
             if name in given:
                 message = f"{name} has no effect: a fibre has its own."
                 ctx.warn("material-input", node_path(bsdf, ctx), message, f"inputs:{name}")
-        return _made(_of_node(inputs, values.expressions), values.expressions, path)
-    except TooManyNodesError:
-        ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
-        return None
+        return {**{i.name: i.default for i in found.inputs if i.default is not None}, **given}
+
+    return _surface(bsdf, found, read, path, ctx)
 
 
 def preview_hair(shader: Node, path: str, ctx: Context) -> Surface | None:
     """diffuseColor is the colour of many such fibres, roughness goes along them, ior is theirs; nothing else has an effect."""
     found = definition_of(Node(shader.prim, shader.output, _PREVIEW))
     assert found is not None
-    values = NodeValues(ctx)
-    e = values.expressions
-    try:
-        given = values.inputs_of(shader, found)
+
+    def read(given: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
         used = ("diffuseColor", "roughness", "ior")
         if unused := sorted(name for name in given if name not in used):
             ctx.warn("material-input", node_path(shader, ctx), f"No effect on hair have: {', '.join(unused)}.")
         color, along = given.get("diffuseColor", (0.18,) * 3), given.get("roughness", (0.5,))
         widths = {"longitudinal": along, "azimuthal": _NEUTRAL, "scale_TT": (0.5,), "scale_TRT": (2.0,)}
-        absorbed = absorption_from_color(e, {"color": color, "azimuthal_roughness": _NEUTRAL})
-        inputs = {"absorption_coefficient": absorbed["absorption"], "ior": given.get("ior", (1.55,)), **roughness(e, widths)}
-        return _made(_of_node(inputs, e), e, path)
+        colored = {"color": color, "azimuthal_roughness": _NEUTRAL}
+        absorbed = hair_node(e, "ND_chiang_hair_absorption_from_color", colored)
+        made = {"absorption_coefficient": absorbed["absorption"], "ior": given.get("ior", (1.55,))}
+        return made | dict(hair_node(e, "ND_chiang_hair_roughness", widths))
+
+    return _surface(shader, found, read, path, ctx)
+
+
+def _surface(node: Node, found: Definition, read: _Read, path: str, ctx: Context) -> Surface | None:
+    """Of a node with that definition, whose inputs `read` gives in the words of the hair node."""
+    values = NodeValues(ctx)
+    try:
+        inputs = read(values.inputs_of(node, found), values.expressions)
+        return _made(_of_node(inputs, values.expressions), values.expressions, path)
     except TooManyNodesError:
         ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
         return None

@@ -12,7 +12,7 @@ from pxr import Sdf
 from ...description import Operand, TextureFile
 from ..materialx.definitions import CLOSURES, COLORS, WIDTHS, Definition, InputDefinition, definition
 from ..materialx.expressions import Expressions, Outputs
-from ..materialx.hair_nodes import NODES as HAIR_NODES
+from ..materialx.hair_nodes import hair_node, is_hair_node
 from ..querying.guarded import property_names
 from ..resolving.context import Context
 from .network import VECTORS, Constant, Node, as_numbers, constant_color, find_source, node_path
@@ -112,10 +112,10 @@ class NodeValues:
         return made
 
     def _made_of(self, found: Definition, given: dict[str, Operand], path: Sdf.Path) -> Outputs:
-        if found.name not in HAIR_NODES:
+        if not is_hair_node(found.name):
             return self.expressions.node(found.name, given, self.ctx.shown(str(path)))
         defaults = {name: value for name, value in found.defaults.items() if value is not None}
-        return HAIR_NODES[found.name](self.expressions, {**defaults, **given})
+        return hair_node(self.expressions, found.name, {**defaults, **given})
 
     def constant(self, source: Constant, wanted: InputDefinition, node: Node) -> Operand | None:
         """A value as the input's type has it, colours in the rendering space; None, noted, where it is of another."""

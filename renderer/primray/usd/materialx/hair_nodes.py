@@ -1,4 +1,5 @@
-"""MaterialX's nodes that give a fibre of hair its inputs, code in its library: as other nodes.
+"""MaterialX's nodes that give a fibre of hair its inputs: where these are constants they fold, by nodes that do; where they
+vary each is one node, which the core computes.
 
 Formulas: d'Eon et al. 2011 (melanin), Chiang et al. 2016 (the rest), as the library's document of nodes describes them.
 """
@@ -8,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from ...description import Operand
-from .expressions import Expressions
+from .expressions import Expressions, Outputs
 
 Given = Mapping[str, Operand]
 _LEAST_COLOR, _LEAST_ROUGHNESS, _LEAST_LEFT = (1e-3,), (1e-3,), (1e-4,)
@@ -25,7 +26,7 @@ def _times(e: Expressions, a: Operand, b: Operand) -> Operand:
     return e.apply("ND_multiply_float", in1=a, in2=b)
 
 
-def polynomial(e: Expressions, x: Operand, terms: Mapping[int, float]) -> Operand:
+def _polynomial(e: Expressions, x: Operand, terms: Mapping[int, float]) -> Operand:
     """The sum of the terms' factors times x to their powers."""
     powers: list[Operand] = []
     for power, factor in terms.items():
@@ -34,15 +35,15 @@ def polynomial(e: Expressions, x: Operand, terms: Mapping[int, float]) -> Operan
     return _sum(e, powers)
 
 
-def absorption_from_color(e: Expressions, given: Given) -> dict[str, Operand]:
-    divisor = polynomial(e, given["azimuthal_roughness"], {0: 5.969, 1: -0.215, 2: 2.532, 3: -10.73, 4: 5.574, 5: 0.245})
+def _absorption_from_color(e: Expressions, given: Given) -> dict[str, Operand]:
+    divisor = _polynomial(e, given["azimuthal_roughness"], {0: 5.969, 1: -0.215, 2: 2.532, 3: -10.73, 4: 5.574, 5: 0.245})
     color = e.apply("ND_convert_color3_vector3", **{"in": given["color"]})
     inside = e.apply("ND_clamp_vector3FA", **{"in": color, "low": _LEAST_COLOR, "high": (1.0,)})
     root = e.apply("ND_divide_vector3FA", in1=e.apply("ND_ln_vector3", **{"in": inside}), in2=divisor)
     return {"absorption": e.apply("ND_multiply_vector3", in1=root, in2=root)}
 
 
-def absorption_from_melanin(e: Expressions, given: Given) -> dict[str, Operand]:
+def _absorption_from_melanin(e: Expressions, given: Given) -> dict[str, Operand]:
     left = e.apply("ND_subtract_float", in1=(1.0,), in2=given["melanin_concentration"])
     kept = e.apply("ND_max_float", in1=left, in2=_LEAST_LEFT)
     melanin = _times(e, e.apply("ND_ln_float", **{"in": kept}), (-1.0,))
@@ -61,12 +62,12 @@ def absorption_from_melanin(e: Expressions, given: Given) -> dict[str, Operand]:
     return {"absorption": e.apply("ND_max_vector3FA", in1=total, in2=(0.0,))}
 
 
-def roughness(e: Expressions, given: Given) -> dict[str, Operand]:
+def _roughness(e: Expressions, given: Given) -> dict[str, Operand]:
     def inside(value: Operand) -> Operand:
         return e.apply("ND_clamp_float", **{"in": value, "low": _LEAST_ROUGHNESS, "high": (1.0,)})
 
-    width = polynomial(e, inside(given["longitudinal"]), {1: 0.726, 2: 0.812, 20: 3.7})
-    scale = polynomial(e, inside(given["azimuthal"]), {1: 0.265, 2: 1.194, 22: 5.372})
+    width = _polynomial(e, inside(given["longitudinal"]), {1: 0.726, 2: 0.812, 20: 3.7})
+    scale = _polynomial(e, inside(given["azimuthal"]), {1: 0.265, 2: 1.194, 22: 5.372})
     made = {}
     for lobe, factor in (("R", (1.0,)), ("TT", given["scale_TT"]), ("TRT", given["scale_TRT"])):
         wide = _times(e, width, factor)
@@ -74,8 +75,19 @@ def roughness(e: Expressions, given: Given) -> dict[str, Operand]:
     return made
 
 
-NODES: dict[str, Callable[[Expressions, Given], dict[str, Operand]]] = {
-    "ND_chiang_hair_absorption_from_color": absorption_from_color,
-    "ND_deon_hair_absorption_from_melanin": absorption_from_melanin,
-    "ND_chiang_hair_roughness": roughness,
+_FOLDED: dict[str, Callable[[Expressions, Given], dict[str, Operand]]] = {
+    "ND_chiang_hair_absorption_from_color": _absorption_from_color,
+    "ND_deon_hair_absorption_from_melanin": _absorption_from_melanin,
+    "ND_chiang_hair_roughness": _roughness,
 }
+
+
+def is_hair_node(name: str) -> bool:
+    return name in _FOLDED
+
+
+def hair_node(e: Expressions, name: str, given: Given) -> Outputs:
+    """What one of them gives; `given`: all its inputs."""
+    if all(isinstance(value, tuple) for value in given.values()):
+        return _FOLDED[name](e, given)
+    return e.node(name, given)

@@ -8,10 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from tests.statistics.chi_square import SphereCells, density_p_value
-from tests.statistics.surfaces.hair.hair_cases import CASES, direction, surface
+from tests.statistics.surfaces.hair.hair_cases import CASES, direction, hair_widths, surface
 from tests.statistics.surfaces.open_pbr.open_pbr_cases import evaluate, sample, strata
-
-from primray.description.hair import hair_widths
 
 SEEN = [(name, theta, phi) for name in CASES for theta, phi in ((0.0, 0.0), (0.5, 0.6), (-0.9, -1.3))]
 SIGNIFICANCE = 0.01 / len(SEEN)  # Bonferroni: 1 % over all
