@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import pytest
 from tests.service.executor.scenes import BROKEN
 from tests.service.faults import descendants
+from tests.service.losing import KillsUntilLost
 
 import primray
 from primray.errors import PrimrayError, SettingsError
@@ -59,19 +58,11 @@ def test_two_frames(parts: RayParts) -> None:
 
 
 def test_workers_that_are_killed(parts: RayParts) -> None:
-    killed: list[int] = []
-
-    def kill_once(fraction: float, samples: int, rays: int) -> None:
-        if not killed and samples:
-            killed.extend(workers())
-            for pid in killed:
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
-
-    image = primray.render(SCENE, resolution=SIZE, spp=2000, progress=kill_once, executor=parts)
-    assert killed
+    with KillsUntilLost(parts, workers) as kills:
+        image = primray.render(SCENE, resolution=SIZE, spp=4000, progress=kills, executor=parts)
+    assert kills.killed
     assert image.report["distribution"]["lost"] >= 1
-    assert image.report["pixels_sha256"] == primray.render(SCENE, resolution=SIZE, spp=2000).report["pixels_sha256"]
+    assert image.report["pixels_sha256"] == primray.render(SCENE, resolution=SIZE, spp=4000).report["pixels_sha256"]
 
 
 def test_errors_of_the_scene(parts: RayParts, tmp_path: Path) -> None:

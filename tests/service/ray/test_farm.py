@@ -5,15 +5,13 @@ Before test_jobs.py, which ends the cluster.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.service.losing import KillsUntilLost
 from tests.service.ray.cluster import RunningCluster
 
 import primray
@@ -41,19 +39,11 @@ def test_the_bits_of_one_machine_on_two_nodes(parts: RayParts) -> None:
 
 
 def test_whatever_is_killed(parts: RayParts, cluster: RunningCluster) -> None:
-    killed: list[int] = []
-
-    def kill_once(fraction: float, samples: int, rays: int) -> None:
-        if samples and not killed and (found := cluster.workers()):
-            killed.extend(found)
-            for pid in found:
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
-
-    image = primray.render(SCENE, resolution=SIZE, spp=1500, progress=kill_once, executor=parts)
-    assert killed
+    with KillsUntilLost(parts, cluster.workers) as kills:
+        image = primray.render(SCENE, resolution=SIZE, spp=4000, progress=kills, executor=parts)
+    assert kills.killed
     assert image.report["distribution"]["lost"] >= 1
-    assert image.report["pixels_sha256"] == primray.render(SCENE, resolution=SIZE, spp=1500).report["pixels_sha256"]
+    assert image.report["pixels_sha256"] == primray.render(SCENE, resolution=SIZE, spp=4000).report["pixels_sha256"]
 
 
 def test_what_runs_where(parts: RayParts, cluster: RunningCluster, capsys: pytest.CaptureFixture[str]) -> None:
