@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from itertools import pairwise
 
 import numpy as np
 import OpenImageIO as oiio
@@ -100,7 +101,7 @@ def test_each_part_is_read_by_its_own_bytes(page, tmp_path):
     assert np.array_equal(planes_of(found["parts"][0])["G"], color[..., 1])
     assert not planes_of(found["parts"][2])["far"].any()
     ranges = found["asked"][-3:]
-    assert all(a[1] <= b[0] for a, b in zip(ranges, ranges[1:], strict=False))  # none is fetched twice
+    assert all(a[1] <= b[0] for a, b in pairwise(ranges))  # none is fetched twice
 
 
 def test_what_is_no_such_file_is_said(page, tmp_path):

@@ -141,6 +141,7 @@ def test_exposure_channel_view_and_zoom(open_page, site):
     assert "standard error" in page.locator(".legend").inner_text()
     page.get_by_role("button", name="Reset exposure").click()
     # Zoom: in by button, fit again.
+    page.get_by_role("button", name="Fit").click()
     scale = "new DOMMatrix(getComputedStyle(document.querySelector('.sheet')).transform).a"
     fitted = page.evaluate(scale)
     page.get_by_role("button", name="Zoom in").click()
