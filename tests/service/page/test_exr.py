@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -53,7 +54,7 @@ def spec_of(kind, width, height, channels, compression, name=""):
 
 
 def write(path, parts):
-    out = oiio.ImageOutput.create(str(path))
+    out: Any = oiio.ImageOutput.create(str(path))
     specs = [spec for spec, _ in parts]
     assert out.open(str(path), specs) if len(specs) > 1 else out.open(str(path), specs[0])
     for number, (spec, values) in enumerate(parts):

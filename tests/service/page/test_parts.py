@@ -42,7 +42,7 @@ def test_every_part_is_shown_with_its_values(open_page, finished):
     ]
     stage = page.locator(".stage")
     x, y = 20, 14
-    said = {}
+    said: dict[str, tuple[str, list[int], str]] = {}
     for label in ("Depth", "Normal", "Albedo", "Prim", "Samples of a pixel", "Crypto object"):
         before = pictures(page)
         view.select_option(label=label)
