@@ -50,6 +50,7 @@ ORDER = (
     "checkpoints",
     "parts",
     "render",
+    "examining",
     "keeping",
     "live",
     "compare",
