@@ -46,6 +46,8 @@ def test_a_run_by_keyboard_alone(open_page):
     page.keyboard.press("ControlOrMeta+a")
     page.keyboard.type("60")
     page.keyboard.press("Shift+Tab")
+    assert page.evaluate(FOCUSED) == "Estimate the times"
+    page.keyboard.press("Shift+Tab")
     page.keyboard.type("1e-9")
     page.keyboard.press("Enter")
     page.wait_for_url("**#/jobs/job_*")
