@@ -31,6 +31,7 @@ from ..sampling.schedule import Schedule
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 from .frame_json import frame_of
+from .light_paths import LightPaths, light_paths_of_json
 
 REPLICATES, COLORS = 2, 3
 SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits answers; others would be taken for what they are not
@@ -80,6 +81,7 @@ class About:
     rendering_space: ColorSpace = REC709
     motion: Mapping[str, Any] | None = None  # what the report says of what moves
     stage: str = ""  # the root layer's file name
+    light_paths: LightPaths | None = None  # what the film holds of light path expressions
 
 
 @dataclass(frozen=True)
@@ -142,6 +144,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "rendering_space": asdict(about.rendering_space),
         "motion": about.motion,
         "stage": about.stage,
+        "light_paths": None if about.light_paths is None else about.light_paths.as_json(),
         "ranges": [[first, sampling.done]],
         "under_way": sampling.goal is not None,
         "adaptive": settings.adapts,
@@ -196,7 +199,8 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     _valid(bool(ranges) and all(0 <= a <= b <= MAX_SPP for a, b in ranges))
     tiles = math.ceil(width / core.TILE) * math.ceil(height / core.TILE)
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
-    _check_film(film, width, height, tiles)
+    light_paths = light_paths_of_json(header["light_paths"])
+    _check_film(film, width, height, tiles, 0 if light_paths is None else len(light_paths.expressions))
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
     splits = core.Splits(*header["splits"])
     busy, shaded = header["lanes"]
@@ -217,6 +221,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             rendering_space=_space_of(header["rendering_space"]),
             motion=_motion_of(header["motion"]),
             stage=_text_of(header["stage"]),
+            light_paths=light_paths,
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),
@@ -245,7 +250,7 @@ def _is_number(value: Any) -> bool:
     return math.isfinite(float(value)) and float(value) >= 0
 
 
-def _check_film(film: Arrays, width: int, height: int, tiles: int) -> None:
+def _check_film(film: Arrays, width: int, height: int, tiles: int, expressions: int) -> None:
     pixels = (REPLICATES, height, width)
     shapes: dict[str, tuple[str, tuple[int, ...]]] = {
         "parts": ("<i8", (*pixels, COLORS, 2)),
@@ -256,6 +261,8 @@ def _check_film(film: Arrays, width: int, height: int, tiles: int) -> None:
         "tile_rays": ("<i8", (tiles,)),
         "totals": ("<i8", (5,)),
     }
+    if expressions:
+        shapes["routed"] = ("<i8", (expressions, *pixels, COLORS, 2))
     _valid({name: (array.dtype.str, array.shape) for name, array in film.items()} == shapes)
     _valid(BINS[0] <= film["bins"].min() and film["bins"].max() <= BINS[1] and film["next"].max() <= 4 * MAX_SPP)
 

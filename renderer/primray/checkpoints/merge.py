@@ -12,7 +12,9 @@ from typing import Any
 
 from .. import core
 from ..diagnostics import Diagnostics
+from ..images.aov import Aov
 from ..images.image import Image, pixels_sha256
+from ..images.light_paths.outputs import light_paths_of
 from ..report.report import Costs, header_of, make_report, settings_as_json, subject_of
 from ..sampling.sampling import Sampling
 from .checkpoint import Range, check, contents, gaps
@@ -77,7 +79,9 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     report = make_report(sampling, costs, about.counts, diagnostics, core_says, pixels_sha256(pixels), about.rendering_space)
     metadata = header_of(report) | subject_of(about.stage, about.camera)
     report |= {"frame": asdict(about.frame), "motion": about.motion} | dict(says) | {"sample_ranges": ranges}
-    image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
+    aovs, space = light_paths(gathering, sampling), about.rendering_space
+    report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, aovs=aovs, color_space=space)
     header, arrays = contents(sampling, about)
     if about.camera.diffusion.strength > 0:
         from ..diffusing.diffuse import with_diffusion
@@ -86,13 +90,22 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     return Merged(image, header | {"ranges": ranges}, arrays)
 
 
+def light_paths(gathering: Gathering, sampling: Sampling) -> dict[str, Aov]:
+    """Outputs that films hold, by name."""
+    held = gathering.held[0].about.light_paths
+    if held is None:
+        return {}
+    return light_paths_of(held.requests, held.expressions, held.members, sampling.film)
+
+
 def _diagnostics(sampling: Sampling, gathering: Gathering) -> list[dict[str, str]]:
     own, held, ranges = Diagnostics(), gathering.held, gathering.ranges
     missing = ([(0, ranges[0][0])] if ranges[0][0] > 0 else []) + gaps(ranges)
     if missing:
         spans = ", ".join(f"{a}:{b}" for a, b in missing)
         own.add("samples-missing", "", f"samples {spans} are in none of the parts")
-    asked = sorted({name for part in held for name in part.about.aovs})
+    of_film = {request.name for part in held if part.about.light_paths for request in part.about.light_paths.requests}
+    asked = sorted({name for part in held for name in part.about.aovs} - of_film)
     asked += ["denoised"] if any(part.about.settings.get("denoise") for part in held) else []
     if asked:
         own.add("aovs-not-merged", "", f"{', '.join(asked)} are not in the checkpoints that were merged")
