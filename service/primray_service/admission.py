@@ -215,6 +215,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         lens_flaws=tuple(settings.lens_flaws),
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
+        aov_errors=settings.aov_errors,
         eye=None if settings.eye is None else Eye(settings.eye),
         strict=settings.strict,
         variants=tuple(settings.variants),
@@ -276,6 +277,7 @@ NEW_SETTINGS = (
     "lens_flaws",
     "denoise",
     "stop_at",
+    "aov_errors",
 )
 
 

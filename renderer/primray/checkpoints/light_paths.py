@@ -32,7 +32,9 @@ def light_paths_of_json(value: Any) -> LightPaths | None:
     """ValueError, TypeError or KeyError for what as_json cannot have made."""
     if value is None:
         return None
-    requests = tuple(AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"])) for r in value["requests"])
+    requests = tuple(
+        AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in value["requests"]
+    )
     expressions, members = tuple(map(str, value["expressions"])), tuple(map(int, value["members"]))
     known = all(light_path_of(request.source) in expressions for request in requests)
     if not expressions or not known or not all(0 <= mask < 1 << len(expressions) for mask in members):

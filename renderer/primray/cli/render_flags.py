@@ -71,3 +71,4 @@ Ray = Annotated[
         show_default=False,
     ),
 ]
+PilotSeconds = Annotated[float, typer.Option("--pilot", metavar="S", help="Seconds of sampling to judge by.")]

@@ -9,9 +9,10 @@ column-vector.
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
 from .facts.assets import assets_of
+from .facts.bound import bound_materials
 from .facts.dependencies import Dependencies, dependencies, files_to_watch, write_usdz
 from .facts.labels import labels_of
-from .facts.left_out import left_out
+from .facts.left_out import left_out, shapes_left_out
 from .facts.stage_facts import stage_facts
 from .opening.reading_anew import read_anew
 from .opening.stage import open_stage
@@ -25,6 +26,7 @@ __all__ = [
     "ProductSettings",
     "RenderVariable",
     "assets_of",
+    "bound_materials",
     "camera_paths",
     "dependencies",
     "files_to_watch",
@@ -37,6 +39,7 @@ __all__ = [
     "products",
     "read_anew",
     "read_asset",
+    "shapes_left_out",
     "stage_facts",
     "stage_name",
     "translate",

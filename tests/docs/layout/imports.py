@@ -51,6 +51,7 @@ ORDER = (
     "checkpoints",
     "parts",
     "render",
+    "examining",
     "keeping",
     "live",
     "compare",

@@ -13,6 +13,7 @@ from tests.images.aovs.seen import stage_of
 from primray import Image, render
 from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
+from primray.cli import run
 from primray.core import passes
 from primray.errors import CheckpointError
 from primray.images.aov_parts import read_aovs
@@ -230,6 +231,23 @@ def test_expressions_change_no_bit_of_the_picture_and_add_up_to_it() -> None:
     assert_adds_up(image, "C.*<L.'key'>", "C.*O", "C.*B")
     assert np.array_equal(colors(image, "C.*"), beauty(image))
     assert all(colors(image, name).any() for name in LOBES if "V" not in name)
+
+
+def test_they_have_errors_on_request_by_which_they_are_compared(tmp_path: Path) -> None:
+    names = ("C<RD>L", "C.*")
+    image = picture(SCENE, *names, light=SKY, aov_errors=True)
+    assert image.errors is not None
+    whole, direct = image.aovs["C.*"].errors, image.aovs["C<RD>L"].errors
+    assert whole is not None
+    assert direct is not None
+    assert np.array_equal(whole, image.errors)
+    assert 0 < np.median(direct) < np.median(image.errors)
+    files = []
+    for seed, asked in ((1, True), (2, True), (3, False)):
+        files.append(tmp_path / f"{seed}.exr")
+        picture(SCENE, *names, light=SKY, aov_errors=asked, seed=seed, spp=64).save(files[-1])
+    assert run(["compare", str(files[0]), str(files[1]), "--aov", "all"]) == 0
+    assert run(["compare", str(files[0]), str(files[2]), "--aov", "C<RD>L"]) == 2
 
 
 def same(a: Image, b: Image) -> bool:

@@ -1,69 +1,117 @@
-"""`primray doctor`: does everything that a render needs work on this machine?"""
+"""`primray doctor`: does a render work on this machine, and why is a stage slow, grey, dark or empty?"""
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Callable
-from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-from ...report.report import package_versions, usable_threads
+from ...errors import SettingsError
+from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, RenderContext, RenderSettings
+from .. import option_values, output_flags, render_flags, stage_flags
+
+SceneOrNone = Annotated[
+    str | None,
+    typer.Argument(metavar="[SCENE]", help="The USD stage to ask about; none: the machine alone.", show_default=False),
+]
+# Stands for all errors that may be asked for: the render that is predicted has no other end.
+SMALLEST_TARGET = 1e-30
 
 
-def doctor() -> None:
-    """Check the CPU, the core, USD and colour management."""
-    versions = package_versions()
-    checks: dict[str, Callable[[], str]] = {
-        "primray": lambda: f"{versions['primray']}, python {versions['python']}",
-        "cpu": lambda: f"{_cpu_model()}, {usable_threads()} usable threads",
-        "core": _core,
-        "usd": lambda: _usd(versions["usd"]),
-        "images": lambda: _images(versions["openimageio"]),
-        "colour": _color,
-    }
-    failed = False
-    for name, check in checks.items():
-        try:
-            print(f"{name:8} {check()}")
-        except Exception as error:  # whatever it is, it is the answer
-            failed = True
-            print(f"{name:8} FAILED: {error}")
-    if failed:
+def doctor(
+    scene: SceneOrNone = None,
+    pilot_seconds: render_flags.PilotSeconds = 3.0,
+    camera: stage_flags.Camera = None,
+    auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
+    render_settings: stage_flags.RenderSettingsPrim = None,
+    render_pass: stage_flags.RenderPassPrim = None,
+    res: stage_flags.Resolution = None,
+    image_width: stage_flags.ImageWidth = None,
+    res_scale: stage_flags.ResolutionScale = None,
+    frames: stage_flags.Frames = None,
+    frame_count: stage_flags.FrameCount = None,
+    frame_inc: stage_flags.FrameIncrement = None,
+    default_time: stage_flags.DefaultTime = False,
+    max_depth: render_flags.MaxDepth = None,
+    threads: render_flags.Threads = None,
+    rendering_color_space: stage_flags.RenderingColorSpace = None,
+    no_default_light: stage_flags.NoDefaultLight = False,
+    default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
+    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
+    purposes: stage_flags.Purposes = None,
+    variants: stage_flags.Variants = None,
+    no_payloads: stage_flags.NoPayloads = False,
+    load: stage_flags.Load = None,
+    mask: stage_flags.Mask = None,
+    session_layer: stage_flags.SessionLayer = None,
+    dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    complexity: stage_flags.Dicing = None,
+    no_motion_blur: stage_flags.NoMotionBlur = False,
+    shutter: stage_flags.Shutter = None,
+    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    lens: stage_flags.LensFlaws = None,
+    json: output_flags.Json = False,
+    verbose: output_flags.Verbose = False,
+    strict: stage_flags.Strict = False,
+) -> None:
+    """Check this machine; with a SCENE, say why its picture is slow, grey, dark or empty, from a few seconds of rendering."""
+    if scene is None:
+        _machine(json)
+        return
+    if not pilot_seconds > 0:
+        raise SettingsError(f"the pilot needs some seconds, not {pilot_seconds}", code="pilot")
+    settings = RenderSettings(
+        camera=option_values.camera_of(camera),
+        auto_camera=auto_camera,
+        render_settings=option_values.render_settings_of(render_settings),
+        render_pass=option_values.render_settings_of(render_pass),
+        resolution=option_values.resolution_of(res, image_width),
+        resolution_scale=option_values.scale_of(res_scale),
+        time_code=option_values.one_frame_of(option_values.frames_of(frames, frame_count, frame_inc, default_time), "doctor"),
+        target_error=SMALLEST_TARGET,
+        max_depth=max_depth,
+        threads=option_values.threads_of(threads),
+        default_light=not no_default_light,
+        default_wrap=default_wrap,
+        render_context=render_context,
+        rendering_color_space=rendering_color_space,
+        purposes=option_values.purposes_of(purposes),
+        variants=tuple(variants or ()),
+        load=option_values.load_of(no_payloads, load),
+        mask=option_values.mask_of(mask),
+        session_layer=session_layer,
+        dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
+        motion_blur=not no_motion_blur,
+        shutter=shutter,
+        motion_error=motion_error,
+        lens_flaws=tuple(lens or ()),
+        strict=strict,
+    )
+    _stage(scene, settings, pilot_seconds, json, verbose)
+
+
+def _machine(as_json: bool) -> None:
+    from ..doctor.machine import check_machine
+    from ..json_lines import print_line
+
+    found = check_machine()
+    if as_json:
+        print_line({"type": "machine", "checks": found})
+    else:
+        for row in found:
+            text = str(row["found"]).replace("\n", f"\n{'':9}")
+            print(f"{row['check']:8} {'' if row['works'] else 'FAILED: '}{text}")
+    if not all(row["works"] for row in found):
         raise typer.Exit(1)
 
 
-def _cpu_model() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()
+def _stage(scene: str, settings: RenderSettings, seconds: float, as_json: bool, verbose: bool) -> None:
+    from ...examining.examined import examine
+    from ..doctor.stage import facts_of, lines
+    from ..json_lines import print_line
 
-
-def _core() -> str:
-    from ... import core
-
-    embree = core.versions().get("embree", "unknown")
-    return f"{core.isa()}, {core.lanes()} lanes, Embree {embree}"
-
-
-def _usd(version: str) -> str:
-    from ... import usd  # noqa: F401 - whether it can be imported is the question
-
-    return f"usd-core {version}"
-
-
-def _images(version: str) -> str:
-    import OpenImageIO as oiio
-
-    return f"OpenImageIO {oiio.VERSION_STRING or version}"
-
-
-def _color() -> str:
-    from ...color.ocio import check_view, config_name, displays, looks, views
-
-    display, view = check_view(None)
-    listed = {"displays": displays(), f"views of {display}": views(), "looks": looks() or ["none"]}
-    return "\n         ".join([f"{config_name()}: {display}, {view}", *(f"{k}: {', '.join(v)}" for k, v in listed.items())])
+    facts: dict[str, Any] = facts_of(scene, examine(scene, settings, seconds))
+    if as_json:
+        print_line(facts)
+    else:
+        print("\n".join(lines(facts, verbose)))

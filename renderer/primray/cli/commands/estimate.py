@@ -34,7 +34,7 @@ def estimate(
         typer.Option("--target-error", metavar="E", help="May be repeated.", show_default="a table of round ones"),
     ] = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
-    pilot_seconds: Annotated[float, typer.Option("--pilot", metavar="S", help="Seconds of sampling to judge by.")] = 3.0,
+    pilot_seconds: render_flags.PilotSeconds = 3.0,
     adaptive: render_flags.Adaptive = None,
     spp: render_flags.Samples = None,
     camera: stage_flags.Camera = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ... import core
 from ...aov_names import AovRequest, light_path_of
@@ -21,19 +22,19 @@ def light_paths_of(
     requests: Sequence[AovRequest], expressions: Sequence[str], members: Sequence[int], film: core.Film
 ) -> dict[str, Aov]:
     """`expressions`, by which the film is ordered, and `members`: sets of them that some light may match together, as bits."""
-    means, _ = film.routed_image()
+    means, errors = film.routed_image()
     values = rounded(means, film.pixels[..., :3], groups_apart(members, len(expressions)))
     found: dict[str, Aov] = {}
     for request in requests:
         expression = light_path_of(request.source)
         assert expression is not None
-        found[request.name] = _aov(request, values[expressions.index(expression)])
+        number = expressions.index(expression)
+        found[request.name] = _aov(request, values[number], errors[number] if request.errors else None)
     return found
 
 
-def _aov(request: AovRequest, values: Floats) -> Aov:
+def _aov(request: AovRequest, values: Floats, errors: Floats | None) -> Aov:
     meaning = f"light of paths that are {light_path_of(request.source)}"
     if request.data_type:
-        made = make_aov(request, values)
-        return Aov(made.values, made.channels, request.source, meaning, made.stored)
-    return Aov(values, channel_names(request.name, ("R", "G", "B")), request.source, meaning)
+        return replace(make_aov(request, values, errors=errors), meaning=meaning)
+    return Aov(values, channel_names(request.name, ("R", "G", "B")), request.source, meaning, errors=errors)

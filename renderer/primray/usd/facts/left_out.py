@@ -1,8 +1,8 @@
-"""Why the shapes of a stage from which nothing is drawn are not: for the message of an empty picture."""
+"""Why shapes of a stage are not drawn: for the message of an empty picture, and for `primray doctor`."""
 
 from __future__ import annotations
 
-from collections import Counter
+from itertools import islice
 
 from pxr import Usd, UsdGeom
 
@@ -12,20 +12,34 @@ from ..querying.guarded import is_invisible, purpose_of
 from ..querying.messages import scene_errors
 from ..querying.traversal import drawn_in_instances, everything, stands_in_world
 
+MOST_PRIMS = 1_000_000  # looked at: those of instances count each time
 
-@scene_errors()
+
 def left_out(stage: Usd.Stage, settings: RenderSettings) -> dict[str, int]:
     """How many shapes there are, by the first reason that applies; "" where none does."""
+    found = shapes_left_out(stage, settings, drawn=True)
+    return dict(sorted(((why, len(paths)) for why, paths in found.items()), key=lambda item: -item[1]))
+
+
+@scene_errors()
+def shapes_left_out(stage: Usd.Stage, settings: RenderSettings, drawn: bool = False) -> dict[str, list[str]]:
+    """Paths of shapes by why they are not drawn; `drawn`: those too for which nothing says so, by ""."""
     purposes = settings.purposes or products(stage, settings)[0].purposes
     time = Usd.TimeCode.Default() if settings.time_code is None else Usd.TimeCode(settings.time_code)
-    found: Counter[str] = Counter()
-    for prim in drawn_in_instances(stage.GetPseudoRoot()):
+    found: dict[str, list[str]] = {}
+    any_shape = False
+    for prim in islice(drawn_in_instances(stage.GetPseudoRoot()), MOST_PRIMS):
         if prim.IsA(UsdGeom.Gprim):
-            found[_why(prim, purposes, time)] += 1
-    if not found:
+            any_shape = True
+            why = _why(prim, purposes, time)
+            if why or drawn:
+                found.setdefault(why, []).append(str(prim.GetPath()))
+    if not any_shape:
         absent = [prim for prim in everything(stage) if prim.IsA(UsdGeom.Gprim) and not stands_in_world(prim)]
-        found["inactive, or below an abstract prim (class or over) that nothing refers to"] = len(absent)
-    return {why: count for why, count in found.most_common() if count}
+        if absent:
+            why = "inactive, or below an abstract prim (class or over) that nothing refers to"
+            found[why] = [str(prim.GetPath()) for prim in absent]
+    return found
 
 
 def _why(prim: Usd.Prim, purposes: tuple[str, ...], time: Usd.TimeCode) -> str:

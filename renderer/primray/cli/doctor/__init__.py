@@ -1,0 +1,1 @@
+"""What `primray doctor` looks at, and how it says so."""

@@ -1,0 +1,134 @@
+"""A stage that was prepared and sampled, with all that is asked about it: the description, the picture, costs, diagnostics."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import usd
+from ..aov_names import requests_of
+from ..description import SceneDescription, Shape, Surface
+from ..diagnostics import Diagnostics
+from ..images.image import Image
+from ..render import find_aovs, prepare
+from ..render.steps import Steps, Textures
+from ..report.prepared import Prepared
+from ..report.report import Costs
+from ..report.summary import ImageSize
+from ..sampling.prediction import Pilot, run_pilot
+from ..sampling.sampling import Sampling
+from ..settings import RenderSettings
+
+SEEN = ("depth", "prim", "material", "albedo")
+
+
+class WatchedSteps(Steps):
+    """As a render's, with what passes kept: the description, its textures, and how long reading them took."""
+
+    def __init__(self) -> None:
+        self.description: SceneDescription | None = None
+        self.textures: Textures = {}
+        self.images: list[ImageSize] = []
+        self.reading_s = 0.0
+        self.diced: SceneDescription | None = None
+
+    def load_textures(
+        self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
+    ) -> tuple[SceneDescription, Textures]:
+        start = time.perf_counter()
+        self.description, textures = super().load_textures(description, diagnostics, settings)
+        self.reading_s = time.perf_counter() - start
+        self.textures = dict(textures)  # what is handed on is emptied while the core takes it
+        return self.description, textures
+
+    def image_sizes(self, textures: Textures) -> list[ImageSize]:
+        self.images = super().image_sizes(textures)
+        return self.images
+
+    def dice(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings
+    ) -> tuple[SceneDescription, list[tuple[str, str, str]]]:
+        self.diced, limits = super().dice(description, textures, settings)
+        return self.diced, limits
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What there is to ask. `image` has the AOVs of SEEN; it has no samples where the pilot was stopped."""
+
+    stage: dict[str, Any]  # as `primray inspect` tells it
+    hidden: dict[str, list[str]]  # shapes that are not drawn, by why
+    bound: dict[str, str]  # by shape, the material that it is bound to, of shapes that wear none
+    steps: WatchedSteps
+    prepared: Prepared
+    sampling: Sampling
+    image: Image
+    costs: Costs
+    diagnostics: Diagnostics
+    pilot: Pilot | None = field(repr=False, default=None)  # None: nothing can be told of the error
+
+    @property
+    def description(self) -> SceneDescription:
+        assert self.steps.description is not None
+        return self.steps.description
+
+    @cached_property
+    def prims(self) -> npt.NDArray[np.uint32]:
+        """(H, W) numbers of what is seen first, 0 for nothing; `names("prim")` has their paths."""
+        return self.image.aovs["prim"].values[..., 0]
+
+    @cached_property
+    def materials(self) -> npt.NDArray[np.uint32]:
+        return self.image.aovs["material"].values[..., 0]
+
+    def names(self, aov: str) -> dict[int, str]:
+        return dict(self.image.aovs[aov].ids)
+
+    @property
+    def hit_share(self) -> float:
+        """Of the pixels whose centre sees a surface."""
+        return float(np.mean(self.prims > 0))
+
+
+def bare_shapes(description: SceneDescription) -> list[str]:
+    """Paths of shapes that have the grey of what has neither a material that is understood nor a displayColor."""
+    bare = {number for number, surface in enumerate(description.surfaces) if surface == Surface("", lambert=True)}
+    return list(dict.fromkeys(shape.path for shape in description.shapes if _is_bare(shape, bare)))
+
+
+def _is_bare(shape: Shape, bare: set[int]) -> bool:
+    if getattr(shape, "colors", None) is not None or any(p.name == "displayColor" for p in shape.primvars):
+        return False
+    return not bare.isdisjoint(np.unique(shape.surface).tolist())
+
+
+def examine(scene: str, settings: RenderSettings, seconds: float) -> Examined:
+    """Open, translate and build a stage and sample it for about so many seconds; the errors of a render where there is none."""
+    costs, opening, diagnostics, steps = Costs(), Diagnostics(), Diagnostics(), WatchedSteps()
+    with costs.stage("open"):
+        stage = usd.open_stage(scene, opening, settings.composition)
+    prepared = prepare(stage, opening, replace(settings, aovs=SEEN), costs, diagnostics, steps=steps)
+    prepared = replace(prepared, aovs=requests_of(SEEN))
+    with costs.stage("render"):
+        pilot = run_pilot(prepared.scene, prepared.settings, seconds)
+        sampling = pilot.sampling if pilot is not None else _a_few_samples(prepared)
+    pixels, errors = sampling.film.image()
+    aovs, _ = find_aovs(prepared, sampling, costs)
+    space = prepared.scene.rendering_space
+    image = Image(pixels, camera=prepared.camera, errors=errors, frame=prepared.frame, aovs=aovs, color_space=space)
+    hidden = usd.shapes_left_out(stage, settings)
+    assert steps.description is not None
+    bound = usd.bound_materials(stage, bare_shapes(steps.description))
+    return Examined(usd.stage_facts(stage), hidden, bound, steps, prepared, sampling, image, costs, diagnostics, pilot)
+
+
+def _a_few_samples(prepared: Prepared) -> Sampling:
+    settings = replace(prepared.settings, spp=2, target_error=None, time_limit_s=None, adaptive=False)
+    sampling = Sampling.begin(prepared.scene, settings)
+    sampling.run(None)
+    return sampling

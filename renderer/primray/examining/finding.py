@@ -1,0 +1,38 @@
+"""What an examination found: one reason each, with the prims that it concerns and what to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+
+class Question(Enum):
+    """What people ask of a picture, in the order in which answers are given."""
+
+    EMPTY = "empty"  # why is something, or everything, not there?
+    DARK = "dark"  # why is it too dark, or too bright?
+    GREY = "grey"  # why has it no colour?
+    SLOW = "slow"  # what takes the time: setting up, tracing, or noise?
+
+
+@dataclass(frozen=True)
+class Finding:
+    """`share` (0 to 1) is how much of what is asked about it explains: of pixels, seconds or error; None where none is told."""
+
+    question: Question
+    code: str
+    message: str
+    advice: str
+    prims: tuple[str, ...] = ()
+    share: float | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "question": self.question.value,
+            "code": self.code,
+            "message": self.message,
+            "advice": self.advice,
+            "prims": list(self.prims),
+            "share": self.share,
+        }

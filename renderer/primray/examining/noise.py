@@ -1,0 +1,156 @@
+"""Where the error is: in which prims and materials, which light brings it, and whether a few pixels have it all.
+
+A pixel's part is its squared standard error over (value^2 + 0.01), as relMSE weighs it. What a light brings is measured: the
+scene is rendered with that light alone. Lights are independent but for the weight, so that their parts add up to the whole's
+as far as choosing among them costs nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Doubles
+from ..description import LightType
+from ..sampling.sampling import Sampling
+from ..settings import Metric
+from .examined import Examined
+from .finding import Finding, Question
+
+ONE_PERCENT = 1e-4  # relMSE: the square of an error of 1 %
+MOST_LIGHTS = 8
+BUILDING_S = 4.0  # for all the scenes of one light each
+HOT = 2.0  # times as much error as pixels
+PART = 0.25  # of the error, before it is worth a word
+FEW_PIXELS = 0.001
+FEW_HAVE = 0.5
+LONG_S = 60.0
+
+
+def findings(seen: Examined) -> Iterator[Finding]:
+    yield from _time(seen)
+    part = error_parts(seen)
+    if part is None or seen.pilot is None or seen.pilot.row.error.relmse.value <= ONE_PERCENT:
+        return  # a picture this good has no noise to explain
+    yield from _hot_spots(seen, part)
+    yield from _fireflies(part)
+    yield from _lights(seen, part)
+
+
+def time_to_error(seen: Examined, target: float = ONE_PERCENT) -> dict[str, Any] | None:
+    """Samples a pixel and seconds until relMSE is `target`, with 95 % intervals; None where it cannot be told."""
+    if seen.pilot is None or seen.pilot.metric is not Metric.RELMSE:
+        return None
+    return seen.pilot.predict(target).as_json()
+
+
+def error_parts(seen: Examined) -> Doubles | None:
+    """(H, W) parts of the picture's error, of sum 1; None where it has none that is known."""
+    values = _weighed(seen.image.pixels, seen.image.errors, seen.image.pixels)
+    total = float(values.sum())
+    return values / total if total > 0 and math.isfinite(total) else None
+
+
+def _weighed(pixels: Any, errors: Any, reference: Any) -> Doubles:
+    squares = np.where(np.isfinite(errors), errors, 0.0).astype(np.float64) ** 2
+    values: Doubles = (squares / (reference[..., :3].astype(np.float64) ** 2 + 0.01)).mean(axis=2)
+    return values
+
+
+def _time(seen: Examined) -> Iterator[Finding]:
+    found = time_to_error(seen)
+    if found is None:
+        return
+    if found["seconds"] is None:
+        said = "An error of 1 % needs more samples than are allowed."
+        yield Finding(Question.SLOW, "noise", said, "See which prims and lights have it; --denoise may do.")
+        return
+    seconds = found["seconds"]["estimate"]
+    if seconds > LONG_S:
+        said = f"An error of 1 % takes about {duration(seconds)} ({found['samples']['estimate']:,.0f} samples a pixel)."
+        advice = "Ask for the error that serves (--target-error), a smaller picture, more threads, or --denoise."
+        yield Finding(Question.SLOW, "noise", said, advice)
+
+
+def _hot_spots(seen: Examined, part: Doubles) -> Iterator[Finding]:
+    numbers = seen.prims.ravel()
+    errors = np.bincount(numbers, part.ravel())
+    pixels = np.bincount(numbers) / max(int(np.count_nonzero(numbers)), 1)  # of those that see a surface
+    names, materials = seen.names("prim"), seen.names("material")
+    for number in np.argsort(-errors)[:3].tolist():
+        if number == 0 or errors[number] < max(PART, HOT * pixels[number]):
+            continue
+        on = seen.materials[seen.prims == number]
+        material = materials.get(int(np.bincount(on).argmax()), "")
+        said = f"{names[number]} has {errors[number]:.0%} of the error on {pixels[number]:.1%} of what is seen"
+        said += f" (material {material})" if material else ""
+        advice = "Rough glass, small bright lights seen in it, or light that finds it by chance: a larger light is calmer."
+        prims = (names[number], *([material] if material else []))
+        yield Finding(Question.SLOW, "hot-spot", f"{said}.", advice, prims, float(errors[number]))
+
+
+def _fireflies(part: Doubles) -> Iterator[Finding]:
+    few = max(1, round(FEW_PIXELS * part.size))
+    share = float(np.partition(part.ravel(), -few)[-few:].sum())
+    if share > FEW_HAVE and part.size >= 1000:
+        said = f"{few:,} pixels ({FEW_PIXELS:.1%}) have {share:.0%} of the error: single samples that are very bright."
+        advice = "Light that paths find by chance: caustics of small lights, glowing geometry without a light. Enlarge it."
+        yield Finding(Question.SLOW, "fireflies", said, advice, (), share)
+
+
+def error_of_lights(seen: Examined) -> Mapping[str, float] | None:
+    """Parts of the error by light, of sum 1 ("": what glows that is no light); None where it is not measured."""
+    lights = seen.description.lights
+    builds = seen.costs.stages_s["build"] * (len(lights) + 1)
+    if not 2 <= len(lights) <= MOST_LIGHTS or builds > BUILDING_S or seen.image.errors is None:
+        return None
+    found: dict[str, float] = {}
+    for index, light in enumerate(lights):
+        found[light.path] = found.get(light.path, 0.0) + _error_alone(seen, index)
+    total = sum(found.values())
+    return {path: value / total for path, value in found.items()} if total > 0 else None
+
+
+def _error_alone(seen: Examined, index: int) -> float:
+    """The part of the error of a sample that comes with one light alone, weighed by the whole picture."""
+    assert seen.steps.diced is not None
+    dark = [
+        light if k == index else replace(light, emission=(0.0, 0.0, 0.0)) for k, light in enumerate(seen.description.lights)
+    ]
+    description = replace(seen.steps.diced, lights=tuple(dark))
+    textures = {file: list(images) for file, images in seen.steps.textures.items()}
+    scene = seen.steps.build(description, textures, seen.prepared.settings, list(description.shapes))
+    seconds = max(seen.sampling.seconds, 0.1) / len(dark)
+    limited = replace(seen.prepared.settings, spp=16, target_error=None, adaptive=False, time_limit_s=seconds)
+    sampling = Sampling.begin(scene, limited)
+    sampling.run(None)
+    pixels, errors = sampling.film.image()
+    return float(_weighed(pixels, errors, seen.image.pixels).mean()) * sampling.film.samples / pixels[..., 0].size
+
+
+def _lights(seen: Examined, part: Doubles) -> Iterator[Finding]:
+    shares = error_of_lights(seen)
+    if not shares:
+        return
+    worst = max(shares, key=lambda path: shares[path])
+    if shares[worst] < max(PART, 1.2 / len(shares)):
+        return
+    light = next(light for light in seen.description.lights if light.path == worst)
+    said = f"Of {len(shares)} lights, {worst} ({light.type.value}) brings {shares[worst]:.0%} of the error."
+    advice = "Make it larger or weaker, narrow its links to what it should light, or check what stands before it."
+    if light.type is LightType.DOME:
+        advice = "Portals (UsdLux PortalLight) tell where its light comes in; a smoother texture has less to find."
+    yield Finding(Question.SLOW, "noisy-light", said, advice, (worst,), shares[worst])
+
+
+def duration(seconds: float) -> str:
+    """As people say it."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
