@@ -167,8 +167,8 @@ def check_parallel(request: JobRequest) -> None:
     if request.parallel is not None and request.settings.adaptive:
         why = "a frame that is rendered in several places has the same samples in each pixel; leave out adaptive, or parallel"
         raise Problem("parallel-adaptive", f"parallel: {why}.", member="parallel")
-    if request.parallel is not None and (request.settings.denoise or request.settings.stop_at == "denoised"):
-        why = "a denoised picture needs its whole frame in one place; leave out denoise, or parallel"
+    if request.parallel is not None and request.settings.stop_at == "denoised":
+        why = "a frame in parts is judged by the picture's own error, not by a denoised one's; leave out stop_at, or parallel"
         raise Problem("parallel-denoise", f"parallel: {why}.", member="parallel")
 
 

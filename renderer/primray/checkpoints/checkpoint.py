@@ -31,6 +31,7 @@ from ..sampling.schedule import Schedule
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 from .frame_json import frame_of
+from .kept_beside import KeptBeside, contents_of, of_contents
 from .light_paths import LightPaths, light_paths_of_json
 
 REPLICATES, COLORS = 2, 3
@@ -61,6 +62,7 @@ OF_SCENE = (
     "session_layer",
 )
 
+BESIDE = "beside."  # before the names of arrays that are kept for outputs beside the picture
 PLAN_ARRAYS = ("begin", "order", "levels", "spent")
 
 Range = tuple[int, int]
@@ -82,6 +84,7 @@ class About:
     motion: Mapping[str, Any] | None = None  # what the report says of what moves
     stage: str = ""  # the root layer's file name
     light_paths: LightPaths | None = None  # what the film holds of light path expressions
+    beside: KeptBeside | None = None  # what a part keeps for outputs beside the picture
 
 
 @dataclass(frozen=True)
@@ -161,6 +164,9 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         arrays["tiles"] = np.stack([row.error.tiles for row in sampling.rows[_last_anchor(sampling.rows) :]])
     if plan is not None:
         arrays |= {f"plan.{name}": getattr(plan, name) for name in PLAN_ARRAYS}
+    if about.beside is not None:
+        header["beside"], kept = contents_of(about.beside)
+        arrays |= {f"{BESIDE}{name}": array for name, array in kept.items()}
     return header, arrays
 
 
@@ -198,8 +204,10 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     ranges = tuple((int(a), int(b)) for a, b in header["ranges"])
     _valid(bool(ranges) and all(0 <= a <= b <= MAX_SPP for a, b in ranges))
     tiles = math.ceil(width / core.TILE) * math.ceil(height / core.TILE)
+    kept = {name.removeprefix(BESIDE): array for name, array in arrays.items() if name.startswith(BESIDE)}
+    beside = of_contents(header["beside"], kept, frame.size) if header.get("beside") is not None else None
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
-    light_paths = light_paths_of_json(header["light_paths"])
+    light_paths = light_paths_of_json(header.get("light_paths"))
     _check_film(film, width, height, tiles, 0 if light_paths is None else len(light_paths.expressions))
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
     splits = core.Splits(*header["splits"])
@@ -222,6 +230,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             motion=_motion_of(header["motion"]),
             stage=_text_of(header["stage"]),
             light_paths=light_paths,
+            beside=beside,
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),
