@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+import yaml  # type: ignore[import-untyped]
 
 ROOT = Path(__file__).resolve().parents[2]
 WORKFLOW = ROOT / ".github/workflows/release.yml"
@@ -71,7 +71,7 @@ def test_the_conda_recipe_is_of_this_version() -> None:
     from primray import __version__
 
     assert RECIPE["context"]["version"] == __version__
-    needs = dict(re.match(r"([\w-]+)(.*)", each).groups() for each in PROJECT["project"]["dependencies"])  # type: ignore[union-attr]
+    needs = dict(re.findall(r"^([\w-]+)(.*)", "\n".join(PROJECT["project"]["dependencies"]), re.MULTILINE))
     assert needs["embreex"] == f"=={RECIPE['context']['embreex']}"
     listed = {each.split()[0]: "".join(each.split()[1:]) for each in RECIPE["requirements"]["run"]}
     own = {"usd-core": "openusd", "OpenImageIO": "py-openimageio", "opencolorio": "py-opencolorio", "MaterialX": "materialx"}
