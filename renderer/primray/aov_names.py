@@ -21,6 +21,7 @@ class AovKind:
     meaning: str
     unsigned: bool = False  # 32-bit whole numbers
     double: bool = False  # in memory; a file has floats
+    filtered: bool = False  # a mean over samples, with an error; others are exact
 
 
 XYZ, RGB, UV, XY = ("X", "Y", "Z"), ("R", "G", "B"), ("U", "V"), ("X", "Y")
@@ -36,10 +37,12 @@ AOVS: dict[str, AovKind] = {
     "geometric_normal": AovKind(XYZ, "unit normal of the true surface in the world, on the side that is seen"),
     "camera_normal": AovKind(XYZ, "unit shading normal in the camera's axes"),
     "st": AovKind(UV, "the primvar st"),
-    "albedo": AovKind(RGB, "filtered reflectance at normal incidence, with what is transmitted; 0 where nothing is"),
-    "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes"),
-    "guide_albedo": AovKind(RGB, "as albedo, over the shutter's time too: what a denoiser is guided by"),
-    "guide_normal": AovKind(XYZ, "mean of unit normals over filter, lens and shutter, likewise"),
+    "albedo": AovKind(
+        RGB, "filtered reflectance at normal incidence, with what is transmitted; 0 where nothing is", filtered=True
+    ),
+    "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes", filtered=True),
+    "guide_albedo": AovKind(RGB, "as albedo, over the shutter's time too: what a denoiser is guided by", filtered=True),
+    "guide_normal": AovKind(XYZ, "mean of unit normals over filter, lens and shutter, likewise", filtered=True),
     "motion_forward": AovKind(
         XY, "pixels, right and down, from where the point is seen at the frame to where it is as the shutter closes"
     ),
@@ -74,11 +77,13 @@ _PRIMVAR_NAME = re.compile(r"[^\s,\x00-\x1f]+")
 
 @dataclass(frozen=True)
 class AovRequest:
-    """`name` is its part's and its channels' in a file, `data_type` a UsdRenderVar's ("": as the source has it)."""
+    """`name` is its part's and its channels' in a file, `data_type` a UsdRenderVar's ("": as the source has it), `errors`
+    whether standard errors are asked for beside values that have any."""
 
     name: str
     source: str
     data_type: str = ""
+    errors: bool = False
 
 
 def check_names(names: Iterable[str]) -> None:
@@ -133,5 +138,5 @@ def aov_bytes(requests: Iterable[AovRequest]) -> int:
             total += CRYPTOMATTE_BYTES
             continue
         numbers = MOST_COMPONENTS if kind is None else len(kind.channels)
-        total += numbers * (16 if kind is not None and kind.double else 8)
+        total += numbers * (16 if kind is not None and kind.double else 8) * (2 if request.errors else 1)
     return total

@@ -167,8 +167,8 @@ def check_parallel(request: JobRequest) -> None:
     if request.parallel is not None and request.settings.adaptive:
         why = "a frame that is rendered in several places has the same samples in each pixel; leave out adaptive, or parallel"
         raise Problem("parallel-adaptive", f"parallel: {why}.", member="parallel")
-    if request.parallel is not None and (request.settings.denoise or request.settings.stop_at == "denoised"):
-        why = "a denoised picture needs its whole frame in one place; leave out denoise, or parallel"
+    if request.parallel is not None and request.settings.stop_at == "denoised":
+        why = "a frame in parts is judged by the picture's own error, not by a denoised one's; leave out stop_at, or parallel"
         raise Problem("parallel-denoise", f"parallel: {why}.", member="parallel")
 
 
@@ -215,6 +215,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         lens_flaws=tuple(settings.lens_flaws),
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
+        aov_errors=settings.aov_errors,
         eye=None if settings.eye is None else Eye(settings.eye),
         strict=settings.strict,
         variants=tuple(settings.variants),
@@ -276,6 +277,7 @@ NEW_SETTINGS = (
     "lens_flaws",
     "denoise",
     "stop_at",
+    "aov_errors",
 )
 
 

@@ -36,7 +36,7 @@ KINDS: Mapping[str, Kind] = {
     "upload-incomplete": Kind(400, "The body ended before it was complete"),
     "limit-exceeded": Kind(422, "More is asked for than is allowed"),
     "unsupported-setting": Kind(422, "This setting is not supported"),
-    "parallel-denoise": Kind(422, "A frame in parts is not denoised"),
+    "parallel-denoise": Kind(422, "A frame in parts is not judged by its denoised picture"),
     "parallel-adaptive": Kind(422, "A frame in parts is not sampled adaptively"),
     "view-unavailable": Kind(422, "There is no such view of this picture"),
     "webhook-address": Kind(422, "The webhook's address is not one that may be called"),

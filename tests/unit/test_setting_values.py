@@ -90,6 +90,7 @@ NONSENSE: dict[str, list[Any]] = {
     "rendering_color_space": [709],
     "purposes": ["render", ["final"], []],
     "aovs": ["depth", ["deepth"], 3],
+    "aov_errors": ["yes", None],
     "strict": ["no", 1],
     "max_memory_bytes": [0, "8 GB"],
     "dicing_rate": [0, None, "fine"],

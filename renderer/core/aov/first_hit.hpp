@@ -40,6 +40,7 @@ struct FirstHitPlanes {
   std::vector<int32_t> instance, outer;  // row of Scene::world_from_group, and that of an outer instance; -1: none
   std::vector<PrimvarPlane> primvars;
   CoveragePlanes coverage;
+  uint32_t replicate = 0;  // of filtered samples: further ones are as good and independent, and tell the first one's error
 
   bool wants_points() const {
     return !(depth.empty() && distance.empty() && position.empty() && camera_position.empty() && normal.empty() &&

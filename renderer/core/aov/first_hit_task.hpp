@@ -167,6 +167,7 @@ class FirstHitTask {
   // Means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
   void means(const PixelRect& r, bool guide, std::vector<float>& first, std::vector<float>& second) {
     const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
+    const vuint<W> replicate(planes_.replicate);
     double sums[6] = {};
     for (int at = 0; at < slots; at += W) {
       alignas(64) int32_t x[W], y[W];
@@ -176,7 +177,7 @@ class FirstHitTask {
         x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = uint32_t(slot % kFilteredSamples);
       }
       const I px = frame_x(x), py = frame_y(y);
-      const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(0u))};
+      const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, replicate)};
       const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
       const F time = guide && scene_.moves() ? shutter_time(sampler, px, py) : time_;
       const Camera& camera = guide ? scene_.camera : at_frame_;

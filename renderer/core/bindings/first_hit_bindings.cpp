@@ -16,10 +16,11 @@ struct FirstHits {
   FirstHitPlanes planes;
 };
 
-// `names`: the planes that are wanted; `primvars`: (name, its wider twin, width) of each.
-void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars) {
+// `names`: the planes that are wanted; `primvars`: (name, its wider twin, width) of each; `replicate` as in FirstHitPlanes.
+void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars, uint32_t replicate) {
   new (self) FirstHits{scene, {}};
   FirstHitPlanes& p = self->planes;
+  p.replicate = replicate;
   const size_t pixels = size_t(scene.camera.pixels.width) * scene.camera.pixels.height;
   for (nb::handle each : names) {
     const std::string name = nb::cast<std::string>(each);
@@ -106,7 +107,8 @@ nb::dict take(FirstHits& self) {
 
 void bind_first_hit(nb::module_& m) {
   nb::class_<FirstHits>(m, "FirstHits")
-      .def("__init__", &make, nb::arg("scene"), nb::arg("names"), nb::arg("primvars"), nb::keep_alive<1, 2>())
+      .def("__init__", &make, nb::arg("scene"), nb::arg("names"), nb::arg("primvars"), nb::arg("replicate") = 0u,
+           nb::keep_alive<1, 2>())
       .def(
           "fill",
           [](FirstHits& f, int lanes, int threads, int first_row, int end_row) {

@@ -31,6 +31,7 @@ from ..sampling.schedule import Schedule
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 from .frame_json import frame_of
+from .kept_beside import KeptBeside, contents_of, of_contents
 
 REPLICATES, COLORS = 2, 3
 SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits answers; others would be taken for what they are not
@@ -60,6 +61,7 @@ OF_SCENE = (
     "session_layer",
 )
 
+BESIDE = "beside."  # before the names of arrays that are kept for outputs beside the picture
 PLAN_ARRAYS = ("begin", "order", "levels", "spent")
 
 Range = tuple[int, int]
@@ -80,6 +82,7 @@ class About:
     rendering_space: ColorSpace = REC709
     motion: Mapping[str, Any] | None = None  # what the report says of what moves
     stage: str = ""  # the root layer's file name
+    beside: KeptBeside | None = None  # what a part keeps for outputs beside the picture
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,9 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         arrays["tiles"] = np.stack([row.error.tiles for row in sampling.rows[_last_anchor(sampling.rows) :]])
     if plan is not None:
         arrays |= {f"plan.{name}": getattr(plan, name) for name in PLAN_ARRAYS}
+    if about.beside is not None:
+        header["beside"], kept = contents_of(about.beside)
+        arrays |= {f"{BESIDE}{name}": array for name, array in kept.items()}
     return header, arrays
 
 
@@ -195,6 +201,8 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     ranges = tuple((int(a), int(b)) for a, b in header["ranges"])
     _valid(bool(ranges) and all(0 <= a <= b <= MAX_SPP for a, b in ranges))
     tiles = math.ceil(width / core.TILE) * math.ceil(height / core.TILE)
+    kept = {name.removeprefix(BESIDE): array for name, array in arrays.items() if name.startswith(BESIDE)}
+    beside = of_contents(header["beside"], kept, frame.size) if header.get("beside") is not None else None
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
     _check_film(film, width, height, tiles)
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
@@ -217,6 +225,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             rendering_space=_space_of(header["rendering_space"]),
             motion=_motion_of(header["motion"]),
             stage=_text_of(header["stage"]),
+            beside=beside,
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),

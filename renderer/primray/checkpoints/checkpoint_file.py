@@ -29,7 +29,7 @@ FORMAT = 3
 _NAME = b"primray checkpoint "
 _MAGIC = _NAME + b"%d\n" % FORMAT
 _DIGEST_BYTES = 32
-_KINDS = ("<i8", "|i1", "<u4", "<f8")
+_KINDS = ("<i8", "|i1", "<u4", "<f4", "<f8")
 
 Arrays = dict[str, npt.NDArray[Any]]
 

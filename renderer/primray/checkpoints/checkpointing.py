@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..sampling.pauses import Saving
     from ..sampling.sampling import Progress, Sampling
     from .checkpoint import About
+    from .kept_beside import KeptBeside
 
 DEFAULT_EVERY_S = 60.0
 
@@ -73,6 +74,7 @@ class Checkpointing:
     ) -> tuple[Sampling, dict[str, Any]]:
         """Sample until something stops it, saving `savings` too; and what the report says of checkpoints."""
         from ..sampling import pauses
+        from .kept_beside import kept_beside
 
         sampling, about = begin(prepared, diagnostics, self.resume)
         resumed_at = sampling.mean_samples()
@@ -81,6 +83,8 @@ class Checkpointing:
             pauses.run(sampling, progress, (saver, *savings))
         finally:
             saver.wait()
+        if prepared.settings.sample_range is not None and sampling.stop is not None and sampling.stop.reason != "interrupted":
+            saver.keep_beside(kept_beside(prepared, sampling))
         saver.save(sampling)
         return sampling, saver.as_json() | ({} if self.resume is None else {"resumed_at": resumed_at})
 
@@ -155,6 +159,10 @@ class Saver:
         self._thread.start()
         self._paused_s += time.perf_counter() - start
         self._next = time.monotonic() + self._every_s
+
+    def keep_beside(self, kept: KeptBeside | None) -> None:
+        """In what is written from now on."""
+        self._about = replace(self._about, beside=kept)
 
     def save(self, sampling: Sampling) -> None:
         from .checkpoint import contents

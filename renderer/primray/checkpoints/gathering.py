@@ -14,6 +14,7 @@ from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
 from ..settings import RenderSettings, settings_of_json
 from .checkpoint import Checkpoint, Range, compare, load
+from .kept_beside import KeptBeside, joined
 
 
 class Gathering:
@@ -24,6 +25,7 @@ class Gathering:
         self._taken: list[tuple[Range, Path]] = []
         self._scene: core.CoreScene | None = None
         self._film: core.Film | None = None
+        self.beside: KeptBeside | None = None  # what all of them keep for outputs beside the picture
 
     def add(self, path: Path) -> Checkpoint:
         """CheckpointError, naming the file, unless it is a whole part of the same picture whose samples are in no other."""
@@ -35,11 +37,12 @@ class Gathering:
         self._check(part)
         film = core.Film(scene, part.film)
         if self._film is None:
-            self._scene, self._film = scene, film
+            self._scene, self._film, self.beside = scene, film, about.beside
         else:
             self._film.merge(film)
+            self.beside = joined(self.beside, about.beside)
         self._taken += [(span, path) for span in part.ranges]
-        self.held.append(replace(part, film={}))
+        self.held.append(replace(part, film={}, about=replace(about, beside=None)))
         return self.held[-1]
 
     def _check(self, part: Checkpoint) -> None:

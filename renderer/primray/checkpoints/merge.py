@@ -5,12 +5,13 @@ Needs no stage: what an image and its report say of the scene is in the checkpoi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from .. import core
+from ..denoising.denoiser import Guides, has_denoiser
 from ..diagnostics import Diagnostics
 from ..images.image import Image, pixels_sha256
 from ..report.report import Costs, header_of, make_report, settings_as_json, subject_of
@@ -18,6 +19,7 @@ from ..sampling.sampling import Sampling
 from .checkpoint import Range, check, contents, gaps
 from .checkpoint_file import write_checkpoint
 from .gathering import Gathering
+from .kept_beside import aovs_of_parts
 
 # What is told of the samples that are merged, anew each time.
 OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged")
@@ -70,14 +72,23 @@ def all_of(ranges: tuple[Range, ...]) -> dict[str, Any]:
 def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, says: Mapping[str, Any]) -> Merged:
     """Of a sampling of the parts that has stopped; the report says `says` as well."""
     pixels, errors = sampling.film.image()
-    diagnostics = _diagnostics(sampling, gathering)
-    about = replace(gathering.held[0].about, diagnostics=diagnostics, settings=settings_as_json(sampling.settings))
+    kept = gathering.beside
+    with costs.stage("aovs"):
+        aovs = {} if kept is None else aovs_of_parts(kept, sampling.film)
+    denoises = sampling.settings.denoises and kept is not None and kept.guides is not None and has_denoiser()
+    diagnostics = _diagnostics(sampling, gathering, {*aovs, *(["denoised"] if denoises else [])})
+    about = replace(gathering.held[0].about, diagnostics=diagnostics, settings=settings_as_json(sampling.settings), beside=kept)
     ranges = [list(r) for r in gathering.ranges]
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": about.features}
     report = make_report(sampling, costs, about.counts, diagnostics, core_says, pixels_sha256(pixels), about.rendering_space)
     metadata = header_of(report) | subject_of(about.stage, about.camera)
+    report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    report |= {"labels": dict(kept.labels)} if kept is not None and kept.labels else {}
     report |= {"frame": asdict(about.frame), "motion": about.motion} | dict(says) | {"sample_ranges": ranges}
-    image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
+    camera, frame, space = about.camera, about.frame, about.rendering_space
+    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    if denoises and kept is not None and kept.guides is not None:
+        image = _denoised(image, kept.guides, sampling, costs)
     header, arrays = contents(sampling, about)
     if about.camera.diffusion.strength > 0:
         from ..diffusing.diffuse import with_diffusion
@@ -86,7 +97,15 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     return Merged(image, header | {"ranges": ranges}, arrays)
 
 
-def _diagnostics(sampling: Sampling, gathering: Gathering) -> list[dict[str, str]]:
+def _denoised(image: Image, guides: Guides, sampling: Sampling, costs: Costs) -> Image:
+    from ..denoising.denoised import Denoising, with_denoised
+
+    assert image.camera is not None
+    with costs.stage("denoise"):
+        return with_denoised(image, Denoising(guides, image.camera.exposure_scale, sampling.settings).of(sampling.film))
+
+
+def _diagnostics(sampling: Sampling, gathering: Gathering, made: Container[str]) -> list[dict[str, str]]:
     own, held, ranges = Diagnostics(), gathering.held, gathering.ranges
     missing = ([(0, ranges[0][0])] if ranges[0][0] > 0 else []) + gaps(ranges)
     if missing:
@@ -94,8 +113,9 @@ def _diagnostics(sampling: Sampling, gathering: Gathering) -> list[dict[str, str
         own.add("samples-missing", "", f"samples {spans} are in none of the parts")
     asked = sorted({name for part in held for name in part.about.aovs})
     asked += ["denoised"] if any(part.about.settings.get("denoise") for part in held) else []
-    if asked:
-        own.add("aovs-not-merged", "", f"{', '.join(asked)} are not in the checkpoints that were merged")
+    missing_names = [name for name in asked if name not in made]
+    if missing_names:
+        own.add("aovs-not-merged", "", f"{', '.join(missing_names)} are not in the checkpoints that were merged")
     film = sampling.film
     if film.invalid_samples:
         own.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")

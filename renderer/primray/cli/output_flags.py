@@ -44,6 +44,9 @@ Aovs = Annotated[
         show_default="the stage's",
     ),
 ]
+AovErrors = Annotated[
+    bool, typer.Option("--aov-errors", help="Standard errors of AOVs that are means of samples, in their parts.")
+]
 View = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="OCIO view of PNG, JPEG and TIFF.", show_default="the display's default"),

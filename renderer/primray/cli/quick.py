@@ -66,6 +66,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "rendering_color_space": (str, ("--rendering-color-space",)),
     "display": (str, ("--display",)),
     "aovs": (LIST, ("--aov", "--aovs")),
+    "aov_errors": (FLAG, ("--aov-errors",)),
     "view": (str, ("--view",)),
     "look": (str, ("--look",)),
     "color_correction": (ColorCorrection, ("--colorCorrectionMode", "-color")),

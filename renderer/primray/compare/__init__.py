@@ -6,9 +6,11 @@ The package shares its name with the function `primray.compare`. Importing it co
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ..images.aov import Aov
     from ..images.image import Image
     from ..images.image_file import MeasuredImage
     from .comparison import Comparison
@@ -21,6 +23,7 @@ def compare(
     alpha: float = 0.001,
     tolerance: float = 0.01,
     tile: int = 32,
+    aovs: Iterable[str] = (),
 ) -> Comparison:
     """Whether picture `b` has changed from `a` beyond their noise, each an image or the path of an EXR with error channels.
 
@@ -31,11 +34,29 @@ def compare(
     <Verdict.UNCHANGED: 'unchanged'>
 
     `alpha` is the rate of false alarms, over all tiles together; `tolerance` the smallest relative difference that matters;
-    tiles are `tile` pixels across. SettingsError if the two cannot be compared.
+    tiles are `tile` pixels across. `aovs` names outputs beside the pictures that are judged as well, ["all"] all that both
+    have: means of samples by their errors (`aov_errors`), ids by names, what is exact by its values. SettingsError if the two
+    cannot be compared.
     """
+    from .aov_tests import compare_with_aovs
     from .comparison import compare as compare_measured
 
-    return compare_measured(_opened(a), _opened(b), alpha=alpha, tolerance=tolerance, tile=tile)
+    if isinstance(aovs, str):
+        aovs = [aovs]
+    pictures, asked = (_opened(a), _opened(b)), list(aovs)
+    if not asked:
+        return compare_measured(*pictures, alpha=alpha, tolerance=tolerance, tile=tile)
+    both = _aovs_of(a), _aovs_of(b)
+    return compare_with_aovs(pictures, both, asked, alpha=alpha, tolerance=tolerance, tile=tile)
+
+
+def _aovs_of(picture: object) -> Mapping[str, Aov]:
+    from ..images.image import Image
+    from .aov_tests import aovs_in
+
+    if isinstance(picture, str | os.PathLike):
+        return aovs_in(picture)
+    return picture.aovs if isinstance(picture, Image) else {}
 
 
 def _opened(picture: object) -> MeasuredImage:

@@ -76,6 +76,27 @@ class Needs:
     b_alone: int | None
 
 
+@dataclass(frozen=True)
+class AovTile:
+    box: tuple[int, int, int, int]
+    verdict: Verdict
+    differs: float  # relative to the values; of ids a share of pixels, of a Cryptomatte the largest change of a coverage
+
+
+@dataclass(frozen=True)
+class AovComparison:
+    """Of an output beside the picture, judged as `by` says: errors, coverage, names, or values where it is exact."""
+
+    name: str
+    by: str
+    verdict: Verdict
+    tiles: tuple[AovTile, ...]
+    identical: bool
+
+    def count(self, verdict: Verdict) -> int:
+        return sum(tile.verdict is verdict for tile in self.tiles)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
     """What `primray.compare` found. Differences are B - A, relative to the picture; boxes are pixels from the upper left.
@@ -99,6 +120,8 @@ class Comparison:
     identical: bool  # bit for bit
     of: Difference
     notes: tuple[str, ...]
+    tile: int = DEFAULT_TILE  # pixels across
+    aovs: tuple[AovComparison, ...] = ()  # those that were asked for; the verdict is of them as well
 
     def __repr__(self) -> str:
         tiles = ", ".join(f"{self.count(verdict)} {verdict.value}" for verdict in Verdict if self.count(verdict))
@@ -150,6 +173,7 @@ def compare(
         not of.d.any() and bool(of.judged.all()),
         of,
         of.notes,
+        tile,
     )
 
 

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from .comparison import Comparison, Finding, Needs, Tile, Verdict
+from .comparison import AovComparison, Comparison, Finding, Needs, Tile, Verdict
 from .difference import ALPHA
 
 TILES_SHOWN = 10
+AOV_TILES_SHOWN = 3
 _NEWS = 0.1  # of the tolerance
 _ORDER = (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED)
 _CHANNELS = {"R": "red", "G": "green", "B": "blue", ALPHA: "alpha"}
@@ -41,6 +42,17 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
             }
             for tile in comparison.tiles
         ],
+        "aovs": {aov.name: _aov_json(aov) for aov in comparison.aovs},
+    }
+
+
+def _aov_json(aov: AovComparison) -> dict[str, Any]:
+    return {
+        "verdict": aov.verdict.value,
+        "by": aov.by,
+        "identical": aov.identical,
+        "count": {verdict.value: aov.count(verdict) for verdict in _ORDER},
+        "tiles": [{"box": list(t.box), "verdict": t.verdict.value, "differs": _number(t.differs)} for t in aov.tiles],
     }
 
 
@@ -68,7 +80,15 @@ def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
     yield f"{comparison.verdict.value}: {name_a} (A) and {name_b} (B), {width} x {height}"
     if comparison.identical:
         yield "  the pictures are the same bit for bit"
-        return
+    else:
+        yield from _picture_lines(comparison)
+    for aov in comparison.aovs:
+        yield from _aov_lines(aov)
+    for note in comparison.notes:
+        yield f"  note: {note}"
+
+
+def _picture_lines(comparison: Comparison) -> Iterator[str]:
     yield (
         f"  the picture as a whole: B is {_percent(comparison.relative)} {_than(comparison.relative)} "
         f"(standard error {_percent(comparison.relative_error)})"
@@ -90,8 +110,26 @@ def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
         yield f"  {needs_sentence(comparison.needs, comparison.tolerance)}"
     if comparison.unjudged_pixels:
         yield f"  {comparison.unjudged_pixels} pixels have no estimate of their error (fewer than two samples, or no numbers)"
-    for note in comparison.notes:
-        yield f"  note: {note}"
+
+
+_BY = {
+    "errors": "values differ by",
+    "values": "values differ by",
+    "names": "something else in",
+    "coverage": "a coverage differs by",
+}
+
+
+def _aov_lines(aov: AovComparison) -> Iterator[str]:
+    counts = ", ".join(f"{aov.count(verdict)} {verdict.value}" for verdict in _ORDER if aov.count(verdict))
+    yield f"  AOV {aov.name}: " + ("the same bit for bit" if aov.identical else f"{aov.verdict.value}; tiles: {counts}")
+    changed = sorted((tile for tile in aov.tiles if tile.verdict is Verdict.CHANGED), key=lambda tile: -tile.differs)
+    for tile in changed[:AOV_TILES_SHOWN]:
+        x0, y0, x1, y1 = tile.box
+        what = f"{_BY[aov.by]} {_percent(tile.differs)}" + (" of the pixels" if aov.by == "names" else "")
+        yield f"    x {x0} to {x1 - 1}, y {y0} to {y1 - 1}: {what}"
+    if len(changed) > AOV_TILES_SHOWN:
+        yield f"    and {len(changed) - AOV_TILES_SHOWN} more"
 
 
 def _worth_telling(finding: Finding, tolerance: float) -> bool:

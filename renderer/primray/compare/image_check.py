@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ from typing import Any
 import pytest
 
 from ..errors import PrimrayError
-from ..images.image_file import MeasuredImage, read_image
+from ..images.image_file import read_image
 from ..settings import RenderSettings
+from .aov_tests import aovs_in, compare_with_aovs
 from .comparison import DEFAULT_ALPHA, DEFAULT_TILE, DEFAULT_TOLERANCE, Comparison, Verdict, compare
 from .comparison_report import as_json, lines
 
@@ -29,12 +31,16 @@ def render_file(stage: Any, settings: RenderSettings, path: Path) -> int:
 
 
 class ImageCheck:
-    """`folder`: where relative paths start. `written`: collects references that are written (--primray-update), else None."""
+    """`folder`: where relative paths start. `written`: collects references that are written (--primray-update), else None.
+    `failed` hears of folders with the evidence of failures."""
 
-    def __init__(self, folder: Path, evidence: Path, written: list[str] | None) -> None:
+    def __init__(
+        self, folder: Path, evidence: Path, written: list[str] | None, failed: Callable[[Path], None] = lambda kept: None
+    ) -> None:
         self.folder = folder
         self.evidence = evidence
         self.written = written
+        self.failed = failed
 
     def __call__(
         self,
@@ -51,17 +57,21 @@ class ImageCheck:
         max_spp: int | None = None,
         reference_spp: int | None = None,
         allow_undecided: bool = False,
+        aovs: Sequence[str] = (),
     ) -> Comparison:
         """Fail the test if the picture has changed, or if noise could hide a change of `tolerance` (relative).
 
         `spp`, `resolution` and `camera` replace those of `settings`. A picture that `spp` samples leave undecided is rendered
         again, with as many as it needs up to `max_spp` (None: 4 times `spp`). References are rendered with `reference_spp`
-        (None: as the picture; an unchanged scene then gives the same bits, and nothing needs to be judged).
+        (None: as the picture; an unchanged scene then gives the same bits, and nothing needs to be judged). `aovs` of the
+        settings that are named are rendered with their errors, and judged too.
         """
         __tracebackhide__ = True
         asked: dict[str, Any] = {"spp": spp, "resolution": resolution, "camera": camera}
         try:
             settings = replace(settings, **{name: value for name, value in asked.items() if value is not None})
+            if aovs:
+                settings = replace(settings, aovs=settings.aovs or tuple(aovs), aov_errors=True)
             stage = str(self.folder / stage) if isinstance(stage, str | os.PathLike) else stage
             path = self.folder / reference
             if self.written is not None:
@@ -69,7 +79,7 @@ class ImageCheck:
             if not path.is_file():
                 pytest.fail(f"there is no reference {path}; `pytest --primray-update` renders it", pytrace=False)
             # Two looks share the false alarms.
-            criteria: dict[str, Any] = {"alpha": alpha / 2, "tolerance": tolerance, "tile": tile}
+            criteria: dict[str, Any] = {"alpha": alpha / 2, "tolerance": tolerance, "tile": tile, "aovs": list(aovs)}
             return self._check(stage, path, settings, max_spp, criteria, allow_undecided)
         except PrimrayError as error:
             pytest.fail(f"{reference}: {error}", pytrace=False)
@@ -79,7 +89,7 @@ class ImageCheck:
         render_file(stage, settings, path)
         assert self.written is not None
         self.written.append(str(path))
-        return compare(read_image(path), read_image(path))
+        return _compared(path, path)
 
     def _check(
         self,
@@ -94,28 +104,35 @@ class ImageCheck:
         kept = self.evidence / path.stem
         kept.mkdir(parents=True, exist_ok=True)
         rendered = kept / "render.exr"
-        reference = read_image(path)
         first = render_file(stage, settings, rendered)
         cap = 4 * first if max_spp is None else max_spp
-        result = compare(reference, read_image(rendered), **criteria)
+        result = _compared(path, rendered, **criteria)
         spp = _spp_that_decides(result, first, cap)
         if spp > first:
             render_file(stage, replace(settings, spp=spp, target_error=None, time_limit_s=None), rendered)
-            result = compare(reference, read_image(rendered), **criteria)
+            result = _compared(path, rendered, **criteria)
         if result.verdict is Verdict.UNCHANGED or (result.verdict is Verdict.UNDECIDED and allow_undecided):
             shutil.rmtree(kept)
             return result
-        self._keep(result, path, reference, kept)
+        self._keep(result, path, kept)
+        self.failed(kept)
         pytest.fail(_message(result, path, kept, cap), pytrace=False)
 
-    def _keep(self, result: Comparison, path: Path, reference: MeasuredImage, kept: Path) -> None:
+    def _keep(self, result: Comparison, path: Path, kept: Path) -> None:
         from ..images.image import write_text
         from .difference_picture import save_difference
 
         shutil.copyfile(path, kept / "reference.exr")
         save_difference(result, kept / "difference.png")
         facts = {"a": str(path), "b": str(kept / "render.exr"), **as_json(result)}
+        facts["words"] = list(lines(result, path.name, "the picture rendered now"))
         write_text(kept / "report.json", json.dumps(facts, indent=2, allow_nan=False) + "\n")
+
+
+def _compared(a: Path, b: Path, *, aovs: Sequence[str] = (), **criteria: Any) -> Comparison:
+    if not aovs:
+        return compare(read_image(a), read_image(b), **criteria)
+    return compare_with_aovs((read_image(a), read_image(b)), (aovs_in(a), aovs_in(b)), aovs, **criteria)
 
 
 def _spp_that_decides(result: Comparison, spp: int, cap: int) -> int:

@@ -15,15 +15,48 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from .failure_page import Failure
     from .image_check import ImageCheck
 
 _WRITTEN = pytest.StashKey[list[str]]()
+_PAGE = "--primray-html"
+_EVIDENCE = "primray-evidence"  # a test's property: where the evidence of a failure is
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("primray")
     group.addoption("--primray-update", action="store_true", help="Write the reference pictures of primray_image anew.")
     group.addoption("--primray-evidence", metavar="DIR", help="Keep the pictures of failed primray_image tests below DIR.")
+    group.addoption(_PAGE, metavar="FILE", help="Write one HTML page of the failed primray_image tests.")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    page = config.getoption(_PAGE)
+    if page and not hasattr(config, "workerinput"):  # pytest-xdist: who runs tests for another writes none
+        config.pluginmanager.register(_Page(Path(page).absolute()), "primray-page")
+
+
+class _Page:
+    """Collects failures as they are reported, while their evidence is there, and writes the page at the end."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.failures: list[Failure] = []
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when != "call" or not report.failed:
+            return
+        from .failure_page import failure_of
+
+        kept = [str(value) for name, value in report.user_properties if name == _EVIDENCE]
+        self.failures += [failure_of(report.nodeid, Path(folder)) for folder in kept]
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        from .failure_page import write_page
+
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        write_page(self.failures, self.path)
+        terminalreporter.write_line(f"primray: wrote the failures to {self.path}")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
@@ -41,4 +74,6 @@ def primray_image(request: pytest.FixtureRequest, tmp_path: Path) -> ImageCheck:
     name = re.sub(r"[^\w.-]+", "_", request.node.nodeid).strip("_")
     evidence = Path(below).absolute() / name if below else tmp_path / "primray"
     update = bool(config.getoption("--primray-update"))
-    return ImageCheck(request.path.parent, evidence, config.stash.setdefault(_WRITTEN, []) if update else None)
+    written = config.stash.setdefault(_WRITTEN, []) if update else None
+    failed: list[tuple[str, object]] = request.node.user_properties
+    return ImageCheck(request.path.parent, evidence, written, lambda kept: failed.append((_EVIDENCE, str(kept))))

@@ -32,12 +32,17 @@ BAND = 4 * TILE  # rows between which signals are looked after
 
 
 def first_hits(
-    scene: CoreScene, planes: Sequence[str], primvars: Sequence[tuple[int, int, int]], settings: RenderSettings
+    scene: CoreScene,
+    planes: Sequence[str],
+    primvars: Sequence[tuple[int, int, int]],
+    settings: RenderSettings,
+    replicate: int = 0,
 ) -> dict[str, Any]:
     """Arrays (H, W, C) of what is seen first, by the core's names of planes, and a list of the primvars' (its number, that of
-    its wide twin, and its width); bindings/first_hit_bindings.cpp."""
+    its wide twin, and its width); bindings/first_hit_bindings.cpp. `replicate`: which of the independent sets of samples
+    filtered planes are means of."""
     try:
-        hits = module().FirstHits(scene._scene, list(planes), list(primvars))
+        hits = module().FirstHits(scene._scene, list(planes), list(primvars), replicate)
         for row in range(0, scene.resolution[1], BAND):
             hits.fill(lanes(), threads(settings), row, row + BAND)
     except module().CoreError as error:

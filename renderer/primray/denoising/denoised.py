@@ -43,18 +43,22 @@ class Denoised:
         }
 
 
+def guides_of(scene: core.CoreScene, settings: RenderSettings) -> Guides:
+    """What a denoiser is guided by, the same for all films of a scene."""
+    found = core.first_hits(scene, [f"guide_{name}" for name in GUIDES], [], settings)
+    return Guides(*(found[f"guide_{name}"] for name in GUIDES))
+
+
 class Denoising:
     """Of one scene's films."""
 
-    def __init__(self, scene: core.CoreScene, settings: RenderSettings) -> None:
-        self._scene = scene
-        found = core.first_hits(scene, [f"guide_{name}" for name in GUIDES], [], settings)
-        guides = Guides(*(found[f"guide_{name}"] for name in GUIDES))
+    def __init__(self, guides: Guides, exposure_scale: float, settings: RenderSettings) -> None:
+        self._exposure_scale = exposure_scale
         self._denoiser = Denoiser(guides, core.threads(settings))
 
     def of(self, film: core.Film) -> Denoised:
         start = time.perf_counter()
-        halves = halves_of(film, self._scene.exposure_scale)
+        halves = halves_of(film, self._exposure_scale)
         noisy = halves.mean
         if halves.are_whole:
             p, q = (np.asarray(self._denoiser.denoise(half.astype(np.float32)), np.float64) for half in (halves.a, halves.b))

@@ -55,6 +55,6 @@ def denoised_target(scene: CoreScene, settings: RenderSettings) -> DenoisedTarge
     """None where the target is the picture's own error's, or there is none."""
     if settings.stop_at is not StopAt.DENOISED or settings.target_error is None:
         return None
-    from .denoised import Denoising
+    from .denoised import Denoising, guides_of
 
-    return DenoisedTarget(Denoising(scene, settings), settings)
+    return DenoisedTarget(Denoising(guides_of(scene, settings), scene.exposure_scale, settings), settings)

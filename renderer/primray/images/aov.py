@@ -13,6 +13,7 @@ from ..aov_data_types import Stored, data_type_of
 from ..aov_names import AOVS, RGB, UV, AovRequest, primvar_of
 
 Values = npt.NDArray[Any]
+STDERR = "stderr"  # of a channel's standard errors: NAME.stderr.X
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,6 +27,13 @@ class Aov:
     ((18, 32, 1), True)
     >>> sorted(image.aovs)
     ['depth', 'prim']
+
+    `errors` (H, W, C) are standard errors of values that are means of samples, where they were asked for. One degree of freedom
+    each, as those of an Image: their squares are to be averaged over pixels.
+
+    >>> image = primray.render("shot.usda", aovs=["albedo"], aov_errors=True, resolution=(32, 18), spp=2)
+    >>> image.aovs["albedo"].errors.shape
+    (18, 32, 3)
     """
 
     values: Values
@@ -35,6 +43,8 @@ class Aov:
     stored: Stored = "float"  # what a file holds of it
     ids: Mapping[int, str] = field(default_factory=dict)  # what the numbers in `values` stand for
     metadata: Mapping[str, str] = field(default_factory=dict)  # of a file's header, by names of its own
+    errors: Values | None = None  # float32; None: exact, or not asked for
+    samples: int | None = None  # a pixel, of values that have samples of their own, the same in every render
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values)
@@ -42,6 +52,12 @@ class Aov:
             raise ValueError(f"values of shape {values.shape} do not hold the channels {self.channels}")
         values.flags.writeable = False
         object.__setattr__(self, "values", values)
+        if self.errors is not None:
+            errors = np.ascontiguousarray(self.errors, np.float32)
+            if errors.shape != values.shape:
+                raise ValueError(f"errors of shape {errors.shape} do not go with values of shape {values.shape}")
+            errors.flags.writeable = False
+            object.__setattr__(self, "errors", errors)
 
     def __repr__(self) -> str:
         height, width, _ = self.values.shape
@@ -56,11 +72,24 @@ class Aov:
     def as_json(self) -> dict[str, Any]:
         """What a report says of it: the values and what numbers mean are in the image and its file."""
         found = {"source": self.source, "channels": list(self.channels), "stored": self.stored, "meaning": self.meaning}
-        return found | ({"ids": len(self.ids)} if self.ids else {})
+        return found | ({"ids": len(self.ids)} if self.ids else {}) | ({"errors": True} if self.errors is not None else {})
+
+    @property
+    def error_channels(self) -> tuple[str, ...]:
+        """Of a file, for `errors`: "albedo.stderr.R" beside "albedo.R"."""
+        parted = [channel.rpartition(".") for channel in self.channels]
+        return tuple(f"{layer}.{STDERR}.{letter}" if layer else f"{letter}.{STDERR}" for layer, _, letter in parted)
 
 
-def make_aov(request: AovRequest, values: Values, ids: Mapping[int, str] | None = None) -> Aov:
-    """The values of its source as the request wants them: as many components, of its type, its name on the channels."""
+def make_aov(
+    request: AovRequest,
+    values: Values,
+    ids: Mapping[int, str] | None = None,
+    errors: Values | None = None,
+    samples: int | None = None,
+) -> Aov:
+    """The values of its source as the request wants them: as many components, of its type, its name on the channels; `errors`
+    and `samples` as Aov has them, for the source's components."""
     kind, wanted = AOVS.get(request.source), data_type_of(request.data_type)
     primvar = primvar_of(request.source)
     meaning = kind.meaning if kind is not None else f"the primvar {primvar}; 0 where nothing has it"
@@ -69,9 +98,12 @@ def make_aov(request: AovRequest, values: Values, ids: Mapping[int, str] | None 
         letters = kind.channels if kind is not None else (("",), UV, RGB, ("R", "G", "B", "A"))[width - 1]
         stored: Stored = "uint" if values.dtype == np.uint32 else "float"
         name = request.name if kind is not None else str(primvar)
-        return Aov(values, channel_names(name, letters), request.source, meaning, stored, ids or {})
+        return Aov(values, channel_names(name, letters), request.source, meaning, stored, ids or {}, {}, errors, samples)
+    if errors is not None:
+        errors = None if wanted.stored == "uint" else _with_components(errors, wanted.components)
     values = _as_type(_with_components(values, wanted.components), wanted.stored)
-    return Aov(values, channel_names(request.name, wanted.letters), request.source, meaning, wanted.stored, ids or {})
+    channels = channel_names(request.name, wanted.letters)
+    return Aov(values, channels, request.source, meaning, wanted.stored, ids or {}, {}, errors, samples)
 
 
 def channel_names(name: str, letters: tuple[str, ...]) -> tuple[str, ...]:

@@ -13,15 +13,16 @@ import numpy as np
 from ..aov_data_types import Stored
 from ..errors import SettingsError
 from ..textures.image_error import last_error
-from .aov import Aov, Values
+from .aov import STDERR, Aov, Values
 from .opened_picture import open_picture
 
 PICTURE_PART = "rgba"
+MADE_OF_PICTURE = ("denoised", "diffused")  # sources of parts with errors that are no AOVs
 VIEW = "view"  # of a stereo pair
 # Of what a part says of its numbers: this many entries and this much text at most; the rest is counted.
 MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
 CRYPTOMATTE = "cryptomatte/"
-IDS, SOURCE, MEANING = "primray:ids", "primray:source", "primray:meaning"
+IDS, SOURCE, MEANING, SAMPLES = "primray:ids", "primray:source", "primray:meaning", "primray:aov_samples"
 
 
 Parts = list[tuple[Any, Values]]  # an OIIO ImageSpec and the values of each
@@ -37,7 +38,10 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
     found: Parts = []
     for name, aov in aovs.items():
         part = oiio.ImageSpec(picture)
-        part.nchannels, part.channelnames, part.channelformats = len(aov.channels), aov.channels, ()
+        channels, values = aov.channels, np.asarray(aov.values, np.uint32 if aov.stored == "uint" else np.float32)
+        if aov.errors is not None:
+            channels, values = (*channels, *aov.error_channels), np.concatenate([values, aov.errors], axis=2)
+        part.nchannels, part.channelnames, part.channelformats = len(channels), channels, ()
         part.set_format(types[aov.stored])
         part.alpha_channel = part.z_channel = -1
         for attribute in [a.name for a in picture.extra_attribs if a.name.startswith("primray:")]:
@@ -47,13 +51,15 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
         part.attribute(MEANING, aov.meaning)
         if aov.ids:
             part.attribute(IDS, ids_text(aov.ids))
+        if aov.samples is not None:
+            part.attribute(SAMPLES, aov.samples)
         for key, value in aov.metadata.items():
             part.attribute(key, value)
         if aov.source not in ("albedo", "emission", "guide_albedo"):
             part.attribute("oiio:ColorSpace", "data")
             part.attribute("colorInteropID", "data")
             part.erase_attribute("chromaticities")
-        found.append((part, np.asarray(aov.values, np.uint32 if aov.stored == "uint" else np.float32)))
+        found.append((part, values))
     picture.attribute("oiio:subimagename", PICTURE_PART)
     return found
 
@@ -109,4 +115,9 @@ def _aov(spec: Any, values: Values) -> Aov:
     values = values if stored == "uint" else values.astype(np.float32)
     source, meaning = spec.get_string_attribute(SOURCE), spec.get_string_attribute(MEANING)
     own = {a.name: str(a.value) for a in spec.extra_attribs if a.name.startswith(CRYPTOMATTE)}
-    return Aov(values, tuple(spec.channelnames), source, meaning, stored, ids, own)
+    channels = tuple(spec.channelnames)
+    errors, samples = None, spec.get_int_attribute(SAMPLES) or None
+    count = len(channels) // 2
+    if source not in MADE_OF_PICTURE and len(channels) == 2 * count and all(STDERR in c.split(".") for c in channels[count:]):
+        channels, (values, errors) = channels[:count], np.split(values, 2, axis=2)
+    return Aov(values, channels, source, meaning, stored, ids, own, errors, samples)

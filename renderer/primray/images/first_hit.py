@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import WIDE, AovRequest, primvar_of, primvars_of
+from ..aov_names import AOVS, WIDE, AovRequest, primvar_of, primvars_of
 from ..core.scene_record import SceneRecord
 from ..description import Camera
 from ..errors import LimitError
@@ -17,6 +17,7 @@ from ..settings import RenderSettings
 from .aov import Aov, Values, make_aov
 
 MOST_NUMBERS = 2**32 - 1
+FILTERED_SAMPLES = 16  # a pixel: kFilteredSamples of the core's aov/first_hit.hpp
 # The core's planes are called as the AOVs; these are made of others, or of none.
 _MADE_OF: dict[str, tuple[str, ...]] = {"camera_normal": ("normal",), "samples": (), "instance": ("instance", "prim")}
 
@@ -36,16 +37,29 @@ def aovs_of(
     planes = dict.fromkeys(p for r in requests if primvar_of(r.source) is None for p in _MADE_OF.get(r.source, (r.source,)))
     found = core.first_hits(scene, list(planes), wanted, settings)
     found |= {f"primvar:{name}": values for name, values in zip(primvars, found["primvars"], strict=True)}
+    errors = _errors(scene, requests, found, settings)
     made: dict[str, Aov] = {}
     ids = Ids(scene, record)
     for request in requests:
-        made[request.name] = _aov(request, found, camera, counts, scene.exposure_scale, ids)
+        made[request.name] = _aov(request, found, errors, camera, counts, scene.exposure_scale, ids)
     return made
+
+
+def _errors(
+    scene: core.CoreScene, requests: Sequence[AovRequest], found: dict[str, Any], settings: RenderSettings
+) -> dict[str, Values]:
+    """Standard errors (H, W, C) of filtered planes, by two independent sets of samples: |a - b| / sqrt(2) is a's."""
+    names = [r.source for r in requests if r.errors and r.source in AOVS and AOVS[r.source].filtered]
+    if not names:
+        return {}
+    again = core.first_hits(scene, list(dict.fromkeys(names)), [], settings, replicate=1)
+    return {name: np.abs(found[name] - again[name]) * np.float32(np.sqrt(0.5)) for name in names}
 
 
 def _aov(
     request: AovRequest,
     found: dict[str, Any],
+    errors: dict[str, Values],
     camera: Camera,
     counts: npt.NDArray[np.uint32],
     exposure_scale: float,
@@ -61,8 +75,10 @@ def _aov(
         return make_aov(request, counts.sum(axis=0, dtype=np.uint32)[..., None])
     if source == "camera_normal":
         return make_aov(request, (found["normal"] @ camera.world_from_camera[:3, :3]).astype(np.float32))
-    if source == "emission":
-        return make_aov(request, found[source] * np.float32(exposure_scale))
+    if AOVS[source].filtered:
+        scale = np.float32(exposure_scale if source == "emission" else 1)
+        own = errors[source] * scale if request.errors else None
+        return make_aov(request, found[source] * scale, errors=own, samples=FILTERED_SAMPLES)
     if source in ("prim", "material", "instance"):
         return make_aov(request, *getattr(ids, source)(found))
     return make_aov(request, found[source])

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ..denoising.denoiser import check_denoiser
 from ..errors import SettingsError
-from ..settings import RenderSettings
+from ..settings import RenderSettings, StopAt
 from .board import Range
 
 
@@ -15,12 +16,14 @@ def check(asked: RenderSettings) -> None:
     faults = {
         "adaptive": asked.adaptive is True and "parts have the same samples everywhere: no adaptive sampling with them",
         "sample_range": asked.sample_range is not None and "a frame of parts has all samples: no sample range with it",
-        "denoise": asked.denoises and "a denoised picture needs the whole frame and its scene: render it without parts",
+        "stop_at": asked.stop_at is StopAt.DENOISED and "parts are judged by the picture's own error, not by a denoised one's",
         "spp": asked.is_quick_look and "a quick look of so few samples is not worth parts: render it without them",
     }
     for name, fault in faults.items():
         if fault:
             raise SettingsError(fault, where=name, code="parts-setting")
+    if asked.denoise:
+        check_denoiser()
 
 
 def part_settings(asked: RenderSettings, part: Range) -> RenderSettings:

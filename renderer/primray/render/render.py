@@ -240,14 +240,15 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
 
 def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:
     """With the denoised picture beside it; what a target has denoised last is of all samples, and not done again."""
-    from ..denoising.denoised import Denoising, with_denoised
+    from ..denoising.denoised import Denoising, guides_of, with_denoised
     from ..denoising.target import DenoisedTarget
 
     with costs.stage("denoise"):
         judge = sampling.judge_by
         if isinstance(judge, DenoisedTarget):
             return with_denoised(image, judge.denoised(sampling))
-        return with_denoised(image, Denoising(prepared.scene, prepared.settings).of(sampling.film))
+        scene, settings = prepared.scene, prepared.settings
+        return with_denoised(image, Denoising(guides_of(scene, settings), scene.exposure_scale, settings).of(sampling.film))
 
 
 def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> tuple[dict[str, Aov], dict[str, Any]]:

@@ -85,6 +85,7 @@ class RenderSettings:
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
+    aov_errors: bool = False  # standard errors beside those that are means of samples
     strict: bool = False
     max_memory_bytes: int | None = None
     dicing_rate: float = DEFAULT_DICING_RATE  # pixels: the longest that edges of subdivision surfaces may be

@@ -55,6 +55,7 @@ class SettingsValues(TypedDict, total=False):
     rendering_color_space: str | None
     purposes: Iterable[str] | None
     aovs: Iterable[str] | None
+    aov_errors: bool
     strict: bool
     max_memory_bytes: int | None
     dicing_rate: float
@@ -82,7 +83,7 @@ READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
-    **dict.fromkeys(("default_light", "strict", "motion_blur", "denoise"), yes_or_no),
+    **dict.fromkeys(("default_light", "strict", "motion_blur", "denoise", "aov_errors"), yes_or_no),
     **dict.fromkeys(DIFFUSION, _NUMBER),
     "eye": optional(choice(Eye)),
     "shutter": optional(two_numbers),

@@ -186,6 +186,8 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     asked = settings.aovs
     aovs = requests_of(asked) if asked is not None else aovs_of_variables(product.variables, ctx.diagnostics)
+    if settings.aov_errors:
+        aovs = tuple(replace(request, errors=True) for request in aovs)
     has_names = any(names_instances(request.source) for request in aovs)
     ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=has_names)
     read, of_colors = primvars_read(found.shaders, ctx)

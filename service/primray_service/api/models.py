@@ -54,6 +54,7 @@ class Settings(Sent):
     aovs: list[Annotated[str, Field(max_length=280)]] | None = Field(
         None, max_length=64, description="Parts of the EXR beside the picture, by name; null: what the stage's product orders."
     )
+    aov_errors: bool = Field(False, description="Standard errors of those that are means of samples, in their parts.")
     frames: str | None = Field(
         None, max_length=4096, description='"1", "1:10", "1-10x2" or "1,5"; not given: the default time.'
     )

@@ -27,6 +27,7 @@ class Settings(TypedDict, total=False):
     render_pass: str | None  # path of a RenderPass prim
     products: list[str]  # ["beauty"], or the path of one RenderProduct
     aovs: list[str] | None
+    aov_errors: bool
     frames: str | None
     resolution: tuple[int, int] | None
     stop: StopRules

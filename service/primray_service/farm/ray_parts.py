@@ -142,6 +142,7 @@ class RayParts:
             "picture_only": False,
             "preview": False,
             "part": True,
+            "keeps_beside": True,
             "limits": asdict(self._limits),
         }
         return Chunk(

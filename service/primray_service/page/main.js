@@ -2,7 +2,7 @@
 // (root, arguments) that fills its root and answers a function that ends it.
 //
 // Imports go one way: views/ (what an address shows) is made of scene/ (what is sent), job/ (what is told of a job) and picture/
-// (what it looks like); each of them uses base/ and none another.
+// (what it looks like), none of which uses another. Below picture/ are exr/ (reads files) and layers/ (draws what is in them).
 
 import { keyNeeded } from "./base/api.js";
 import { element, fill } from "./base/dom.js";

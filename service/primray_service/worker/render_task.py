@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from primray.checkpoints.checkpointing import Saver, begin
+from primray.checkpoints.kept_beside import kept_beside
 from primray.diagnostics import Diagnostics
 from primray.render import Prepared, picture_of
 from primray.report.report import Costs, settings_as_json
@@ -52,6 +53,9 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
             sampling.run(lambda fraction, samples, rays: False)
         elif watch.run(float(command.get("fraction") or 0.0)) == "gave way":
             channel.leave("yielded", number=numbers.number)
+        if command.get("keeps_beside") and sampling.film.samples:
+            saver.wait()
+            saver.keep_beside(kept_beside(prepared, sampling))
         watch.last_words()
     if not sampling.film.samples:  # it was stopped before there was a picture
         saver.wait()

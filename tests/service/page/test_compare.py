@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from tests.service.page.conftest import until
 from tests.service.page.scenes import submit, upload
 
 from primray_service.worker.preview import decode_preview
@@ -50,6 +51,17 @@ def test_slider_difference_and_values(open_page, site):
     slider = page.get_by_label("Between A and B")
     slider.fill("25")
     assert page.evaluate("document.querySelectorAll('.layer')[1].style.clipPath") == "inset(0px 0px 0px 25%)"
+    # A flicker shows one after the other, and keys either of them.
+    page.get_by_role("button", name="Flicker").click()
+    seen = "[...document.querySelectorAll('.layer')].map((layer) => layer.hidden).join()"
+    until(page, f"{seen} === 'true,false'")
+    until(page, f"{seen} === 'false,true'")
+    page.locator(".stage").press("b")
+    assert page.evaluate(seen) == "true,false"
+    page.locator(".stage").press(" ")
+    assert page.evaluate(seen) == "false,true"
+    page.locator(".stage").press("w")
+    assert page.evaluate(seen) == "false,false"
     # The measures.
     square = (a - b) ** 2
     numbers = page.locator(".numbers-list").inner_text()
@@ -89,10 +101,14 @@ def test_other_sizes_are_told(open_page, site):
     with site.client() as client:
         scene = upload(client)
         first = submit(client, scene, wait_s=60)
-        second = submit(client, scene, wait_s=60, resolution=[30, 20])
+        second = submit(client, scene, wait_s=60, resolution=[30, 30])
     page = open_page(f"#/compare/{first}").page
     page.get_by_text("Choose two jobs.").wait_for()
     page.get_by_label("B", exact=True).select_option(second)
-    page.get_by_text("The sizes differ (48 × 32 and 30 × 20)").wait_for()
+    page.get_by_text("The sizes differ (48 × 32 and 30 × 30)").wait_for()
     page.get_by_role("button", name="Difference", exact=True).click()
     assert page.locator(".viewer").get_attribute("data-shown") == "split"
+    # B keeps its shape: the square stands in the middle of A's 3 to 2.
+    page.get_by_label("Look").select_option("srgb")
+    page.get_by_role("button", name="B", exact=True).click()
+    until(page, "getComputedStyle(document.querySelectorAll('.layer')[1].firstChild).objectFit === 'contain'")

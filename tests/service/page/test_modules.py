@@ -103,7 +103,9 @@ def preview(tmp_path):
 def test_half_floats_are_read_bit_by_bit(page, preview):
     written, data = preview
     script = """async (text) => {
-      const { decodeRaw, HALF, encoded } = await import("/page/picture/raw_image.js");
+      const { decodeRaw } = await import("/page/picture/raw_image.js");
+      const { encoded } = await import("/page/base/srgb.js");
+      const { HALF } = await import("/page/base/half.js");
       const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
       const raw = decodeRaw(bytes.buffer);
       const values = raw.color.map((plane) => Array.from(plane, (bits) => HALF[bits]));

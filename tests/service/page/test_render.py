@@ -65,7 +65,7 @@ def test_a_picture_refines_is_canceled_and_goes_on(open_page, site):
     assert re.fullmatch(r"\d+ %", page.title().split(" · ")[0])
     assert page.get_by_role("progressbar", name="Progress").is_visible()
     # Values under the cursor, by mouse and by keys, are those of the raw preview.
-    page.locator(".stage").hover(position={"x": 300, "y": 200})
+    page.locator(".stage").hover()
     until(page, r"/\d\.\d{4}/.test(document.querySelector('.values').textContent)")
     page.get_by_role("button", name="Cancel").click()
     wait_for_state(page, "canceled")
@@ -136,11 +136,12 @@ def test_exposure_channel_view_and_zoom(open_page, site):
     until_pictures(page, before)
     assert page.evaluate(mean)[1]
     before = pictures(page)
-    page.get_by_label("View").select_option("error")
+    page.get_by_label("View", exact=True).select_option("error")
     until_pictures(page, before)
     assert "standard error" in page.locator(".legend").inner_text()
     page.get_by_role("button", name="Reset exposure").click()
     # Zoom: in by button, fit again.
+    page.get_by_role("button", name="Fit").click()
     scale = "new DOMMatrix(getComputedStyle(document.querySelector('.sheet')).transform).a"
     fitted = page.evaluate(scale)
     page.get_by_role("button", name="Zoom in").click()

@@ -17,7 +17,7 @@ import pytest
 from tests.statistics.errors.calibration import STAGES, Case, case, holds
 
 from primray.denoising import denoiser
-from primray.denoising.denoised import Denoising
+from primray.denoising.denoised import Denoising, guides_of
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results" / "denoised-coverage.json"
 REFERENCE_SPP, QUICK_REFERENCE_SPP = 1 << 13, 1 << 11
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(not denoiser.has_denoiser(), reason="primray[den
 
 def study(of: Case, spp: int, renders: int) -> dict[str, Any]:
     """Coverage and sums for one cell: a scene at a number of samples."""
-    denoising = Denoising(of.scene, of.settings)
+    denoising = Denoising(guides_of(of.scene, of.settings), of.scene.exposure_scale, of.settings)
     rows = []
     for seed in range(renders):
         sampling = of.render(spp=spp, seed=1000 * spp + seed)

@@ -97,6 +97,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "rendering_color_space": "lin_rec709_scene",
         "purposes": ["default", "proxy"],
         "aovs": ["depth", "normal", "st"],
+        "aov_errors": False,
         "strict": True,
         "max_memory_bytes": 4 * 2**30,
         "lens_flaws": ["mechanical-vignetting=2,0.5", "natural-vignetting=1"],

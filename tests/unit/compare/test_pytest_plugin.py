@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import importlib.metadata
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -12,6 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import OpenImageIO as oiio
 import pytest
 from tests.compared_scenes import CHANGES, PLAIN, ROOM
 from tests.measured import BuiltScene, save
@@ -20,6 +24,8 @@ from primray import RenderSettings
 from primray.compare import image_check
 from primray.compare.comparison import compare
 from primray.compare.difference_picture import save_difference
+from primray.compare.failure_page import write_page
+from primray.compare.flip import has_flip
 from primray.images.image_file import read_image
 
 pytest_plugins = ["pytester"]
@@ -46,6 +52,7 @@ def _everything_is_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
     image = BuiltScene(str(folder / "shot.usda"), RenderSettings(resolution=(8, 8))).render(0, 2)
     image = read_image(save(image, folder / "a.exr"))
     save_difference(compare(image, image), folder / "a.png")
+    write_page([], folder / "a.html")
 
 
 @pytest.fixture
@@ -100,6 +107,40 @@ def test_a_change_fails_with_its_evidence(pytester: pytest.Pytester, run: Run) -
     assert sorted(path.name for path in kept.iterdir()) == ["difference.png", "reference.exr", "render.exr", "report.json"]
     assert json.loads((kept / "report.json").read_text())["verdict"] == "changed"
     assert (kept / "reference.exr").read_bytes() == (pytester.path / "refs/shot.exr").read_bytes()
+
+
+def test_a_page_shows_the_failures_of_a_run(pytester: pytest.Pytester, run: Run) -> None:
+    write_room(pytester.path)
+    run("--primray-update")
+    assert "No comparison of pictures failed" in _page(pytester, run)
+    write_room(pytester.path, **CHANGES["small box removed"])
+    page = _page(pytester, run)
+    assert "1 failed comparison of pictures" in page
+    assert "test_shots.py::test_shot" in page
+    assert re.search(r"<dt>tiles</dt><dd>\d changed", page)
+    # It asks for nothing outside of itself, and has each picture whole.
+    asked = re.findall(r"""(?:src|href)=["']([^"']*)""", page)
+    assert [one for one in asked if not one.startswith(("data:image/png;base64,", "#f"))] == []
+    assert "url(" not in page
+    shown = [base64.b64decode(text) for text in re.findall(r"data:image/png;base64,([\w+/=]+)", page)]
+    pictures = [read_png(png, pytester.path / "shown.png") for png in shown]
+    assert [p.shape[:2] for p in pictures] == [(32, 48)] * (6 if has_flip() else 5)
+    before, after, again = pictures[:3]
+    np.testing.assert_array_equal(before, again)  # under the picture, to be pointed at
+    assert (before != after).any()
+    assert pictures[4].max() > pictures[4].min()  # where the box was
+
+
+def _page(pytester: pytest.Pytester, run: Run) -> str:
+    run("--primray-html", "out/page.html")
+    return (pytester.path / "out" / "page.html").read_text(encoding="utf-8")
+
+
+def read_png(png: bytes, path: Path) -> np.ndarray[Any, Any]:
+    path.write_bytes(png)
+    file: Any = oiio.ImageInput.open(str(path))
+    spec = file.spec()
+    return np.asarray(file.read_image(0, 0, 0, spec.nchannels, oiio.UINT8)).reshape(spec.height, spec.width, -1)
 
 
 def test_an_unchanged_scene_with_other_noise_passes_and_leaves_nothing(pytester: pytest.Pytester, run: Run) -> None:

@@ -26,6 +26,16 @@ def compare(
         float, typer.Option(metavar="T", help="Smallest relative difference that matters; 0: any that noise does not explain.")
     ] = 0.01,
     tile: Annotated[int, typer.Option(metavar="N", help="Pixels across a tile.")] = 32,
+    aovs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--aov",
+            "--aovs",
+            metavar="NAME",
+            help="Judge these outputs too: names by commas, or all that both have; may be repeated.",
+            show_default="the picture alone",
+        ),
+    ] = None,
     metric: Annotated[
         list[FurtherMetric] | None,
         typer.Option("--metric", help="Beside the verdict, which it does not change (primray[flip]).", show_default=False),
@@ -39,11 +49,15 @@ def compare(
 ) -> None:
     """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 6: needs more samples, 2: usage."""
     try:
-        verdict = _compare(a, b, alpha, tolerance, tile, difference, report, json, bool(metric))
+        verdict = _compare(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric))
     except PrimrayError as error:
         error.exit_code = 2  # whatever went wrong: 1 would say that the picture has changed
         raise
     raise typer.Exit(EXIT_CODES[verdict])
+
+
+def names_of(texts: list[str] | None) -> list[str]:
+    return [name for text in texts or () for name in text.split(",") if name]
 
 
 def _compare(
@@ -52,12 +66,13 @@ def _compare(
     alpha: float,
     tolerance: float,
     tile: int,
+    aovs: list[str],
     difference: str | None,
     report: str | None,
     json: bool,
     with_flip: bool,
 ) -> str:
-    from ...compare.comparison import compare as compare_images
+    from ...compare.aov_tests import aovs_in, compare_with_aovs
     from ...compare.comparison_report import as_json, lines
     from ...compare.difference_picture import check_difference_path, save_difference
     from ...compare.flip import check_flip, flip
@@ -76,7 +91,8 @@ def _compare(
         if output is not None and Path(output).resolve() in (Path(a).resolve(), Path(b).resolve()):
             raise SettingsError("the output would replace a picture that is compared", where=output, code="output-folder")
     pictures = read_image(a), read_image(b)
-    result = compare_images(*pictures, alpha=alpha, tolerance=tolerance, tile=tile)
+    both = (aovs_in(a), aovs_in(b)) if aovs else ({}, {})
+    result = compare_with_aovs(pictures, both, aovs, alpha=alpha, tolerance=tolerance, tile=tile)
     seen = flip(*pictures) if with_flip else None
     facts = {"a": a, "b": b, **as_json(result)} | ({} if seen is None else {"flip": seen.as_json()})
     if difference is not None:

@@ -57,7 +57,7 @@ def cryptomatte(source: str, coverage: Coverage, number: npt.NDArray[np.int64], 
     channels = tuple(f"{layer}{n:02d}.{letter}" for n in range(ranks // 2) for letter in "RGBA")
     seen = {int(h) for h in np.unique(ids[weights > 0]).tolist()}
     every = dict(zip([*names, LIGHTS], [*hashes.tolist(), hash_of(LIGHTS)], strict=False))
-    manifest = {name: h for name, h in every.items() if h in seen}
+    manifest = {name: every[name] for name in sorted(every) if every[name] in seen}
     values = values.reshape(*coverage.counts.shape, 2 * ranks)
     return Aov(values, channels, source, CRYPTOMATTES[source].meaning, metadata=header_of(layer, manifest))
 

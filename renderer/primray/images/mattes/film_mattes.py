@@ -24,15 +24,40 @@ def mattes_of(
     scene: core.CoreScene, requests: Sequence[AovRequest], sampling: Sampling, assets: Mapping[str, str]
 ) -> dict[str, Aov]:
     """By name; `assets` are those of prims, by their paths."""
-    film, settings = sampling.film, sampling.settings
-    first = settings.sample_range[0] // SAMPLE_BLOCK if settings.sample_range else 0
-    begin = np.full_like(film.next, first)
-    drawn = core.FilmSamples(begin, film.next, settings.seed, settings.screen_block, sampling.splits.paths > 1)
-    counts, what, shares = core.coverage(scene, drawn, settings)
+    film = sampling.film
+    counts, what, shares = _covering(scene, sampling)
     samples = film.counts.sum(axis=0, dtype=np.int64)
     covering = Coverage(counts, shares, np.maximum(samples, 1), film.image()[0][..., 3])
     names = _Names(scene, what, assets)
     return {r.name: cryptomatte(r.source, covering, *getattr(names, r.source)()) for r in requests}
+
+
+def covered_names(
+    scene: core.CoreScene, sources: Sequence[str], sampling: Sampling, assets: Mapping[str, str]
+) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64], npt.NDArray[np.int64], dict[str, Names]]:
+    """How many things cover each pixel (H, W); of all of them, pixel by pixel, which it is (N) and what it covers (N), in whole
+    units; and by source the names of those that there are."""
+    counts, what, shares = _covering(scene, sampling)
+    different, number = np.unique(what, axis=0, return_inverse=True)
+    names = _Names(scene, different, assets)
+    found = {source: getattr(names, source)() for source in sources}
+    return (
+        counts,
+        number.ravel().astype(np.int64),
+        shares,
+        {s: [own[n] for n in places.tolist()] for s, (places, own) in found.items()},
+    )
+
+
+def _covering(
+    scene: core.CoreScene, sampling: Sampling
+) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """As core.coverage has it, of the samples that the film has taken."""
+    film, settings = sampling.film, sampling.settings
+    first = settings.sample_range[0] // SAMPLE_BLOCK if settings.sample_range else 0
+    begin = np.full_like(film.next, first)
+    drawn = core.FilmSamples(begin, film.next, settings.seed, settings.screen_block, sampling.splits.paths > 1)
+    return core.coverage(scene, drawn, settings)
 
 
 class _Names:

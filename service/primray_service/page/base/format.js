@@ -35,6 +35,13 @@ export function error(value) {
   return `${trimmed((value / 10 ** power).toPrecision(2))}·10${[...String(power)].map((digit) => SUPERSCRIPT[digit]).join("")}`;
 }
 
+// With as many digits as tell pixels apart.
+export function fixed(value) {
+  if (!Number.isFinite(value)) return Number.isNaN(value) ? "NaN" : value > 0 ? "∞" : "−∞";
+  if (value !== 0 && (Math.abs(value) < 0.001 || Math.abs(value) >= 10000)) return error(value);
+  return value.toFixed(Math.abs(value) < 10 ? 4 : Math.abs(value) < 1000 ? 2 : 0);
+}
+
 const trimmed = (text) => (text.includes("e") ? String(Number(text)) : text.replace(/(\.\d*[1-9])0+$|\.0+$/, "$1"));
 
 export function count(value) {

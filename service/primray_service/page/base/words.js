@@ -66,7 +66,7 @@ const ADVICE = {
   "upload-incomplete": "The connection broke. Upload it again.",
   "limit-exceeded": "Ask for less, or ask the operator for a higher limit.",
   "unsupported-setting": "Choose another value.",
-  "parallel-denoise": "Leave out denoising, or parallel.",
+  "parallel-denoise": "Leave out the denoised error to stop at, or parallel.",
   "parallel-adaptive": "Leave out adaptive sampling, or parallel.",
   unauthenticated: "Enter a valid API key.",
   forbidden: "Use a key that is allowed to do this.",

@@ -12,6 +12,7 @@ export function outputs(job) {
     const { items } = await get(jobPath(job, "/outputs"));
     root.hidden = items.length === 0;
     fill(list, items.map(row));
+    return items;
   }
 
   function row(output) {

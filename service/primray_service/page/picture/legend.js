@@ -1,4 +1,4 @@
-// What the colours of an error view mean, from the answer's Preview-Scale.
+// What the colours of a view mean: of the server's error views from the answer's Preview-Scale, of layers as paint() says.
 
 import { element, fill } from "../base/dom.js";
 import * as format from "../base/format.js";
@@ -10,11 +10,17 @@ export function legend() {
   function show(scale) {
     const found = Object.fromEntries((scale ?? "").split(";").map((part) => part.split("=")));
     const [low, high] = [Number(found.low), Number(found.high)];
-    root.hidden = !(low > 0 && high > low);
-    if (root.hidden) return;
     const unit = found.unit === "radiance" ? "standard error, in the picture’s units" : "standard error, relative to the pixel";
-    fill(root, element("span", {}, format.error(low)), element("i", { class: "viridis" }), element("span", {}, format.error(high)), element("span", { class: "soft" }, `${unit}; grey: not known yet`));
+    tell(low > 0 && high > low ? { low: format.error(low), high: format.error(high), unit: `${unit}; grey: not known yet` } : null);
   }
 
-  return { root, show };
+  // {low, high, unit, map}; `map` is "" where colours are no scale.
+  function tell(scale) {
+    root.hidden = !scale;
+    if (!scale) return;
+    const { low, high, unit, map = "viridis" } = scale;
+    fill(root, low && element("span", {}, low), map && element("i", { class: map }), high && element("span", {}, map ? high : `to ${high}`), element("span", { class: "soft" }, unit));
+  }
+
+  return { root, show, tell };
 }

@@ -2,23 +2,8 @@
 // 65,536 values, so both its number and its place on the screen are tables.
 
 import * as format from "../base/format.js";
-
-// IEEE 754-2008 binary16: 1 sign, 5 exponent, 10 fraction bits.
-export const HALF = Float32Array.from({ length: 65536 }, (_, bits) => {
-  const sign = bits & 0x8000 ? -1 : 1;
-  const exponent = (bits >> 10) & 31;
-  const fraction = bits & 1023;
-  if (exponent === 0) return sign * fraction * 2 ** -24;
-  if (exponent === 31) return fraction ? Number.NaN : sign * Number.POSITIVE_INFINITY;
-  return sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
-});
-
-// IEC 61966-2-1, the encoding of sRGB.
-export function encoded(linear) {
-  if (!(linear > 0)) return 0;
-  if (linear >= 1) return 255;
-  return Math.round(255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055));
-}
+import { HALF } from "../base/half.js";
+import { encoded } from "../base/srgb.js";
 
 const MAGIC = "primrayP";
 const HEADER_BYTES = 40;
@@ -53,12 +38,7 @@ function words(color, stderr, at) {
   const values = color.map((plane) => HALF[plane[at]]);
   const errors = stderr.map((plane) => HALF[plane[at]]);
   const mean = Math.sqrt(errors.reduce((sum, value) => sum + value * value, 0) / 3);
-  return `${values.map(fixed).join("  ")}  ± ${Number.isFinite(mean) ? format.error(mean) : "?"}`;
-}
-
-function fixed(value) {
-  if (value !== 0 && (Math.abs(value) < 0.001 || Math.abs(value) >= 10000)) return format.error(value);
-  return value.toFixed(Math.abs(value) < 10 ? 4 : Math.abs(value) < 1000 ? 2 : 0);
+  return `${values.map(format.fixed).join("  ")}  ± ${Number.isFinite(mean) ? format.error(mean) : "?"}`;
 }
 
 export function drawPicture(canvas, raw, stops) {

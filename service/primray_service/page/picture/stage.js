@@ -5,16 +5,18 @@ import { button, element, say, write } from "../base/dom.js";
 
 const MOST_ZOOM = 64;
 const STEP = 1.25;
+const SCROLLING_MS = 400; // a page that is scrolled by the wheel goes on scrolling where the picture comes under the pointer
 const KEYS = "plus and minus zoom, 0 fits, 1 shows pixel for pixel, arrows move, Shift with arrows picks a pixel";
 
-export function stage(label, { onPixel = () => {} } = {}) {
+// `keys`: {words, press}: what else keys mean; `press(key)` answers whether it is one of them.
+export function stage(label, { onPixel = () => {}, keys = { words: "", press: () => false } } = {}) {
   const mark = element("div", { class: "mark", hidden: true });
   const sheet = element("div", { class: "sheet" }, mark);
-  const root = element("div", { class: "stage", tabindex: "0", role: "application", "aria-roledescription": "picture", "aria-label": `${label}. Keys: ${KEYS}` }, sheet);
+  const root = element("div", { class: "stage", tabindex: "0", role: "application", "aria-roledescription": "picture", "aria-label": `${label}. Keys: ${[KEYS, keys.words].filter(Boolean).join("; ")}` }, sheet);
   const zoomText = element("output", { class: "zoom-text" });
   let [width, height] = [0, 0];
   let [scale, left, top] = [1, 0, 0];
-  let fitted = true;
+  let [fitted, filling] = [true, false]; // whether it is placed by itself; whether small pictures are shown larger then
   let picked = null; // a pixel chosen by keys
   const pointers = new Map();
 
@@ -24,17 +26,20 @@ export function stage(label, { onPixel = () => {} } = {}) {
     sheet.style.width = `${w}px`;
     sheet.style.height = `${h}px`;
     root.style.setProperty("--aspect", `${w} / ${h}`);
+    root.style.setProperty("--natural", `${h}px`);
     picked = null;
     mark.hidden = true;
-    fit();
+    fit(filling);
   }
 
-  function fit() {
-    fitted = true;
+  // At first no picture is shown larger than it is.
+  function fit(fills) {
+    [fitted, filling] = [true, fills];
     if (!width || !root.clientWidth) return;
     scale = Math.min(root.clientWidth / width, root.clientHeight / height);
+    if (!fills) scale = Math.min(1, scale);
     // A small picture is shown larger in whole steps, so that its pixels stay square.
-    if (scale > 2) scale = Math.floor(scale);
+    else if (scale > 2) scale = Math.floor(scale);
     left = (root.clientWidth - width * scale) / 2;
     top = (root.clientHeight - height * scale) / 2;
     place();
@@ -103,20 +108,27 @@ export function stage(label, { onPixel = () => {} } = {}) {
     else if (arrow) move(-40 * arrow[0], -40 * arrow[1]);
     else if (event.key === "+" || event.key === "=") zoom(STEP);
     else if (event.key === "-") zoom(1 / STEP);
-    else if (event.key === "0") fit();
+    else if (event.key === "0") fit(true);
     else if (event.key === "1") actual();
     else if (event.key === "Escape" && !mark.hidden) {
       mark.hidden = true;
       picked = null;
       onPixel(null);
-    } else return;
+    } else if (!keys.press(event.key)) return;
     event.preventDefault();
   });
-  // Without a key held, the wheel scrolls the page until the picture has been zoomed or has the focus.
+  let scrolledAt = -SCROLLING_MS;
+  const elsewhere = (event) => {
+    if (!root.contains(event.target)) scrolledAt = event.timeStamp;
+  };
+  addEventListener("wheel", elsewhere, { passive: true });
   root.addEventListener(
     "wheel",
     (event) => {
-      if (fitted && !event.ctrlKey && document.activeElement !== root) return;
+      if (event.timeStamp - scrolledAt < SCROLLING_MS) {
+        scrolledAt = event.timeStamp;
+        return;
+      }
       event.preventDefault();
       const box = root.getBoundingClientRect();
       zoom(STEP ** (-Math.sign(event.deltaY)), event.clientX - box.left, event.clientY - box.top);
@@ -126,7 +138,7 @@ export function stage(label, { onPixel = () => {} } = {}) {
   root.addEventListener("dblclick", (event) => {
     const box = root.getBoundingClientRect();
     if (fitted) zoom(Math.max(2, 1 / (scale * devicePixelRatio)), event.clientX - box.left, event.clientY - box.top);
-    else fit();
+    else fit(true);
   });
   root.addEventListener("pointerdown", (event) => {
     if (event.button !== 0) return;
@@ -153,7 +165,7 @@ export function stage(label, { onPixel = () => {} } = {}) {
     zoom(distance(after) / distance(before), other[0] - box.left, other[1] - box.top);
   }
 
-  const sized = new ResizeObserver(() => (fitted ? fit() : place()));
+  const sized = new ResizeObserver(() => (fitted ? fit(filling) : place()));
   sized.observe(root);
 
   const tools = element(
@@ -162,8 +174,13 @@ export function stage(label, { onPixel = () => {} } = {}) {
     button("−", () => zoom(1 / STEP), { "aria-label": "Zoom out" }),
     zoomText,
     button("+", () => zoom(STEP), { "aria-label": "Zoom in" }),
-    button("Fit", fit),
+    button("Fit", () => fit(true)),
     button("1:1", actual, { "aria-label": "Pixel for pixel" }),
   );
-  return { root, sheet, tools, size, fit, close: () => sized.disconnect() };
+  function close() {
+    sized.disconnect();
+    removeEventListener("wheel", elsewhere);
+  }
+
+  return { root, sheet, tools, size, fit, close };
 }

@@ -1,49 +1,41 @@
-// A job's picture as it refines: the next preview is fetched and decoded behind the one that is shown, then they swap.
-// Exposure, channel and view are the server's work; the values under the cursor come from the half-float preview, fetched
-// when somebody points at one.
+// A job's picture: as it refines (the server's previews), and once it has a file each of its parts (drawn here from its own
+// numbers). With values under the pointer, exposure, channels, false colours and a histogram.
 
-import { call, jobPath } from "../base/api.js";
-import { button, choice, element, field, fill, write } from "../base/dom.js";
+import { choice, button, element, field, fill, write } from "../base/dom.js";
+import { HALF } from "../base/half.js";
+import { histogram } from "../layers/histogram.js";
+import { paint } from "../layers/paint.js";
 import { legend } from "./legend.js";
-import { drop, fetchPicture } from "./picture.js";
-import { decodeRaw } from "./raw_image.js";
+import { partsOf } from "./parts.js";
+import { pixelValues, rawOf } from "./pixel_values.js";
+import { served } from "./served.js";
 import { stage } from "./stage.js";
 
-const VIEWS = [
-  ["beauty", "Picture"],
-  ["error", "Error"],
-  ["relative-error", "Error, relative"],
-];
-const CHANNELS = [
-  ["rgb", "Colour"],
-  ["r", "Red"],
-  ["g", "Green"],
-  ["b", "Blue"],
-  ["a", "Alpha"],
-  ["luminance", "Luminance"],
-];
-const AGAIN_S = 0.15; // after there was no picture where one was expected
-const ASK_S = 4; // a worker writes pictures only while somebody asks; it forgets after 10 s
-const RAW_AGE_S = 2; // of values under the cursor while the picture refines
+const VIEWS = [["beauty", "Picture"], ["error", "Error"], ["relative-error", "Error, relative"]];
+const CHANNELS = [["rgb", "Colour"], ["r", "Red"], ["g", "Green"], ["b", "Blue"], ["a", "Alpha"], ["luminance", "Luminance"]];
+const LOOKS = [["display", "Display"], ["false", "False colour"]];
+const PART = "part:";
 const EXPOSE_AFTER_S = 0.06; // a slider that is dragged asks for the last place only
+const KEY_STOPS = 0.5;
 
 export function viewer(job, { onFirst = () => {} } = {}) {
-  const values = element("output", { class: "values", "aria-label": "Values of the pixel under the cursor" });
   const waiting = element("span", {}, "Waiting for the first picture");
   const pulse = element("span", { class: "pulse" });
   const wait = element("p", { class: "wait" }, pulse, waiting);
-  const board = stage("The picture", { onPixel: tellPixel });
+  const keys = { words: "E and Shift E expose, V shows the next view", press: onKey };
+  const board = stage("The picture", { onPixel: (at) => values.tell(at), keys });
+  const canvas = element("canvas", { hidden: true });
   board.root.append(wait);
-  let state = { frame: null, view: "beauty", channel: "rgb", exposure: 0 };
-  let front = null; // the <img> that is seen
-  let [isThere, isLive, isWanted, isLoading, closed] = [false, true, false, false, false];
-  let [tag, shownAs] = ["", ""];
-  let [timer, exposeTimer] = [0, 0];
-  let raw = null; // {frame, at, image, pending}
-  let pixel = null;
+  board.sheet.prepend(canvas);
+  const state = { frame: null, view: "beauty", channel: "rgb", exposure: 0, look: "display" };
+  const parts = partsOf();
+  let found = null; // the parts of the frame that is shown
+  let [layer, front] = [null, null]; // what is drawn here, if anything is; the server's <img>
+  let [isLive, closed, exposeTimer, drawing] = [true, false, 0, 0];
 
-  const view = choice(VIEWS, "beauty", { on: { change: () => set({ view: view.value }) } });
-  const channel = choice(CHANNELS, "rgb", { on: { change: () => set({ channel: channel.value }) } });
+  const view = choice(VIEWS, "beauty", { on: { change: () => turnTo(view.value) } });
+  const channel = choice(CHANNELS, "rgb", { on: { change: () => change({ channel: channel.value }) } });
+  const look = choice(LOOKS, "display", { on: { change: () => change({ look: look.value }) } });
   const exposure = element("input", { type: "range", min: "-8", max: "8", step: "0.25", value: "0", on: { input: expose } });
   const stops = element("output", { class: "stops" }, "0");
   const reset = button("Reset", () => {
@@ -51,11 +43,22 @@ export function viewer(job, { onFirst = () => {} } = {}) {
     expose();
     exposure.focus();
   }, { class: "quiet", hidden: true, "aria-label": "Reset exposure" });
-  const note = element("p", { class: "note", role: "status" });
-  const colors = legend();
+  const [note, meaning] = [element("p", { class: "note", role: "status" }), element("p", { class: "note" })];
+  const [colors, counts] = [legend(), histogram()];
+  const values = pixelValues(job, shown, layerOfIds);
+  const pictures = served(job, { onImage, onScale: (scale) => !layer && colors.show(scale), onTrouble: (text) => write(note, text) });
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "exposure") }, "Exposure, stops"), exposure, stops, reset);
-  const bar = element("div", { class: "bar" }, field("View", view), field("Channel", channel), exposureField, board.tools);
-  const root = element("div", { class: "viewer" }, board.root, element("div", { class: "under" }, values, colors.root), bar, note);
+  const [channelField, lookField] = [field("Channel", channel), field("Look", look)];
+  const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField, board.tools);
+  const under = element("div", { class: "under" }, values.root, colors.root, meaning);
+  const root = element("div", { class: "viewer" }, board.root, under, bar, note, counts.root);
+
+  const isPart = () => state.view.startsWith(PART);
+  const size = () => (layer ? [layer.fullWidth, layer.fullHeight] : [front?.naturalWidth ?? 1, front?.naturalHeight ?? 1]);
+
+  function shown() {
+    return { frame: state.frame, layer: isPart() ? layer : null, image: layer ? canvas : front, size: size(), isLive };
+  }
 
   function expose() {
     const value = Number(exposure.value);
@@ -63,123 +66,175 @@ export function viewer(job, { onFirst = () => {} } = {}) {
     exposure.setAttribute("aria-valuetext", `${value} stops`);
     reset.hidden = value === 0;
     clearTimeout(exposeTimer);
-    exposeTimer = setTimeout(() => set({ exposure: value }), 1000 * EXPOSE_AFTER_S);
+    exposeTimer = setTimeout(() => change({ exposure: value }), 1000 * EXPOSE_AFTER_S);
   }
 
-  function set(changes) {
-    const before = sourceOf(state);
-    state = { ...state, ...changes };
-    if (sourceOf(state) !== before) ask();
-  }
-
-  const sourceOf = (now) => JSON.stringify(now);
-
-  function ask() {
-    isWanted = true;
-    if (isThere && !isLoading && !closed) load();
-  }
-
-  async function load() {
-    clearTimeout(timer);
-    [isWanted, isLoading] = [false, true];
-    const source = sourceOf(state);
-    let pause = ASK_S;
-    try {
-      const found = await fetchPicture(job, state, tag);
-      if (found.image) swap(found.image);
-      [tag, shownAs] = [found.tag, source];
-      colors.show(found.scale);
-      write(note, "");
-    } catch (failure) {
-      if (!failure.problem) throw failure;
-      if (!front) pause = Math.max(AGAIN_S, failure.retryAfter ?? 0);
-      if (failure.problem.status === 422) write(note, failure.problem.detail);
-      else if (shownAs && shownAs !== source && failure.problem.status !== 0) write(note, failure.problem.detail);
-    } finally {
-      isLoading = false;
+  // "E" brighter, "Shift E" darker, as in other viewers of pictures; whether the key means something.
+  function onKey(key) {
+    if (key === "e" || key === "E") {
+      exposure.value = String(Number(exposure.value) + (key === "e" ? KEY_STOPS : -KEY_STOPS));
+      expose();
+      return true;
     }
-    if (closed) return;
-    if (isWanted) ask();
-    else if (isLive) timer = setTimeout(() => (document.hidden ? (isWanted = true) : ask()), 1000 * pause);
+    if (key !== "v" && key !== "V") return false;
+    const options = [...view.options];
+    turnTo(options.at((view.selectedIndex + (key === "v" ? 1 : -1)) % options.length).value);
+    return true;
   }
 
-  // A page that is not looked at does not ask; it does at once when it is.
-  const seen = () => !document.hidden && isWanted && ask();
-  document.addEventListener("visibilitychange", seen);
+  function turnTo(name) {
+    view.value = name;
+    change({ view: name });
+  }
 
-  function swap(next) {
-    if (closed) {
-      drop(next);
+  function change(changes) {
+    Object.assign(state, changes);
+    arrange();
+    draw();
+  }
+
+  function arrange() {
+    const kind = isPart() ? found?.layers.find(({ key }) => PART + key === state.view)?.kind : state.view === "beauty" ? "color" : "error";
+    channelField.hidden = !["color", "error"].includes(kind);
+    lookField.hidden = kind !== "color";
+    exposureField.hidden = kind !== "color" && isPart();
+  }
+
+  const drawsHere = () => isPart() || (state.view === "beauty" && state.look === "false");
+
+  // One drawing at a time counts: the newest.
+  async function draw() {
+    const mine = ++drawing;
+    if (!drawsHere()) {
+      const wasHere = layer !== null;
+      layer = null;
+      canvas.hidden = true;
+      if (front) front.hidden = false;
+      write(meaning, "");
+      if (front && wasHere) board.size(...size());
+      pictures.set({ frame: state.frame, view: state.view, channel: state.channel, exposure: state.exposure });
+      pictures.pause(false);
+      countPreview(mine);
       return;
     }
-    board.size(next.naturalWidth, next.naturalHeight);
-    board.sheet.prepend(next);
-    const before = front;
-    front = next;
-    if (before) drop(before);
-    else {
-      wait.remove();
-      onFirst();
+    try {
+      const next = await layerNow();
+      if (mine !== drawing || closed || !next) return;
+      pictures.pause(isPart());
+      layer = next;
+      write(note, "");
+      write(meaning, isPart() ? aboutOf(next) : "");
+      colors.tell(paint(canvas, next, { stops: state.exposure, channel: state.channel, isFalse: state.look === "false" }));
+      counts.show(next, state.exposure);
+      canvas.hidden = false;
+      if (front) front.hidden = true;
+      board.size(...size());
+      hasPicture();
+      values.again();
+    } catch (failure) {
+      if (mine === drawing && !closed) write(note, failure.message);
     }
+  }
+
+  async function layerNow() {
+    if (!isPart()) return layerOfRaw(await rawOf(job, state.frame));
+    found = await parts.of(state.frame);
+    const chosen = found?.layers.find(({ key }) => PART + key === state.view);
+    return chosen ? found.read(chosen) : null;
+  }
+
+  // The histogram of what the server shows is of the numbers behind it, fetched where somebody looks at it.
+  async function countPreview(mine) {
+    counts.show(null);
+    if (state.view !== "beauty" || !front) return;
+    counts.later(async () => {
+      const made = layerOfRaw(await rawOf(job, state.frame));
+      return mine === drawing ? [made, state.exposure] : null;
+    });
+  }
+
+  async function layerOfIds(frame) {
+    const opened = await parts.of(frame);
+    const layers = opened?.layers ?? [];
+    const best = layers.find(({ part }) => part.name === "prim") ?? layers.find(({ kind, part }) => kind === "mattes" && part.name === "crypto_object");
+    return best ? opened.read(best) : null;
+  }
+
+  function onImage(next, before) {
+    next.hidden = layer !== null;
+    front = next;
+    if (!layer) board.size(next.naturalWidth, next.naturalHeight);
+    board.sheet.prepend(next);
+    hasPicture();
+    if (!before) onFirst();
+    if (drawsHere() && !isPart()) draw();
+    else if (!layer) countPreview(drawing);
+  }
+
+  function hasPicture() {
+    wait.remove();
     root.dataset.pictures = String(Number(root.dataset.pictures ?? 0) + 1);
   }
 
-  function tellPixel(at) {
-    pixel = at;
-    if (!at || !front) {
-      write(values, "");
-      return "";
-    }
-    if (raw?.frame !== state.frame) raw = null;
-    if (!raw || (!raw.pending && isLive && Date.now() - raw.at > 1000 * RAW_AGE_S)) fetchRaw();
-    const { image } = raw;
-    const words = image ? image.words(...at) : "…";
-    const box = image && image.fullWidth > image.width ? `mean of ${Math.ceil(image.fullWidth / image.width)}² pixels` : "";
-    fill(values, element("span", {}, `x ${at[0]}, y ${at[1]}`), element("span", { class: "numbers" }, words), box && element("span", {}, box));
-    return image ? `Pixel ${at[0]}, ${at[1]}: ${words}` : "";
+  // The parts that there are to choose from now.
+  async function offer() {
+    const frame = state.frame;
+    const now = await parts.of(frame).catch((failure) => (write(note, `Its parts cannot be shown: ${failure.message}`), null));
+    if (closed || frame !== state.frame) return;
+    found = now;
+    const before = view.value;
+    fill(
+      view,
+      element("optgroup", { label: "As it refines" }, VIEWS.map(option)),
+      now && element("optgroup", { label: `Parts of ${now.name}` }, now.layers.map(({ key, label }) => option([PART + key, label]))),
+    );
+    const isThere = [...view.options].some(({ value }) => value === before);
+    view.value = isThere ? before : "beauty";
+    if (!isThere) change({ view: "beauty" });
+    values.forget();
   }
 
-  async function fetchRaw() {
-    raw = { frame: state.frame, at: Date.now(), image: raw?.image ?? null, pending: true };
-    const mine = raw;
-    const frame = state.frame === null ? "" : `&frame=${state.frame}`;
-    try {
-      const response = await call("GET", jobPath(job, `/preview?format=raw${frame}`), { accept: "*/*" });
-      mine.image = decodeRaw(await response.arrayBuffer());
-    } catch (failure) {
-      if (!failure.problem) write(note, failure.message);
-    }
-    mine.pending = false;
-    if (raw === mine && pixel && !closed) tellPixel(pixel);
-  }
-
-  // There is a picture now, or a newer one.
-  function refresh() {
-    isThere = true;
-    ask();
-  }
-
+  arrange();
   return {
     root,
-    refresh,
-    frame: (number, hasPicture) => {
-      if (number !== state.frame) isThere = hasPicture;
-      set({ frame: number });
+    refresh: () => pictures.refresh(),
+    frame: (number, has) => {
+      if (number === state.frame) return;
+      pictures.isThere(has);
+      change({ frame: number });
+      offer();
     },
-    live: (now, hasPicture) => {
-      const ended = isLive && !now;
+    // What the job has made, as listed.
+    files: (outputs) => {
+      parts.know(outputs);
+      offer();
+    },
+    live: (now, has) => {
       isLive = now;
-      if (hasPicture && (ended || !isThere)) refresh();
+      pictures.live(now, has);
       pulse.hidden = !now;
       write(waiting, now ? "Waiting for the first picture" : "There is no picture");
     },
     close: () => {
       closed = true;
-      clearTimeout(timer);
       clearTimeout(exposeTimer);
-      document.removeEventListener("visibilitychange", seen);
-      drop(front);
+      pictures.close();
       board.close();
     },
   };
+}
+
+function aboutOf({ meaning, kind, step }) {
+  const plain = kind === "color" && "Drawn as plain sRGB, without the picture’s view";
+  const sparse = step > 1 && `Of its rows and columns, one in ${step} is shown`;
+  return [meaning, plain, sparse].filter(Boolean).join(". ");
+}
+
+const option = ([value, text]) => element("option", { value }, text);
+
+// A raw preview as a layer of colours.
+function layerOfRaw(raw) {
+  const planes = raw.color.map((plane) => Float32Array.from(plane, (bits) => HALF[bits]));
+  const { width, height } = raw;
+  return { kind: "color", key: "raw", names: ["R", "G", "B"], planes, width, height, step: 1, fullWidth: width, fullHeight: height, meaning: "" };
 }

@@ -1,5 +1,5 @@
-// Two pictures on top of each other: a slider between them, or their difference, at one exposure, with the values of both
-// under the cursor. The difference and its measures are computed here, from the half floats.
+// Two pictures on top of each other: a slider between them (a wipe), one after the other (a flicker), or their difference, at one
+// exposure, with the values of both under the cursor. The difference and its measures are computed here, from the half floats.
 
 import { get, jobPath } from "../base/api.js";
 import { button, choice, element, field, fill, write } from "../base/dom.js";
@@ -12,17 +12,20 @@ import { compared, drawDifference } from "../picture/raw_image.js";
 import { stage } from "../picture/stage.js";
 import { nameOf } from "./jobs_view.js";
 
-const MODES = [["split", "Slider"], ["a", "A"], ["b", "B"], ["difference", "Difference"]];
+const MODES = [["split", "Slider"], ["flicker", "Flicker"], ["a", "A"], ["b", "B"], ["difference", "Difference"]];
+const FLICKER_S = 0.7; // each of the two is seen: no faster than people may safely be shown changes (WCAG 2.3.1: 3 flashes a second)
 const LOOKS = [["display", "As the PNG"], ["srgb", "Plain sRGB"]];
 const OFFERED = 100; // jobs in each list
 const LOOK_EVERY_S = 3; // while one of the two goes on
 const EXPOSE_AFTER_S = 0.06;
+const KEY_STOPS = 0.5;
 
 export function compareView(root, [first, second]) {
   const trouble = element("div", {});
   const pickers = element("div", { class: "bar" });
   const values = element("output", { class: "values two", "aria-label": "Values of the pixel under the cursor" });
-  const board = stage("The two pictures", { onPixel: tellPixel });
+  const keys = { words: "A and B show one of them, Space the other, W wipes, F flickers, D shows the difference, E and Shift E expose", press: onKey };
+  const board = stage("The two pictures", { onPixel: tellPixel, keys });
   const [a, b] = [compareSide(first), compareSide(second)];
   const canvas = element("canvas", {});
   const tags = [element("span", { class: "tag left" }, "A"), element("span", { class: "tag right" }, "B")];
@@ -50,12 +53,31 @@ export function compareView(root, [first, second]) {
   );
   frameField.hidden = true;
   let shown = "split";
-  let [closed, timer, exposeTimer] = [false, 0, 0];
+  let [closed, timer, exposeTimer, flickerTimer] = [false, 0, 0, 0];
+  let isB = false;
   fill(root, element("h1", {}, "Compare"), pickers, trouble, picture);
 
   function choose(name) {
     shown = name;
+    clearInterval(flickerTimer);
+    if (name === "flicker") flickerTimer = setInterval(() => flip(!isB), 1000 * FLICKER_S);
     arrange();
+  }
+
+  function flip(toB) {
+    isB = toB;
+    arrange();
+  }
+
+  function onKey(key) {
+    const name = { a: "a", b: "b", w: "split", f: "flicker", d: "difference" }[key];
+    if (name) choose(name);
+    else if (key === " ") choose(shown === "a" ? "b" : "a");
+    else if (key === "e" || key === "E") {
+      exposure.value = String(Number(exposure.value) + (key === "e" ? KEY_STOPS : -KEY_STOPS));
+      expose();
+    } else return false;
+    return true;
   }
 
   function place(percent) {
@@ -131,7 +153,7 @@ export function compareView(root, [first, second]) {
   function notes() {
     const going = [a, b].some(({ job }) => !TERMINAL.has(job.state));
     return [
-      !sameSize() && element("p", { class: "note" }, `The sizes differ (${size(a.raw)} and ${size(b.raw)}): B is shown at A’s size, and there is no difference to compute.`),
+      !sameSize() && element("p", { class: "note" }, `The sizes differ (${size(a.raw)} and ${size(b.raw)}): B is fitted into A’s size in its own shape, and there is no difference to compute.`),
       going && element("p", { class: "note" }, "At least one of the two is not finished: what is shown follows it."),
     ];
   }
@@ -163,12 +185,13 @@ export function compareView(root, [first, second]) {
 
   function arrange() {
     if (shown === "difference" && a.raw && !sameSize()) shown = "split";
+    const now = shown === "flicker" ? (isB ? "b" : "a") : shown;
     for (const tool of mode.children) tool.setAttribute("aria-pressed", String(tool.dataset.mode === shown));
     splitField.hidden = shown !== "split";
     gainField.hidden = shown !== "difference";
     lookField.hidden = shown === "difference";
-    tags[0].hidden = a.layer.hidden = !["split", "a"].includes(shown);
-    tags[1].hidden = b.layer.hidden = !["split", "b"].includes(shown);
+    tags[0].hidden = a.layer.hidden = !["split", "a"].includes(now);
+    tags[1].hidden = b.layer.hidden = !["split", "b"].includes(now);
     canvas.hidden = shown !== "difference";
     b.layer.style.clipPath = shown === "split" ? `inset(0 0 0 ${split.value}%)` : "";
     split.setAttribute("aria-valuetext", `A to ${split.value} %, B after`);
@@ -192,6 +215,7 @@ export function compareView(root, [first, second]) {
     closed = true;
     clearTimeout(timer);
     clearTimeout(exposeTimer);
+    clearInterval(flickerTimer);
     line.close();
     board.close();
     a.close();

@@ -115,11 +115,11 @@ export function jobView(root, [id]) {
     }
     if (terminal && !wasEnded) {
       picture.live(false, hasPicture());
-      await files.load();
+      picture.files(await files.load());
       say(`${title.textContent}: ${phaseWords(job)}.`);
     } else if (!terminal) {
       picture.live(true, hasPicture());
-      if ((job.progress?.frames?.succeeded ?? 0) > 0) await files.load();
+      if ((job.progress?.frames?.succeeded ?? 0) > 0) picture.files(await files.load());
     }
   }
 

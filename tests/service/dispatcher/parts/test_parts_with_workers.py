@@ -9,10 +9,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.service.dispatcher.rig import MakeExecutor, Rig, dispatching
 
 from primray import RenderSettings, render
+from primray import read_image as read_picture
+from primray.denoising.denoiser import has_denoiser
 from primray.images.image import Image, pixels_sha256
 from primray_service.executor.local import LocalExecutor
 from primray_service.files import DataDirectory
@@ -69,6 +72,25 @@ def test_the_picture_has_the_bits_of_one_render(tmp_path: Path) -> None:
         assert job.effective_settings is not None
         assert job.effective_settings["settings"]["sample_range"] is None
         assert (rig.data.frame(job.id, 0) / "preview.raw").is_file()
+
+    served(tmp_path, 2, act)
+
+
+@pytest.mark.skipif(not has_denoiser(), reason="primray[denoise] is not installed")
+def test_what_stands_beside_the_picture_is_that_of_one_render(tmp_path: Path) -> None:
+    one = of_the_library(spp=33, denoise=True, aovs=("crypto_object", "depth"))
+
+    async def act(rig: Rig) -> None:
+        asked = {**ASKED, "stop": {"max_samples": 33}, "denoise": True, "aovs": ["crypto_object", "depth"]}
+        [job] = await rig.ended(rig.submit(rig.scene(SCENE.read_bytes()), settings=asked, parallel=2).id, timeout_s=240)
+        assert pixels(job) == pixels_sha256(one.pixels)
+        name = next(row.name for row in rig.outputs(job.id) if row.name.endswith(".exr"))
+        found = read_picture(rig.data.outputs(job.id) / name)
+        assert one.denoised is not None
+        assert found.denoised is not None
+        assert np.array_equal(found.denoised.pixels, one.denoised.pixels)
+        for name, aov in one.aovs.items():
+            assert found.aovs[name].values.tobytes() == aov.values.tobytes()
 
     served(tmp_path, 2, act)
 

@@ -30,6 +30,7 @@ class RenderVariable:
     data_type: str = "color3f"
     source_name: str = ""
     source_type: str = "raw"
+    errors: bool = False  # primray:errors
 
 
 @dataclass(frozen=True)
@@ -190,7 +191,8 @@ def variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> RenderVari
         message = f"sourceType = {kind!r} is unknown: raw is used."
         diagnostics.add("render-settings-input", str(prim.GetPath()), message, "sourceType")
         kind = "raw"
-    return RenderVariable(str(prim.GetPath()), prim.GetName(), text("dataType", "color3f"), text("sourceName", ""), kind)
+    source, errors = text("sourceName", ""), _get(prim, "primray:errors", when) is True
+    return RenderVariable(str(prim.GetPath()), prim.GetName(), text("dataType", "color3f"), source, kind, errors)
 
 
 def _get(prim: Usd.Prim, name: str, when: When) -> Any:

@@ -70,7 +70,7 @@ def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> 
                 message = f"dataType = {data_type!r} is no type that a picture's channels hold: the source's own is used."
                 diagnostics.add("render-var", var.path, message, "dataType")
                 data_type = ""
-            yield AovRequest(var.name, source, data_type), var.path
+            yield AovRequest(var.name, source, data_type, var.errors), var.path
 
 
 def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:

@@ -1,0 +1,189 @@
+"""What parts of a picture keep for the outputs beside it, which are made when they are merged: no stage is there then.
+
+AOVs that no sample of the film has a part in are the same in every part, and so are a denoiser's guides: the part with sample 0
+has them. Of Cryptomattes each part has what covers its own samples, by names, counted in whole units that add up exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import core
+from ..aov_names import AOVS, CRYPTOMATTES, AovRequest, primvar_of, taxonomy_of
+from ..denoising.denoised import guides_of
+from ..denoising.denoiser import Guides
+from ..images.aov import Aov, make_aov
+from ..images.first_hit import aovs_of
+from ..images.labels import labels_of_view
+from ..images.mattes.cryptomatte import Coverage, cryptomatte
+from ..images.mattes.film_mattes import covered_names
+from ..report.prepared import Prepared
+from ..sampling.sampling import Sampling
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Covered:
+    """By pixel (H, W) `counts` of entries, which are pixel by pixel: `number` of what covers it, the units (N) that it does.
+    `names` of what there is, by kind of Cryptomatte."""
+
+    counts: npt.NDArray[np.uint32]
+    number: npt.NDArray[np.int64]
+    shares: npt.NDArray[np.int64]
+    names: Mapping[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class KeptBeside:
+    requests: tuple[AovRequest, ...]  # all that the picture is to have
+    fixed: Mapping[str, Aov] = field(default_factory=dict)
+    labels: Mapping[str, Any] = field(default_factory=dict)  # what a report says of them
+    guides: Guides | None = None
+    covered: Covered | None = None
+
+
+def kept_beside(prepared: Prepared, sampling: Sampling) -> KeptBeside | None:
+    """Of a part that has its samples; None where nothing is asked for beside the picture."""
+    settings, requests = prepared.settings, prepared.aovs
+    if not requests and not settings.denoises:
+        return None
+    kept = KeptBeside(requests)
+    if settings.sample_range is None or settings.sample_range[0] == 0:
+        plain = [r for r in requests if _is_fixed(r) and not taxonomy_of(r.source)]
+        labels = [r for r in requests if taxonomy_of(r.source)]
+        fixed = aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, settings) if plain else {}
+        says: dict[str, Any] = {}
+        if labels and prepared.labels is not None:
+            made, says = labels_of_view(prepared.scene, labels, prepared.camera, settings, prepared.labels)
+            fixed |= made
+        guides = guides_of(prepared.scene, settings) if settings.denoises else None
+        kept = replace(kept, fixed=fixed, labels=says, guides=guides)
+    sources = [r.source for r in requests if r.source in CRYPTOMATTES]
+    if sources:
+        counts, number, shares, names = covered_names(prepared.scene, sources, sampling, prepared.assets)
+        kept = replace(kept, covered=Covered(counts, number, shares, {k: tuple(v) for k, v in names.items()}))
+    return kept
+
+
+def _is_fixed(request: AovRequest) -> bool:
+    source = request.source
+    return (source in AOVS and source != "samples") or primvar_of(source) is not None or taxonomy_of(source) is not None
+
+
+def joined(a: KeptBeside | None, b: KeptBeside | None) -> KeptBeside | None:
+    """Of the samples of both; None where one of them has kept nothing."""
+    if a is None or b is None or a.requests != b.requests:
+        return None
+    covered = None if a.covered is None or b.covered is None else _covered_by_both(a.covered, b.covered)
+    first = a if a.fixed or a.guides is not None else b
+    return replace(first, covered=covered)
+
+
+def _covered_by_both(a: Covered, b: Covered) -> Covered:
+    kinds = tuple(a.names)
+    rows = list(zip(*a.names.values(), strict=True)), list(zip(*b.names.values(), strict=True))
+    known = {row: place for place, row in enumerate(dict.fromkeys([*rows[0], *rows[1]]))}
+    numbers = [np.array([known[row] for row in own] or [0], np.int64) for own in rows]
+    pixel = np.concatenate([np.repeat(np.arange(one.counts.size), one.counts.ravel()) for one in (a, b)])
+    number = np.concatenate([own[one.number] for own, one in zip(numbers, (a, b), strict=True)])
+    pairs, place = np.unique(np.stack([pixel, number], axis=1), axis=0, return_inverse=True)
+    shares = np.zeros(len(pairs), np.int64)
+    np.add.at(shares, place.ravel(), np.concatenate([a.shares, b.shares]))
+    counts = np.bincount(pairs[:, 0], minlength=a.counts.size).astype(np.uint32).reshape(a.counts.shape)
+    names = {kind: tuple(row[k] for row in known) for k, kind in enumerate(kinds)}
+    return Covered(counts, pairs[:, 1].astype(np.int64), shares, names)
+
+
+def aovs_of_parts(kept: KeptBeside, film: core.Film) -> dict[str, Aov]:
+    """As one render of all samples has them, in the order that they were asked for; without those that no part holds."""
+    found: dict[str, Aov] = {}
+    for request in kept.requests:
+        if request.name in kept.fixed:
+            found[request.name] = kept.fixed[request.name]
+        elif request.source == "samples":
+            found[request.name] = make_aov(request, film.counts.sum(axis=0, dtype=np.uint32)[..., None])
+        elif kept.covered is not None and request.source in kept.covered.names:
+            found[request.name] = _matte(request.source, kept.covered, film)
+    return found
+
+
+def _matte(source: str, covered: Covered, film: core.Film) -> Aov:
+    names = covered.names[source]
+    different = list(dict.fromkeys(names))
+    places = {name: place for place, name in enumerate(different)}
+    number = np.array([places[name] for name in names] or [0], np.int64)[covered.number]
+    samples = np.maximum(film.counts.sum(axis=0, dtype=np.int64), 1)
+    coverage = Coverage(covered.counts, covered.shares, samples, film.image()[0][..., 3])
+    return cryptomatte(source, coverage, number, different)
+
+
+def contents_of(kept: KeptBeside) -> tuple[dict[str, Any], Arrays]:
+    """For a checkpoint: JSON, and arrays by name."""
+    arrays: Arrays = {}
+    fixed = []
+    for place, (name, aov) in enumerate(kept.fixed.items()):
+        says: dict[str, Any] = {"name": name, "channels": list(aov.channels), "source": aov.source, "meaning": aov.meaning}
+        says |= {"stored": aov.stored, "samples": aov.samples, "ids": list(aov.ids.items()), "metadata": dict(aov.metadata)}
+        fixed.append(says)
+        arrays[f"{place}.values"] = aov.values
+        if aov.errors is not None:
+            arrays[f"{place}.errors"] = aov.errors
+    if kept.guides is not None:
+        arrays |= {"guide.albedo": kept.guides.albedo, "guide.normal": kept.guides.normal}
+    if kept.covered is not None:
+        covered = kept.covered
+        arrays |= {"counts": covered.counts, "number": covered.number, "shares": covered.shares}
+    header = {
+        "requests": [asdict(request) for request in kept.requests],
+        "fixed": fixed,
+        "labels": dict(kept.labels),
+        "names": None if kept.covered is None else {kind: list(names) for kind, names in kept.covered.names.items()},
+    }
+    return header, arrays
+
+
+def of_contents(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], size: tuple[int, int]) -> KeptBeside:
+    """What `contents_of` made; KeyError, TypeError or ValueError for what it cannot have made. `size`: width and height."""
+    shape = size[::-1]
+    requests = tuple(
+        AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in header["requests"]
+    )
+    fixed: dict[str, Aov] = {}
+    for place, says in enumerate(header["fixed"]):
+        values = arrays[f"{place}.values"]
+        _valid(values.shape[:2] == shape and says["stored"] in ("float", "half", "uint"))
+        ids = {int(number): str(name) for number, name in says["ids"]}
+        metadata = {str(name): str(value) for name, value in says["metadata"].items()}
+        samples = None if says["samples"] is None else int(says["samples"])
+        channels = tuple(str(channel) for channel in says["channels"])
+        texts = str(says["source"]), str(says["meaning"])
+        fixed[str(says["name"])] = Aov(
+            values, channels, *texts, says["stored"], ids, metadata, arrays.get(f"{place}.errors"), samples
+        )
+    guides = None
+    if "guide.albedo" in arrays:
+        guides = Guides(arrays["guide.albedo"], arrays["guide.normal"])
+        _valid(guides.albedo.shape == guides.normal.shape == (*shape, 3))
+    covered = None if header["names"] is None else _covered_of(header["names"], arrays, shape)
+    return KeptBeside(requests, fixed, dict(header["labels"]), guides, covered)
+
+
+def _covered_of(names: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], shape: tuple[int, ...]) -> Covered:
+    counts, number, shares = (arrays[name] for name in ("counts", "number", "shares"))
+    kinds = {str(kind): tuple(str(name) for name in own) for kind, own in names.items()}
+    [length] = {len(own) for own in kinds.values()}
+    _valid([array.dtype.str for array in (counts, number, shares)] == ["<u4", "<i8", "<i8"] and counts.shape == shape)
+    _valid(set(kinds) <= set(CRYPTOMATTES) and number.shape == shares.shape == (int(counts.sum()),))
+    _valid(not len(number) or (number.min() >= 0 and number.max() < length and shares.min() >= 0))
+    return Covered(counts, number, shares, kinds)
+
+
+def _valid(holds: bool) -> None:
+    if not holds:
+        raise ValueError

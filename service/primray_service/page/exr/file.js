@@ -1,0 +1,73 @@
+// An OpenEXR file on the server, read by ranges: its headers, then of each part that somebody looks at its own bytes alone.
+
+import { call } from "../base/api.js";
+import { BadExr, NeedsMore, readHeaders } from "./header.js";
+import { planesOf } from "./planes.js";
+
+const FIRST_BYTES = 2 ** 16;
+const MOST_HEADER = 2 ** 25; // manifests of Cryptomattes are long
+const MOST_PART = 2 ** 29;
+
+// `range(begin, end)` resolves to those bytes of a file of `size`, which stays as it is.
+export async function openExr(range, size) {
+  const { head, found } = await headers(range, size);
+  const tables = found.parts.map((part) => 8 * part.chunks);
+  const whole = found.end + tables.reduce((sum, bytes) => sum + bytes, 0);
+  const buffer = whole <= head.byteLength ? head : await range(0, whole);
+  const view = new DataView(buffer);
+  let at = found.end;
+  const parts = found.parts.map((part, number) => {
+    const offsets = Array.from({ length: part.chunks }, (_, chunk) => Number(view.getBigUint64(at + 8 * chunk, true)));
+    at += tables[number];
+    return { ...part, offsets };
+  });
+  const starts = parts.flatMap(({ offsets }) => offsets).concat(size).sort((a, b) => a - b);
+  const read = new Map(); // planes by the part's number; the page keeps what it has looked at
+
+  // {step, width, height, planes} of the part of this number.
+  function planes(number) {
+    if (!read.has(number)) {
+      const reading = load(parts[number]);
+      read.set(number, reading);
+      reading.catch(() => read.delete(number));
+    }
+    return read.get(number);
+  }
+
+  async function load(part) {
+    const begin = Math.min(...part.offsets.filter((offset) => offset > 0));
+    const last = Math.max(...part.offsets);
+    const end = starts.find((start) => start > last) ?? size;
+    if (!(end - begin <= MOST_PART)) throw new BadExr("This part is too large to be shown here; download the file.");
+    const bytes = new Uint8Array(await range(begin, end));
+    const data = new DataView(bytes.buffer);
+    const lead = found.isMultipart ? 4 : 0; // the part's number
+    return planesOf(part, (chunk) => {
+      if (part.offsets[chunk] === 0) return null; // never written
+      const place = part.offsets[chunk] - begin + lead + 4; // its first row
+      return bytes.subarray(place + 4, place + 4 + data.getUint32(place, true));
+    });
+  }
+
+  return { parts, planes };
+}
+
+async function headers(range, size) {
+  for (let count = FIRST_BYTES; ; count *= 8) {
+    const head = await range(0, Math.min(count, size));
+    try {
+      return { head, found: readHeaders(head) };
+    } catch (failure) {
+      if (!(failure instanceof NeedsMore)) throw failure;
+      if (count >= size || count >= MOST_HEADER) throw new BadExr("The file's headers end nowhere.");
+    }
+  }
+}
+
+// Ranges of what a URL stands for.
+export const rangesOf = (url) => async (begin, end) => {
+  const response = await call("GET", url, { accept: "*/*", headers: { range: `bytes=${begin}-${end - 1}` } });
+  const buffer = await response.arrayBuffer();
+  // A server may answer with all of it.
+  return response.status === 206 ? buffer : buffer.slice(begin, end);
+};

@@ -1,0 +1,83 @@
+// What there is to look at in the parts of a picture's file: a layer is some channels of a part, with what they mean.
+//
+// A kind says how numbers are shown: color (scene-linear), error (of such), direction (unit vectors), vector, scalar, ids
+// (whole numbers that stand for names), mattes (Cryptomatte: pairs of an id and its coverage).
+
+const PICTURE = "rgba"; // the part of the picture itself
+const LABELS = { denoised: "Denoised picture", samples: "Samples of a pixel" };
+
+// [{key, label, kind, part, channels, names, meaning, ids}] of the parts of openExr(), in their order.
+export function layersOf(parts) {
+  return parts.flatMap((part, number) => {
+    const label = part.name === PICTURE || part.name === "" ? "Picture" : (LABELS[part.name] ?? wordsOf(part.name));
+    const meaning = part.strings.get("primray:meaning") ?? "";
+    const make = (kind, channels, suffix, extra = {}) => ({
+      key: `${number}${suffix}`, number, part, kind, channels, meaning,
+      label: suffix ? `${label}: ${suffix}` : label,
+      names: channels.map((at) => lastWord(part.channels[at].name)),
+      ids: null,
+      ...extra,
+    });
+    const manifest = manifestOf(part.strings);
+    if (manifest) return [make("mattes", pairsOf(part.channels), "", { ids: manifest })];
+    const all = part.channels.map((_, at) => at);
+    const isError = (at) => part.channels[at].name.split(".").includes("stderr");
+    const errors = ordered(part, all.filter(isError));
+    const values = ordered(part, all.filter((at) => !isError(at)));
+    return [values.length > 0 && plain(part, values, make), errors.length > 0 && make("error", errors, "standard error")].filter(Boolean);
+  });
+}
+
+function plain(part, values, make) {
+  const names = values.map((at) => lastWord(part.channels[at].name)).join("");
+  const text = part.strings.get("primray:ids");
+  if (part.channels[values[0]].type === "uint") {
+    return text || part.name !== "samples" ? make("ids", values, "", { ids: idsOf(text) }) : make("scalar", values, "");
+  }
+  if (names.startsWith("RGB")) return make("color", values, "");
+  if (names === "XYZ" && part.name.includes("normal")) return make("direction", values, "");
+  return make(values.length === 1 ? "scalar" : "vector", values, "");
+}
+
+const ORDER = "RGBAXYZUVW";
+const lastWord = (name) => name.split(".").at(-1);
+const wordsOf = (name) => name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
+
+// Files have channels in the order of their names: A B G R.
+function ordered(part, channels) {
+  const place = (at) => ORDER.indexOf(lastWord(part.channels[at].name));
+  return [...channels].sort((a, b) => place(a) - place(b));
+}
+
+function idsOf(text) {
+  try {
+    return new Map(Object.entries(JSON.parse(text ?? "{}")).map(([id, name]) => [Number(id), String(name)]));
+  } catch {
+    return new Map();
+  }
+}
+
+// Names by the bits of their ids, where the part is a Cryptomatte.
+function manifestOf(strings) {
+  const text = [...strings].find(([name]) => /^cryptomatte\/.*\/manifest$/.test(name))?.[1];
+  if (text === undefined) return null;
+  try {
+    return new Map(Object.entries(JSON.parse(text)).map(([name, hash]) => [Number.parseInt(hash, 16), name]));
+  } catch {
+    return new Map();
+  }
+}
+
+// [id, coverage, id, coverage, ...]: R and G, then B and A of each of its layers.
+function pairsOf(channels) {
+  const found = channels.map(({ name }, at) => ({ name, at })).filter(({ name }) => /\d\d\.[RGBA]$/i.test(name));
+  const place = ({ name }) => name.slice(0, -1) + "RGBA".indexOf(name.at(-1).toUpperCase());
+  return found.sort((a, b) => (place(a) < place(b) ? -1 : 1)).map(({ at }) => at);
+}
+
+// A layer with its numbers: of `read` the planes that are its.
+export function filled(layer, read) {
+  const { width, height, step } = read;
+  const planes = layer.channels.map((at) => read.planes[at]);
+  return { ...layer, width, height, step, fullWidth: layer.part.width, fullHeight: layer.part.height, planes };
+}

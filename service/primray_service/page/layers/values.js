@@ -1,0 +1,41 @@
+// What a layer says of one pixel, in words.
+
+import * as format from "../base/format.js";
+import { bitsOf } from "./paint.js";
+
+const MOST_MATTES = 4; // of a pixel, the largest
+
+// {numbers, names}: of x, y in the whole picture's pixels.
+export function wordsAt(layer, x, y) {
+  const at = indexAt(layer, x, y);
+  if (layer.kind === "mattes") return { numbers: "", names: mattesAt(layer, at).map(([name, share]) => `${name} ${percentOf(share)}`) };
+  if (layer.kind === "ids") {
+    const id = layer.planes[0][at];
+    return { numbers: String(id), names: id === 0 ? [] : [layer.ids.get(id) ?? "without a name"] };
+  }
+  const alone = layer.names.length === 1;
+  return { numbers: layer.planes.map((plane, number) => `${alone ? "" : `${layer.names[number]} `}${format.fixed(plane[at])}`).join("  "), names: [] };
+}
+
+const percentOf = (share) => `${Number((100 * share).toFixed(1))} %`;
+
+function mattesAt(layer, at) {
+  const found = [];
+  for (let pair = 0; pair + 1 < layer.planes.length; pair += 2) {
+    const share = layer.planes[pair + 1][at];
+    if (share > 0) found.push([nameOf(layer.ids, bitsOf(layer.planes[pair])[at]), share]);
+  }
+  return found.slice(0, MOST_MATTES);
+}
+
+// Of ids that the manifest has no room for, the number that mattes are picked by.
+const nameOf = (ids, bits) => ids.get(bits) ?? `#${bits.toString(16).padStart(8, "0")}`;
+
+export function indexAt(layer, x, y) {
+  const column = Math.min(layer.width - 1, Math.floor(x / layer.step));
+  const row = Math.min(layer.height - 1, Math.floor(y / layer.step));
+  return row * layer.width + column;
+}
+
+// Paths of what a pixel shows, by a layer of ids or mattes.
+export const namesAt = (layer, x, y) => wordsAt(layer, x, y).names;

@@ -1,0 +1,114 @@
+"""The viewer shows every part of a job's EXR: as pictures, as values under the pointer, and with the prims that are there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.service.page.conftest import pictures, until, until_pictures
+from tests.service.page.scenes import submit, upload
+
+from primray.images.aov_parts import read_aovs
+
+AOVS = ["depth", "normal", "albedo", "prim", "samples", "crypto_object"]
+SCALE = "new DOMMatrix(getComputedStyle(document.querySelector('.sheet')).transform).a"
+PIXEL = """([x, y]) => {
+  const canvas = document.querySelector(".sheet > canvas");
+  return canvas.hidden ? null : [...canvas.getContext("2d").getImageData(x, y, 1, 1).data];
+}"""
+
+
+@pytest.fixture(scope="module")
+def finished(site, tmp_path_factory):
+    """A job and its AOVs as the library reads them."""
+    path = tmp_path_factory.mktemp("parts") / "beauty.exr"
+    with site.client() as client:
+        job = submit(client, upload(client), wait_s=60, aovs=AOVS)
+        path.write_bytes(client.get(f"/v1/jobs/{job}/outputs/beauty.exr").content)
+    return job, read_aovs(path)
+
+
+def values(page):
+    return " ".join(page.locator(".values").inner_text().split())
+
+
+def test_every_part_is_shown_with_its_values(open_page, finished):
+    job, aovs = finished
+    page = open_page(f"#/jobs/{job}").page
+    until(page, "document.querySelectorAll('.viewer optgroup').length === 2")
+    view = page.get_by_label("View", exact=True)
+    assert view.locator("option").all_inner_texts() == [
+        *("Picture", "Error", "Error, relative", "Picture", "Picture: standard error"),
+        *("Depth", "Normal", "Albedo", "Prim", "Samples of a pixel", "Crypto object"),
+    ]
+    stage = page.locator(".stage")
+    x, y = 20, 14
+    said: dict[str, tuple[str, list[int], str]] = {}
+    for label in ("Depth", "Normal", "Albedo", "Prim", "Samples of a pixel", "Crypto object"):
+        before = pictures(page)
+        view.select_option(label=label)
+        until_pictures(page, before)
+        if not said:  # the pixel in the middle, then some to the left and up; it stays picked
+            stage.focus()
+            for key in ["Shift+ArrowUp"] * 2 + ["Shift+ArrowLeft"] * 4:
+                stage.press(key)
+        said[label] = (values(page), page.evaluate(PIXEL, [x, y]), page.locator(".legend").inner_text())
+    assert all(words.startswith(f"x {x}, y {y}") for words, _, _ in said.values())
+    words, pixel, legend = said["Normal"]
+    normal = aovs["normal"].values[y, x]
+    assert f"X {normal[0]:.4f} Y {normal[1]:.4f} Z {normal[2]:.4f}" in words
+    assert np.abs(np.array(pixel[:3]) - (127.5 + 127.5 * normal)).max() <= 0.51
+    assert "X, Y and Z as red, green and blue" in legend
+    assert f"{aovs['depth'].values[y, x, 0]:.4f}" in said["Depth"][0]
+    assert "R 0.8000 G 0.3000 B 0.1000" in said["Albedo"][0]
+    assert said["Albedo"][1] == [231, 149, 89, 255]  # plain sRGB
+    assert "/ball" in said["Albedo"][0]  # in every view, the prim that is there
+    number = int(aovs["prim"].values[y, x, 0])
+    assert f"{number} display" in said["Prim"][0]
+    assert aovs["prim"].ids[number] == "/ball"
+    assert said["Prim"][0].endswith("/ball")
+    assert "/ball 100 %" in said["Crypto object"][0]
+    assert "8" in said["Samples of a pixel"][0]
+    assert len({tuple(said[name][1]) for name in ("Depth", "Normal", "Albedo", "Prim", "Crypto object")}) == 5
+
+
+def test_keys_wheel_false_colour_and_histogram(open_page, finished):
+    job, _ = finished
+    page = open_page(f"#/jobs/{job}").page
+    page.wait_for_selector(".stage img")
+    assert page.locator(".zoom-text").inner_text() == "100 %"  # no picture is larger than it is, at first
+    stage = page.locator(".stage")
+    stage.hover()
+    page.mouse.wheel(0, -100)
+    until(page, f"{SCALE} === 1.25")
+    stage.focus()
+    stage.press("0")
+    assert page.evaluate(SCALE) >= 2
+    # Exposure by keys: the values stay, what is shown gets brighter; the prim is told in the picture, too.
+    for key in ("Shift+ArrowUp", "Shift+ArrowLeft"):
+        stage.press(key)
+    until(page, r"/± .*display \d+ \d+ \d+.*\/\w+/s.test(document.querySelector('.values').textContent)")
+    before = pictures(page)
+    stage.press("e")
+    stage.press("e")
+    stage.press("Shift+E")
+    until(page, "document.querySelector('.stops').textContent === '+0.5'")
+    until_pictures(page, before)
+    # The histogram is of what is shown, at its exposure.
+    page.get_by_text("Histogram", exact=True).click()
+    until(page, r"/Above white [\d.]+ %/.test(document.querySelector('.histogram .note').textContent)")
+    stage.press("Shift+E")
+    until(page, "document.querySelector('.stops').textContent === '0'")
+    # False colours: by stops around mid-grey, with their scale.
+    before = pictures(page)
+    page.get_by_label("Look").select_option("false")
+    until_pictures(page, before)
+    assert page.evaluate("document.querySelector('.sheet > canvas').hidden") is False
+    legend = page.locator(".legend").inner_text()
+    assert "0.0028" in legend
+    assert "12" in legend
+    assert "luminance" in legend
+    page.get_by_label("Look").select_option("display")
+    until(page, "document.querySelector('.sheet > canvas').hidden && !document.querySelector('.stage img').hidden")
+    stage.press("v")
+    assert page.get_by_label("View", exact=True).input_value() == "error"
+    until(page, "document.querySelector('.legend').textContent.includes('standard error')")
