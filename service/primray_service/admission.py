@@ -24,6 +24,7 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER
 # RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
 _MEMBERS = (
     ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
+    ("light-path", "settings.aovs"),
     ("denoised picture", "settings.stop_at"),
     ("resolution", "settings.resolution"),
     ("pixels", "settings.resolution"),
