@@ -28,13 +28,14 @@ export function paintAmount(data, to, share) {
   data[to + 2] = MAP[at + 2];
 }
 
-// A colour that is the same for the same id, and seldom near that of another: [r, g, b].
+// A colour that is the same for the same id, and seldom near that of another, least of all of the next: hues go on by the golden
+// section of the circle. [r, g, b]
 export function colorOfId(id) {
   if (id === 0) return [0, 0, 0];
   let mixed = Math.imul(id ^ (id >>> 16), 0x45d9f3b);
   mixed = Math.imul(mixed ^ (mixed >>> 16), 0x45d9f3b);
   mixed = (mixed ^ (mixed >>> 16)) >>> 0;
-  const hue = (mixed & 0xffff) / 0x10000;
+  const hue = (Math.imul(id, 0x9e3779b1) >>> 0) / 2 ** 32;
   const saturation = 0.45 + 0.4 * (((mixed >>> 16) & 255) / 255);
   const value = 0.65 + 0.35 * ((mixed >>> 24) / 255);
   return [5, 3, 1].map((n) => {
