@@ -36,6 +36,7 @@ _MEMBERS = (
     ("seed", "settings.seed"),
     ("dicing rate", "settings.dicing_rate"),
     ("shutter", "settings.shutter"),
+    ("a region is", "settings.region"),
     ("motion", "settings.motion_error"),
     ("diffused", "settings.diffusion_starburst"),
     ("no lens", "settings.lens_flaws"),
@@ -214,6 +215,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         motion_blur=settings.motion_blur,
         shutter=settings.shutter,
         lens_flaws=tuple(settings.lens_flaws),
+        region=settings.region,
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
         aov_errors=settings.aov_errors,
@@ -279,6 +281,7 @@ NEW_SETTINGS = (
     "denoise",
     "stop_at",
     "aov_errors",
+    "region",
 )
 
 
