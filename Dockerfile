@@ -32,6 +32,12 @@ RUN --mount=type=cache,target=/ccache \
  && /opt/primray/bin/pip install --no-cache-dir --disable-pip-version-check -c requirements-dev.lock \
       "$(ls /wheels/*.whl)[$EXTRAS]" \
  && rm -rf /opt/primray/lib/python3*/site-packages/pip*
+# The list of what is inside (CycloneDX), for who has to know: docker run --entrypoint cat primray /opt/primray/share/sbom.cdx.json
+RUN python3 -m venv /sbom \
+ && /sbom/bin/pip install --no-cache-dir --disable-pip-version-check --no-compile "cyclonedx-bom==7.5.0" \
+ && mkdir -p /opt/primray/share \
+ && /sbom/bin/cyclonedx-py environment --output-format JSON --output-file /opt/primray/share/sbom.cdx.json \
+      /opt/primray/bin/python
 
 FROM docker.io/library/debian:12-slim
 RUN apt-get update \

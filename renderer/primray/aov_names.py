@@ -70,10 +70,13 @@ CRYPTOMATTES: dict[str, CryptomatteKind] = {
 # Always there, in the picture itself.
 IN_PICTURE = ("beauty", "alpha", "stderr")
 PRIMVAR = "primvar:"
+LIGHT_PATH = "lpe:"  # before a light path expression
+ROUTE_BYTES = 320  # a pixel of an expression: of exact sums, and of what is made of them
 LABELS = "labels:"  # before a taxonomy of semantic labels
 CRYPTOMATTE_BYTES = 128  # a pixel: of some four surfaces
 MOST_COMPONENTS = 4
 LONGEST_NAME = 256
+_EXPRESSION = re.compile(r"C([.*+?<\[({|RTVDGSsLOB]|$)")
 _PRIMVAR_NAME = re.compile(r"[^\s,\x00-\x1f]+")
 
 
@@ -91,10 +94,41 @@ class AovRequest:
 def check_names(names: Iterable[str]) -> None:
     """SettingsError for a name that means nothing."""
     for name in names:
-        if not isinstance(name, str) or not (name in AOVS or name in CRYPTOMATTES or name in IN_PICTURE or _is_named(name)):
+        if not isinstance(name, str) or not (
+            name in AOVS or name in CRYPTOMATTES or name in IN_PICTURE or _is_named(name) or is_light_path(name)
+        ):
             known = ", ".join((*AOVS, *CRYPTOMATTES, *IN_PICTURE))
-            sentence = f"there is no AOV {name!r}; there are {known}, primvar:NAME and labels:TAXONOMY"
+            sentence = f"there is no AOV {name!r}; there are {known}, primvar:NAME, labels:TAXONOMY and light path expressions"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
+
+
+def is_light_path(name: str) -> bool:
+    """Whether it is meant for an expression, which need not be a right one: it says so, or begins at the camera."""
+    return name.startswith(LIGHT_PATH) or (_EXPRESSION.match(name) is not None and name not in ("C", "Ci", "Cs"))
+
+
+def without_prefix(text: str) -> str:
+    """Without blanks, and what other renderers' files put before it."""
+    kept, quoted = [], False
+    for letter in text:
+        quoted = quoted != (letter == "'")
+        if quoted or not letter.isspace():
+            kept.append(letter)
+    plain = "".join(kept)
+    for prefix in ("color", "lpe:"):
+        if plain.lower().startswith(prefix):
+            plain = plain[len(prefix) :]
+    return plain
+
+
+def light_path_of(source: str) -> str | None:
+    """The expression that a source is."""
+    return source.removeprefix(LIGHT_PATH) if source.startswith(LIGHT_PATH) else None
+
+
+def light_paths_of(requests: Iterable[AovRequest]) -> tuple[str, ...]:
+    """The expressions that are asked for, each once."""
+    return tuple(dict.fromkeys(e for e in (light_path_of(r.source) for r in requests) if e is not None))
 
 
 def _is_named(name: str) -> bool:
@@ -116,7 +150,14 @@ def names_instances(source: str) -> bool:
 
 def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:
     """Each once; those that every picture has need no request."""
-    return tuple(AovRequest(name, name) for name in dict.fromkeys(names) if name not in IN_PICTURE)
+    return tuple(_request(name) for name in dict.fromkeys(names) if name not in IN_PICTURE)
+
+
+def _request(name: str) -> AovRequest:
+    if not is_light_path(name):
+        return AovRequest(name, name)
+    expression = without_prefix(name)
+    return AovRequest(expression, LIGHT_PATH + expression)
 
 
 def primvar_of(source: str) -> str | None:
@@ -136,8 +177,8 @@ def aov_bytes(requests: Iterable[AovRequest]) -> int:
     total = 0
     for request in requests:
         kind = AOVS.get(request.source)
-        if request.source in CRYPTOMATTES:
-            total += CRYPTOMATTE_BYTES
+        if request.source in CRYPTOMATTES or light_path_of(request.source) is not None:
+            total += CRYPTOMATTE_BYTES if request.source in CRYPTOMATTES else ROUTE_BYTES
             continue
         numbers = MOST_COMPONENTS if kind is None else len(kind.channels)
         total += numbers * (16 if kind is not None and kind.double else 8) * (2 if request.errors else 1)

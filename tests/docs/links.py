@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # Where pages lie; everything else at the top is made (.venv, build, dist, out).
-FOLDERS = (".github", "contrib", "deploy", "docs", "renderer", "scenes", "service", "tests")
+FOLDERS = (".github", "contrib", "deploy", "docs", "examples", "renderer", "scenes", "service", "tests")
 _LINK = re.compile(r"!?\[[^]]*\]\(([^)\s]+)\)")
 
 

@@ -17,7 +17,8 @@ from .changelog import faults
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 VERSION_FILE = PROJECT["tool"]["scikit-build"]["metadata"]["version"]["input"]
-FILES = (".ci/release", "CHANGELOG.md", "pyproject.toml", VERSION_FILE, "schemas/openapi.json")
+RECIPE = "deploy/conda/recipe.yaml"
+FILES = (".ci/release", "CHANGELOG.md", "pyproject.toml", VERSION_FILE, "schemas/openapi.json", RECIPE)
 NEXT = f"{int(__version__.split('.')[0]) + 1}.0.0"
 ENTRY = "\n### Added\n\n- Something new.\n"
 

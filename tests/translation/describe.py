@@ -18,7 +18,7 @@ LONGEST = 36  # longer arrays are summarised
 # Named only where they differ from their defaults.
 SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold", "names", "instance", "aovs"})
 SPARSE |= {"blades", "blade_rotation_deg", "clipping_planes", "shutter", "pixels", "pixel_aspect_ratio"}
-SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row"}
+SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row", "group"}
 SPARSE |= {"rendering_space", "target", "is_color", "pattern"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light", "photometric"}
 SPARSE |= {"open_pbr", "motion", "exposure", "camera_motion", "motion_steps", "diffusion"}

@@ -8,6 +8,7 @@ namespace primray {
 struct CausticGuide;
 struct Guide;
 struct GuideLog;
+struct RouteTables;
 
 struct IntegratorSettings {
   int max_depth = 1 << 20;  // surface scatterings; roulette ends paths long before
@@ -21,6 +22,7 @@ struct IntegratorSettings {
   const Guide* guide = nullptr;            // what scattered rays are drawn by, beside the BSDF
   GuideLog* log = nullptr;                 // of paths that learn a guide
   const CausticGuide* caustics = nullptr;  // what scattered rays are drawn by towards metal and glass
+  const RouteTables* routes = nullptr;     // light path expressions that the film asks for
 };
 
 constexpr int kMostLightSamples = 4;

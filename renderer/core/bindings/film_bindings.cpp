@@ -25,6 +25,8 @@ nb::dict state_of(const Film& f) {
   state["tile_rays"] = to_numpy(std::vector(f.tile_rays), {tiles});
   state["totals"] =
       to_numpy(std::vector<int64_t>{f.camera_rays, f.scattered_rays, f.shadow_rays, f.invalid_samples, f.samples}, {5});
+  if (f.expressions > 0)
+    state["routed"] = to_numpy(std::vector(f.routed), {size_t(f.expressions), kReplicates, h, w, Film::kColors, 2});
   return state;
 }
 
@@ -36,7 +38,11 @@ void take(const nb::dict& state, const char* name, std::vector<T>& into) {
 }
 
 std::unique_ptr<Film> film_from(int width, int height, const nb::dict& state) {
-  auto f = std::make_unique<Film>(width, height);
+  int expressions = 0;
+  if (state.contains("routed"))
+    expressions = int(nb::cast<nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>>(state["routed"]).shape(0));
+  auto f = std::make_unique<Film>(width, height, expressions);
+  if (expressions > 0) take(state, "routed", f->routed);
   take(state, "parts", f->parts), take(state, "bins", f->bins), take(state, "counts", f->counts);
   take(state, "covered", f->covered), take(state, "next", f->next), take(state, "tile_rays", f->tile_rays);
   std::vector<int64_t> totals(5);
@@ -62,6 +68,28 @@ nb::tuple image(const Film& f, double exposure) {
   }
   const size_t h = size_t(f.height), w = size_t(f.width);
   return nb::make_tuple(to_numpy(std::move(pixels), {h, w, 4}), to_numpy(std::move(errors), {h, w, size_t(Film::kColors)}));
+}
+
+// Of each light path expression: means (E, H, W, 3), and their errors as of image().
+nb::tuple routed_image(const Film& f, double exposure) {
+  const size_t n = size_t(f.expressions), values = f.pixels() * Film::kColors;
+  std::vector<double> means(n * values);
+  std::vector<float> errors(n * values);
+  {
+    const nb::gil_scoped_release release;
+    for (size_t e = 0; e < n; ++e)
+      for (size_t p = 0; p < f.pixels(); ++p) {
+        const PixelEstimate found = estimate_routed(f, int(e), p, exposure);
+        for (size_t c = 0; c < Film::kColors; ++c) {
+          const size_t i = e * values + Film::kColors * p + c;
+          means[i] = found.mean[c];
+          errors[i] = found.measured ? float(std::abs(found.difference[c])) : std::numeric_limits<float>::infinity();
+        }
+      }
+  }
+  const size_t h = size_t(f.height), w = size_t(f.width);
+  return nb::make_tuple(to_numpy(std::move(means), {n, h, w, size_t(Film::kColors)}),
+                        to_numpy(std::move(errors), {n, h, w, size_t(Film::kColors)}));
 }
 
 nb::dict error_of(const Film& f, double exposure, int64_t most_pixels, int threads) {
@@ -105,13 +133,15 @@ void bind_film(nb::module_& m) {
   m.attr("REPLICATES") = kReplicates;
   m.def("exact_sum", &sum_of, nb::arg("terms"), nb::arg("group"));
   nb::class_<Film>(m, "Film")
-      .def(nb::init<int, int>(), nb::arg("width"), nb::arg("height"))
+      .def(nb::init<int, int, int>(), nb::arg("width"), nb::arg("height"), nb::arg("expressions") = 0)
       .def_static("from_state", &film_from, nb::arg("width"), nb::arg("height"), nb::arg("state"))
       .def("state", &state_of)
       .def("merge", &Film::merge, nb::arg("other"))
       .def(
           "start_at", [](Film& f, uint32_t first) { std::fill(f.next.begin(), f.next.end(), first); }, nb::arg("first"))
       .def("image", &image, nb::arg("exposure"))
+      .def("routed_image", &routed_image, nb::arg("exposure"))
+      .def_ro("expressions", &Film::expressions)
       .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"),
            "Sums over pixels and colours; see film/frame_error.hpp.")
       .def_prop_ro("replicates", &replicates)

@@ -72,6 +72,7 @@ void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("diffuse", &HeldLight::diffuse)
       .def_rw("specular", &HeldLight::specular)
       .def_rw("light_link", &HeldLight::link)
+      .def_rw("group", &HeldLight::group)
       .def_rw("shadow_link", &HeldLight::casters)
       .def_rw("visible_to_camera", &HeldLight::visible_to_camera)
       .def_rw("casts_shadows", &HeldLight::casts_shadows)

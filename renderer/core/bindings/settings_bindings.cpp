@@ -1,12 +1,45 @@
 // What a user may ask of the integrator, for Python. Guides are those of the scene's owner, who keeps them.
+#include "base/error.hpp"
 #include "base/integrator_settings.hpp"
 #include "bindings/arrays.hpp"
 #include "guide/caustic_guide.hpp"
 #include "guide/guide.hpp"
+#include "route/route_tables.hpp"
 
 namespace primray {
+namespace {
+
+// (S, events), (S, ends) and a mask a class, as renderer/primray/light_paths makes them.
+RouteTables tables_of(const InArray<uint8_t>& next, const InArray<uint8_t>& class_of, const InArray<uint32_t>& members,
+                      int expressions, bool counts_straight) {
+  RouteTables t;
+  const size_t states = next.size() / kRouteEvents, ends = states > 0 ? class_of.size() / states : 0;
+  if (states < 1 || states > RouteTables::kMostStates || ends < 1 || ends >= RouteTables::kMostEnds ||
+      expressions > RouteTables::kMostExpressions)
+    throw Error("internal", "light path expressions do not fit the core's tables");
+  std::copy_n(next.data(), next.size(), t.next.begin());
+  t.class_of.assign(class_of.data(), class_of.data() + class_of.size());
+  t.members.assign(members.data(), members.data() + members.size());
+  t.ends = int(ends), t.expressions = expressions, t.counts_straight = counts_straight;
+  for (const uint8_t of : t.class_of)
+    if (of >= t.members.size()) throw Error("internal", "a light path has a class that there is not");
+  return t;
+}
+
+}  // namespace
 
 void bind_settings(nb::module_& m) {
+  m.attr("ROUTE_EVENTS") = int(kRouteEvents);
+  m.attr("ROUTE_ENDS") = int(kRouteEnds);
+  nb::class_<RouteTables>(m, "RouteTables")
+      .def(
+          "__init__",
+          [](RouteTables* self, const InArray<uint8_t>& next, const InArray<uint8_t>& class_of,
+             const InArray<uint32_t>& members, int expressions, bool counts_straight) {
+            new (self) RouteTables(tables_of(next, class_of, members, expressions, counts_straight));
+          },
+          nb::arg("next"), nb::arg("class_of"), nb::arg("members"), nb::arg("expressions"), nb::arg("counts_straight"))
+      .def_ro("expressions", &RouteTables::expressions);
   nb::class_<IntegratorSettings>(m, "IntegratorSettings")
       .def(nb::init<>())
       .def_rw("max_depth", &IntegratorSettings::max_depth)
@@ -25,7 +58,10 @@ void bind_settings(nb::module_& m) {
           nb::for_setter(nb::arg("guide").none()))
       .def_prop_rw(
           "caustics", nullptr, [](IntegratorSettings& s, const CausticGuide* caustics) { s.caustics = caustics; },
-          nb::for_setter(nb::arg("caustics").none()));
+          nb::for_setter(nb::arg("caustics").none()))
+      .def_prop_rw(
+          "routes", nullptr, [](IntegratorSettings& s, const RouteTables* routes) { s.routes = routes; },
+          nb::for_setter(nb::arg("routes").none()));
 }
 
 }  // namespace primray

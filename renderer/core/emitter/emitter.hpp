@@ -30,11 +30,9 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
   return select((number >= zero) & (base >= zero), base + number, none);
 }
 
-// What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
-// (build/lights/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
+// Numbers of the geometry lights that lanes `m` met, -1 where it is none.
 template <int W>
-PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                     const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
+PRIMRAY_INLINE vint<W> geometry_light(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it) {
   const GeometryLights& lights = scene.geometry_lights;
   const vint<W> zero(0), none(-1);
   const HitGroup<W> in(scene, m, h);
@@ -45,6 +43,17 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
     number = select(is_triangle, gather<W>(lights.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
   if (any(is_curved))
     number = select(is_curved, gather<W>(lights.of_curved.data(), select(is_curved, it.curved, zero)), number);
+  return number;
+}
+
+// What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
+// (build/lights/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
+template <int W>
+PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                     const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
+  const GeometryLights& lights = scene.geometry_lights;
+  const vint<W> zero(0), none(-1);
+  vint<W> number = geometry_light(scene, m, h, it);
   m &= number >= zero;
   if (!any(m)) return glow;
   number = select(m, number, zero);

@@ -48,6 +48,14 @@ struct ExactSum {
   double value() const { return double(high) * unit_of(bin) + double(low) * unit_of(bin - 1); }
 };
 
+// Adds what a sum keeps of `term`; `scale` is unit_of(1 - bin) of the sum's bin.
+inline void add_cut(float term, double scale, int64_t& high, int64_t& low) {
+  constexpr double kBin = double(int64_t(1) << kBinBits);
+  const double scaled = double(term) * scale;
+  const int64_t top = int64_t(scaled * (1 / kBin));
+  high += top, low += int64_t(scaled - double(top) * kBin);
+}
+
 // Of floats that are finite.
 inline ExactSum exact_sum(const float* terms, int count) {
   uint32_t largest = 0;  // magnitudes are ordered as their bits are
@@ -55,12 +63,7 @@ inline ExactSum exact_sum(const float* terms, int count) {
   ExactSum sum;
   sum.bin = bin_of(std::bit_cast<float>(largest));
   const double scale = unit_of(1 - sum.bin);
-  constexpr double kBin = double(int64_t(1) << kBinBits);
-  for (int i = 0; i < count; ++i) {
-    const double scaled = double(terms[i]) * scale;
-    const int64_t top = int64_t(scaled * (1 / kBin));
-    sum.high += top, sum.low += int64_t(scaled - double(top) * kBin);
-  }
+  for (int i = 0; i < count; ++i) add_cut(terms[i], scale, sum.high, sum.low);
   return sum;
 }
 

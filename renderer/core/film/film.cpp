@@ -8,7 +8,7 @@
 
 namespace primray {
 
-Film::Film(int w, int h)
+Film::Film(int w, int h, int expression_count)
     : width(w),
       height(h),
       tiles_x((w + kTile - 1) / kTile),
@@ -18,13 +18,22 @@ Film::Film(int w, int h)
       counts(size_t(kReplicates) * w * h),
       covered(size_t(kReplicates) * w * h),
       next(size_t(kReplicates) * tiles_x * tiles_y),
-      tile_rays(size_t(tiles_x) * tiles_y) {}
+      tile_rays(size_t(tiles_x) * tiles_y),
+      expressions(expression_count),
+      routed(size_t(expression_count) * kReplicates * w * h * kColors * 2) {}
 
 void Film::merge(const Film& other) {
   if (other.width != width || other.height != height)
     throw Error("settings-error", "films of different resolutions cannot be merged");
+  if (other.expressions != expressions)
+    throw Error("settings-error", "films of different light path expressions cannot be merged");
+  std::vector<ExactSum> terms(size_t(expressions), ExactSum{});
   for (size_t p = 0; p < counts.size(); ++p) {
-    for (int c = 0; c < kColors; ++c) add(p, c, other.sum(p, c));
+    for (int c = 0; c < kColors; ++c) {
+      for (int e = 0; e < expressions; ++e) terms[size_t(e)] = other.routed_sum(e, p, c);
+      add_routed(p, c, terms.data());
+      add(p, c, other.sum(p, c));
+    }
     counts[p] += other.counts[p], covered[p] += other.covered[p];
   }
   for (size_t i = 0; i < next.size(); ++i) next[i] = std::max(next[i], other.next[i]);
@@ -33,7 +42,12 @@ void Film::merge(const Film& other) {
   invalid_samples += other.invalid_samples, samples += other.samples;
 }
 
-PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure) {
+namespace {
+
+// `sum(pixel, color)`: of which sums.
+template <class Sum>
+PixelEstimate estimate(const Film& film, size_t pixel, double exposure, const Sum& sum) {
+  const auto mean = [&](size_t p, int color) { return film.counts[p] ? sum(p, color).value() / film.counts[p] : 0.0; };
   const size_t other = pixel + film.pixels();
   const double n[] = {double(film.counts[pixel]), double(film.counts[other])}, total = n[0] + n[1];
   PixelEstimate e{};
@@ -43,11 +57,21 @@ PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure) {
   e.coverage = std::clamp(double(film.covered[pixel] + film.covered[other]) / double(Film::kCovered) / total, 0.0, 1.0);
   const double w = n[0] / total;
   for (int c = 0; c < Film::kColors; ++c) {
-    const double a = film.mean(pixel, c) * exposure, b = film.mean(other, c) * exposure;
+    const double a = mean(pixel, c) * exposure, b = mean(other, c) * exposure;
     e.mean[c] = w * a + (1 - w) * b;
     e.difference[c] = std::sqrt(w * (1 - w)) * (a - b);
   }
   return e;
+}
+
+}  // namespace
+
+PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure) {
+  return estimate(film, pixel, exposure, [&](size_t p, int color) { return film.sum(p, color); });
+}
+
+PixelEstimate estimate_routed(const Film& film, int expression, size_t pixel, double exposure) {
+  return estimate(film, pixel, exposure, [&](size_t p, int color) { return film.routed_sum(expression, p, color); });
 }
 
 }  // namespace primray

@@ -33,11 +33,15 @@ struct Film {
   // Where each tile's sequences stand: the next sample's number; and its rays, as the measure of what it costs.
   std::vector<uint32_t> next;  // replicate, tile
   std::vector<int64_t> tile_rays;
+  // Of light path expressions (route/): as `parts`, in the same bins, with the expression first, so that those of a partition
+  // add up to `parts` to the last digit.
+  int expressions = 0;
+  std::vector<int64_t> routed;
   std::atomic<int64_t> camera_rays{0}, scattered_rays{0}, shadow_rays{0}, invalid_samples{0}, samples{0};
 
   std::array<std::mutex, 64> locks;
 
-  Film(int w, int h);
+  Film(int w, int h, int expression_count = 0);
   int tiles() const { return tiles_x * tiles_y; }
   std::mutex& lock_of(int tile) { return locks[size_t(tile) % locks.size()]; }
   size_t pixels() const { return size_t(width) * height; }
@@ -52,6 +56,22 @@ struct Film {
     ExactSum s = sum(pixel, color);
     s.add(term);
     parts[2 * i] = s.high, parts[2 * i + 1] = s.low, bins[i] = int8_t(s.bin);
+  }
+  size_t routed_at(int expression, size_t pixel, int color) const {
+    return 2 * ((size_t(expression) * counts.size() + pixel) * kColors + size_t(color));
+  }
+  ExactSum routed_sum(int expression, size_t pixel, int color) const {
+    const size_t i = routed_at(expression, pixel, color);
+    return {routed[i], routed[i + 1], bins[pixel * kColors + size_t(color)]};
+  }
+  // Before the samples themselves are added: what of them matches each expression, in the bin of theirs.
+  void add_routed(size_t pixel, int color, const ExactSum* terms) {
+    for (int e = 0; e < expressions; ++e) {
+      const size_t i = routed_at(e, pixel, color);
+      ExactSum s{routed[i], routed[i + 1], bins[pixel * kColors + size_t(color)]};
+      s.add(terms[e]);
+      routed[i] = s.high, routed[i + 1] = s.low;
+    }
   }
   // A replicate's mean, 0 without samples.
   double mean(size_t pixel, int color) const { return counts[pixel] ? sum(pixel, color).value() / counts[pixel] : 0.0; }
@@ -69,5 +89,7 @@ struct PixelEstimate {
   bool measured;  // both replicates have samples
 };
 PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure);
+// The same of the light that matches an expression.
+PixelEstimate estimate_routed(const Film& film, int expression, size_t pixel, double exposure);
 
 }  // namespace primray

@@ -12,6 +12,7 @@
 #include "light/types/light_types.hpp"
 #include "light/types/textured_rect.hpp"
 #include "motion/light_motion.hpp"
+#include "route/route_tables.hpp"
 
 namespace primray {
 
@@ -24,6 +25,7 @@ struct LobeFactors {
 struct DomeTraits {
   int link = 0;
   bool hidden = false, special = false;  // as LightFlag has them
+  int32_t end = kEndDome;                // see LightTable::ends
 };
 
 struct LightTable {
@@ -46,6 +48,7 @@ struct LightTable {
   LinkTable links;
   std::vector<int32_t> light_link;
   LinkedLights linked;
+  std::vector<int32_t> ends;       // row by row, what light path expressions know of it (route/); may end early: objects
   std::vector<float> shadow_rows;  // kShadowFields a row, where some light is special; else empty
   ShapingTable shaping;
   Fact<built::kShaping> has_shaping = false;  // some light's emission depends on its direction
@@ -62,6 +65,7 @@ struct LightTable {
   bool has_special() const { return built::kSpecialShadows && !shadow_rows.empty(); }
   bool has_images() const { return built::kLightImages && !images.empty(); }
   bool by_tree() const { return count > weighed; }
+  int32_t end_of(int light) const { return size_t(light) < ends.size() ? ends[size_t(light)] : int32_t(kEndObject); }
   const float* row(int light) const { return rows.data() + light * kLightFields; }
 };
 

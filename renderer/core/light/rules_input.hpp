@@ -8,6 +8,7 @@ namespace primray {
 struct LightRules {
   // Collections that it reaches, and that cast its shadows; 0: all surfaces.
   int link = 0, casters = 0;
+  int group = 0;  // a number for its light group; 0: none
   bool visible_to_camera = true;
   bool casts_shadows = true;
   vec3 shadow_color{0.0f, 0.0f, 0.0f};

@@ -20,6 +20,48 @@ inline int drop_invalid(Worker& w, int slot, int count) {
   return kept - slot;
 }
 
+// Adds, for light path expressions, what samples [slot, slot + count) of pixel `p` bring by class. Of each sample exact sums
+// keep a whole number; classes take their parts of that, and the largest what rounding has left, so that all add up to it.
+inline void add_routes(RouteStore& routes, const Worker& w, int slot, int count, size_t p, Film& film) {
+  const int classes = int(routes.tables.members.size());
+  std::array<ExactSum, RouteTables::kMostExpressions> terms;
+  std::array<ExactSum, 256> of_class;
+  const float* const colors[] = {w.r, w.g, w.b};
+  const auto is_valid = [&](int s) { return std::isfinite(w.r[s]) && std::isfinite(w.g[s]) && std::isfinite(w.b[s]); };
+  for (int c = 0; c < Film::kColors; ++c) {
+    uint32_t largest = 0;
+    for (int s = slot; s < slot + count; ++s)
+      if (is_valid(s)) largest = std::max(largest, std::bit_cast<uint32_t>(colors[c][s]) & 0x7fffffffu);
+    const int bin = bin_of(std::bit_cast<float>(largest));
+    const double scale = unit_of(1 - bin);
+    for (int k = 0; k < classes; ++k) of_class[size_t(k)] = {0, 0, bin};
+    for (int s = slot; s < slot + count; ++s) {
+      if (!is_valid(s)) continue;
+      ExactSum left{0, 0, bin};
+      add_cut(colors[c][s], scale, left.high, left.low);
+      int most = 0;
+      float most_light = -1;
+      for (int k = 0; k < classes; ++k) {
+        const float part = routes.column(k, c)[s];
+        if (part == 0 || !std::isfinite(part)) continue;
+        ExactSum cut{0, 0, bin};
+        add_cut(part, scale, cut.high, cut.low);
+        of_class[size_t(k)].high += cut.high, of_class[size_t(k)].low += cut.low;
+        left.high -= cut.high, left.low -= cut.low;
+        if (part > most_light) most = k, most_light = part;
+      }
+      of_class[size_t(most)].high += left.high, of_class[size_t(most)].low += left.low;
+    }
+    for (int e = 0; e < film.expressions; ++e) {
+      terms[size_t(e)] = {0, 0, bin};
+      for (int k = 0; k < classes; ++k)
+        if (routes.tables.members[size_t(k)] >> e & 1)
+          terms[size_t(e)].high += of_class[size_t(k)].high, terms[size_t(e)].low += of_class[size_t(k)].low;
+    }
+    film.add_routed(p, c, terms.data());
+  }
+}
+
 // The samples of the block's `pixels`, `samples` each of both replicates, and the rays that they took, which are counted anew
 // then.
 inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int samples, Film& film) {
@@ -29,8 +71,9 @@ inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int sampl
   for (int i = 0; i < pixels; ++i) {
     int slot = i * samples;
     for (int replicate = 0; replicate < kReplicates; slot += block.count[replicate++]) {
-      const int asked = block.count[replicate], valid = drop_invalid(w, slot, asked);
       const size_t p = film.at(replicate, block.film_x + w.pixel_x[i], block.film_y + w.pixel_y[i]);
+      if (film.expressions > 0) add_routes(*w.routes, w, slot, block.count[replicate], p, film);
+      const int asked = block.count[replicate], valid = drop_invalid(w, slot, asked);
       if (valid > 0) {
         film.add(p, 0, exact_sum(w.r + slot, valid)), film.add(p, 1, exact_sum(w.g + slot, valid));
         film.add(p, 2, exact_sum(w.b + slot, valid));

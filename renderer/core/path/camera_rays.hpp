@@ -31,6 +31,7 @@ inline void weigh(Worker& w, int slots) {
   for (int i = 0; i < slots; ++i) {
     const vec3& weight = w.weights[size_t(i)];
     w.r[i] *= weight.x, w.g[i] *= weight.y, w.b[i] *= weight.z;
+    if (w.routes) w.routes->weigh(i, {weight.x, weight.y, weight.z});
   }
 }
 
@@ -62,6 +63,7 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
     ray = scene.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
   p.ray = {ray.o, ray.d, ray.tnear, ray.tfar, time};
   p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
+  p.route_diffuse = p.route_other = I(0);
   p.bsdf_pdf = p.travelled = p.first_received = F(0.0f), p.splits = F(1.0f);
   p.cone_width = F(scene.camera.cone_width()), p.cone_spread = F(scene.camera.cone_spread());
   p.slot = load<W>(slot), p.depth = p.vertex = I(0);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "path/interiors/phase_lobes.hpp"
+#include "path/met_routes.hpp"
 #include "path/sample_light.hpp"
 #include "path/scatter.hpp"
 
@@ -35,6 +36,7 @@ PRIMRAY_INLINE void walk_on(Round& round, vbool<W> scatters, const PathLanes<W>&
   n.cone_width = p.cone_width + p.cone_spread * t;
   n.cone_spread = p.cone_spread + kLobeSpread / sqrt(max(phase_density(local.z, phase), 1e-6f));
   n.normal = vvec3<W>(F(0.0f)), n.diffuse_share = vvec3<W>(F(1.0f));
+  if (round.needs.routes) step_in_medium(*round.settings.routes, scatters & !below, n);
   vbool<W> alive = scatters & (max_component(n.beta) > F(0.0f)) & (n.depth <= vint<W>(round.settings.max_depth));
   const vbool<W> thins = alive & (bounce >= vint<W>(kRouletteStart));
   const F most = select(bounce >= vint<W>(kMediumDeep), F(kMediumDeepKeep), F(1.0f));
@@ -89,6 +91,10 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   vvec3<W> gathered(F(0.0f));
   const MetLights<W> met = meet_lights(scene.lights, in_medium, hit, p, hits.t, gathered, &medium, inside.lead);
   add_to_slots(round, in_medium, p.slot, p.beta * gathered * radiance_from(scene, inside.bodies));
+  if (round.needs.routes) {
+    note_met_lights(round, in_medium, p, hits, hit, RoutesInMedium<W>{&medium, inside.lead});
+    add_noted(round, p, p.beta * radiance_from(scene, inside.bodies));
+  }
   const vbool<W> covered = in_medium & met.covered;
   end = select(covered, met.nearest, end);
   for (uint32_t b = bits(covered & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
@@ -104,6 +110,7 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   const vbool<W> scatters = may_scatter & step.scatters;
   const F t = max(step.t - inside.lead, 0.0f);
   if (any(scatters)) {
+    if (round.needs.routes) resolve_where(scatters, p);
     for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
     const vbool<W> lit = scatters & is_lit(scene, inside), kinds[2] = {scatters & !lit, lit};
     for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {

@@ -98,13 +98,18 @@ PRIMRAY_RARE LocalHit<W> moving_light_hit(const LightTable& lights, int i, size_
   return light_hit<W>(lights, i, stances.point_to_row(from), stances.vector_to_row(ray.d), L);
 }
 
+// What hears of each light that is met: nobody.
+struct NobodyListens {};
+
 // Adds what area and distant lights send back along the rays to `gathered`, through `medium` where there is one, which begins
-// `lead` before the rays.
-template <int W>
+// `lead` before the rays. `listener` is told of each light's part, and of bodies
+// at the end.
+template <int W, class Listener = NobodyListens>
 PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
                                         vfloat<W> t_surface, vvec3<W>& gathered, const Medium<W>* medium = nullptr,
-                                        vfloat<W> lead = vfloat<W>(0.0f)) {
+                                        vfloat<W> lead = vfloat<W>(0.0f), const Listener& listener = {}) {
   using F = vfloat<W>;
+  constexpr bool kHeard = !std::is_same_v<Listener, NobodyListens>;
   MetLights<W> seen;
   if (!lights.needs_hit_test) return seen;
   const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)), camera = p.depth == vint<W>(0);
@@ -140,6 +145,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
     const vbool<W> direct = met & sees_body & ((t < seen.nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);
+      if constexpr (kHeard) listener.light(i, direct, L);
     } else {
       seen.nearest = select(direct, t, seen.nearest), seen.light = select(direct, vint<W>(i), seen.light);
       body = select(direct, L, body);
@@ -151,6 +157,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
     if ((weighed || linked) && !has_total) total = total_at(lights, from, p.link), has_total = true;
     const F light_pdf = h.pdf * probability_at(lights, i, scattered, from, p.normal, total, p.link);
     gathered += select(scattered, L * mis_weight(p.bsdf_pdf, light_pdf), zero);
+    if constexpr (kHeard) listener.light(i, scattered, L * mis_weight(p.bsdf_pdf, light_pdf));
   };
   if (!many) {
     for (int i = 0; i < lights.analytic_count; ++i) meet(i, active);
@@ -159,12 +166,13 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
                  meet);
   }
   gathered += body;
+  if constexpr (kHeard) listener.bodies(seen, body);
   return seen;
 }
 
 // Radiance of all domes along the rays; right in lanes `m`.
-template <int W>
-PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const PathLanes<W>& p) {
+template <int W, class Listener = NobodyListens>
+PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const PathLanes<W>& p, const Listener& listener = {}) {
   using F = vfloat<W>;
   vvec3<W> sum(F(0.0f));
   for (size_t k = 0; k < lights.domes.size(); ++k) {
@@ -189,6 +197,7 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const P
       L *= select(direct, F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));
     }
     sum += L;
+    if constexpr (!std::is_same_v<Listener, NobodyListens>) listener.dome(k, m, L);
   }
   return sum;
 }

@@ -23,6 +23,14 @@ inline bool find_outlines(Round& round) {
   return some;
 }
 
+// What rays that are about to be queued see of a light as a body.
+template <int W>
+PRIMRAY_RARE void put_outline_routes(Round& round, vbool<W> m, int32_t light) {
+  Worker& w = round.worker;
+  const RoutedLight seen{0, 0, same_ends(round.scene.lights.end_of(light)), {}};
+  for (int k = 0; k < __builtin_popcount(bits(m)); ++k) w.routes->shadows.put(w.shadows.count + k, seen);
+}
+
 // Appends what the rays see of one light in pixel number `pixel` of the worker to the shadow queue, and traces that when it is
 // full.
 template <int W>
@@ -58,6 +66,7 @@ PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines:
     const vbool<W> seen = met.covered & (met.light == I(part.light));
     if (!any(seen)) continue;
     if (w.shadows.count > ShadowQueue::kSize - 2 * W) trace_shadows<W>(round), w.shadows.count = 0;
+    if (round.needs.routes) put_outline_routes(round, seen, part.light);
     // From where the camera begins to see.
     w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(met.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
                      load<W>(slot), p.ray.time, round.needs);

@@ -15,6 +15,7 @@ namespace primray {
 
 inline void clear_slots(Worker& w, int slots) {
   for (float* sums : {w.r, w.g, w.b, w.a}) std::fill_n(sums, slots, 0.0f);
+  if (w.routes) w.routes->clear(slots);
 }
 
 inline void clear_queues(Round& round) {

@@ -16,11 +16,12 @@ namespace primray {
 inline PathNeeds path_needs(const Scene& scene, const IntegratorSettings& settings) {
   return {.travelled = scene.has_thin,
           .cones = scene.has_inputs,
-          .diffuse_shares = scene.lights.lobe_factors,
+          .diffuse_shares = scene.lights.lobe_factors || settings.routes,
           .links = scene.lights.links.any(),
           .time = scene.moves(),
           .normals = scene.lights.by_tree() || scene.emitters.by_triangle(),
-          .first_received = settings.guide != nullptr};
+          .first_received = settings.guide != nullptr,
+          .routes = settings.routes != nullptr};
 }
 
 struct Round {
@@ -46,6 +47,7 @@ struct Round {
         samples(task.count[0] + task.count[1]) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
     if (follows_bodies() && !worker.inside) worker.inside = std::make_unique<InsideStore>();
+    if (needs.routes && !worker.routes) worker.routes = std::make_unique<RouteStore>(*settings.routes, Worker::kSlots);
     if (scene.camera.flawed) worker.weights.resize(Worker::kSlots, vec3(1.0f));
   }
 

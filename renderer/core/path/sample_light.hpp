@@ -3,6 +3,7 @@
 
 #include "emitter/emitter.hpp"
 #include "path/emission.hpp"
+#include "path/met_routes.hpp"
 #include "path/rays/path_parts.hpp"
 #include "path/shiny_lanes.hpp"
 #include "path/vertex.hpp"
@@ -157,6 +158,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   Worker& w = round.worker;
   if (crosses)
     put_shadow_bodies(round, useful & special, useful & !special, beyond, *v.crossing, lead_of(v.it.offset, v.ng, s.wi));
+  if (round.needs.routes) put_shadow_routes<W, Lobes>(round, useful & special, useful & !special, p, f, beyond, light);
   if (any(useful & special))
     w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, light, p.ray.time, round.needs);
   useful &= !special;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "path/emission.hpp"
+#include "path/met_routes.hpp"
 #include "path/rays/path_parts.hpp"
 #include "path/vertex.hpp"
 
@@ -75,7 +76,7 @@ PRIMRAY_INLINE void carry_on(const Round& round, const Vertex<W, Lobes>& v, cons
   }
   if (round.needs.normals) n.normal = select(s.straight, p.normal, facing(v));
   if (round.needs.links) n.link = select(s.straight, p.link, v.it.link);
-  if (scene.lights.lobe_factors) n.diffuse_share = select(s.straight, p.diffuse_share, s.diffuse_share);
+  if (round.needs.diffuse_shares) n.diffuse_share = select(s.straight, p.diffuse_share, s.diffuse_share);
   // What was guided counts as its surface would have sent it, until it next scatters widely.
   if (round.settings.caustics) {
     const vbool<W> widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
@@ -129,6 +130,7 @@ PRIMRAY_INLINE void look_for_sky(Round& round, vbool<W> last, const PathLanes<W>
   const vbool<W> lit = last & (max_component(carried) > vfloat<W>(0.0f));
   if (!any(lit)) return;
   if (crossing) look_for_sky_inside(round, lit, *crossing, s, lead, carried);
+  if (round.needs.routes) put_sky_routes(round, lit, n);
   round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, n.slot, n.ray.time, round.needs);
 }
 
@@ -153,6 +155,7 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (!scene.rays_find_light) alive &= !last;
   n.bsdf_pdf = select(s.straight, p.bsdf_pdf, v.caustics ? own : s.pdf);
   carry_on(round, v, p, s, n);
+  if (round.needs.routes) step_routes<Lobes::kInMedium>(*round.settings.routes, p, s, n);
   const F expected =
       round.needs.first_received ? expected_light(*round.settings.guide, v.place, n.ray.d, n.first_received) : F(0.0f);
   const F survive = play_roulette(round, s.straight, expected, n, alive);

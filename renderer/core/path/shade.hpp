@@ -5,6 +5,7 @@
 
 #include "bsdf/bsdf_with_hair.hpp"
 #include "path/emission.hpp"
+#include "path/met_routes.hpp"
 #include "path/outline_rays.hpp"
 #include "path/sample_light.hpp"
 #include "path/scatter.hpp"
@@ -33,6 +34,7 @@ PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, vbool<W>
                                          const Hits<W>& hits, vbool<W>& hit) {
   const LightTable& lights = round.scene.lights;
   vvec3<W> gathered(vfloat<W>(0.0f));
+  if (round.needs.routes) note_met_lights(round, looks, p, hits, hit);
   const MetLights<W> met = meet_lights(lights, looks, hit, p, hits.t, gathered);
   const vbool<W> covered = met.covered;
   if (const vbool<W> camera = covered & (p.vertex == vint<W>(0)); round.outlined && any(camera))
@@ -42,6 +44,7 @@ PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, vbool<W>
   vbool<W> nothing = escaped;
   if (!lights.domes.empty() && any(escaped)) {
     const vvec3<W> sky = meet_domes(lights, escaped, p);
+    if (round.needs.routes) note_met_domes(round, escaped, p);
     gathered += select(escaped, sky, vvec3<W>(vfloat<W>(0.0f)));
     nothing &= !(max_component(sky) > vfloat<W>(0.0f));
   }
@@ -52,6 +55,12 @@ PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, vbool<W>
   for (uint32_t b = bits(active & (p.vertex == vint<W>(0)) & (hit | covered)); b; b &= b - 1)
     round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
   return gathered;
+}
+
+// What was noted of the packet at `at`, for light path expressions.
+template <int W>
+PRIMRAY_RARE void add_met_routes(Round& round, int at, const PathLanes<W>& p) {
+  add_noted(round, p, round.follows_bodies() ? p.beta * radiance_met<W>(round, at) : p.beta);
 }
 
 // Paths scatter on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
@@ -224,14 +233,17 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   const Scene& scene = round.scene;
   const IntegratorSettings& settings = round.settings;
   const PathPool& pool = *round.worker.pool;
-  const PathLanes<W> p = pool.paths<W>(at, round.needs);
+  PathLanes<W> p = pool.paths<W>(at, round.needs);
   Hits<W> hits = pool.hits<W>(at);
   hits.time = p.ray.time;
   vbool<W> hit = active & (hits.geom != vint<W>(-1));
   const vbool<W> looks = round.follows_bodies() ? active & !has_crossed_medium<W>(round, at) : active;
   V gathered = gather_met_light(round, active, looks, p, hits, hit);
   if (round.follows_bodies()) gathered = gathered * radiance_met<W>(round, at);
-  if (!any(hit)) return add_to_slots(round, active, p.slot, p.beta * gathered);
+  if (!any(hit)) {
+    if (round.needs.routes) add_met_routes(round, at, p);
+    return add_to_slots(round, active, p.slot, p.beta * gathered);
+  }
 
   Interaction<W> it = interact(scene, hit, p.ray, hits);
   SurfaceRows<W> rows(scene.surfaces, it.surface);
@@ -243,10 +255,12 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   }
   if (scene.has_emission) {
     V shines = select(hit, emitted(scene, hit, hits, it, rows, p), V(F(0.0f)));
+    if (round.needs.routes) note_shown(round, hit, hits, it, shines);
     if (round.follows_bodies()) shines = shines * radiance_met<W>(round, at);
     gathered += shines;
   }
   add_to_slots(round, active, p.slot, p.beta * gathered);
+  if (round.needs.routes) add_met_routes(round, at, p), resolve_routes(p);
 
   const V wo = -p.ray.d;
   const F facing = dot(it.ng, wo);

@@ -12,6 +12,7 @@
 #include "path/interiors/inside_columns.hpp"
 #include "path/rays/entry_choice.hpp"
 #include "path/rays/pool.hpp"
+#include "path/routes/route_store.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/evaluate_inputs.hpp"
 #include "surface/interaction.hpp"
@@ -36,6 +37,7 @@ struct Worker {
   ShadowQueue shadows;
   std::unique_ptr<SpecialShadowQueue> special_shadows;  // of scenes with special lights
   std::unique_ptr<InsideStore> inside;                  // of scenes whose bodies are followed
+  std::unique_ptr<RouteStore> routes;                   // for light path expressions
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];
   std::vector<vec3> weights;  // of samples, behind a lens that takes some of their light

@@ -23,14 +23,17 @@ PRIMRAY_RARE void trace_shadow_stream(Round& round) {
   for (int at = 0; at < q.count; at += W) {
     const vbool<W> open = (lane_numbers<W>() < vint<W>(q.count - at)) & (load<W>(blocked + at) == vint<W>(0));
     add_to_slots(round, open, load<W>(q.slot + at), carried_at<W>(q, at));
+    if (RouteStore* const routes = round.worker.routes.get(); routes && round.needs.routes)
+      add_arrived(*routes, routes->shadows, at, open, load<W>(q.slot + at), carried_at<W>(q, at), vint<W>(0));
   }
 }
 
 template <int W>
-PRIMRAY_RARE vbool<W> pass_thin_shadows(Round& round, int at, vbool<W> active, const Rays<W>& rays, vvec3<W>& carried) {
+PRIMRAY_RARE vbool<W> pass_thin_shadows(Round& round, int at, vbool<W> active, const Rays<W>& rays, vvec3<W>& carried,
+                                        vint<W>* passed) {
   BodiesAround<W> around;
   if (round.follows_bodies()) around = round.worker.inside->shadows.at<W>(at);
-  return pass_thin(round.scene, round.recorder, active, rays, carried, round.follows_bodies() ? &around : nullptr);
+  return pass_thin(round.scene, round.recorder, active, rays, carried, round.follows_bodies() ? &around : nullptr, passed);
 }
 
 template <int W>
@@ -42,9 +45,10 @@ void trace_shadow_lanes(Round& round) {
     Rays<W> rays = q.rays<W>(at);
     if (round.needs.time) rays.time = load<W>(q.time + at);
     vvec3<W> carried = carried_at<W>(q, at);
+    vint<W> passed(0);
     vbool<W> blocked;
     if (round.scene.has_thin) {
-      blocked = !pass_thin_shadows(round, at, active, rays, carried);
+      blocked = !pass_thin_shadows(round, at, active, rays, carried, round.needs.routes ? &passed : nullptr);
     } else {
       const bool packet = w.shadow_entry.packet(), measuring = w.shadow_entry.measuring();
       if (round.recorder) round.recorder->record(true, packet, active, rays);
@@ -53,6 +57,8 @@ void trace_shadow_lanes(Round& round) {
       if (measuring) w.shadow_entry.record(EntryChoice::now() - start, std::min(W, q.count - at));
     }
     add_to_slots(round, active & !blocked, load<W>(q.slot + at), carried);
+    if (round.needs.routes)
+      add_arrived(*w.routes, w.routes->shadows, at, active & !blocked, load<W>(q.slot + at), carried, passed);
   }
 }
 
@@ -69,8 +75,12 @@ void trace_special_shadows(Round& round) {
     BodiesAround<W> around;
     const bool follows = round.follows_bodies() && round.scene.has_thin;
     if (follows) around = round.worker.inside->special_shadows.at<W>(at);
-    const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &around : nullptr);
+    vint<W> passed(0);
+    const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &around : nullptr,
+                                       round.needs.routes ? &passed : nullptr);
     add_to_slots(round, active, load<W>(q.rays.slot + at), carried * left);
+    if (RouteStore* const routes = round.worker.routes.get(); routes && round.needs.routes)
+      add_arrived(*routes, routes->special_shadows, at, active, load<W>(q.rays.slot + at), carried * left, passed);
   }
 }
 

@@ -19,14 +19,15 @@ struct PathLanes {
   vvec3<W> normal;
   vfloat<W> first_received;
   vint<W> link;
+  vint<W> route_diffuse, route_other;  // see PathPool
   vint<W> slot, depth, vertex;
   Sampler<W> sampler;
 };
 
 // What paths of a scene carry beyond the rest: through see-through surfaces, over textures, to lights with lobe factors, to
-// lights that are linked, while a shutter is open, among many lights, with a guide.
+// lights that are linked, while a shutter is open, among many lights, with a guide, for light path expressions.
 struct PathNeeds {
-  bool travelled, cones, diffuse_shares, links, time, normals, first_received;
+  bool travelled, cones, diffuse_shares, links, time, normals, first_received, routes;
 };
 
 }  // namespace primray

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/error.hpp"
+#include "route/route_tables.hpp"
 
 namespace primray {
 namespace {
@@ -71,6 +72,8 @@ PassStatistics render_pass(const Scene& scene, const IntegratorSettings& setting
   const PixelWindow& pixels = scene.camera.pixels;
   if (ends.size() != kReplicates * tiles || film.width != pixels.width || film.height != pixels.height)
     throw Error("invariant", "the pass does not fit the film");
+  if (film.expressions != (settings.routes ? settings.routes->expressions : 0))
+    throw Error("invariant", "the film holds other light path expressions");
   std::vector<Span> spans(tiles);
   for (size_t t = 0; t < tiles; ++t)
     for (int r = 0; r < kReplicates; ++r) spans[t].first[r] = film.next[r * tiles + t], spans[t].end[r] = ends[r * tiles + t];

@@ -34,6 +34,7 @@ struct GeometryLights {
   // By light, for rays that meet it: kOwn and kShown; lobe factors; `radiance`, with the area of the first place it stands in.
   std::vector<int32_t> flags;
   std::vector<int32_t> link;  // the collection that it reaches
+  std::vector<int32_t> ends;  // as LightTable::ends
   std::vector<float> diffuse, specular, radiance;
   enum : int32_t { kOwn = 1, kShown = 2 };
 

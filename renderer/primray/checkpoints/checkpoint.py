@@ -32,6 +32,7 @@ from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 from .frame_json import frame_of
 from .kept_beside import KeptBeside, contents_of, of_contents
+from .light_paths import LightPaths, light_paths_of_json
 
 REPLICATES, COLORS = 2, 3
 SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits answers; others would be taken for what they are not
@@ -82,6 +83,7 @@ class About:
     rendering_space: ColorSpace = REC709
     motion: Mapping[str, Any] | None = None  # what the report says of what moves
     stage: str = ""  # the root layer's file name
+    light_paths: LightPaths | None = None  # what the film holds of light path expressions
     beside: KeptBeside | None = None  # what a part keeps for outputs beside the picture
 
 
@@ -145,6 +147,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "rendering_space": asdict(about.rendering_space),
         "motion": about.motion,
         "stage": about.stage,
+        "light_paths": None if about.light_paths is None else about.light_paths.as_json(),
         "ranges": [[first, sampling.done]],
         "under_way": sampling.goal is not None,
         "adaptive": settings.adapts,
@@ -204,7 +207,8 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     kept = {name.removeprefix(BESIDE): array for name, array in arrays.items() if name.startswith(BESIDE)}
     beside = of_contents(header["beside"], kept, frame.size) if header.get("beside") is not None else None
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
-    _check_film(film, width, height, tiles)
+    light_paths = light_paths_of_json(header.get("light_paths"))
+    _check_film(film, width, height, tiles, 0 if light_paths is None else len(light_paths.expressions))
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
     splits = core.Splits(*header["splits"])
     busy, shaded = header["lanes"]
@@ -225,6 +229,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             rendering_space=_space_of(header["rendering_space"]),
             motion=_motion_of(header["motion"]),
             stage=_text_of(header["stage"]),
+            light_paths=light_paths,
             beside=beside,
         ),
         ranges=ranges,
@@ -254,7 +259,7 @@ def _is_number(value: Any) -> bool:
     return math.isfinite(float(value)) and float(value) >= 0
 
 
-def _check_film(film: Arrays, width: int, height: int, tiles: int) -> None:
+def _check_film(film: Arrays, width: int, height: int, tiles: int, expressions: int) -> None:
     pixels = (REPLICATES, height, width)
     shapes: dict[str, tuple[str, tuple[int, ...]]] = {
         "parts": ("<i8", (*pixels, COLORS, 2)),
@@ -265,6 +270,8 @@ def _check_film(film: Arrays, width: int, height: int, tiles: int) -> None:
         "tile_rays": ("<i8", (tiles,)),
         "totals": ("<i8", (5,)),
     }
+    if expressions:
+        shapes["routed"] = ("<i8", (expressions, *pixels, COLORS, 2))
     _valid({name: (array.dtype.str, array.shape) for name, array in film.items()} == shapes)
     _valid(BINS[0] <= film["bins"].min() and film["bins"].max() <= BINS[1] and film["next"].max() <= 4 * MAX_SPP)
 

@@ -95,11 +95,14 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
     from ..report.report import settings_as_json
     from ..sampling.sampling import Sampling
     from . import checkpoint
+    from .light_paths import light_paths_of_routes
 
     held = None if resume is None else checkpoint.load(resume)
     settings = prepared.settings if held is None else checkpoint.settings_to_go_on(prepared.settings, held)
+    light_paths = light_paths_of_routes(prepared.aovs, prepared.scene.routes)
+    asked = {} if light_paths is None else {"light_paths": " ".join(light_paths.expressions)}
     about = checkpoint.About(
-        identity=checkpoint.identity(settings, prepared.fingerprint),
+        identity=checkpoint.identity(settings, prepared.fingerprint) | asked,
         settings=settings_as_json(settings),
         camera=prepared.camera,
         frame=prepared.frame,
@@ -110,6 +113,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         rendering_space=prepared.scene.rendering_space,
         motion=prepared.motion,
         stage=prepared.stage,
+        light_paths=light_paths,
     )
     if held is None:
         sampling = Sampling.begin(prepared.scene, settings)

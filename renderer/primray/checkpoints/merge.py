@@ -13,7 +13,9 @@ from typing import Any
 from .. import core
 from ..denoising.denoiser import Guides, has_denoiser
 from ..diagnostics import Diagnostics
+from ..images.aov import Aov
 from ..images.image import Image, pixels_sha256
+from ..images.light_paths.outputs import light_paths_of
 from ..report.report import Costs, header_of, make_report, settings_as_json, subject_of
 from ..sampling.sampling import Sampling
 from .checkpoint import Range, check, contents, gaps
@@ -74,7 +76,8 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     pixels, errors = sampling.film.image()
     kept = gathering.beside
     with costs.stage("aovs"):
-        aovs = {} if kept is None else aovs_of_parts(kept, sampling.film)
+        found = ({} if kept is None else aovs_of_parts(kept, sampling.film)) | light_paths(gathering, sampling)
+        aovs = {name: found[name] for name in gathering.held[0].about.aovs if name in found}
     denoises = sampling.settings.denoises and kept is not None and kept.guides is not None and has_denoiser()
     diagnostics = _diagnostics(sampling, gathering, {*aovs, *(["denoised"] if denoises else [])})
     about = replace(gathering.held[0].about, diagnostics=diagnostics, settings=settings_as_json(sampling.settings), beside=kept)
@@ -95,6 +98,14 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
 
         image = with_diffusion(image)
     return Merged(image, header | {"ranges": ranges}, arrays)
+
+
+def light_paths(gathering: Gathering, sampling: Sampling) -> dict[str, Aov]:
+    """Outputs that films hold, by name."""
+    held = gathering.held[0].about.light_paths
+    if held is None:
+        return {}
+    return light_paths_of(held.requests, held.expressions, held.members, sampling.film)
 
 
 def _denoised(image: Image, guides: Guides, sampling: Sampling, costs: Costs) -> Image:

@@ -151,6 +151,10 @@ def purposes_of(text: str | None) -> tuple[str, ...] | None:
     return tuple(dict.fromkeys(names if "default" in names else ["default", *names]))
 
 
+# But for commas within the braces and quotes of light path expressions.
+_AT_COMMAS = re.compile(r",(?![^{}]*\})(?=(?:[^']*'[^']*')*[^']*$)")
+
+
 def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...] | None:
     """None: as the stage's product says, unless no output could hold them."""
     chosen = aovs_of(texts)
@@ -165,7 +169,7 @@ def aovs_of(texts: list[str] | None) -> tuple[str, ...] | None:
     """None: as the stage's product says."""
     if texts is None:
         return None
-    names = tuple(name.strip() for text in texts for name in text.split(",") if name.strip())
+    names = tuple(name.strip() for text in texts for name in _AT_COMMAS.split(text) if name.strip())
     chosen = tuple(AOVS) if "all" in names else ()
     return chosen + tuple(name for name in names if name not in ("all", "none", *chosen))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ..aov_names import CRYPTOMATTES
+from ..aov_names import CRYPTOMATTES, light_path_of
 from ..arrays import Doubles
 from ..errors import SettingsError
 from ..images.aov import Aov, Values
@@ -25,6 +25,7 @@ from .difference_tests import Grid, threshold, tiles
 
 ALL = "all"
 OF_THE_RENDER = frozenset({"samples"})  # how much was spent, no property of the scene
+UNMEASURED = "is as noisy as the picture, and has no standard errors: render it with --aov-errors"
 _FLOOR = 0.1  # of the median size of values: smaller ones' differences count in proportion to this
 
 
@@ -54,9 +55,19 @@ def names_in(both: Both, asked: Iterable[str]) -> tuple[list[str], list[str]]:
                 if name not in there:
                     has = f"it has {', '.join(there)}" if there else "it has none"
                     raise SettingsError(f"{which} has no AOV {name}; {has}", where="aovs", code="image-channels")
+                if _is_unmeasured(there[name]):
+                    sentence = f"the AOV {name} of {which} {UNMEASURED}"
+                    raise SettingsError(sentence, where="aovs", code="image-channels")
         return asked, []
     alone = [(name, which) for which, own, other in (("A", *both), ("B", *both[::-1])) for name in own if name not in other]
-    return common, [f"the AOV {name} is in {which} alone" for name, which in alone]
+    notes = [f"the AOV {name} is in {which} alone" for name, which in alone]
+    unmeasured = [name for name in common if _is_unmeasured(both[0][name]) or _is_unmeasured(both[1][name])]
+    notes += [f"the AOV {name} {UNMEASURED}" for name in unmeasured]
+    return [name for name in common if name not in unmeasured], notes
+
+
+def _is_unmeasured(aov: Aov) -> bool:
+    return light_path_of(aov.source) is not None and aov.errors is None
 
 
 def compare_with_aovs(

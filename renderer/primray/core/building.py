@@ -12,6 +12,7 @@ from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from .core_errors import raise_as_ours
 from .dicing.displacement import displacements
 from .isa_class import module
+from .light_paths.routes import missing_groups, routes_of
 from .limits import threads
 from .pixel_filter import inverse_cdf
 from .scene import CoreScene
@@ -55,4 +56,7 @@ def core_scene(scene: Any, uploaded: Uploaded, d: SceneDescription, record: Scen
     warnings = [*uploaded.warnings, *noted_emitters(scene)]
     made = CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, uploaded.bounds)
     made.uploaded = uploaded
+    made.routes = routes_of(d.aovs, uploaded.light_groups)
+    if made.routes is not None:
+        made.warnings += missing_groups(made.routes, uploaded.light_groups)
     return made

@@ -21,7 +21,11 @@ class Film:
 
     def __init__(self, scene: CoreScene, state: Mapping[str, npt.NDArray[Any]] | None = None) -> None:
         width, height = scene.resolution
-        self._film = module().Film(width, height) if state is None else module().Film.from_state(width, height, dict(state))
+        if state is None:
+            expressions = 0 if scene.routes is None else len(scene.routes.expressions)
+            self._film = module().Film(width, height, expressions)
+        else:
+            self._film = module().Film.from_state(width, height, dict(state))
         self._exposure_scale = scene._exposure_scale
         self._image: tuple[int, tuple[Floats, Floats]] | None = None
 
@@ -30,6 +34,14 @@ class Film:
         if self._image is None or self._image[0] != self.samples:
             self._image = (self.samples, self._film.image(self._exposure_scale))
         return self._image[1]
+
+    def routed_image(self) -> tuple[npt.NDArray[np.float64], Floats]:
+        """Of each light path expression: R, G, B (E, H, W, 3) as in `image`, and their standard errors.
+
+        What expressions take apart adds up to the picture but for the rounding of doubles.
+        """
+        found: tuple[npt.NDArray[np.float64], Floats] = self._film.routed_image(self._exposure_scale)
+        return found
 
     @property
     def pixels(self) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,10 +28,27 @@ FIELDS = ("emission", "width", "height", "radius", "length", "angle_deg", "diffu
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
 
+@dataclass
+class LightGroups:
+    """Groups that lights are in, by the core's numbers, 0 being none; and of which of them there are domes, and others."""
+
+    names: list[str] = field(default_factory=lambda: [""])
+    domes: set[int] = field(default_factory=set)
+    others: set[int] = field(default_factory=set)
+
+    def number_of(self, light: Light) -> int:
+        if light.group not in self.names:
+            self.names.append(light.group)
+        number = self.names.index(light.group)
+        (self.domes if light.type is LightType.DOME else self.others).add(number)
+        return number
+
+
 class LightUpload:
     def __init__(self, core: Any, builder: Any) -> None:
         self._core = core
         self._builder = builder
+        self.groups = LightGroups()
         self.are_worn = False  # some of what was added are shapes
         self._profiles: dict[int, int] = {}  # the core's numbers by identity, since lights share them
         self._images: dict[TextureFile, int] = {}
@@ -78,6 +96,7 @@ class LightUpload:
             world_from_light=np.ascontiguousarray(matrix, np.float64),
             **{name: getattr(light, name) for name in FIELDS},
         )
+        made.group = self.groups.number_of(light)
         if light.shadow is not None:
             filled(
                 made,

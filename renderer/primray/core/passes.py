@@ -59,6 +59,7 @@ def render_pass(
         screen_block=settings.screen_block,
         guide=guide,
         caustics=caustics,
+        routes=None if scene.routes is None else scene.routes.tables,
     )
     to = np.ascontiguousarray(ends, np.uint32)
     try:

@@ -10,6 +10,7 @@ from ..settings import RenderSettings
 from .core_errors import raise_as_ours
 from .core_inputs import integrator_settings
 from .isa_class import lanes, module
+from .light_paths.routes import Routes
 from .limits import max_depth, threads
 from .scene_record import InstanceNumbers, SceneRecord
 
@@ -41,6 +42,7 @@ class CoreScene:
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
         self.bounds = bounds  # (3,) low and high corner of what is placed in the world, without a few outliers
+        self.routes: Routes | None = None  # where light path expressions are asked for
         self.uploaded: Any = None  # scene_upload.Uploaded, of scenes that may be built again
         self._guides: dict[tuple[int, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}

@@ -33,7 +33,7 @@ from ..refine.rebasing import rebasing_origin
 from ..refine.skewed import bake_skewed
 from ..refine.stretched_curves import stretched_apart
 from .core_inputs import filled
-from .light_upload import LightUpload
+from .light_upload import LightGroups, LightUpload
 from .scene_record import SceneRecord
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .spare_memory import WORTH_ITEMS, give_back
@@ -104,7 +104,9 @@ def hand_over(
         give_back()
     scene = builder.finish()
     may_stay = d.exposure is None and boxes is full_boxes and not lights.are_worn
-    return scene, Uploaded(d, warnings, origin, scale, boxes, prototype_boxes, low, high, rows, headers, may_stay)
+    return scene, Uploaded(
+        d, warnings, origin, scale, boxes, prototype_boxes, low, high, rows, headers, lights.groups, may_stay
+    )
 
 
 def upload(
@@ -135,6 +137,7 @@ class Uploaded:
     high: Doubles
     rows: list[int]  # by static shape: the core's first row of it, -1 where it is not one mesh alone
     textures: MutableTextures  # those that could be read, without their texels
+    light_groups: LightGroups
     may_stay: bool  # it can be opened again: no shape is a light, or reaches absurdly far
 
     @property

@@ -141,6 +141,7 @@ class Light:
     # Numbers of SceneDescription.linked: whom the light reaches and who casts its shadows; 0 is everybody.
     light_link: int = 0
     shadow_link: int = 0
+    group: str = ""  # of lights that light path expressions may name together
     visible_to_camera: bool = True
     texture_format: str = "automatic"  # dome: as UsdLux names it; automatic ones are settled when the file is read
     portals: tuple[Portal, ...] = ()  # dome

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..aov_data_types import Stored
+from ..aov_names import light_path_of
 from ..errors import SettingsError
 from ..textures.image_error import last_error
 from .aov import STDERR, Aov, Values
@@ -22,6 +23,7 @@ VIEW = "view"  # of a stereo pair
 # Of what a part says of its numbers: this many entries and this much text at most; the rest is counted.
 MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
 CRYPTOMATTE = "cryptomatte/"
+COLORS = ("albedo", "emission", "guide_albedo")  # and light path expressions
 IDS, SOURCE, MEANING, SAMPLES = "primray:ids", "primray:source", "primray:meaning", "primray:aov_samples"
 
 
@@ -55,7 +57,7 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
             part.attribute(SAMPLES, aov.samples)
         for key, value in aov.metadata.items():
             part.attribute(key, value)
-        if aov.source not in ("albedo", "emission", "guide_albedo"):
+        if aov.source not in COLORS and light_path_of(aov.source) is None:
             part.attribute("oiio:ColorSpace", "data")
             part.attribute("colorInteropID", "data")
             part.erase_attribute("chromaticities")

@@ -40,6 +40,17 @@ class View:
         return color.to_display(rgb, self.view, self.display, exposure, look=self.look, space=self.space)
 
 
+def as_viewed(pixels: Floats, *, keep_alpha: bool = True) -> tuple[Floats, Floats | None]:
+    """Of (H, W, 4) premultiplied the (H, W, 3) colours that a view is made of, and the alpha (H, W, 1) beside them; None: the
+    picture is over black, as it is where all is covered, or where light comes from what covers nothing."""
+    finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
+    rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
+    background_shines = bool(np.any(rgb[alpha[..., 0] == 0] > 0))
+    if background_shines or not keep_alpha or bool(np.all(alpha == 1)):
+        return rgb, None
+    return np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0), alpha
+
+
 def view_fault(pixels: Floats, view: View, exposure: float = 0.0) -> Diagnostic | None:
     """For (H, W, 4) premultiplied; None where the view shows more than white or black, or there is nothing to see."""
     seen = _seen(pixels)

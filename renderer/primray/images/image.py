@@ -22,7 +22,7 @@ from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
-from .exposure import View, exposure_that_serves, view_fault
+from .exposure import View, as_viewed, exposure_that_serves, view_fault
 from .files.encoding import LINEAR_BITS, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
 from .output_path import check_folder, through_links
@@ -212,7 +212,13 @@ class Image:
     def _repr_html_(self) -> str | None:
         fault = view_fault(self.shown.pixels, View(space=self.color_space))
         told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
-        return picture_html(self._repr_png_, self.resolution, told)
+        if self.errors is None:
+            return picture_html(self._repr_png_, self.resolution, told)
+        from .interactive.page import figures_of, picture_page
+
+        shown = self.shown
+        figures = figures_of(self.resolution, self.report)
+        return picture_page(self._repr_png_(), shown.pixels, shown.errors, View(space=self.color_space), figures, told)
 
     def _repr_png_(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
@@ -260,14 +266,9 @@ def shows_view(path: Path, encoding: Encoding) -> bool:
 
 def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool = True, bits: int = 8) -> npt.NDArray[Any]:
     """Without alpha the picture is over black."""
-    finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
-    rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
-    background_shines = bool(np.any(rgb[alpha[..., 0] == 0] > 0))
-    opaque = background_shines or not keep_alpha or bool(np.all(alpha == 1))
-    if not opaque:
-        rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
+    rgb, alpha = as_viewed(pixels, keep_alpha=keep_alpha)
     shown = view.shown(rgb, exposure)
-    if not opaque:
+    if alpha is not None:
         shown = np.concatenate([shown, alpha], axis=2)
     most, kind = (255, np.uint8) if bits == 8 else (65535, np.uint16)
     return (np.clip(np.nan_to_num(shown), 0, 1) * most + 0.5).astype(kind)

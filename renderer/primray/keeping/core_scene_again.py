@@ -117,7 +117,9 @@ def _built(
         shape = now.shapes[new.shape]
         if not isinstance(shape, Mesh) or not builder.restand_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
             return None
-    LightUpload(core, builder).add(d.lights, textures)
+    lights = LightUpload(core, builder)
+    lights.add(d.lights, textures)
+    uploaded = replace(uploaded, light_groups=lights.groups)
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     camera = camera_input(core, d.camera, d.frame)
     builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.filter, width)))

@@ -47,13 +47,18 @@ def picture_html(png: Callable[[], bytes], resolution: tuple[int, int], diagnost
         return None
     from base64 import b64encode
 
-    items = "".join(map(_line_html, diagnostics_lines(told)))
     source = b64encode(png()).decode("ascii")
     width, height = resolution
     image = (
         f'<img src="data:image/png;base64,{source}" width="{width}" height="{height}" style="max-width: 100%; height: auto">'
     )
-    return f'<div>{image}<div style="font-family: monospace; white-space: pre-wrap; margin-top: 0.5em">{items}</div></div>'
+    return f"<div>{image}{diagnostics_html(told)}</div>"
+
+
+def diagnostics_html(diagnostics: Iterable[Mapping[str, str]]) -> str:
+    """The warnings and errors among them, a line each; "" for none."""
+    items = "".join(map(_line_html, diagnostics_lines(row for row in diagnostics if row["severity"] != "info")))
+    return f'<div style="font-family: monospace; white-space: pre-wrap; margin-top: 0.5em">{items}</div>' if items else ""
 
 
 def _line_html(line: str) -> str:

@@ -255,18 +255,21 @@ def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> tuple[dic
     """The outputs beside the picture, by name, and what a report says of labelled things."""
     if not prepared.aovs:
         return {}, {}
-    from ..aov_names import CRYPTOMATTES, taxonomy_of
+    from ..aov_names import CRYPTOMATTES, light_path_of, taxonomy_of
     from ..images.first_hit import aovs_of
     from ..images.labels import labels_of_view
+    from ..images.light_paths.outputs import light_paths_of_film
     from ..images.mattes.film_mattes import mattes_of
 
     mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
     labels = [request for request in prepared.aovs if taxonomy_of(request.source)]
-    plain = [request for request in prepared.aovs if request not in (*mattes, *labels)]
+    routed = [request for request in prepared.aovs if light_path_of(request.source) is not None]
+    plain = [request for request in prepared.aovs if request not in (*mattes, *labels, *routed)]
     says: dict[str, Any] = {}
     with costs.stage("aovs"):
         found = aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}
         found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
+        found |= light_paths_of_film(prepared.scene, routed, sampling.film) if routed else {}
         if labels and prepared.labels is not None:
             made, says = labels_of_view(prepared.scene, labels, prepared.camera, prepared.settings, prepared.labels)
             found |= made

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
-from ..aov_names import check_names
+from ..aov_names import check_names, light_paths_of, requests_of
 from ..camera_choice import Matrix
 from ..composition import Composition
 from ..errors import SettingsError
@@ -172,6 +172,7 @@ class RenderSettings:
         require(self.purposes != (), "at least one purpose must be rendered", "purposes")
         if self.aovs is not None:
             check_names(self.aovs)
+            _check_light_paths(self.aovs)
         self.composition  # noqa: B018 - checks itself
 
     def _check_sizes(self) -> None:
@@ -236,6 +237,13 @@ class RenderSettings:
             "a sample range says which samples are taken: no spp, target error, time limit or adaptive sampling with it",
             "sample_range",
         )
+
+
+def _check_light_paths(names: tuple[str, ...]) -> None:
+    if expressions := light_paths_of(requests_of(names)):
+        from ..light_paths.tables import check
+
+        check(expressions)
 
 
 def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:

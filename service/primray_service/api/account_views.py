@@ -93,6 +93,11 @@ class Previews(View):
     formats: dict[str, str]
 
 
+class AovName(View):
+    name: str = Field(description="As in settings.aovs.")
+    meaning: str
+
+
 class ExecutorOfServer(View):
     slots: int
     cores: int
@@ -108,6 +113,7 @@ class Capabilities(View):
     outputs: list[OutputKind]
     previews: Previews
     error_metrics: list[str]
+    aovs: list[AovName] = Field(description="That need no name of the scene's own; primvar:NAME and labels:TAXONOMY do.")
     limits: dict[str, Any]
     quotas: KeyQuotas
     executor: ExecutorOfServer

@@ -9,6 +9,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from primray import __version__
+from primray.aov_names import AOVS, CRYPTOMATTES
 
 from ..api import account_views
 from ..http.answers import json_answer
@@ -76,6 +77,7 @@ def capabilities(caller: Reader, service: Serving) -> Response:
         ],
         "previews": {"views": list(VIEWS), "formats": PREVIEW_TYPES},
         "error_metrics": ["relmse", "rmse", "display"],
+        "aovs": [{"name": name, "meaning": kind.meaning} for name, kind in (AOVS | CRYPTOMATTES).items()],
         "limits": asdict(service.limits),
         "quotas": asdict(caller.quotas(service.quotas)),
         "executor": {

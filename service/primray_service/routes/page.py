@@ -18,6 +18,8 @@ MEDIA_TYPES = {
     ".css": "text/css; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".svg": "image/svg+xml",
+    ".jpg": "image/jpeg",
+    ".usda": "model/vnd.usda",  # examples
     ".txt": "text/plain; charset=utf-8",
     "": "text/plain; charset=utf-8",  # licences
 }

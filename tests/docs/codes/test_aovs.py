@@ -13,11 +13,11 @@ TEXT = (Path(__file__).parents[3] / "docs" / "aovs.md").read_text()
 
 
 def test_the_table_is_complete() -> None:
-    rows = dict(re.findall(r"^\| `([a-z_:A-Z]+)` \| (.*) \|$", TEXT, re.MULTILINE))
-    assert set(rows) == {*AOVS, "primvar:NAME"}
+    rows = dict(re.findall(r"^\| `([a-z_:A-Z<>]+)` \| (.*) \|$", TEXT, re.MULTILINE))
+    assert set(rows) == {*AOVS, "primvar:NAME", "C<RD>L"}
     for name, kind in AOVS.items():
         channels, _, names = rows[name].split(" | ")
         first, *more = channel_names(name, kind.channels)
         written = " ".join([first, *(channel.rpartition(".")[2] for channel in more)])
         assert channels == f"`{written}`" + (" (UINT)" if kind.unsigned else "")
-        assert sorted(re.findall(r"`([^`]+)`", names.partition(", the LPE")[0])) == sorted(COMMON.get(name, ()))
+        assert sorted(re.findall(r"`([^`]+)`", names)) == sorted(COMMON.get(name, ()))

@@ -28,6 +28,7 @@ ORDER = (
     "installed_packages",
     "lfs_pointer",
     "aov_names",
+    "light_paths",
     "aov_data_types",
     "composition",
     "fidelity",

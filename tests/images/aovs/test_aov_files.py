@@ -126,7 +126,8 @@ def test_a_products_variables_are_parts_under_their_names(tmp_path: Path) -> Non
         ("ids", "primId", "int"),
         ("as_float", "primId", "float"),
         ("grey", "depth"),
-        ("glow", "C[LO]", "color3f", "lpe"),
+        ("glow", "Emission", "color3f"),
+        ("direct", "C<RD>[LO]", "color3f", "lpe"),
         ("all", "C.*", "color3f", "lpe"),
         ("albedo", ""),
     )
@@ -144,15 +145,17 @@ def test_a_products_variables_are_parts_under_their_names(tmp_path: Path) -> Non
         "as_float": (("as_float",), "prim", "float32"),
         "grey": (("grey.R", "grey.G", "grey.B"), "depth", "float32"),
         "glow": (("glow.R", "glow.G", "glow.B"), "emission", "float32"),
+        "direct": (("direct.R", "direct.G", "direct.B"), "lpe:C<RD>[LO]", "float32"),
         "albedo": (("albedo.R", "albedo.G", "albedo.B"), "albedo", "float32"),
     }
     plain = picture(stage, tuple(AOVS))
+    own_of = {**plain.aovs, "lpe:C<RD>[LO]": image.aovs["direct"]}
     found = parts(image.save(tmp_path / "a.exr"))
     assert list(found) == ["rgba", *expected]
     for name, (channels, source, dtype) in expected.items():
         spec, stored = found[name]
         assert (spec.channelnames, stored.dtype.name) == (channels, dtype)
-        own = plain.aovs[source].values.astype(dtype)
+        own = own_of[source].values.astype(dtype)
         stored = stored.reshape(SIZE[1], SIZE[0], -1)
         assert np.array_equal(stored, np.broadcast_to(own, stored.shape)), name
     assert image.report["aovs"]["ids"] == {
@@ -169,8 +172,8 @@ def test_a_products_variables_are_parts_under_their_names(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("var", "attribute", "word"),
     [
-        (("v", "C<RD>[<L.>O]", "color3f", "lpe"), "sourceName", "light path"),
-        (("v", "lpe:C<RD>L", "color3f"), "sourceName", "light path"),
+        (("v", "C<RD>[<L.>O", "color3f", "lpe"), "sourceName", "at character 6, the [ has no ]"),
+        (("v", "lpe:C<RD'floor'>L", "color3f"), "sourceName", "light path"),
         (("v", "cryptomatte", "color3f"), "sourceName", "cryptomatte"),
         (("v", "a b", "color3f", "primvar"), "sourceName", "primvar"),
         (("v", "z", "string"), "dataType", "string"),

@@ -166,3 +166,13 @@ def test_the_slurm_script(tmp_path: Path) -> None:
     second.terminate()
     assert second.communicate(timeout=20)[0] == "saved\n"
     assert second.returncode == 130
+
+
+def test_the_example(server: RunningServer, tmp_path: Path) -> None:
+    """examples/service_client.py, as somebody runs it."""
+    command = [sys.executable, str(ROOT / "examples/service_client.py")]
+    environment = os.environ | {"PRIMRAY_SERVER": server.url}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "succeeded" in done.stdout
+    assert (tmp_path / "beauty.exr").read_bytes().startswith(EXR)

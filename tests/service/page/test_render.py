@@ -24,7 +24,7 @@ def test_a_dropped_scene_fills_the_form(open_page):
     page = open_page().page
     page.evaluate(DROP, SMALL + "# dropped")
     page.wait_for_selector("form.settings")
-    camera = page.get_by_label("Camera")
+    camera = page.get_by_label("Camera", exact=True)
     assert camera.locator("option").all_text_contents() == ["/camera", "/side"]
     assert page.get_by_label("Name", exact=True).input_value() == "dropped.usda"
     width, height = page.get_by_label("Width", exact=True), page.get_by_label("Height", exact=True)
@@ -179,6 +179,10 @@ def test_the_list_filters_and_leads_to_comparing(open_page, site):
     rows = page.locator(".jobs li[data-state]")
     until(page, "document.querySelectorAll('.jobs li[data-state]').length === 2")
     assert rows.locator("img").count() == 2
+    page.get_by_label("Name", exact=True).fill("no such")
+    page.get_by_text("No job is like that.").wait_for()
+    page.get_by_label("Name", exact=True).fill("SMALL list")
+    until(page, "document.querySelectorAll('.jobs li[data-state]').length === 2")
     for box in rows.locator("input").all():
         box.check()
     page.get_by_role("link", name="Compare the two").click()
@@ -196,6 +200,12 @@ def test_notes_stand_beside_their_prims(open_page, site):
     page = open_page(f"#/jobs/{job}").page
     page.get_by_text("gone.usda").first.wait_for()
     groups = page.locator(".diagnostics .group")
+    # By severity, in the words of reports; then by prim, or by kind.
+    severities = [words.split(" (")[0] for words in groups.locator("h3").all_inner_texts()]
+    assert severities == [severity for severity in ("error", "warning", "info") if severity in severities]
+    assert len(severities) == 2
+    assert "composition-error /x" in " ".join(page.locator(".diagnostics").inner_text().split())
+    page.get_by_label("Group by").select_option("prim")
     assert "/x" in groups.locator("h3").all_inner_texts()
     assert "/post" in groups.locator("h3").all_inner_texts()
     page.get_by_label("Filter").fill("gone")

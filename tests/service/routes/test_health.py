@@ -126,6 +126,9 @@ def test_event_streams_are_seen_while_they_are_open(server: RunningServer) -> No
 
 def test_capabilities_say_what_may_be_sent_and_asked(client: Any) -> None:
     found = client.get("/v1/capabilities").json()
+    aovs = {aov["name"]: aov["meaning"] for aov in found["aovs"]}
+    assert aovs["depth"] == "distance along the camera's axis; infinite where nothing is"
+    assert {"prim", "crypto_object"} < set(aovs)
     assert {one["kind"] for one in found["inputs"]} == {"usda", "usdc", "usdz", "zip"}
     assert found["previews"]["views"] == ["beauty", "error", "relative-error"]
     assert found["limits"]["upload_bytes"] == 2 * 2**30

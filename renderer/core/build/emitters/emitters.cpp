@@ -115,6 +115,11 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
 }
 
+// Of the row that came last: a sphere that only glows is an object.
+void note_end(Scene& s, int32_t number) {
+  if (number < 0) s.lights.ends.resize(size_t(s.lights.count) - 1, int32_t(kEndObject));
+}
+
 // What a sphere lights with where its group stands so.
 vec3 sphere_radiance(const Scene& s, int32_t curved_row, int32_t number, const daffine& world_from_group) {
   const vec3 average = average_radiance(s, s.curved.surface[curved_row], number);
@@ -142,6 +147,7 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
   row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
   put_geometry_light(s, number, world_from_group, row);
   if (number >= 0) add_light_rules(s.geometry_lights.all[number].rules, s.scale, s.lights);
+  note_end(s, number);
 }
 
 // The row of shape `k`, a sphere in an instance that moves: a ball about its way, of which the sphere is a part.
@@ -169,6 +175,7 @@ void add_passing_sphere_row(Scene& s, const Group& group, int32_t k, const daffi
   s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
   ++s.lights.count;
   add_light_rules(number < 0 ? LightRules{} : s.geometry_lights.all[number].rules, s.scale, s.lights);
+  note_end(s, number);
 }
 
 // By geometry light: a place where its group stands.

@@ -60,7 +60,7 @@ void finish_geometry_lights(Scene& s, const std::vector<daffine>& first_place) {
     const GeometryLight& light = lights.all[i];
     const vec3 L = placed_radiance(s, light, first_place[i]);
     lights.flags.push_back((light.own ? GeometryLights::kOwn : 0) | (light.shown ? GeometryLights::kShown : 0));
-    lights.link.push_back(light.rules.link);
+    lights.link.push_back(light.rules.link), lights.ends.push_back(end_number(light.rules.group, kEndLight));
     lights.diffuse.push_back(light.row[kDiffuseFactor]), lights.specular.push_back(light.row[kSpecularFactor]);
     lights.radiance.insert(lights.radiance.end(), {L.x, L.y, L.z});
   }

@@ -88,7 +88,7 @@ bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
-  table.dome_traits.push_back({light.link, !light.visible_to_camera, special});
+  table.dome_traits.push_back({light.link, !light.visible_to_camera, special, end_number(light.group, kEndDome)});
   table.domes.push_back(std::move(d));
   if (portals.count > 0 || !table.portals.empty()) {
     table.portals.resize(table.domes.size());

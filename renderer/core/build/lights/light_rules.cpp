@@ -19,6 +19,8 @@ void add_light_rules(const LightRules& light, double scale, LightTable& table) {
   float& flags = table.rows[row * kLightFields + kLightFlags];
   flags = float(int(flags) | (light.visible_to_camera ? 0 : kHidden) | (special ? kSpecial : 0));
   if (light.link != 0) table.light_link.resize(row + 1, 0), table.light_link[row] = light.link;
+  const bool dome = int(table.rows[row * kLightFields + kType]) == int(LightType::kDome);
+  table.ends.resize(row + 1, int32_t(kEndObject)), table.ends[row] = end_number(light.group, dome ? kEndDome : kEndLight);
   if (!special) return;
   table.shadow_rows.resize((row + 1) * kShadowFields, 0.0f);
   float* shadow = &table.shadow_rows[row * kShadowFields];

@@ -68,7 +68,8 @@ struct PathPool {
   alignas(64) float travelled[kPadded];
   // Only where surfaces have varying inputs: the ray's cone, its width at the origin and how much wider it gets per distance.
   alignas(64) float cone_width[kPadded], cone_spread[kPadded];
-  // Only where lights have lobe factors: the part of the last scattering's f_cos that was diffuse.
+  // Only where lights have lobe factors, and for light path expressions: the part of the last scattering's f_cos that was
+  // diffuse.
   alignas(64) float diffuse_share_r[kPadded], diffuse_share_g[kPadded], diffuse_share_b[kPadded];
   // Only where the shutter is open for a while.
   alignas(64) float time[kPadded];
@@ -79,6 +80,9 @@ struct PathPool {
   alignas(64) float first_received[kPadded];
   // Only where lights are linked: the row of the surface that scattered last, or kUnlinkedRow.
   alignas(64) int32_t link[kPadded];
+  // Only for light path expressions: the states of the path's channels if it left the last vertex by a diffuse lobe, of which
+  // diffuse_share is the part, and else.
+  alignas(64) int32_t route_diffuse[kPadded], route_other[kPadded];
   int count = 0;
 
   // Hits of the current rays.
@@ -111,6 +115,8 @@ struct PathPool {
     if (needs.normals) p.normal = {load<W>(nx + at), load<W>(ny + at), load<W>(nz + at)};
     p.first_received = needs.first_received ? load<W>(first_received + at) : vfloat<W>(0.0f);
     p.link = needs.links ? load<W>(link + at) : vint<W>(kUnlinkedRow);
+    p.route_diffuse = p.route_other = vint<W>(0);
+    if (needs.routes) p.route_diffuse = load<W>(route_diffuse + at), p.route_other = load<W>(route_other + at);
     p.slot = load<W>(slot + at), p.depth = load<W>(depth + at), p.vertex = load<W>(vertex + at);
     p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
     return p;
@@ -133,6 +139,7 @@ struct PathPool {
     if (needs.links) c.append(link + at, p.link);
     if (needs.normals) c.append(nx + at, p.normal.x), c.append(ny + at, p.normal.y), c.append(nz + at, p.normal.z);
     if (needs.first_received) c.append(first_received + at, p.first_received);
+    if (needs.routes) c.append(route_diffuse + at, p.route_diffuse), c.append(route_other + at, p.route_other);
     c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
     c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
     count += c.count;

@@ -25,6 +25,7 @@ struct ShadowStep {
   Interaction<W> it;
   vbool<W> front;
   vvec3<W> through;
+  vbool<W> unseen{false};  // boundaries that are not there
 
   // `around`: the bodies around the ray, where they are followed; left as they are behind what was met.
   PRIMRAY_INLINE ShadowStep(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits,
@@ -53,6 +54,7 @@ struct ShadowStep {
     const vvec3<W> left = medium_of(scene, around.bodies).left_after(t + around.lead), one(vfloat<W>(1.0f));
     const Boundary<W> b(scene, active, around.bodies, it.surface, front);
     through = select(b.unseen, one, straight_with_open_pbr(rows, active, wo, front, b.beside)) * left;
+    unseen = b.unseen;
     around.bodies = select(active, b.beyond, around.bodies);
     around.lead = select(active, lead_of(it.offset, it.ng, rays.d), around.lead);
   }
@@ -77,10 +79,10 @@ PRIMRAY_RARE vvec3<W> left_at_end(const Scene& scene, const BodiesAround<W>& aro
 }
 
 // Follows shadow rays through surfaces that let light straight through; what arrives is left in `carried`. `around`: see
-// ShadowStep.
+// ShadowStep. `passed`, where asked for: counts what each went through.
 template <int W>
 PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried,
-                                BodiesAround<W>* around) {
+                                BodiesAround<W>* around, vint<W>* passed = nullptr) {
   const vfloat<W> zero(0.0f);
   vbool<W> arrived(false);
   while (any(active)) {
@@ -92,6 +94,7 @@ PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool
     active = hit;
     if (!any(active)) break;
     const ShadowStep<W> step(scene, active, rays, hits, around);
+    if (passed) *passed += select(active & !step.unseen, vint<W>(1), vint<W>(0));
     // Lanes that have arrived keep what they carry.
     carried = select(active, carried * step.through, carried);
     active &= max_component(carried) > zero;
@@ -104,10 +107,10 @@ PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool
 
 // What shadow rays to special lights bring of their light. The first opaque caster ends a shadow; panes before it tint it. Each
 // weighs by its distance; hits on what casts no shadow of the light are passed. A light that is geometry always hides its own
-// far side, which is no shadow.
+// far side, which is no shadow. `passed` as of pass_thin.
 template <int W>
 PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light,
-                                   BodiesAround<W>* around) {
+                                   BodiesAround<W>* around, vint<W>* passed = nullptr) {
   const vfloat<W> zero(0.0f), one(1.0f);
   const vint<W> none(-1);
   const LightTable& lights = scene.lights;
@@ -134,6 +137,7 @@ PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vb
     const vfloat<W> strength = shadow.strength(distance);
     open = select(caster, open * (vvec3<W>(one) - (vvec3<W>(one) - step.through) * strength), open);
     const vbool<W> opaque = !(max_component(step.through) > zero);
+    if (passed) *passed += select(caster & !opaque & !step.unseen, vint<W>(1), vint<W>(0));
     casting &= (!(caster & opaque)) & (distance < shadow.end);
     active &= casting | has_body;
     step.go_on(rays);

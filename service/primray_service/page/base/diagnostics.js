@@ -1,4 +1,4 @@
-// What was found in a scene, beside the prims it concerns: grouped by prim or by kind, filtered by words.
+// What was found in a scene, beside the prims it concerns: grouped by severity, prim or kind, filtered by words.
 
 import { choice, element, field, fill, write } from "./dom.js";
 import { plural } from "./format.js";
@@ -8,7 +8,7 @@ const ORDER = { error: 0, warning: 1, info: 2 };
 
 export function diagnostics() {
   const filter = element("input", { type: "search", placeholder: "prim, kind or words", on: { input: draw } });
-  const by = choice([["prim", "prim"], ["code", "kind"]], "prim", { on: { change: draw } });
+  const by = choice([["severity", "severity"], ["prim", "prim"], ["code", "kind"]], "severity", { on: { change: draw } });
   const list = element("div", { class: "found" });
   const heading = element("h2", {});
   const controls = element("div", { class: "bar" }, field("Filter", filter), field("Group by", by));
@@ -30,9 +30,10 @@ export function diagnostics() {
       const text = `${row.prim} ${row.code} ${row.kind} ${row.attribute} ${row.detail}`.toLowerCase();
       return words.every((word) => text.includes(word));
     });
-    write(heading, rows.length === 0 ? "Nothing to report about the scene" : plural(rows.length, "note") + " on the scene");
+    write(heading, rows.length === 0 ? "Nothing to report about the scene" : `${plural(rows.length, "note")} on the scene: ${counted(rows)}`);
     controls.hidden = rows.length < 2;
     const groups = new Map();
+    if (by.value === "severity") kept.sort((a, b) => rank(a) - rank(b));
     for (const row of kept.slice(0, SHOWN)) {
       const name = row[by.value] || "the whole scene";
       groups.set(name, [...(groups.get(name) ?? []), row]);
@@ -46,11 +47,12 @@ export function diagnostics() {
   }
 
   function group(name, members) {
-    members.sort((a, b) => (ORDER[a.severity] ?? 1) - (ORDER[b.severity] ?? 1));
+    members.sort((a, b) => rank(a) - rank(b));
+    const place = (row) => row.prim || "the whole scene";
     return element(
       "div",
       { class: "group" },
-      element("h3", {}, element("code", {}, name)),
+      element("h3", {}, by.value === "severity" ? `${name} (${members.length})` : element("code", {}, name)),
       element(
         "ul",
         {},
@@ -58,9 +60,10 @@ export function diagnostics() {
           element(
             "li",
             { data: { severity: row.severity } },
-            element("span", { class: "severity" }, `${row.severity}:`),
-            " ",
-            element("span", { class: "kind" }, by.value === "prim" ? row.code : row.prim || "the whole scene"),
+            by.value !== "severity" && element("span", { class: "severity" }, `${row.severity}: `),
+            by.value !== "code" && element("span", { class: "kind" }, row.code),
+            by.value === "severity" && " ",
+            by.value !== "prim" && element("code", {}, place(row)),
             " ",
             row.attribute && element("code", {}, row.attribute),
             row.attribute && " ",
@@ -72,4 +75,14 @@ export function diagnostics() {
   }
 
   return { root, show };
+}
+
+const rank = ({ severity }) => ORDER[severity] ?? 1;
+
+// "1 error, 2 warnings, 3 info"
+function counted(rows) {
+  const count = (severity) => rows.filter((row) => row.severity === severity).length;
+  const [errors, warnings] = [count("error"), count("warning")];
+  const rest = rows.length - errors - warnings;
+  return [errors && plural(errors, "error"), warnings && plural(warnings, "warning"), rest && `${rest} info`].filter(Boolean).join(", ");
 }

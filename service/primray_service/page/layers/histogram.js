@@ -7,7 +7,7 @@ import { single } from "./paint.js";
 const [BINS, HEIGHT] = [240, 72];
 const [LEAST, MOST] = [-10, 6]; // stops from white
 const PICKED = 2 ** 18; // pixels at most
-const COLORS = ["rgb(235 90 80)", "rgb(80 190 100)", "rgb(90 140 245)"];
+const COLORS = ["rgb(200 50 50)", "rgb(50 170 60)", "rgb(60 90 220)"]; // added where they overlap
 const GREY = "rgb(140 140 140)";
 
 export function histogram() {
@@ -81,7 +81,7 @@ function byStops(layer, stops) {
     if (!(light > 2 ** LEAST)) black += 1;
   }
   const share = (count) => `${Number(((100 * count) / picked).toFixed(1))} %`;
-  return { bins, words: `From ${LEAST} to +${MOST} stops around white (the line), at this exposure. Above white ${share(white)}, black ${share(black)} of the pixels.` };
+  return { bins, words: `From −${-LEAST} to +${MOST} stops around white (the line), at this exposure. Above white ${share(white)}, black ${share(black)} of the pixels.` };
 }
 
 function byRange(layer) {

@@ -13,6 +13,7 @@ export function factsOf(scene) {
     camera: isKnown(scene.camera) ? scene.camera : (cameras[0]?.path ?? ""),
     resolution: scene.resolution ?? scene.render_settings?.find(({ resolution }) => resolution)?.resolution ?? null,
     frames: rangeOf(scene.frame_range),
+    products: (scene.render_settings ?? []).flatMap(({ products }) => products ?? []),
     variants: (scene.variants ?? []).slice(0, MOST_VARIANTS),
   };
 }

@@ -2,18 +2,24 @@
 
 import { send, token } from "../base/api.js";
 import { diagnostics } from "../base/diagnostics.js";
-import { button, choice, element, field, fill, freshId } from "../base/dom.js";
+import { button, choice, element, field, fill, freshId, write } from "../base/dom.js";
 import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
 import { QUALITIES } from "../base/words.js";
+import { estimate, timeWords } from "./estimate.js";
 import { factsOf } from "./facts.js";
+import { outputsChoice } from "./outputs_choice.js";
 
 const SCALES = [["1", "full"], ["0.5", "half"], ["0.25", "quarter"]];
 
 const number = (attributes) => element("input", { type: "number", inputmode: "decimal", ...attributes });
 
-export function sceneForm(scene, limits) {
+// `server`: what /v1/capabilities says.
+export function sceneForm(scene, server) {
   const facts = factsOf(scene);
+  const limits = server.limits ?? {};
+  const outputs = outputsChoice(facts, server.aovs ?? []);
+  const times = new Map(); // by quality: where its time is told
   const name = element("input", { type: "text", maxlength: "200", value: scene.name ?? "", autocomplete: "off" });
   const entry = facts.entries.length > 1 ? choice(facts.entries.map((name) => [name, name]), facts.entry) : null;
   const camera = choice(facts.cameras.map(({ path }) => [path, path]), facts.camera);
@@ -38,6 +44,10 @@ export function sceneForm(scene, limits) {
   const submit = element("button", { class: "main" }, "Render");
   const summary = element("p", { class: "note" });
 
+  const timing = estimate(() => ({ job: job(), targets: targets(), pixels: width.value * height.value }), (found) => {
+    [...times.values()].forEach((cell, index) => write(cell, timeWords(found[index])));
+  });
+
   const form = element(
     "form",
     { class: "card settings", "aria-label": "Settings" },
@@ -58,8 +68,11 @@ export function sceneForm(scene, limits) {
       QUALITIES.map(([value, name, hint], index) => quality(value, name, hint, index === 0)),
       quality("own", "Own error", own, false),
     ),
+    timing.root,
     element("div", { class: "columns" }, field("Or after seconds", seconds, "of sampling, each frame"), field("Or after samples a pixel", samples)),
-    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), variants, ticked("light a scene that has no lights", light), ticked("refuse a scene with warnings", strict))),
+    outputs.root,
+    variants.length > 0 && element("details", { open: variants.length <= 4 }, element("summary", {}, "Variants"), element("div", { class: "columns" }, variants)),
+    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), ticked("light a scene that has no lights", light), ticked("refuse a scene with warnings", strict))),
     trouble,
     element("div", { class: "submit" }, submit, summary),
   );
@@ -67,8 +80,12 @@ export function sceneForm(scene, limits) {
   function quality(value, name, hint, checked) {
     const radio = element("input", { type: "radio", name: "quality", value, id: freshId("quality"), checked });
     const text = typeof hint === "string" ? element("small", {}, hint) : hint;
-    return element("div", { class: "quality" }, radio, element("label", { for: radio.id }, element("span", {}, name), typeof hint === "string" && text), typeof hint !== "string" && text);
+    const time = element("small", { class: "time" });
+    times.set(value, time);
+    return element("div", { class: "quality" }, radio, element("label", { for: radio.id }, element("span", {}, name), typeof hint === "string" && text, time), typeof hint !== "string" && text);
   }
+
+  const targets = () => [...times.keys()].map((value) => Number(value === "own" ? own.value : value));
 
   function cameraChanged() {
     const chosen = facts.cameras.find(({ path }) => path === camera.value);
@@ -100,6 +117,7 @@ export function sceneForm(scene, limits) {
   function tell() {
     const pixels = width.value * height.value;
     fill(summary, pixels > 0 ? `${format.count(pixels)} pixels` : "");
+    timing.update();
   }
 
   function job() {
@@ -119,6 +137,7 @@ export function sceneForm(scene, limits) {
       default_light: light.checked,
       strict: strict.checked,
       variants: variants.map((each) => each.querySelector("select").value).filter(Boolean),
+      ...outputs.settings(),
     };
     return { scene: { id: scene.id, ...(entry && { entry: entry.value }) }, settings, ...(name.value.trim() && { name: name.value.trim() }), priority: Number(priority.value), labels: labelsOf(labels.value, name.value.trim()) };
   }
@@ -133,6 +152,7 @@ export function sceneForm(scene, limits) {
     sent = JSON.stringify(request);
     submit.disabled = true;
     fill(trouble);
+    timing.close();
     try {
       const made = await send("POST", "/v1/jobs", request, { "idempotency-key": key });
       performance.mark("submitted");
@@ -149,10 +169,13 @@ export function sceneForm(scene, limits) {
   frames.setAttribute("aria-label", "Frames");
   if (facts.frames) frames.value = facts.frames;
   cameraChanged();
+  form.addEventListener("input", timing.update);
+  form.addEventListener("change", timing.update);
+  timing.history();
   const notes = diagnostics();
   notes.show(scene.warnings ?? []);
   const root = element("div", { class: "form-and-notes" }, form, (scene.warnings ?? []).length > 0 && notes.root);
-  return { root, focus: () => submit.focus() };
+  return { root, focus: () => submit.focus(), close: timing.close };
 }
 
 function labelled(name, control) {

@@ -1,4 +1,4 @@
-// The job list: filter by state and label, pages, two jobs chosen to be compared.
+// The job list: names, thumbnails and places in the queue; filters by name, state and label; pages; two jobs chosen to be compared.
 
 import { get, jobPath } from "../base/api.js";
 import { button, choice, element, field, fill, say } from "../base/dom.js";
@@ -7,10 +7,12 @@ import { problemBox } from "../base/problem_box.js";
 import { STATES, TERMINAL, phaseWords, stateWords } from "../base/words.js";
 
 const PAGE = 25;
+const SEARCHED = 200; // jobs that a name is looked for in: the newest, or the oldest, of that state and label
 const LOOK_EVERY_S = 4;
 
 export function jobsView(root) {
   const state = choice([["", "any state"], ...Object.entries(STATES)], "", { on: { change: restart } });
+  const name = element("input", { type: "search", placeholder: "part of a name", on: { input: () => draw(), change: restart } });
   const label = element("input", { type: "search", placeholder: "shot: 010", on: { change: restart } });
   const order = choice([["desc", "newest first"], ["asc", "oldest first"]], "desc", { on: { change: restart } });
   const list = element("ul", { class: "jobs" });
@@ -20,13 +22,14 @@ export function jobsView(root) {
   const compare = element("a", { class: "button", href: "#/compare", hidden: true }, "Compare the two");
   let cursors = [null]; // of this page and those before it
   let next = null;
+  let items = [];
   let closed = false;
   let timer = 0;
 
   fill(
     root,
     element("h1", {}, "Jobs"),
-    element("form", { class: "bar", on: { submit: (event) => (event.preventDefault(), restart()) } }, field("State", state), field("Label", label), field("Order", order), compare),
+    element("form", { class: "bar", on: { submit: (event) => (event.preventDefault(), restart()) } }, field("Name", name), field("State", state), field("Label", label), field("Order", order), compare),
     trouble,
     list,
     pages,
@@ -39,7 +42,7 @@ export function jobsView(root) {
 
   async function load() {
     clearTimeout(timer);
-    const query = new URLSearchParams({ limit: String(PAGE), order: order.value });
+    const query = new URLSearchParams({ limit: String(name.value.trim() ? SEARCHED : PAGE), order: order.value });
     if (state.value) query.set("state", state.value);
     for (const words of label.value.split(",").filter((text) => text.trim())) query.append("label", labelOf(words));
     if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
@@ -48,7 +51,8 @@ export function jobsView(root) {
       if (closed) return;
       next = page.next_cursor;
       fill(trouble);
-      draw(page.items);
+      items = page.items;
+      draw();
     } catch (failure) {
       if (!failure.problem || closed) return;
       fill(trouble, problemBox(failure.problem, { retry: load, retryAfter: failure.retryAfter }));
@@ -60,11 +64,13 @@ export function jobsView(root) {
     timer = setTimeout(load, 1000 * LOOK_EVERY_S);
   }
 
-  function draw(items) {
+  function draw() {
+    const words = name.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const kept = items.filter((job) => words.every((word) => `${nameOf(job)} ${Object.values(job.labels ?? {}).join(" ")}`.toLowerCase().includes(word)));
     const focused = document.activeElement?.dataset?.key;
-    fill(list, items.map(row));
+    fill(list, kept.map(row));
     if (focused) list.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
-    if (items.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value ? "No job is like that." : "There are no jobs yet. ", !state.value && element("a", { href: "#/" }, "Make the first")));
+    if (kept.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value || words.length ? "No job is like that." : "There are no jobs yet. ", !state.value && !words.length && element("a", { href: "#/" }, "Make the first")));
     const back = cursors.length > 1 && button("Page before", () => (cursors.pop(), load()));
     const on = next && button("Next page", () => (cursors.push(next), load()));
     fill(pages, back, on);

@@ -5,9 +5,15 @@ import { button, element, fill, say, write } from "../base/dom.js";
 import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
 import { filesOfDrop, filesOfInput, packed } from "../scene/dropped.js";
+import { examples } from "../scene/examples.js";
 import { sceneForm } from "../scene/form.js";
 
 const LOOK_EVERY_S = 0.1;
+const STEPS = [
+  ["Drop", "a scene; it is checked, and what is in it is offered."],
+  ["Choose", "how clean the picture is to be: an error, a time, or both."],
+  ["Look", "at it as it refines, with its measured error, and take the EXR home."],
+];
 
 export function newView(root) {
   const file = element("input", { type: "file", multiple: true, class: "unseen", tabindex: "-1", "aria-hidden": "true", accept: ".usd,.usda,.usdc,.usdz,.zip,*" });
@@ -21,11 +27,15 @@ export function newView(root) {
     file,
     folder,
   );
+  const steps = element("ol", { class: "steps", "aria-label": "How it goes" }, STEPS.map(([word, text]) => element("li", {}, element("strong", {}, word), ` ${text}`)));
+  const offered = examples(begin, (failure) => fill(below, problemBox(failure.problem ?? { title: "The example cannot be had", detail: failure.message })));
+  const first = element("div", { class: "first" }, steps, offered);
   const below = element("div", { class: "below" });
   let running = null;
   let closed = false;
-  const limits = get("/v1/capabilities").then((found) => found.limits, () => ({}));
-  fill(root, zone, below);
+  const server = get("/v1/capabilities").catch(() => ({}));
+  let form = null;
+  fill(root, zone, first, below);
 
   file.addEventListener("change", () => begin(filesOfInput(file.files)));
   folder.addEventListener("change", () => begin(filesOfInput(folder.files)));
@@ -46,9 +56,11 @@ export function newView(root) {
 
   async function begin(files) {
     running?.abort();
+    form?.close();
     running = new AbortController();
     const { signal } = running;
     zone.classList.add("small");
+    first.hidden = true;
     const bar = element("progress", { max: "1", "aria-label": "Upload" });
     const words = element("p", { class: "upload-words", role: "status" }, "Reading");
     const stop = button("Stop", () => running.abort(), { class: "quiet" });
@@ -78,14 +90,17 @@ export function newView(root) {
         box.append(problemBox(scene.problem));
         return;
       }
-      const form = sceneForm(scene, await limits);
+      form = sceneForm(scene, await server);
       if (closed || signal.aborted) return;
       below.append(form.root);
       form.focus();
       say(`${called} is ready to render.`);
     } catch (failure) {
       if (signal.aborted || failure.name === "AbortError") {
-        if (!closed && running.signal === signal) fill(below, element("p", { class: "note" }, "Stopped."));
+        if (!closed && running.signal === signal) {
+          fill(below, element("p", { class: "note" }, "Stopped."));
+          first.hidden = false;
+        }
         return;
       }
       const problem = failure.problem ?? { title: "This cannot be uploaded", detail: failure.message };
@@ -96,6 +111,7 @@ export function newView(root) {
   return () => {
     closed = true;
     running?.abort();
+    form?.close();
     removeEventListener("dragover", over);
     removeEventListener("dragleave", over);
     removeEventListener("drop", drop);

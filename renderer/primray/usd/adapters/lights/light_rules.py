@@ -8,6 +8,7 @@ from ....description import Light, Shadow
 from ...lights.light_links import Links
 from ...resolving.context import Context
 from ...resolving.resolve import ResolvedPrim
+from .light_group import group_of
 from .light_shadow import shadow_of
 from .light_visibility import is_seen_by_camera
 
@@ -19,6 +20,7 @@ class LightRules:
     shadow: Shadow | None = None
     light_link: int = 0
     shadow_link: int = 0
+    group: str = ""
     visible_to_camera: bool = True
 
     def applied(self, light: Light) -> Light:
@@ -29,6 +31,7 @@ class LightRules:
             shadow=self.shadow,
             light_link=self.light_link,
             shadow_link=self.shadow_link,
+            group=self.group,
             visible_to_camera=self.visible_to_camera,
         )
 
@@ -38,4 +41,4 @@ _NONE = LightRules()
 
 def rules_of(prim: ResolvedPrim, ctx: Context, links: Links | None) -> LightRules:
     numbers = (0, 0) if links is None else links.of_light(prim)
-    return LightRules(shadow_of(prim, ctx), *numbers, is_seen_by_camera(prim, ctx))
+    return LightRules(shadow_of(prim, ctx), *numbers, group_of(prim, ctx), is_seen_by_camera(prim, ctx))

@@ -9,9 +9,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ....aov_data_types import data_type_of
-from ....aov_names import AOVS, CRYPTOMATTES, LABELS, LONGEST_NAME, PRIMVAR, AovRequest, check_names
+from ....aov_names import (
+    AOVS,
+    CRYPTOMATTES,
+    LABELS,
+    LIGHT_PATH,
+    LONGEST_NAME,
+    PRIMVAR,
+    AovRequest,
+    check_names,
+    light_path_of,
+    without_prefix,
+)
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
+from ....light_paths.tables import check
 from .render_product import RenderVariable
 
 # In the picture's own part, whatever they are called.
@@ -45,9 +57,8 @@ CRYPTO = {  # as Arnold, RenderMan and Karma call them
 }
 NAMES = {name: source for source in AOVS for name in (source, *COMMON.get(source, ()))}
 NAMES |= {name: source for source in CRYPTOMATTES for name in (source, *CRYPTO[source])}
-# Light path expressions that are the picture, and that are what the camera sees directly.
+# Light path expressions that are the picture.
 LPE_BEAUTY = frozenset({"C.*", "C.*[LO]", "C.*<[LO].>", "C[.]*[LO]", "C.*[<L.>O]", "C.*[<L.><O.>]"})
-LPE_EMISSION = frozenset({"C[LO]", "C<[LO].>", "C[<L.>O]"})
 
 
 def aovs_of_variables(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
@@ -58,7 +69,20 @@ def aovs_of_variables(variables: Iterable[RenderVariable], diagnostics: Diagnost
             diagnostics.add("render-var", path, f"Two variables of the product are called {request.name}: the first is made.")
         else:
             found[request.name] = request
-    return tuple(found.values())
+    return _possible(tuple(found.values()), diagnostics)
+
+
+def _possible(requests: tuple[AovRequest, ...], diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
+    """Without the last light path expressions where there are more than can be made together."""
+    while True:
+        paths = [request for request in requests if light_path_of(request.source) is not None]
+        try:
+            check([request.source.removeprefix(LIGHT_PATH) for request in paths])
+        except SettingsError as error:
+            diagnostics.add("render-var", "", f"{paths[-1].name} is not made: {error.message}.", "sourceName")
+            requests = tuple(request for request in requests if request is not paths[-1])
+        else:
+            return requests
 
 
 def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> Iterator[tuple[AovRequest, str]]:
@@ -79,14 +103,7 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
     if var.source_type == "primvar":
         return _primvar(name.removeprefix("primvars:"), var, diagnostics)
     if var.source_type == "lpe" or name.lower().startswith(("lpe:", "color lpe:")):
-        expression = "".join(name.split()).removeprefix("color").removeprefix("lpe:").removeprefix("LPE:")
-        if expression in LPE_BEAUTY:
-            return None
-        if expression in LPE_EMISSION:
-            return "emission"
-        message = f"The light path expression {name} is not made: of these there are the whole (C.*) and what is seen (C[LO])."
-        diagnostics.add("render-var", var.path, message, "sourceName")
-        return None
+        return _light_path(without_prefix(name), var, diagnostics)
     if name in BEAUTY or name in ALPHA or name in ERRORS:
         return None
     if name in NAMES:
@@ -109,6 +126,17 @@ def _primvar(name: str, var: RenderVariable, diagnostics: Diagnostics) -> str | 
         diagnostics.add("render-var", var.path, message, "sourceName")
         return None
     return source
+
+
+def _light_path(expression: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:
+    if expression in LPE_BEAUTY:
+        return None
+    try:
+        check([expression])
+    except SettingsError as error:
+        diagnostics.add("render-var", var.path, f"It is not made: {error.message}.", "sourceName")
+        return None
+    return LIGHT_PATH + expression
 
 
 def _labels(taxonomy: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:

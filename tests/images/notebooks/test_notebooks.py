@@ -61,8 +61,10 @@ def test_a_render_shows_a_bar_then_its_picture_and_what_it_lacks(kernel: Kernel)
     assert shown[-1]["text/plain"].startswith("<Image 64 x 36, RGBA, 64 samples a pixel")
 
 
-def test_a_picture_that_says_it_all_is_a_png(kernel: Kernel) -> None:
-    shown = kernel.run('primray.render("clean.usda", resolution=(8, 8), spp=1, progress=False).show()')
+def test_a_picture_without_errors_is_a_png(kernel: Kernel) -> None:
+    kernel.run('image = primray.render("clean.usda", resolution=(8, 8), spp=2, progress=False)')
+    assert "data-primray" in kernel.run("image.show()")[0]["text/html"]
+    shown = kernel.run("primray.Image(image.pixels).show()")
     assert [sorted(data) for data in shown] == [["image/png", "text/plain"]]
 
 

@@ -1,0 +1,156 @@
+// What rays meet by themselves, light by light, for light path expressions; path/shade.hpp has the sums of it.
+#pragma once
+
+#include "path/emission.hpp"
+#include "path/outline_rays.hpp"
+#include "path/round.hpp"
+#include "path/routes/scattered_routes.hpp"
+
+namespace primray {
+
+// Notes `L`, which lanes `m` met of lights that end so, with those multipliers.
+template <int W>
+PRIMRAY_INLINE void note_met(RouteStore& store, vbool<W> m, vint<W> end, const vvec3<W>& L, LobeFactors factors) {
+  const vfloat<W> zero(0.0f);
+  const uint32_t lanes = bits(m & ((L.x != zero) | (L.y != zero) | (L.z != zero)));
+  if (lanes == 0) return;
+  MetLight& met = store.met.emplace_back();
+  met.lanes = lanes, met.diffuse = factors.diffuse, met.specular = factors.specular;
+  for (int i = 0; i < W; ++i) met.end[i] = end[i], met.L[0][i] = L.x[i], met.L[1][i] = L.y[i], met.L[2][i] = L.z[i];
+}
+
+// Hears of all lights that rays meet.
+template <int W>
+struct RouteListener {
+  const LightTable& lights;
+  RouteStore& store;
+
+  LobeFactors factors(int i) const { return {lights.row(i)[kDiffuseFactor], lights.row(i)[kSpecularFactor]}; }
+  void light(int i, vbool<W> m, const vvec3<W>& L) const { note_met(store, m, vint<W>(lights.end_of(i)), L, factors(i)); }
+  void bodies(const MetLights<W>& seen, const vvec3<W>& L) const {
+    for (uint32_t left = bits(seen.covered); left;) {
+      const int32_t i = seen.light[__builtin_ctz(left)];
+      const vbool<W> same = seen.covered & (seen.light == vint<W>(i));
+      light(i, same, L);
+      left &= ~bits(same);
+    }
+  }
+  void dome(size_t k, vbool<W> m, const vvec3<W>& L) const {
+    note_met(store, m, vint<W>(lights.dome_traits[k].end), L, lights.dome_factors[k]);
+  }
+};
+
+// Of lanes whose lights are sought in media, and what is left of their light on the way.
+template <int W>
+struct RoutesInMedium {
+  const Medium<W>* medium = nullptr;
+  vfloat<W> lead{0.0f};
+};
+
+// Notes what gather_met_light() is about to gather, where `hit` tells what surfaces were met. `outlines`: camera rays of pixels
+// whose lights have rays of their own bring nothing of these.
+template <int W>
+PRIMRAY_RARE void note_met_lights(Round& round, vbool<W> looks, const PathLanes<W>& p, const Hits<W>& hits, vbool<W> hit,
+                                  const RoutesInMedium<W>& in = {}) {
+  RouteStore& store = *round.worker.routes;
+  const LightTable& lights = round.scene.lights;
+  const RouteListener<W> listener{lights, store};
+  vvec3<W> gathered(vfloat<W>(0.0f));
+  const MetLights<W> met = meet_lights(lights, looks, hit, p, hits.t, gathered, in.medium, in.lead, listener);
+  if (in.medium) return;
+  if (const vbool<W> camera = met.covered & (p.vertex == vint<W>(0)); round.outlined && any(camera)) {
+    const uint32_t outlined = bits(is_outlined(round, camera, p.slot, met.light));
+    for (MetLight& light : store.met) light.lanes &= ~outlined;
+  }
+}
+
+template <int W>
+PRIMRAY_RARE void note_met_domes(Round& round, vbool<W> escaped, const PathLanes<W>& p) {
+  meet_domes(round.scene.lights, escaped, p, RouteListener<W>{round.scene.lights, *round.worker.routes});
+}
+
+// Of surfaces that glow: `L`.
+template <int W>
+PRIMRAY_RARE void note_shown(Round& round, vbool<W> m, const Hits<W>& hits, const Interaction<W>& it, const vvec3<W>& L) {
+  const Scene& scene = round.scene;
+  const GeometryLights& lights = scene.geometry_lights;
+  vint<W> number(-1);
+  if (lights.any()) number = geometry_light(scene, m, hits, it);
+  for (uint32_t left = bits(m); left;) {
+    const int32_t of = number[__builtin_ctz(left)];
+    const vbool<W> same = m & (number == vint<W>(of));
+    left &= ~bits(same);
+    const int32_t end = of < 0 ? int32_t(kEndObject) : lights.ends[size_t(of)];
+    LobeFactors factors;
+    if (of >= 0) factors = {lights.diffuse[size_t(of)], lights.specular[size_t(of)]};
+    note_met(*round.worker.routes, same, vint<W>(end), L, factors);
+  }
+}
+
+// Adds all that was noted, path by path, so that no number of lanes would give other sums. `weight`: of what is noted.
+template <int W>
+PRIMRAY_RARE void add_noted(Round& round, const PathLanes<W>& p, const vvec3<W>& weight) {
+  RouteStore& store = *round.worker.routes;
+  for (int i = 0; i < W; ++i)
+    for (const MetLight& met : store.met) {
+      if (!(met.lanes >> i & 1)) continue;
+      const float share[3] = {p.diffuse_share.x[i], p.diffuse_share.y[i], p.diffuse_share.z[i]};
+      RoutedLight r{p.route_diffuse[i], p.route_other[i], same_ends(met.end[i]), {}};
+      for (int c = 0; c < 3; ++c) r.share[c] = share_of(share[c] * met.diffuse, (1 - share[c]) * met.specular);
+      store.add(p.slot[i], 0, r, weight.x[i] * met.L[0][i]), store.add(p.slot[i], 1, r, weight.y[i] * met.L[1][i]);
+      store.add(p.slot[i], 2, r, weight.z[i] * met.L[2][i]);
+    }
+  store.met.clear();
+}
+
+// Light samples that are about to be queued: `special` to the queue of those.
+template <int W, class Lobes>
+PRIMRAY_RARE void put_shadow_routes(Round& round, vbool<W> special, vbool<W> other, const PathLanes<W>& p, const BsdfEval<W>& f,
+                                    vbool<W> beyond, vint<W> light) {
+  Worker& w = round.worker;
+  RouteStore& store = *w.routes;
+  const LightTable& lights = round.scene.lights;
+  const auto put = [&](vbool<W> m, ShadowRoutes& to, int at) {
+    for (uint32_t b = bits(m); b; b &= b - 1, ++at) {
+      const int i = __builtin_ctz(b);
+      const float* row = lights.row(light[i]);
+      to.put(at, sampled_route<Lobes::kInMedium>(store.tables, p, f, beyond[i], row[kDiffuseFactor], row[kSpecularFactor],
+                                                 lights.end_of(light[i]), i));
+    }
+  };
+  if (w.special_shadows) put(special, store.special_shadows, w.special_shadows->rays.count);
+  put(other, store.shadows, w.shadows.count);
+}
+
+// Rays `n` in lanes `m`, about to be queued as shadow rays to all domes together: of which one a channel's light is, is drawn
+// by what each brings.
+template <int W>
+PRIMRAY_RARE void put_sky_routes(Round& round, vbool<W> m, const PathLanes<W>& n) {
+  RouteStore& store = *round.worker.routes;
+  note_met_domes(round, m, n);
+  const vfloat<W> u = n.sampler.single(n.vertex, Purpose::kFilm);
+  int at = round.worker.shadows.count;
+  for (uint32_t b = bits(m); b; b &= b - 1, ++at) {
+    const int i = __builtin_ctz(b);
+    RoutedLight r{n.route_diffuse[i], n.route_other[i], 0, {}};
+    for (int c = 0; c < 3; ++c) {
+      float sum = 0;
+      for (const MetLight& met : store.met) sum += met.lanes >> i & 1 ? met.L[c][i] : 0.0f;
+      float left = u[i] * sum;
+      const MetLight* chosen = nullptr;
+      for (const MetLight& met : store.met) {
+        if (!(met.lanes >> i & 1) || met.L[c][i] == 0) continue;
+        chosen = &met;
+        if ((left -= met.L[c][i]) < 0) break;
+      }
+      if (!chosen) continue;
+      const float share = (c == 0 ? n.diffuse_share.x : c == 1 ? n.diffuse_share.y : n.diffuse_share.z)[i];
+      r.ends |= chosen->end[i] << (10 * c);
+      r.share[c] = share_of(share * chosen->diffuse, (1 - share) * chosen->specular);
+    }
+    store.shadows.put(at, r);
+  }
+  store.met.clear();
+}
+
+}  // namespace primray

@@ -1,0 +1,1 @@
+"""What the core is handed for light path expressions."""

@@ -1,0 +1,57 @@
+"""Light path expressions of a scene's outputs, for the core."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ...aov_names import AovRequest, light_paths_of
+from ..core_errors import raise_as_ours
+from ..isa_class import module
+from ..light_upload import LightGroups
+
+if TYPE_CHECKING:
+    from ...light_paths.tables import Tables
+
+
+@dataclass(frozen=True)
+class Routes:
+    """`expressions` are the film's, in its order."""
+
+    expressions: tuple[str, ...]
+    members: tuple[int, ...]  # sets of expressions, as bits, that some light may match together
+    tables: Any  # the core's RouteTables
+
+
+def routes_of(requests: Sequence[AovRequest], groups: LightGroups) -> Routes | None:
+    """None where no output is an expression."""
+    expressions = light_paths_of(requests)
+    if not expressions:
+        return None
+    from ...light_paths.tables import tables_of
+
+    made = tables_of(expressions, groups.names)
+    try:
+        tables = _tables(made)
+    except module().CoreError as error:
+        raise_as_ours(error)
+    return Routes(expressions, made.masks(made.ends_at(groups.others, groups.domes)), tables)
+
+
+def _tables(made: Tables) -> Any:
+    return module().RouteTables(
+        next=made.next,
+        class_of=made.class_of,
+        members=made.members,
+        expressions=made.expressions,
+        counts_straight=made.counts_straight,
+    )
+
+
+def missing_groups(routes: Routes, groups: LightGroups) -> list[tuple[str, str, str]]:
+    """A warning for each group that an expression names and no light is in."""
+    from ...light_paths.grammar import parse
+
+    named = {label: text for text in routes.expressions for label in sorted(parse(text).labels) if label not in groups.names}
+    return [("light-group", "", f"No light is in the group {label!r} that {text} names.") for label, text in named.items()]

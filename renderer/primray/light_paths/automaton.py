@@ -1,0 +1,166 @@
+"""Expressions to one minimal automaton: each to a nondeterministic one (Thompson 1968), all of them to sets of its places,
+states that differ in nothing made one (Moore 1956)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from dataclasses import dataclass
+
+from ..errors import SettingsError
+from .events import CAMERA, END_KINDS, SCATTERINGS, STRAIGHT, Event, Events
+from .grammar import Either, Expression, Node, Repeated, Sequence
+
+MOST_PLACES, MOST_SETS, MOST_STATES = 4096, 4096, 256
+
+Places = frozenset[int]
+State = tuple[Places, ...]  # by expression
+
+
+@dataclass(frozen=True)
+class Automaton:
+    """Paths begin in state 0, behind the camera. `classes`: what sets of expressions, as bits, light may match."""
+
+    next: list[list[int]]  # by state and scattering
+    ends: list[list[int]]  # by state and end: a class
+    classes: list[int]
+
+
+def ends_of(labels: Many[str]) -> list[Event]:
+    """Where paths end: at lights of these groups, of each kind."""
+    return [Event(kind, label=label) for label in labels for kind in END_KINDS]
+
+
+def automaton_of(expressions: Many[Expression], ends: Many[Event]) -> Automaton:
+    """SettingsError where it is too large, or no path can match an expression."""
+    machines = [_Machine(expression) for expression in expressions]
+    start: State = tuple(m.after(m.start, CAMERA) for m in machines)
+    number = {start: 0}
+    states, rows, classes = [start], list[list[int]](), [0]
+    outs: list[list[int]] = []
+    for state in states:  # grows on the way
+        row = []
+        for k, event in enumerate(SCATTERINGS):
+            to = tuple(
+                places if k == STRAIGHT and not m.expression.names_straight else m.after(places, event)
+                for m, places in zip(machines, state, strict=True)
+            )
+            if to not in number:
+                number[to] = len(states)
+                states.append(to)
+                if len(states) > MOST_SETS:
+                    raise _too_large(expressions)
+            row.append(number[to])
+        rows.append(row)
+        masks = [_mask(machines, state, end) for end in ends]
+        classes += [mask for mask in dict.fromkeys(masks) if mask not in classes]
+        outs.append([classes.index(mask) for mask in masks])
+    for e, expression in enumerate(expressions):
+        if not any(mask >> e & 1 for mask in classes):
+            why = "matches no path: they begin at the camera (C) and end at a light (L), what glows (O) or the background (B)"
+            raise SettingsError(f"the light path expression {expression.text} {why}", where="aovs", code="light-path")
+    rows, outs = _minimal(rows, outs)
+    if len(rows) > MOST_STATES or len(classes) > MOST_STATES:
+        raise _too_large(expressions)
+    return Automaton(rows, outs, classes)
+
+
+def _mask(machines: Many[_Machine], state: State, end: Event) -> int:
+    return sum(1 << e for e, (m, places) in enumerate(zip(machines, state, strict=True)) if m.accepts(places, end))
+
+
+def _too_large(expressions: Many[Expression]) -> SettingsError:
+    texts = " ".join(expression.text for expression in expressions)[:200]
+    sentence = (
+        f"the light path expressions {texts} need more than {MOST_STATES} states together: ask for fewer, or simpler ones"
+    )
+    return SettingsError(sentence, where="aovs", code="light-path")
+
+
+def _minimal(rows: list[list[int]], outs: list[list[int]]) -> tuple[list[list[int]], list[list[int]]]:
+    """States that no way on tells apart become one, numbered by the first of them."""
+    of = _numbered([tuple(out) for out in outs])
+    while True:
+        finer = _numbered([(of[s], *(of[to] for to in row)) for s, row in enumerate(rows)])
+        if max(finer) == max(of):
+            break
+        of = finer
+    first = [of.index(k) for k in range(max(of) + 1)]
+    return [[of[to] for to in rows[s]] for s in first], [outs[s] for s in first]
+
+
+def _numbered(keys: Many[object]) -> list[int]:
+    number: dict[object, int] = {}
+    return [number.setdefault(key, len(number)) for key in keys]
+
+
+class _Machine:
+    """One expression's places, with ways from each to others by events, or by nothing."""
+
+    def __init__(self, expression: Expression) -> None:
+        self.expression = expression
+        self._by: list[list[tuple[Events, int]]] = []
+        self._free: list[list[int]] = []
+        first = self._place()
+        self._last = self._add(expression.tree, first)
+        self.start = self._closed({first})
+        self._known: dict[tuple[Places, Event], Places] = {}
+
+    def after(self, places: Places, event: Event) -> Places:
+        if (places, event) not in self._known:
+            found = {to for place in places for events, to in self._by[place] if events.matches(event)}
+            self._known[places, event] = self._closed(found)
+        return self._known[places, event]
+
+    def accepts(self, places: Places, end: Event) -> bool:
+        return self._last in self.after(places, end)
+
+    def _place(self) -> int:
+        self._by.append([])
+        self._free.append([])
+        if len(self._by) > MOST_PLACES:
+            raise _too_large([self.expression])
+        return len(self._by) - 1
+
+    def _add(self, node: Node, at: int) -> int:
+        """The place behind `node`, which begins at `at`."""
+        if isinstance(node, Events):
+            end = self._place()
+            self._by[at].append((node, end))
+            return end
+        if isinstance(node, Sequence):
+            for part in node.parts:
+                at = self._add(part, at)
+            return at
+        if isinstance(node, Either):
+            end = self._place()
+            for part in node.parts:
+                begin = self._place()
+                self._free[at].append(begin)
+                self._free[self._add(part, begin)].append(end)
+            return end
+        return self._add_repeated(node, at)
+
+    def _add_repeated(self, node: Repeated, at: int) -> int:
+        for _ in range(node.least):
+            at = self._add(node.part, at)
+        end = self._place()
+        if node.most is None:
+            again = self._place()
+            self._free[at].append(again)
+            self._free[self._add(node.part, again)].append(again)
+            self._free[again].append(end)
+            return end
+        for _ in range(node.most - node.least):
+            self._free[at].append(end)
+            at = self._add(node.part, at)
+        self._free[at].append(end)
+        return end
+
+    def _closed(self, places: set[int]) -> Places:
+        found, left = set(places), list(places)
+        while left:
+            for to in self._free[left.pop()]:
+                if to not in found:
+                    found.add(to)
+                    left.append(to)
+        return frozenset(found)

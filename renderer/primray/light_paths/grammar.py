@@ -1,0 +1,241 @@
+"""The grammar of light path expressions, as Open Shading Language has it: text to a tree.
+
+    alternatives  one|other            a path takes either
+    events        C R T V D G S s L O B .   <RD> <[RT]G> <L.'key'>   [LO] [^D]
+    repeated      * + ? {2} {1,3} {2,}
+    grouped       (...)
+
+Blanks mean nothing outside of quotes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NoReturn
+
+from ..aov_names import without_prefix
+from ..errors import SettingsError
+from .events import ENDS, LOBES, WAYS, Choice, Events, Pattern, pattern_of
+
+LETTERS = "C" + WAYS + LOBES + ENDS
+LONGEST = 1024  # characters
+MOST_REPEATED = 64
+DEEPEST = 64  # parentheses within another
+
+
+@dataclass(frozen=True)
+class Sequence:
+    parts: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Either:
+    parts: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Repeated:
+    part: Node
+    least: int
+    most: int | None
+
+
+Node = Events | Sequence | Either | Repeated
+
+
+@dataclass(frozen=True)
+class Expression:
+    text: str  # without blanks and prefixes
+    tree: Node
+    labels: frozenset[str]  # groups of lights that it names
+    names_straight: bool  # it says something of light that goes straight through; else it does not see that
+
+
+def parse(text: str) -> Expression:
+    """SettingsError, naming the place, for what is no expression."""
+    plain = without_prefix(text)
+    if len(plain) > LONGEST:
+        raise _error(plain[:40] + "...", f"has more than {LONGEST} characters")
+    reader = _Reader(plain)
+    tree = reader.alternatives(0)
+    if reader.here() is not None:
+        reader.fail("a ) without its (" if reader.here() == ")" else f"{reader.here()!r} means nothing")
+    return Expression(plain, tree, frozenset(reader.labels), reader.names_straight)
+
+
+def _error(text: str, why: str) -> SettingsError:
+    return SettingsError(f"the light path expression {text} {why}", where="aovs", code="light-path")
+
+
+class _Reader:
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._at = 0
+        self.labels: set[str] = set()
+        self.names_straight = False
+
+    def here(self) -> str | None:
+        return self._text[self._at] if self._at < len(self._text) else None
+
+    def fail(self, why: str, at: int | None = None) -> NoReturn:
+        place = (self._at if at is None else at) + 1
+        raise _error(self._text or "''", f"cannot be read: at character {place}, {why}")
+
+    def _take(self) -> str:
+        letter = self.here()
+        if letter is None:
+            self.fail("it ends too early")
+        self._at += 1
+        return letter
+
+    def _takes(self, letter: str) -> bool:
+        if self.here() == letter:
+            self._at += 1
+            return True
+        return False
+
+    def alternatives(self, depth: int) -> Node:
+        if depth > DEEPEST:
+            self.fail(f"more than {DEEPEST} parentheses are open")
+        parts = [self._sequence(depth)]
+        while self._takes("|"):
+            parts.append(self._sequence(depth))
+        return parts[0] if len(parts) == 1 else Either(tuple(parts))
+
+    def _sequence(self, depth: int) -> Node:
+        parts: list[Node] = []
+        while self.here() not in (None, "|", ")"):
+            parts.append(self._repeated(depth))
+        if not parts:
+            self.fail("an event is missing")
+        return parts[0] if len(parts) == 1 else Sequence(tuple(parts))
+
+    def _repeated(self, depth: int) -> Node:
+        node = self._one(depth)
+        while True:
+            if self._takes("*"):
+                node = Repeated(node, 0, None)
+            elif self._takes("+"):
+                node = Repeated(node, 1, None)
+            elif self._takes("?"):
+                node = Repeated(node, 0, 1)
+            elif self._takes("{"):
+                node = Repeated(node, *self._counts(self._at - 1))
+            else:
+                return node
+
+    def _counts(self, opened: int) -> tuple[int, int | None]:
+        end = self._text.find("}", self._at)
+        if end < 0:
+            self.fail("the { has no }", opened)
+        first, comma, last = self._text[self._at : end].partition(",")
+        if not first.isdecimal() or not (last.isdecimal() or last == ""):
+            self.fail("braces hold a number, or two with a comma between", opened)
+        least = int(first)
+        most = least if not comma else int(last) if last else None
+        if most is not None and most < least:
+            self.fail("the second number is below the first", opened)
+        if max(least, most or 0) > MOST_REPEATED:
+            self.fail(f"nothing can be repeated more than {MOST_REPEATED} times by number", opened)
+        self._at = end + 1
+        return least, most
+
+    def _one(self, depth: int) -> Node:
+        if self._takes("("):
+            opened = self._at - 1
+            node = self.alternatives(depth + 1)
+            if not self._takes(")"):
+                self.fail("the ( has no )", opened)
+            return node
+        if self._takes("["):
+            return self._set(self._at - 1)
+        return Events((self._event(),))
+
+    def _set(self, opened: int) -> Events:
+        is_negated = self._takes("^")
+        patterns: list[Pattern] = []
+        while not self._takes("]"):
+            if self.here() is None:
+                self.fail("the [ has no ]", opened)
+            patterns.append(self._event())
+        if not patterns:
+            self.fail("brackets hold events", opened)
+        return Events(tuple(patterns), is_negated)
+
+    def _event(self) -> Pattern:
+        if self._takes("<"):
+            return self._detailed(self._at - 1)
+        letter = self._take()
+        if letter not in LETTERS + ".":
+            self._at -= 1
+            quoted = "labels stand in an event: <L.'key'>" if letter == "'" else f"{letter!r} is no event"
+            self.fail(f"{quoted}; there are {' '.join(LETTERS)} and .")
+        self.names_straight |= letter == "s"
+        return pattern_of(letter)
+
+    def _detailed(self, opened: int) -> Pattern:
+        """<kind lobe label>, of which the last two may be missing."""
+        kind = self._letters("C" + WAYS + ENDS, "a kind of event")
+        lobe = label = None
+        if self.here() not in (">", None):
+            at = self._at
+            lobe = self._letters(LOBES, "a kind of scattering")
+            if lobe is not None and kind is not None and not any(kind.takes(way) for way in "RT"):
+                self.fail("only surfaces (R and T) scatter in a way of their own: write .", at)
+            self.names_straight |= lobe is not None and "s" in lobe.of
+        if self.here() not in (">", None):
+            at = self._at
+            label = self._label()
+            if label is not None and kind is not None and not any(kind.takes(end) for end in ENDS):
+                self.fail("only lights (L, O, B) have labels here, by their groups", at)
+        if not self._takes(">"):
+            self.fail("the < has no >", opened)
+        return Pattern(kind, lobe, label)
+
+    def _letters(self, allowed: str, what: str) -> Choice | None:
+        if self._takes("."):
+            return None
+        if not self._takes("["):
+            return Choice(frozenset(self._letter(allowed, what)))
+        opened, is_negated = self._at - 1, self._takes("^")
+        found: set[str] = set()
+        while not self._takes("]"):
+            if self.here() is None:
+                self.fail("the [ has no ]", opened)
+            found.add(self._letter(allowed, what))
+        if not found:
+            self.fail("brackets hold letters", opened)
+        return Choice(frozenset(found), is_negated)
+
+    def _letter(self, allowed: str, what: str) -> str:
+        letter = self._take()
+        if letter not in allowed:
+            self.fail(f"{letter!r} is not {what}, which are {' '.join(allowed)}", self._at - 1)
+        return letter
+
+    def _label(self) -> Choice | None:
+        if self._takes("."):
+            return None
+        if not self._takes("["):
+            return Choice(frozenset([self._quoted()]))
+        opened, is_negated = self._at - 1, self._takes("^")
+        found: set[str] = set()
+        while not self._takes("]"):
+            if self.here() is None:
+                self.fail("the [ has no ]", opened)
+            found.add(self._quoted())
+        if not found:
+            self.fail("brackets hold labels", opened)
+        return Choice(frozenset(found), is_negated)
+
+    def _quoted(self) -> str:
+        opened = self._at
+        if not self._takes("'"):
+            self.fail("a label stands in quotes: 'key'")
+        end = self._text.find("'", self._at)
+        if end < 0:
+            self.fail("the label's quote does not end", opened)
+        label = self._text[self._at : end]
+        self._at = end + 1
+        self.labels.add(label)
+        return label

@@ -1,0 +1,22 @@
+"""The group that a light is in, as other renderers' files say it; light path expressions name lights by it (<L.'key'>)."""
+
+from __future__ import annotations
+
+from ...resolving.context import Context
+from ...resolving.read import read
+from ...resolving.resolve import ResolvedPrim
+
+# Karma's, RenderMan's (an input of its light's shader, or authored on the prim) and Arnold's, whose "default" is none.
+ATTRIBUTES = ("karma:light:lpetag", "ri:light:lightGroup", "inputs:ri:light:lightGroup", "primvars:arnold:aov")
+ARNOLD, ARNOLDS_NONE = "primvars:arnold:aov", "default"
+
+
+def group_of(prim: ResolvedPrim, ctx: Context) -> str:
+    """ "" where it is in none; the first attribute that names one counts."""
+    for name in ATTRIBUTES:
+        if name not in prim.names:
+            continue
+        value = read(prim.prim, name, ctx.when)
+        if isinstance(value, str) and value.strip() and not (name == ARNOLD and value == ARNOLDS_NONE):
+            return value.strip().replace("'", "")
+    return ""

@@ -1,0 +1,124 @@
+// How long a render takes to an error: from what earlier jobs of the same scene and camera measured, or a small pilot that is
+// rendered for it and deleted. Samples take time in proportion to pixels; an error falls with a power of their number.
+
+import { call, get, jobPath, send } from "../base/api.js";
+import { button, element, write } from "../base/dom.js";
+import * as format from "../base/format.js";
+
+const PILOT = { side: 240, seconds: 3, wait: 20 };
+const LOOKED_AT = 5; // earlier jobs
+const [LEAST_POWER, MOST_POWER] = [1, 1.5]; // of relMSE: 1 by chance alone, more where samples are stratified or go where they count
+const WIDE = 1.6; // between its ends an interval is told as one
+
+// `asked()`: {job, targets, pixels}: the request, errors and pixels as the form has them; `tell(times)`: seconds or null, of each target.
+export function estimate(asked, tell) {
+  const words = element("span", { class: "note", role: "status" });
+  const go = button("Estimate the times", () => pilot(), { class: "quiet" });
+  const root = element("p", { class: "estimate" }, go, words);
+  let known = null; // {key, seconds, error, pixels, power}
+  let [running, closed] = [null, false];
+
+  // What a measured course says of others: camera, variants and so on must be the same.
+  const keyOf = ({ settings, scene }) => JSON.stringify([scene, settings.camera, settings.variants ?? [], settings.purposes ?? null, settings.max_depth ?? null, settings.frames ?? null]);
+
+  function update() {
+    const { job, targets, pixels } = asked();
+    const isSame = known?.key === keyOf(job);
+    go.hidden = isSame || running !== null;
+    tell(targets.map((target) => (isSame && target > 0 && pixels > 0 ? timeTo(target, pixels) : null)));
+    if (known && !isSame && !running) write(words, "");
+  }
+
+  // Seconds, {low, high}, of as many pixels.
+  function timeTo(target, pixels) {
+    const of = (error) => (known.start + known.each * known.samples * (error / target) ** (1 / known.power)) * (pixels / known.pixels);
+    return { low: of(known.ci95[0]), high: of(known.ci95[1]) };
+  }
+
+  async function history() {
+    const { job } = asked();
+    try {
+      const { items } = await get(`/v1/jobs?state=succeeded&limit=${LOOKED_AT}&scene=${encodeURIComponent(job.scene.id)}`);
+      const found = items.find((each) => keyOf({ scene: job.scene, settings: each.settings }) === keyOf(job) && !each.parallel);
+      if (found && !known && !closed) await learn(found, keyOf(job), "from an earlier render of it");
+    } catch (failure) {
+      if (!failure.problem) throw failure; // without a history, the pilot is offered
+    }
+  }
+
+  async function learn(job, key, source) {
+    const rows = (await get(jobPath(job.id, "/convergence?frame=0"))).filter(({ t_s, relmse }) => t_s > 0 && relmse > 0);
+    const [first, last] = [rows[0], rows.at(-1)];
+    if (!last || closed) return false;
+    const isCourse = last.samples > first.samples && last.t_s > first.t_s;
+    const each = isCourse ? (last.t_s - first.t_s) / (last.samples - first.samples) : last.t_s / last.samples;
+    const power = isCourse ? Math.log(first.relmse / last.relmse) / Math.log(last.samples / first.samples) : 1;
+    const [width, height] = job.effective_settings?.resolution ?? job.settings.resolution;
+    known = {
+      key, each,
+      start: Math.max(0, first.t_s - each * first.samples), // what came before: pilots, photons
+      samples: last.samples,
+      ci95: last.ci95 ?? [last.relmse, last.relmse],
+      pixels: width * height,
+      power: Math.min(MOST_POWER, Math.max(LEAST_POWER, power || 1)),
+    };
+    write(words, `Times of sampling, ${source}.`);
+    update();
+    return true;
+  }
+
+  async function pilot() {
+    const { job } = asked();
+    const [width, height] = job.settings.resolution;
+    const scale = Math.min(1, PILOT.side / Math.max(width, height));
+    const resolution = [width, height].map((side) => Math.max(1, Math.round(side * scale)));
+    const settings = { ...job.settings, resolution, aovs: [], denoise: false, strict: false, stop: { max_seconds: PILOT.seconds } };
+    go.hidden = true;
+    write(words, "A small picture is rendered for some seconds…");
+    try {
+      const made = await send("POST", "/v1/jobs", { ...job, settings, name: "estimate", labels: { estimate: "" }, ttl_s: 300 });
+      running = made.id;
+      const response = await call("GET", jobPath(made.id), { headers: { prefer: `wait=${PILOT.wait}` } });
+      const ended = await response.json();
+      if (closed) return;
+      if (ended.state !== "succeeded" || !(await learn(ended, keyOf(job), "from a small picture"))) write(words, ended.error?.detail ?? "There is no estimate: the server is busy, or the picture too small.");
+    } catch (failure) {
+      if (!failure.problem) throw failure;
+      write(words, failure.problem.detail);
+    } finally {
+      stop();
+      update();
+    }
+  }
+
+  // What was made for this alone goes again.
+  function stop() {
+    const id = running;
+    running = null;
+    if (id) call("DELETE", jobPath(id)).catch(() => {});
+  }
+
+  return {
+    root,
+    update,
+    history,
+    close: () => {
+      closed = true;
+      stop();
+    },
+  };
+}
+
+// "about 12 s", "10 s to 2 min"
+export function timeWords(found) {
+  if (!found) return "";
+  const [low, high] = [found.low, found.high].map((seconds) => format.duration(rounded(Math.max(0.1, seconds))));
+  return found.high > WIDE * found.low && low !== high ? `${low} to ${high}` : `about ${format.duration(rounded(Math.max(0.1, Math.sqrt(found.low * found.high))))}`;
+}
+
+// To what an estimate is worth: two digits, whole minutes.
+function rounded(seconds) {
+  if (seconds >= 120) return 60 * Math.round(seconds / 60);
+  const unit = 10 ** (Math.floor(Math.log10(seconds)) - 1);
+  return Math.round(seconds / unit) * unit;
+}
