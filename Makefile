@@ -20,7 +20,7 @@ ISA := $(or $(PRIMRAY_ISA),own)
 SHOWCASE ?= $(firstword $(sort $(wildcard scenes/showcase/*/*.usda)))
 DEMO = $(notdir $(patsubst %/,%,$(dir $(SHOWCASE))))
 
-.PHONY: help setup cores demo test test-long check format docs bench render-assets wheel release clean
+.PHONY: help setup cores demo test test-long check format docs site bench render-assets wheel release clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -75,6 +75,9 @@ docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.measured.light_accuracy
 	$(BIN)/python -m tests.docs.measured.benchmarks
 
+site: setup .venv/.site  ## build the site into build/site/html, its notebook run, its links checked
+	$(BIN)/python docs/site/build.py
+
 bench: setup  ## run the benchmarks of tests/bench (BENCH=--quick: small; PRIMRAY_PEERS=DIR: beside other renderers)
 	$(BIN)/python -m tests.bench $(BENCH)
 
@@ -109,3 +112,7 @@ clean:  ## remove everything that was made
 	@$(BIN)/python renderer/core/build.py install $*
 	@cd $(SITE); $(CURDIR)/$(BIN)/python -m compileall -q $(CURDIR)/renderer/primray $(CURDIR)/service/primray_service $(STARTED)
 	@rm -f .venv/.core-*; touch .venv/.core-own $@ $$(ls $(SITE)/primray | sed -n 's/^_core_\(v.\)\..*/.venv\/.core-\1/p')
+
+.venv/.site: requirements-site.lock .venv/.locked
+	@$(INSTALL) -r requirements-site.lock
+	@touch $@

@@ -78,6 +78,14 @@ def two_numbers(name: str, value: Any) -> tuple[float, float]:
     return number(name, items[0]), number(name, items[1])
 
 
+def four_numbers(name: str, value: Any) -> tuple[float, float, float, float]:
+    items = _items(name, "four numbers", value)
+    if len(items) != 4:
+        raise refused(name, "four numbers", value)
+    left, bottom, right, top = (number(name, item) for item in items)
+    return left, bottom, right, top
+
+
 def choice(kinds: type[SomeEnum]) -> Callable[[str, Any], SomeEnum]:
     def read(name: str, value: Any) -> SomeEnum:
         try:

@@ -24,6 +24,7 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER
 # RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
 _MEMBERS = (
     ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
+    ("light-path", "settings.aovs"),
     ("denoised picture", "settings.stop_at"),
     ("resolution", "settings.resolution"),
     ("pixels", "settings.resolution"),
@@ -35,6 +36,7 @@ _MEMBERS = (
     ("seed", "settings.seed"),
     ("dicing rate", "settings.dicing_rate"),
     ("shutter", "settings.shutter"),
+    ("a region is", "settings.region"),
     ("motion", "settings.motion_error"),
     ("diffused", "settings.diffusion_starburst"),
     ("no lens", "settings.lens_flaws"),
@@ -213,6 +215,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         motion_blur=settings.motion_blur,
         shutter=settings.shutter,
         lens_flaws=tuple(settings.lens_flaws),
+        region=settings.region,
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
         aov_errors=settings.aov_errors,
@@ -278,6 +281,7 @@ NEW_SETTINGS = (
     "denoise",
     "stop_at",
     "aov_errors",
+    "region",
 )
 
 

@@ -136,6 +136,13 @@ def test_an_unknown_aov_is_refused_with_those_that_there_are():
     assert "geometric_normal" in refused.value.detail
 
 
+def test_a_bad_light_path_expression_is_refused_with_its_place():
+    with pytest.raises(Problem) as refused:
+        check_settings(Settings.model_validate({"aovs": ["C<RD"]}), Limits())
+    assert refused.value.extra["member"] == "settings.aovs"
+    assert "character 2" in refused.value.detail
+
+
 def test_beauty_alone_is_what_there_is():
     check_settings(Settings.model_validate({"aovs": [], "products": ["beauty"], "render_settings": None}), Limits())
 

@@ -97,6 +97,7 @@ NONSENSE: dict[str, list[Any]] = {
     "motion_blur": ["no", None],
     "shutter": ["0 1", (0.5,), (0, "1"), (0, float("inf"))],
     "motion_error": [0, None, "fine"],
+    "region": ["all", (0, 0, 1), (0, 0, 0, 1), (0, 0.5, 1, 0.2), (-0.1, 0, 1, 1), (0, 0, 1, float("nan"))],
     "diffusion": ["a bit", -0.1, 1.5, float("nan")],
     "diffusion_glare": ["veil", -0.1, 2],
     "diffusion_bloom_width": [0, "5 px", float("inf")],

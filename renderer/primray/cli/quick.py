@@ -14,7 +14,7 @@ from ..settings import AutoCamera, DefaultWrap, Filter, Metric, RenderContext, S
 from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
-LIST, PAIR, SPAN = "list", "pair", "span"  # values that add up; two whole numbers; two numbers
+LIST, PAIR, SPAN, FOUR = "list", "pair", "span", "four"  # values that add up; two whole numbers; two numbers; four
 Kind = Callable[[str], Any] | str
 
 
@@ -80,6 +80,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "dicing_rate": (_number, ("--dicing-rate",)),
     "no_motion_blur": (FLAG, ("--no-motion-blur", "--disable-motionblur")),
     "shutter": (SPAN, ("--shutter",)),
+    "region": (FOUR, ("--region",)),
     "motion_error": (_number, ("--motion-error",)),
     "bit_depth": (_whole, ("--bit-depth",)),
     "half": (LIST, ("--half",)),
@@ -126,7 +127,7 @@ def _read(words: Iterator[str]) -> dict[str, Any]:
             continue
         flag, joined, text = word.partition("=") if word.startswith("--") else (word, "", "")
         name, kind = _BY_FLAG.get(flag, ("", FLAG))
-        if not name or (joined and kind in (FLAG, SWITCH, PAIR, SPAN)):
+        if not name or (joined and kind in (FLAG, SWITCH, PAIR, SPAN, FOUR)):
             raise ValueError(word)
         values = iter([text]) if joined else words
         if kind == FLAG:
@@ -139,6 +140,8 @@ def _read(words: Iterator[str]) -> dict[str, Any]:
             given[name] = (_whole(next(values)), _whole(next(values)))
         elif kind == SPAN:
             given[name] = (_number(next(values)), _number(next(values)))
+        elif kind == FOUR:
+            given[name] = tuple(_number(next(values)) for _ in range(4))
         elif callable(kind):
             given[name] = kind(_value(values))
     if not 1 <= len(places) <= 2 or not all(places):

@@ -132,6 +132,15 @@ Shutter = Annotated[
         "--shutter", metavar="OPEN CLOSE", help="Time codes from the frame on: in place of the camera's.", show_default=False
     ),
 ]
+Region = Annotated[
+    tuple[float, float, float, float] | None,
+    typer.Option(
+        "--region",
+        metavar="LEFT BOTTOM RIGHT TOP",
+        help="Only this part of the picture, in 0 to 1: in place of dataWindowNDC.",
+        show_default=False,
+    ),
+]
 MotionError = Annotated[
     float, typer.Option("--motion-error", metavar="PIXELS", help="Pixels that the path of anything may be off.")
 ]

@@ -98,6 +98,8 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["shutter"] = list(settings.shutter) if settings.shutter else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None
+    if settings.region is not None:
+        values["region"] = list(settings.region)
     for name in ("purposes", "aovs", "lens_flaws", "variants", "load", "mask"):
         values[name] = None if values[name] is None else list(values[name])
     return values

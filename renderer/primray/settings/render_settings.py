@@ -104,6 +104,8 @@ class RenderSettings:
     # Of the camera's lens, in place of its own: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS,
     # lateral-chromatic=R,G,B and longitudinal-chromatic=R,G,B; see Camera.
     lens_flaws: tuple[str, ...] = ()
+    # Only this part of the picture: left, bottom, right and top in 0 to 1, as dataWindowNDC, which it takes the place of.
+    region: tuple[float, float, float, float] | None = None
     # How the stage is composed; meaning as in Composition. All frames of one command share it.
     variants: tuple[str, ...] = ()
     load: tuple[str, ...] | None = None
@@ -192,6 +194,15 @@ class RenderSettings:
         require(usable, f"the dicing rate must be a number of pixels above 0, not {rate}", "dicing_rate")
         self._check_motion()
         self._check_diffusion()
+        self._check_region()
+
+    def _check_region(self) -> None:
+        if self.region is None:
+            return
+        left, bottom, right, top = self.region
+        inside = 0 <= left < right <= 1 and 0 <= bottom < top <= 1
+        sentence = f"a region is left, bottom, right and top of a part of the picture, in 0 to 1, not {self.region}"
+        require(inside, sentence, "region")
 
     def _check_motion(self) -> None:
         error = self.motion_error

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Literal, TypedDict
 
 from ..camera_choice import Matrix, camera_choice, lens_flaws
-from ..setting_values import Reader, choice, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
+from ..setting_values import Reader, choice, four_numbers, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
 from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ DIFFUSION = {
     "diffusion_starburst_width": "starburst_width",
 }
 # Settings that files and reports name only where they are given.
-SELDOM = (*DIFFUSION, "eye")
+SELDOM = (*DIFFUSION, "eye", "region")
 
 
 class SettingsValues(TypedDict, total=False):
@@ -69,6 +69,7 @@ class SettingsValues(TypedDict, total=False):
     diffusion_starburst_width: float | None
     eye: Eye | Literal["left", "right"] | None
     lens_flaws: Iterable[str]
+    region: Iterable[float] | None
     variants: Iterable[str]
     load: Iterable[str] | None
     mask: Iterable[str] | None
@@ -97,5 +98,6 @@ READERS: Mapping[str, Reader] = {
     "seed": whole,
     **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
     "lens_flaws": lens_flaws,
+    "region": optional(four_numbers),
     "variants": texts,
 }

@@ -48,6 +48,7 @@ from .opening.file_names import file_names
 from .opening.stage import usd_messages
 from .paths.point_steps import PointSteps
 from .querying.cameras import cameras_of
+from .querying.light_groups import light_groups
 from .querying.messages import scene_errors
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
@@ -190,6 +191,7 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
         aovs = tuple(replace(request, errors=True) for request in aovs)
     has_names = any(names_instances(request.source) for request in aovs)
     ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=has_names)
+    ctx = replace(ctx, light_groups=light_groups(ctx.stage, product.settings_path))
     read, of_colors = primvars_read(found.shaders, ctx)
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)

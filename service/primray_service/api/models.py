@@ -100,6 +100,9 @@ class Settings(Sent):
         description="Of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, "
         "lateral-chromatic=R,G,B, longitudinal-chromatic=R,G,B.",
     )
+    region: tuple[float, float, float, float] | None = Field(
+        None, description="Only this part of the picture: left, bottom, right, top in 0 to 1; null: as the stage says."
+    )
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
     mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)

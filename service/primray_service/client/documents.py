@@ -54,6 +54,7 @@ class Settings(TypedDict, total=False):
     diffusion_starburst_width: float | None
     eye: Literal["left", "right"] | None
     lens_flaws: list[str]
+    region: tuple[float, float, float, float] | None  # left, bottom, right, top of the part that is rendered
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None

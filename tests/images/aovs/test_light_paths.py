@@ -182,6 +182,30 @@ def test_groups_of_lights_bring_what_they_bring_alone(tmp_path: Path) -> None:
     assert found[names[0]].channels == tuple(f"{names[0]}.{letter}" for letter in "RGB")
 
 
+def test_collections_of_the_render_settings_are_groups() -> None:
+    settings = """
+def RenderSettings "settings" (prepend apiSchemas = ["CollectionAPI:lightGroup:key", "CollectionAPI:lightGroup:rest"])
+{
+    rel camera = </cam>
+    rel collection:lightGroup:key:includes = </a>
+    rel collection:lightGroup:rest:includes = </lamps>
+}
+def Scope "lamps"
+{
+"""
+    lamps = lamp("a", "(0, 0, 1)", '    token karma:light:lpetag = "other"\n')
+    text = GREY + plane("floor", 0, 20, "grey") + lamps + settings + lamp("b", "(1, 0, 0)") + "}\n"
+    stage = stage_of(text, light="")
+    stage.SetMetadata("renderSettingsPrimPath", "/settings")
+    names = ("C.*<L.'key'>", "C.*<L.'rest'>")
+    image = render(stage, RenderSettings(resolution=SIZE, spp=16, seed=3, aovs=names), progress=False)
+    key, rest = (colors(image, name) for name in names)
+    assert np.array_equal(key[..., 2], beauty(image)[..., 2])
+    assert np.array_equal(rest[..., 0], beauty(image)[..., 0])
+    assert not key[..., 0].any()
+    assert not rest[..., 2].any()
+
+
 def test_shapes_that_are_lights_have_groups() -> None:
     more = '    color3f inputs:color = (0, 1, 0)\n    string ri:light:lightGroup = "panel"\n'
     panel = plane("panel", 8, 1, more=more).replace('"panel" ()', '"panel" (prepend apiSchemas = ["MeshLightAPI"])')

@@ -19,7 +19,7 @@ FEATURES = Path(__file__).resolve().parents[3] / "scenes" / "features"
 FIELD = str(FEATURES / "point-instancer" / "scene.usda")
 GLASS = str(FEATURES / "glass" / "scene.usda")
 MATTES = ("crypto_object", "crypto_material", "crypto_asset")
-ASKED = ("depth", "albedo", "position", "prim", "samples", *MATTES)
+ASKED = ("depth", "C<RD>[LO]", "albedo", "position", "prim", "samples", *MATTES, "C<R[GS]>.*")
 HERE: dict[str, Any] = {"resolution": (48, 32), "progress": False, "seed": 3}
 
 needs_package = pytest.mark.skipif(not has_denoiser(), reason="primray[denoise] is not installed")
@@ -73,7 +73,7 @@ def test_masks_are_of_the_samples_that_are_there(tmp_path: Path) -> None:
     """Without the first part what others do not hold is told."""
     [late] = [_part(tmp_path / "late.prc", 4, 8, aovs=ASKED)]
     merged = merge([late]).image
-    assert list(merged.aovs) == ["samples", *MATTES]
+    assert list(merged.aovs) == ["C<RD>[LO]", "samples", *MATTES, "C<R[GS]>.*"]
     alone = primray.render(FIELD, sample_range=(4, 8), aovs=MATTES, **HERE)
     for name in MATTES:
         assert merged.aovs[name].values.tobytes() == alone.aovs[name].values.tobytes()
@@ -126,7 +126,7 @@ def test_denoised_after_the_merge_is_denoised_at_once(tmp_path: Path) -> None:
 
 @needs_package
 def test_processes_make_them_as_one_does() -> None:
-    asked: dict[str, Any] = {"spp": 16, "aovs": ("crypto_object", "albedo"), "denoise": True, **HERE}
+    asked: dict[str, Any] = {"spp": 16, "aovs": ("crypto_object", "albedo", "C<T.>.*[LO]"), "denoise": True, **HERE}
     one, many = primray.render(GLASS, **asked), primray.render(GLASS, executor=primray.LocalProcesses(2), **asked)
     assert many.report["distribution"]["parts"] > 1
     _are_alike(many, one)

@@ -112,3 +112,37 @@ def test_keys_wheel_false_colour_and_histogram(open_page, finished):
     stage.press("v")
     assert page.get_by_label("View", exact=True).input_value() == "error"
     until(page, "document.querySelector('.legend').textContent.includes('standard error')")
+
+
+def test_a_region_is_rendered_by_itself(open_page, finished):
+    """Marked by a drag or by numbers; what comes is those pixels of the whole, by their own job."""
+    job, aovs = finished
+    page = open_page(f"#/jobs/{job}").page
+    page.wait_for_selector(".stage img")
+    page.get_by_role("button", name="Region…").click()
+    image = page.locator(".stage img").bounding_box()
+    assert image is not None
+    assert (image["width"], image["height"]) == (48, 32)
+    page.mouse.move(image["x"] + 24, image["y"] + 24)
+    page.mouse.down()
+    page.mouse.move(image["x"] + 12, image["y"] + 8, steps=3)
+    page.mouse.up()
+    sides = ["Left", "Top", "Right", "Bottom"]
+    assert [page.get_by_label(f"{side}, per cent").input_value() for side in sides] == ["25.0", "25.0", "50.0", "75.0"]
+    assert page.locator(".region-panel").get_by_text("12 × 16 pixels").is_visible()
+    page.get_by_label("Right, per cent").fill("75")
+    with page.expect_response(lambda answer: answer.url.endswith("/v1/jobs") and answer.request.method == "POST") as sent:
+        page.get_by_role("button", name="Render this region").click()
+    assert sent.value.request.post_data_json["settings"]["region"] == [0.25, 0.25, 0.75, 0.75]
+    page.wait_for_url(lambda url: "#/jobs/job_" in url and job not in url)
+    until(page, "document.querySelectorAll('.viewer optgroup').length === 2")
+    assert page.evaluate("document.querySelector('.stage img').naturalWidth") == 24
+    assert page.locator("h1").inner_text().startswith("region of small")
+    # The parts are those pixels of the whole's, to the bit.
+    page.get_by_label("View", exact=True).select_option(label="Depth")
+    stage = page.locator(".stage")
+    stage.focus()
+    stage.press("Shift+ArrowUp")  # 12, 7 of the region
+    until(page, "document.querySelector('.values').textContent.startsWith('x 12, y 7')")
+    until(page, f"document.querySelector('.values').textContent.includes('{aovs['depth'].values[15, 24, 0]:.4f}')")
+    assert not page.get_by_role("button", name="Region…").is_visible()

@@ -54,7 +54,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more += " --aov depth,normal --aov st --default-wrap mirror --render-context universal --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
     chosen += " --render-pass p"
-    chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur"
+    chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur --region 0 0.25 0.5 1"
     chosen += " --lens mechanical-vignetting=2,0.5 --lens natural-vignetting=1"
     chosen += " --diffusion 0 --diffusion-glare 0.1 --diffusion-bloom-width 0.02"
     chosen += " --diffusion-starburst 0.4 --diffusion-starburst-width 0.001"
@@ -81,6 +81,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "motion_blur": False,
         "shutter": [-0.25, 0.5],
         "motion_error": 0.2,
+        "region": [0.0, 0.25, 0.5, 1.0],
         "diffusion": 0.0,
         "diffusion_glare": 0.1,
         "diffusion_bloom_width": 0.02,

@@ -7,6 +7,7 @@ import pytest
 from primray.cli.option_values import (
     ColorCorrection,
     Complexity,
+    aovs_of,
     bytes_of,
     dicing_rate_of,
     frames_of,
@@ -102,3 +103,8 @@ def test_frames(given: tuple[str | None, int | None, float | None, bool], expect
 def test_the_default_time_and_frames_contradict() -> None:
     with pytest.raises(SettingsError, match="contradict"):
         frames_of("1", None, None, True)
+
+
+def test_outputs_are_parted_by_commas_but_for_those_within_light_path_expressions() -> None:
+    texts = ["depth, C.{1,3}L,C.*<L.'key, fill'>", "C<RD>L,normal"]
+    assert aovs_of(texts) == ("depth", "C.{1,3}L", "C.*<L.'key, fill'>", "C<RD>L", "normal")

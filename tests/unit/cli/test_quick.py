@@ -33,6 +33,7 @@ LINES = [
     "render s.usd --stereo --diffusion 0.1 --diffusion-glare=0.3 --diffusion-starburst 0",
     "render s.usd --shutter 0 0.5 --motion-error 0.25",
     "render s.usd --disable-motionblur",
+    "render s.usd --region 0 0.25 0.5 1",
     "render s.usd --aov albedo --aov-errors",
     "render s.usd --denoise --stop-at denoised --target-error 0.01 --bit-depth 16 --half rgba --half depth",
     "render s.usd --ray head:6379 --target-error 0.01",

@@ -57,6 +57,7 @@ def estimate(
     complexity: stage_flags.Dicing = None,
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
+    region: stage_flags.Region = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
     lens: stage_flags.LensFlaws = None,
     json: output_flags.Json = False,
@@ -105,6 +106,7 @@ def estimate(
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
         motion_blur=not no_motion_blur,
         shutter=shutter,
+        region=region,
         motion_error=motion_error,
         lens_flaws=tuple(lens or ()),
     )

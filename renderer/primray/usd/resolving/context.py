@@ -12,6 +12,7 @@ from ...settings import RenderSettings
 from ..moving.foreseen import UNSEEN, Foreseen
 from ..moving.stands import Stands
 from ..moving.timing import AT_FRAME, Timing
+from ..querying.light_groups import NO_GROUPS, LightGroups
 from .color_scope import ColorScope
 from .kept import Kept
 from .read import When
@@ -33,6 +34,7 @@ class Context:
     stands: Stands | None = None  # where what is translated stands in the world, while the shutter is open
     rendering_space: ColorSpace = REC709
     aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
+    light_groups: LightGroups = NO_GROUPS  # that render settings say
     levels_chosen: bool = False  # of detail: there is one of each
     names_instances: bool = False  # an AOV asks for instances
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read

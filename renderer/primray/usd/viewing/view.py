@@ -4,6 +4,7 @@ else one that is made here."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from pxr import Sdf, Usd
 
@@ -104,6 +105,8 @@ def view_without_things(
     else:
         aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
     resolution = _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
+    if ctx.settings.region is not None:
+        product = replace(product, data_window=ctx.settings.region)
     frame = _frame(resolution, product, pixel_aspect_ratio(aperture, resolution, product))
     if asked is not None:
         return conformed(asked, aperture, resolution, product, shutter), frame

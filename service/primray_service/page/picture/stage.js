@@ -50,6 +50,7 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
     sheet.classList.toggle("pixelated", scale * devicePixelRatio >= 2);
     root.classList.toggle("moved", !fitted);
     mark.style.outlineWidth = `${1.5 / scale}px`;
+    sheet.style.setProperty("--scale", String(scale));
     write(zoomText, width ? `${Math.round(100 * scale)} %` : "");
   }
 

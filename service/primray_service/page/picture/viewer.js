@@ -7,6 +7,7 @@ import { histogram } from "../layers/histogram.js";
 import { paint } from "../layers/paint.js";
 import { legend } from "./legend.js";
 import { partsOf } from "./parts.js";
+import { region } from "./region.js";
 import { pixelValues, rawOf } from "./pixel_values.js";
 import { served } from "./served.js";
 import { stage } from "./stage.js";
@@ -18,7 +19,7 @@ const PART = "part:";
 const EXPOSE_AFTER_S = 0.06; // a slider that is dragged asks for the last place only
 const KEY_STOPS = 0.5;
 
-export function viewer(job, { onFirst = () => {} } = {}) {
+export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const waiting = element("span", {}, "Waiting for the first picture");
   const pulse = element("span", { class: "pulse" });
   const wait = element("p", { class: "wait" }, pulse, waiting);
@@ -48,10 +49,11 @@ export function viewer(job, { onFirst = () => {} } = {}) {
   const values = pixelValues(job, shown, layerOfIds);
   const pictures = served(job, { onImage, onScale: (scale) => !layer && colors.show(scale), onTrouble: (text) => write(note, text) });
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "exposure") }, "Exposure, stops"), exposure, stops, reset);
+  const mark = region(board, onRegion);
   const [channelField, lookField] = [field("Channel", channel), field("Look", look)];
-  const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField, board.tools);
+  const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField, mark.toggle, board.tools);
   const under = element("div", { class: "under" }, values.root, colors.root, meaning);
-  const root = element("div", { class: "viewer" }, board.root, under, bar, note, counts.root);
+  const root = element("div", { class: "viewer" }, board.root, under, bar, mark.panel, note, counts.root);
 
   const isPart = () => state.view.startsWith(PART);
   const size = () => (layer ? [layer.fullWidth, layer.fullHeight] : [front?.naturalWidth ?? 1, front?.naturalHeight ?? 1]);
@@ -198,6 +200,11 @@ export function viewer(job, { onFirst = () => {} } = {}) {
   return {
     root,
     refresh: () => pictures.refresh(),
+    // Whether a part of the job's picture can be rendered by itself: only of what is whole.
+    regions: (width, height) => {
+      mark.toggle.hidden = !width;
+      if (width) mark.size(width, height);
+    },
     frame: (number, has) => {
       if (number === state.frame) return;
       pictures.isThere(has);

@@ -1,6 +1,6 @@
 // One job: its picture as it refines, how far it is, its error against the target, its frames, notes on the scene, files.
 
-import { get, jobPath, scenePath } from "../base/api.js";
+import { get, jobPath, scenePath, send } from "../base/api.js";
 import { diagnostics } from "../base/diagnostics.js";
 import { element, fill, say, write } from "../base/dom.js";
 import * as format from "../base/format.js";
@@ -27,7 +27,7 @@ export function jobView(root, [id]) {
   const state = element("span", { class: "state" });
   const link = element("p", { class: "note", role: "status" });
   const trouble = element("div", {});
-  const picture = viewer(id, { onFirst: () => performance.mark("first-pixel") });
+  const picture = viewer(id, { onFirst: () => performance.mark("first-pixel"), onRegion: renderRegion });
   const bar = progress();
   const plot = curve();
   const notes = diagnostics();
@@ -134,10 +134,24 @@ export function jobView(root, [id]) {
     bar.show(job);
     doing.show(job);
     details.show(job, scene);
+    const whole = job.settings.region ? [0, 0] : (job.effective_settings?.resolution ?? job.settings.resolution ?? [0, 0]);
+    picture.regions(...whole);
     notes.show(merged(scene?.warnings, job.warnings));
     if (job.error) details.problem(job.error);
     else details.problem(null);
     announce();
+  }
+
+  // The same again, of a part of the picture: another job, beside this one.
+  async function renderRegion(region) {
+    const frames = (job.progress?.frames?.total ?? 1) > 1 ? { frames: String(chosen?.time_code ?? 1) } : {};
+    const request = { scene: { id: job.scene.id, ...(job.scene.entry && { entry: job.scene.entry }) }, settings: { ...job.settings, ...frames, region }, name: `region of ${title.textContent}`.slice(0, 200), priority: job.priority, labels: job.labels };
+    try {
+      location.hash = `#/jobs/${encodeURIComponent((await send("POST", "/v1/jobs", request)).id)}`;
+    } catch (failure) {
+      if (!failure.problem) throw failure;
+      fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter }));
+    }
   }
 
   function announce() {

@@ -12,7 +12,10 @@ ARNOLD, ARNOLDS_NONE = "primvars:arnold:aov", "default"
 
 
 def group_of(prim: ResolvedPrim, ctx: Context) -> str:
-    """ "" where it is in none; the first attribute that names one counts."""
+    """ "" where it is in none. Render settings come before a light's attributes, of which the first that names one counts."""
+    named = ctx.light_groups.name_of(prim.prim)
+    if named:
+        return named
     for name in ATTRIBUTES:
         if name not in prim.names:
             continue
