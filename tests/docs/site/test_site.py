@@ -88,6 +88,13 @@ def test_what_is_wrong_with_a_page(tmp_path: Path, html: str, fault: str) -> Non
     assert all(fault in each for each in found)
 
 
+def test_a_page_is_mended_for_ear_and_keyboard() -> None:
+    html = build.mended('<p class="caption" role="heading">Begin</p><pre>code</pre><aside class="sidebar-drawer"></aside>')
+    assert 'aria-level="2">Begin' in html
+    assert '<pre tabindex="0">code' in html
+    assert 'aria-label="All pages"' in html
+
+
 def test_links_to_what_is_not_on_the_site_are_text(tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text("[here](page.md#a) [out](https://a.b) [gone](../gone.py)", encoding="utf-8")
     assert build.without_links_outside(tmp_path / "page.md") == "[here](page.md#a) [out](https://a.b) gone"
