@@ -41,7 +41,9 @@ AOVS: dict[str, AovKind] = {
         RGB, "filtered reflectance at normal incidence, with what is transmitted; 0 where nothing is", filtered=True
     ),
     "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes", filtered=True),
-    "guide_albedo": AovKind(RGB, "as albedo, over the shutter's time too: what a denoiser is guided by", filtered=True),
+    "guide_albedo": AovKind(
+        RGB, "as albedo, over the shutter's time, in mirrors and through clear glass: what guides a denoiser", filtered=True
+    ),
     "guide_normal": AovKind(XYZ, "mean of unit normals over filter, lens and shutter, likewise", filtered=True),
     "motion_forward": AovKind(
         XY, "pixels, right and down, from where the point is seen at the frame to where it is as the shutter closes"

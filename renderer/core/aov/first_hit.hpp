@@ -33,7 +33,8 @@ struct FirstHitPlanes {
   std::vector<float> normal, geometric;  // unit length, world, on the side that is seen
   std::vector<float> forward, backward;  // pixels, right and down: to where the point is at the end of the span, the beginning
   std::vector<float> albedo, emission;   // filtered; R, G, B
-  // As a denoiser is guided: filtered, over the shutter's time too; `guide_normal` is the mean of unit normals.
+  // As a denoiser is guided: filtered, over the shutter's time too, and of what is seen in mirrors and through clear glass
+  // (smooth_surfaces.hpp); `guide_normal` is the mean of unit normals.
   std::vector<float> guide_albedo, guide_normal;
   std::vector<int32_t> shape;            // row of the MeshTable, -2 - n for row n of the CurvedTable, -1: nothing
   std::vector<int32_t> surface;          // -1: nothing

@@ -8,6 +8,7 @@
 
 #include "accel/query.hpp"
 #include "aov/first_hit.hpp"
+#include "aov/smooth_surfaces.hpp"
 #include "emitter/emitter.hpp"
 #include "path/emission.hpp"
 #include "sampler/sampler.hpp"
@@ -67,7 +68,7 @@ class FirstHitTask {
       const CameraRay<W> ray = center_.template ray<W>(frame_x(x), frame_y(y), half, half, zero, zero, time_);
       B active = n < I(count);
       clear(active, x, y);
-      const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+      const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>&) {
         const B there = hit & (rows(kPresence) >= F(kThere));
         if (any(there)) write(there, x, y, ray, hits, it);
         return hit & !there;
@@ -137,7 +138,7 @@ class FirstHitTask {
       ray = scene_.camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
     }
     F left(1.0f);
-    const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+    const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>&) {
       const HitGroup<W> in(scene_, hit, hits);
       const SurfacePoint<W> point(scene_, hit, hits);
       const F presence = rows(kPresence), share = left * presence;
@@ -187,15 +188,26 @@ class FirstHitTask {
       const auto met = [&](B m, const V& light) {
         if (!guide) emission += select(m, light * left, V(F(0.0f)));
       };
-      const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+      V tint(F(1.0f));
+      I smooth(0);
+      const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>& bend) {
         const F presence = rows(kPresence);
         const F share = left * presence;
-        albedo += select(hit, normal_albedo(rows, it.color) * share, V(F(0.0f)));
-        if (guide)
-          emission += select(hit, it.ns * copysign(share, -dot(it.ng, ray.d)), V(F(0.0f)));
-        else if (scene_.has_emission)
+        B here = hit;
+        if (guide) {
+          const V d = bend.d;
+          bend_at_smooth(hit & (smooth < I(kMostSmooth)), it, rows, sampler.single(smooth + I(1), Purpose::kLobe), bend);
+          here &= !bend.lanes;
+          emission += select(here, it.ns * copysign(share, -dot(it.ng, d)), V(F(0.0f)));
+        } else if (scene_.has_emission) {
           emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
-        left = select(hit, left * (1.0f - presence), left);
+        }
+        albedo += select(here, normal_albedo(rows, it.color) * share * tint, V(F(0.0f)));
+        if (guide) {
+          tint = select(bend.lanes, tint * bend.tint, tint);
+          smooth = select(bend.lanes, smooth + I(1), smooth);
+        }
+        left = select(here, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
       follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(met), std::ref(seen));
@@ -220,10 +232,10 @@ class FirstHitTask {
   I frame_y(const int32_t* y) const { return load<W>(y) + I(scene_.camera.pixels.y); }
 
   // Goes along the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes that are met before the next
-  // surface; `surface(lanes, ...)` gives the lanes that look through what they met. Compiled once for both kinds of samples,
-  // which halves a long compilation.
+  // surface; `surface(lanes, ...)` gives the lanes that look through what they met, and may bend them. Compiled once for both
+  // kinds of samples, which halves a long compilation.
   using Light = std::function<void(B, const V&)>;
-  using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&)>;
+  using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&, Bend<W>&)>;
   [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, F time, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
     p.ray = {from.o, from.d, from.tnear, from.tfar, time};
@@ -249,17 +261,18 @@ class FirstHitTask {
         const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
         rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, 0.05f), it.p, it.ng, it.ns, varying);
       }
-      active = surface(hit, hits, it, rows);
+      Bend<W> bend{B(false), p.ray.d, V(F(1.0f))};
+      active = surface(hit, hits, it, rows, bend);
       if (!any(active)) return;
-      // On beyond the surface, as paths go straight through it.
-      const F side = copysign(F(1.0f), dot(it.ng, p.ray.d));
+      // On beyond the surface, as paths go straight through it, or from it.
+      const F side = copysign(F(1.0f), dot(it.ng, bend.d));
       const V o = it.p + it.ng * (it.offset * side);
       const F gone = dot(it.p - p.ray.o, p.ray.d);
       p.travelled += gone;
       p.cone_width += p.cone_spread * gone;
-      p.ray.tfar = p.ray.tfar - dot(o - p.ray.o, p.ray.d);
+      p.ray.tfar = select(bend.lanes, F(kInfinity), p.ray.tfar - dot(o - p.ray.o, p.ray.d));
       p.ray.tnear = F(0.0f);
-      p.ray.o = o;
+      p.ray.o = o, p.ray.d = bend.d;
       active &= p.ray.tfar > F(0.0f);
     }
   }

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from primray.arrays import Doubles
-from primray.denoising.cross_half import cross_half_error
+from primray.denoising.cross_half import cross_half_error, student95
 from primray.denoising.halves import Halves
 
 SIZE, RUNS = (24, 32), 200
@@ -69,3 +69,23 @@ def test_estimates_below_0_are_0_with_an_interval_above() -> None:
     assert found.relmse.low == 0
     assert found.relmse.high > 0
     assert found.as_json()["rmse"]["ci95"][0] == 0
+
+
+@pytest.mark.parametrize(("freedom", "quantile"), [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1e9, 1.960)])
+def test_the_quantile_is_students(freedom: float, quantile: float) -> None:
+    assert student95(freedom) == pytest.approx(quantile, rel=0.02)
+
+
+def test_an_error_of_few_tiles_is_known_less_well() -> None:
+    """Of the same sum of squares by tile: spread over all of them, or held by two."""
+    flat = np.full((32, 32, 3), 0.5)
+
+    def width(error: Doubles) -> float:
+        halves = Halves(flat + error, flat + error, np.full((32, 32, 1), 0.5), True)
+        rmse = cross_half_error(halves, (flat, flat)).rmse
+        return float(rmse.high**2 - rmse.value**2)
+
+    spread = np.full((32, 32, 3), 0.1)
+    few = np.zeros((32, 32, 3))
+    few[:4, :8] = 0.1 * 32**0.25  # two tiles, each with the square of 32 in the sum of squares by tile
+    assert width(few) > 1.8 * width(spread)
