@@ -243,6 +243,7 @@ class FirstHitTask {
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
     p.cone_width = F(at_frame_.cone_width()), p.cone_spread = F(at_frame_.cone_spread());
     p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);
+    B direct(true);
     for (int layer = 0; layer < kMostLayers && any(active); ++layer) {
       const Hits<W> hits = intersect(scene_, true, active, p.ray);
       B hit = active & (hits.geom != I(-1));
@@ -255,6 +256,11 @@ class FirstHitTask {
       light(active, gathered);
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);
+      B hidden(false);
+      if (scene_.camera_sights.any()) {
+        hidden = scene_.camera_sights.are(CameraSight::kHidden, hit & direct, it.surface);
+        hit &= !(hidden | scene_.camera_sights.are(CameraSight::kMatte, hit & direct, it.surface));
+      }
       SurfaceRows<W> rows(scene_.surfaces, it.surface);
       LaneRows<W> varying;
       if (any_inputs(scene_, hit, it.surface)) {
@@ -262,7 +268,7 @@ class FirstHitTask {
         rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, 0.05f), it.p, it.ng, it.ns, varying);
       }
       Bend<W> bend{B(false), p.ray.d, V(F(1.0f))};
-      active = surface(hit, hits, it, rows, bend);
+      active = surface(hit, hits, it, rows, bend) | hidden;
       if (!any(active)) return;
       // On beyond the surface, as paths go straight through it, or from it.
       const F side = copysign(F(1.0f), dot(it.ng, bend.d));
@@ -273,6 +279,7 @@ class FirstHitTask {
       p.ray.tfar = select(bend.lanes, F(kInfinity), p.ray.tfar - dot(o - p.ray.o, p.ray.d));
       p.ray.tnear = F(0.0f);
       p.ray.o = o, p.ray.d = bend.d;
+      direct &= !bend.lanes;
       active &= p.ray.tfar > F(0.0f);
     }
   }

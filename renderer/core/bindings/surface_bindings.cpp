@@ -85,12 +85,17 @@ void bind_surface(nb::module_& m) {
   nb::class_<HairInput> hair(m, "HairInput");
   hair.def(nb::init<>());
   for_each_hair_input([&](const char* name, InputRange, auto member) { def_input<HairInput>(hair, name, member); });
+  nb::enum_<CameraSight>(m, "CameraSight")
+      .value("seen", CameraSight::kSeen)
+      .value("hidden", CameraSight::kHidden)
+      .value("matte", CameraSight::kMatte);
   nb::class_<SurfaceInput> surface(m, "SurfaceInput");
   surface.def(nb::init<>())
       .def_rw("lambert", &SurfaceInput::lambert)
       .def_rw("use_specular_workflow", &SurfaceInput::use_specular_workflow)
       .def_rw("opacity_threshold", &SurfaceInput::opacity_threshold)
       .def_rw("dielectric_priority", &SurfaceInput::dielectric_priority)
+      .def_rw("camera", &SurfaceInput::camera)
       .def_rw("presence", &SurfaceInput::presence)
       .def_rw("thin", &SurfaceInput::thin);
   surface.def_prop_rw("open_pbr", nullptr, [](SurfaceInput& s, const OpenPbrInput& o) { s.open_pbr = o; });

@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "bsdf/basics/camera_sight.hpp"
 #include "bsdf/basics/varying_inputs.hpp"
 #include "bsdf/hair/row.hpp"
 #include "bsdf/open_pbr/row.hpp"
@@ -31,6 +32,7 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   bool presence = false, thin = false;
   float opacity_threshold = 0;    // above 0: a cut-out, whole where it is at all
   float dielectric_priority = 0;  // of bodies that overlap the higher one is there
+  CameraSight camera = CameraSight::kSeen;
   std::optional<OpenPbrInput> open_pbr;
   std::optional<HairInput> hair;
 };

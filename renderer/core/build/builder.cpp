@@ -239,6 +239,8 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     s.has_emission |= (flags & kEmits) != 0;
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1 || (flags & kHair);
   }
+  // Rays of the camera go on from what they do not see as through what is see-through.
+  s.has_thin |= s.camera_sights.any();
   note_inputs(s);
   note_bodies(s);
   s.has_emission |= s.geometry_lights.any();

@@ -160,21 +160,26 @@ PRIMRAY_RARE void come_out(Round& round, vbool<W> lanes, const PathLanes<W>& p, 
                             vbool<W>(true), &crossing);
 }
 
+// Paths that go on as they came, from behind what they met.
+template <int W>
+PRIMRAY_RARE PathLanes<W> beyond(const PathLanes<W>& p, const Interaction<W>& it, const vvec3<W>& ng) {
+  PathLanes<W> n = p;
+  const vfloat<W> way = dot(it.p - p.ray.o, p.ray.d);
+  n.ray.o = it.p - ng * it.offset;
+  n.ray.tnear = vfloat<W>(0.0f);
+  n.ray.tfar = p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d);
+  n.vertex = p.vertex + vint<W>(1);
+  n.travelled = p.travelled + way, n.cone_width = p.cone_width + p.cone_spread * way;
+  return n;
+}
+
 // Boundaries that are not there, since another body of a higher priority is: paths go on as they came.
 template <int W>
 PRIMRAY_RARE void pass_unseen(Round& round, vbool<W> lanes, const PathLanes<W>& p, const Interaction<W>& it, const vvec3<W>& ng,
                               const Inside<W>& inside) {
-  using F = vfloat<W>;
-  PathLanes<W> n = p;
-  const F way = dot(it.p - p.ray.o, p.ray.d);
-  n.ray.o = it.p - ng * it.offset;
-  n.ray.tnear = F(0.0f);
-  n.ray.tfar = p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d);
-  n.vertex = p.vertex + vint<W>(1);
-  n.travelled = p.travelled + way, n.cone_width = p.cone_width + p.cone_spread * way;
   const Compaction<W> kept(lanes);
   round.worker.inside->next->put(round.worker.next->count, kept, inside);
-  round.worker.next->append(kept, n, round.needs);
+  round.worker.next->append(kept, beyond(p, it, ng), round.needs);
 }
 
 // A mean free path below a surface of fewer of its offsets than this is none: light comes out where it went in. A channel whose
@@ -225,6 +230,26 @@ PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> sc
   });
 }
 
+// Of lanes that met surfaces those that the camera sees. Paths go on straight from what is hidden from it; what it holds out
+// covers nothing of a pixel, and no path goes on from there.
+template <int W>
+PRIMRAY_RARE void heed_camera(Round& round, int at, const PathLanes<W>& p, const Interaction<W>& it, vbool<W>& hit) {
+  using F = vfloat<W>;
+  const CameraSights& sights = round.scene.camera_sights;
+  const vbool<W> looks = hit & (p.depth == vint<W>(0));
+  if (const vbool<W> matte = sights.are(CameraSight::kMatte, looks, it.surface); any(matte)) {
+    see_through(round, matte, p);
+    hit &= !matte;
+  }
+  const vbool<W> hidden = sights.are(CameraSight::kHidden, looks, it.surface);
+  if (!any(hidden)) return;
+  hit &= !hidden;
+  const F side = select(dot(it.ng, p.ray.d) > F(0.0f), F(-1.0f), F(1.0f));
+  const vvec3<W> ng = it.ng * side;
+  if (round.follows_bodies()) return pass_unseen(round, hidden, p, it, ng, round.worker.inside->pool->template at<W>(at));
+  round.worker.next->append(Compaction<W>(hidden), beyond(p, it, ng), round.needs);
+}
+
 // One vertex of the paths at [at, at + W).
 template <int W>
 void shade_lanes(Round& round, int at, vbool<W> active) {
@@ -246,6 +271,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   }
 
   Interaction<W> it = interact(scene, hit, p.ray, hits);
+  if (scene.camera_sights.any()) heed_camera(round, at, p, it, hit);
   SurfaceRows<W> rows(scene.surfaces, it.surface);
   LaneRows<W> varying;
   if (any_inputs(scene, hit, it.surface)) {
@@ -264,8 +290,9 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
 
   const V wo = -p.ray.d;
   const F facing = dot(it.ng, wo);
-  const vbool<W> scatters = hit & is_side_certain(round, hit, p, hits, it, facing) &
-                            ((p.depth < vint<W>(settings.max_depth)) | vbool<W>(scene.has_thin));
+  vbool<W> certain = is_side_certain(round, hit, p, hits, it, facing);
+  if (!scene.surfaces.hair.empty()) certain |= is_within_fibre(rows, facing);
+  const vbool<W> scatters = hit & certain & ((p.depth < vint<W>(settings.max_depth)) | vbool<W>(scene.has_thin));
   const bool among_bodies = round.follows_bodies();
   if (!any(among_bodies ? hit : scatters)) return;
   const vbool<W> front = facing > F(0.0f);

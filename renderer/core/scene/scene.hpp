@@ -12,6 +12,7 @@
 #include <memory>
 #include <vector>
 
+#include "bsdf/basics/camera_sight.hpp"
 #include "bsdf/surface.hpp"
 #include "bsdf/surface_inputs.hpp"
 #include "bvh/few_triangles.hpp"
@@ -113,6 +114,7 @@ struct Scene {
   std::unique_ptr<Distortion> distortion;  // the camera's
   LightOutlines outlines;
   Interiors interiors;
+  CameraSights camera_sights;
   MotionTable motion;
 
   // world = origin + p / scale, in scene units.

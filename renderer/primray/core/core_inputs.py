@@ -22,8 +22,9 @@ def filled(made: Any, **values: Any) -> Any:
 
 def surface_input(core: Any, surface: Surface) -> Any:
     """The SurfaceInput of a surface: its constants."""
-    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair")]
+    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair", "camera")]
     made = filled(core.SurfaceInput(), **{name: getattr(surface, name) for name in names})
+    made.camera = getattr(core.CameraSight, surface.camera.value)
     lobes = surface.open_pbr
     if lobes is not None:
         made.open_pbr = filled(core.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})

@@ -29,13 +29,14 @@ from .open_pbr import OpenPbr
 from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
 from .scene import Placed, Prototype, SceneDescription
-from .shading import Input, PrimvarInput, Surface, TextureInput, Wrap
+from .shading import CameraSight, Input, PrimvarInput, Surface, TextureInput, Wrap
 from .texture_file import TextureFile
 
 __all__ = [
     "AovRequest",
     "Camera",
     "CameraMotion",
+    "CameraSight",
     "Curves",
     "Direction",
     "DisplacedMesh",

@@ -59,6 +59,14 @@ Input = PrimvarInput | TextureInput | PatternInput
 DISPLACEMENTS = ("displacement", "displacement_tangent", "displacement_object")
 
 
+class CameraSight(Enum):
+    """What the camera sees of a shape, straight or through what is see-through; anything else sees it in any case."""
+
+    SEEN = "seen"
+    HIDDEN = "hidden"  # what lies behind it
+    MATTE = "matte"  # a hole in the picture: black, of alpha 0
+
+
 @dataclass(frozen=True)
 class Surface:
     """UsdPreviewSurface's inputs, a Lambert surface of `diffuse_color` (exactly albedo / pi), or the lobes of `open_pbr` or
@@ -89,6 +97,7 @@ class Surface:
     dielectric_priority: float = 0.0  # of OpenPBR's bodies that overlap the higher one is there, of equals that entered last
     open_pbr: OpenPbr | None = None  # of a surface's other fields, emission, opacity and thin then have an effect
     hair: Hair | None = None  # likewise
+    camera: CameraSight = CameraSight.SEEN
     inputs: tuple[tuple[str, Input], ...] = ()
     pattern: Pattern | None = None  # what its PatternInputs read
 

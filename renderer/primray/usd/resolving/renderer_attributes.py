@@ -15,6 +15,9 @@ CAMERA_VISIBILITY = (
 )
 
 
+# What the camera sees of a shape, where a render pass says so: one of description.CameraSight.
+CAMERA_SIGHT = "primray:camera"
+
 ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/rolling_shutter.py
 
 

@@ -142,25 +142,36 @@ def test_it_renders_from_its_settings() -> None:
     assert translate(stage, other)[0].frame.resolution == (10, 10)
 
 
-@pytest.mark.conforms(
-    "RenderPass.collection:cameraVisibility", "RenderPass.collection:cameraVisibility:includeRoot", state="approximated"
-)
-def test_lights_that_the_camera_does_not_see() -> None:
-    """Shapes are told."""
-    body = "rel collection:cameraVisibility:excludes = [</set/lamp>]"
-    _, _, told, description = rendered(body)
+def sights(description: Any) -> dict[str, set[str]]:
+    """What the camera sees of each shape, by path."""
+    found: dict[str, set[str]] = {}
+    for shape in description.shapes:
+        found.setdefault(shape.path, set()).add(description.surfaces[shape.surface].camera.value)
+    return found
+
+
+def test_what_the_camera_does_not_see() -> None:
+    body = "rel collection:cameraVisibility:excludes = [</set>, </two/leaf>]"
+    found, _lights, told, description = rendered(body)
+    assert total(found) == WHOLE
     assert told == []
     assert not description.lights[0].visible_to_camera
-    _, _, told, description = rendered("rel collection:cameraVisibility:excludes = [</set>]")
-    assert told == [("render-settings-input", "/pass", "collection:cameraVisibility:includeRoot")]
-    assert not description.lights[0].visible_to_camera
+    seen = sights(description)
+    assert seen["/set/a"] == seen["/set/a/inner"] == seen["/set/b"] == {"hidden"}
+    leaves = [seen[path] for path in seen if path.endswith("/leaf")]
+    assert {"hidden"} in leaves
+    assert {"seen"} in leaves
+    assert all(seen[path] == {"seen"} for path in seen if path.endswith("/trunk"))
 
 
-@pytest.mark.conforms("RenderPass.collection:matte", state="diagnosed")
-def test_matte_is_told() -> None:
-    assert rendered("rel collection:matte:includes = </set/a>")[2] == [
-        ("render-settings-input", "/pass", "collection:matte:includes")
-    ]
+def test_what_is_matte() -> None:
+    found, _, told, description = rendered("rel collection:matte:includes = [</set/a>, </one>]")
+    assert total(found) == WHOLE
+    assert told == []
+    seen = sights(description)
+    assert seen["/set/a"] == seen["/set/a/inner"] == {"matte"}
+    assert seen["/set/b"] == {"seen"}
+    assert sum(sight == {"matte"} for path, sight in seen.items() if path.startswith("/one")) == 2
 
 
 def test_what_a_pass_says_of_jobs_is_told() -> None:

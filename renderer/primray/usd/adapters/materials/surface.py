@@ -11,10 +11,11 @@ from functools import lru_cache
 
 from pxr import Usd, UsdGeom
 
-from ....description import Input, PrimvarInput, Surface
-from ...querying.guarded import interpolation
+from ....description import CameraSight, Input, PrimvarInput, Surface
+from ...querying.guarded import default_value, interpolation
 from ...resolving.context import Context
 from ...resolving.read import read
+from ...resolving.renderer_attributes import CAMERA_SIGHT
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.primvars import note_clamped_color
 from .material import Material, material
@@ -36,9 +37,20 @@ class Appearance:
     varying_color: bool = False
     opacity: float = 1.0
     inputs: tuple[tuple[str, Input], ...] = ()
+    camera: CameraSight = CameraSight.SEEN
 
 
 def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
+    found = _appearance_of(prim, bound, ctx)
+    return replace(found, camera=camera_sight(prim)) if CAMERA_SIGHT in prim.names else found
+
+
+def camera_sight(prim: ResolvedPrim) -> CameraSight:
+    """As a render pass has it: written by adapters/rendering/render_pass.py."""
+    return CameraSight(default_value(prim.prim.GetAttribute(CAMERA_SIGHT))) if CAMERA_SIGHT in prim.names else CameraSight.SEEN
+
+
+def _appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
     made = material(bound, prim.inherited, ctx) if bound is not None else None
     if made is not None and made.surface is not None:
         return Appearance(made)
@@ -67,6 +79,11 @@ def _varies(prim: ResolvedPrim, name: str) -> bool:
 
 def make_surface(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:
     """The appearance's surface on a shape; `is_closed` is asked only where something shines through."""
+    made = _made_surface(appearance, is_closed, path, ctx)
+    return made if appearance.camera is made.camera else replace(made, camera=appearance.camera)
+
+
+def _made_surface(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:
     if appearance.material is None or appearance.material.surface is None:
         return _display_surface(appearance)
     surface = appearance.material.surface

@@ -1,24 +1,26 @@
 """UsdRenderPass: the one that is asked for changes the scene before it is translated; what others say is for the software that
 submits renders.
 
-What `prune` holds is deactivated; geometry and lights that `renderVisibility` leaves out are invisible, lights that
-`cameraVisibility` leaves out are not seen by the camera. All of it is written to a session layer of a copy of the stage, so
-that everything after it sees an ordinary stage; instances that are told apart inside are instances no more there.
+What `prune` holds is deactivated; geometry and lights that `renderVisibility` leaves out are invisible, those that
+`cameraVisibility` leaves out are not seen by the camera, and shapes that `matte` holds are holes in its picture. All of it is
+written to a session layer of a copy of the stage, so that everything after it sees an ordinary stage; instances that are told
+apart inside are instances no more there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pxr import Sdf, Usd, UsdGeom, UsdLux
+from pxr import Kind, Sdf, Usd, UsdGeom, UsdLux
 
+from ....description import CameraSight
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ...opening.stage import scratch_copy
 from ...opening.taking_out import editable, take_out
 from ...querying.guarded import default_value, property_names, targets, type_name
 from ...querying.traversal import collected, drawn_in_instances, in_world
-from ...resolving.renderer_attributes import CAMERA_VISIBILITY
+from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY
 
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
 COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
@@ -68,13 +70,8 @@ def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> 
     take_out(made, collections["prune"] or ())
     with Usd.EditContext(made, made.GetSessionLayer()):
         _hide(made, collections["renderVisibility"])
-        _hide_from_camera(made, prim, collections["cameraVisibility"], diagnostics)
-    matte = collections["matte"]
-    if matte:
-        drawn = sum(p.GetPath() in matte and bool(p.IsA(UsdGeom.Boundable)) for p in _all(made))
-        if drawn:
-            message = f"{drawn} shapes that matte holds are rendered with their alpha."
-            diagnostics.add("render-settings-input", asked, message, "collection:matte:includes")
+        _hold_out(made, collections["matte"])
+        _hide_from_camera(made, collections["cameraVisibility"])
     return made
 
 
@@ -121,18 +118,31 @@ def _is_rendered(prim: Usd.Prim) -> bool:
     return bool(prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI)) and bool(prim.IsA(UsdGeom.Imageable))
 
 
-def _hide_from_camera(
-    stage: Usd.Stage, render_pass: Usd.Prim, members: frozenset[Sdf.Path] | None, diagnostics: Diagnostics
-) -> None:
-    """Lights; shapes are told."""
+def _hold_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
+    for path in [prim.GetPath() for prim in _all(stage) if _is_shape(prim)]:
+        if members is not None and path in members:
+            _tell_camera(stage, path, CameraSight.MATTE)
+
+
+def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
+    """Shapes and lights that are no members."""
     if members is None:
         return
-    left_out = [prim for prim in _all(stage) if prim.GetPath() not in members and _is_rendered(prim)]
-    is_light = [prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim) for prim in left_out]
-    shapes = is_light.count(False)
-    for path in [prim.GetPath() for prim, light in zip(left_out, is_light, strict=True) if light]:
-        editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
-    if shapes:
-        message = f"The camera sees {shapes} shapes that cameraVisibility leaves out."
-        name = "collection:cameraVisibility:includeRoot"
-        diagnostics.add("render-settings-input", str(render_pass.GetPath()), message, name)
+    left_out = [prim for prim in _all(stage) if prim.GetPath() not in members]
+    shapes = [(prim.GetPath(), _is_shape(prim)) for prim in left_out if _is_shape(prim) or _is_rendered(prim)]
+    for path, is_shape in shapes:
+        if is_shape:
+            _tell_camera(stage, path, CameraSight.HIDDEN)
+        else:
+            editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
+
+
+def _is_shape(prim: Usd.Prim) -> bool:
+    """Or a model, which may be drawn as cards."""
+    if Usd.ModelAPI(prim).IsKind(Kind.Tokens.component) or "model:applyDrawMode" in property_names(prim):
+        return True
+    return bool(prim.IsA(UsdGeom.Boundable)) and not (prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim))
+
+
+def _tell_camera(stage: Usd.Stage, path: Sdf.Path, sight: CameraSight) -> None:
+    editable(stage, path).CreateAttribute(CAMERA_SIGHT, Sdf.ValueTypeNames.Token).Set(sight.value)

@@ -29,6 +29,7 @@ from ...resolving.context import Context
 from ...resolving.read import read, token, vector
 from ...resolving.resolve import ResolvedPrim
 from ...resolving.stage_bounds import is_deep
+from ..materials.surface import camera_sight
 
 BAR_WIDTH = 0.01
 DEFAULT_COLOR = (0.18, 0.18, 0.18)  # model:drawModeColor's fallback
@@ -186,13 +187,14 @@ def _texture(prim: ResolvedPrim, face: str, ctx: Context) -> str | None:
 def _surface(prim: ResolvedPrim, path: str | None, ctx: Context) -> Surface:
     color = _color(prim, ctx)
     if not path:
-        return Surface("", lambert=True, diffuse_color=color)
+        return Surface("", lambert=True, diffuse_color=color, camera=camera_sight(prim))
     st, file = PrimvarInput("st", (0.0, 0.0)), in_space(TextureFile(path, "auto"), "auto", True, ctx)
     fallback = (*color, 1.0)
     rgb = TextureInput(file, "rgb", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
     alpha = TextureInput(file, "a", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
     inputs = (("diffuse_color", rgb), ("opacity", alpha))
-    return Surface(prim.path, diffuse_color=color, opacity_threshold=OPACITY_THRESHOLD, thin=True, inputs=inputs)
+    camera = camera_sight(prim)
+    return Surface(prim.path, diffuse_color=color, opacity_threshold=OPACITY_THRESHOLD, thin=True, inputs=inputs, camera=camera)
 
 
 def _color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
@@ -285,5 +287,5 @@ def _bars(prim: ResolvedPrim, lines: list[tuple[Doubles, Doubles]], width: float
         np.concatenate([triangles + 8 * k for k in range(len(lines))]).astype(np.int32),
         None,
         None,
-        ctx.surfaces.index_of(Surface("", lambert=True, diffuse_color=_color(prim, ctx))),
+        ctx.surfaces.index_of(Surface("", lambert=True, diffuse_color=_color(prim, ctx), camera=camera_sight(prim))),
     )
