@@ -34,6 +34,7 @@ template <int W>
 struct Bsdf {
   static constexpr bool kInMedium = false;     // no surface
   static constexpr bool kAmongBodies = false;  // path/interiors may follow bodies there
+  static constexpr bool kFibres = false;       // some may be hair
 
   vbool<W> preview;  // else Lambert
   bool any_preview;

@@ -14,6 +14,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
   using F = vfloat<W>;
   using V = vvec3<W>;
   using Base = BsdfWithOpenPbr<W>;
+  static constexpr bool kFibres = true;
 
   vbool<W> is_hair;
   bool all_hair = false;

@@ -7,6 +7,7 @@
 #include "path/rays/path_parts.hpp"
 #include "path/shiny_lanes.hpp"
 #include "path/vertex.hpp"
+#include "surface/through_tube.hpp"
 
 namespace primray {
 
@@ -108,6 +109,7 @@ PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex
 template <int W, class Lobes>
 PRIMRAY_RARE void start_beyond(vbool<W> m, const Vertex<W, Lobes>& v, const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
   o = select(m, v.it.p - v.ng * v.it.offset, o);
+  if constexpr (Lobes::kFibres) o = o + s.wi * way_through_tube(m & v.bsdf.is_hair, v.it, s.wi);
   aim_from(m, from, o, s);
 }
 

@@ -7,6 +7,7 @@
 #include "path/met_routes.hpp"
 #include "path/rays/path_parts.hpp"
 #include "path/vertex.hpp"
+#include "surface/through_tube.hpp"
 
 namespace primray {
 
@@ -166,6 +167,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (!any(alive)) return;
   // What the camera does not see beyond its far plane it does not see through a gap either.
   n.ray.tnear = F(0.0f);
+  if constexpr (Lobes::kFibres)
+    n.ray.tnear = way_through_tube(alive & v.bsdf.is_hair & s.transmits & !s.straight, v.it, n.ray.d);
   n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));
   // No light is sampled on a walk below a surface.
   const bool crosses = Lobes::kAmongBodies && v.crossing;

@@ -79,12 +79,20 @@ PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLa
   return certain;
 }
 
+// Lanes that met hair from within, and go straight on: what such a hit is taken for cannot let light in.
+template <int W>
+PRIMRAY_RARE vbool<W> is_within_fibre(const SurfaceRows<W>& rows, vfloat<W> facing) {
+  return ((truncate(rows(kFlags)) & vint<W>(kHair)) != vint<W>(0)) & !(facing > vfloat<W>(0.0f));
+}
+
 template <int W, class Lobes>
 void go_on(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   vbool<W> lit = scatters & (p.depth < vint<W>(round.settings.max_depth));
   if constexpr (Lobes::kAmongBodies) {
     if (v.crossing) lit &= !v.crossing->inside.walks();
   }
+  // From within a fibre all goes on straight.
+  if constexpr (Lobes::kFibres) lit &= v.bsdf.presence > vfloat<W>(0.0f);
   if (round.scene.lights.count > 0) sample_lights(round, lit, v, p);
   scatter(round, scatters, v, p);
 }

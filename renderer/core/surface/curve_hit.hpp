@@ -64,6 +64,7 @@ struct CurvePoint {
   vvec3<W> p, normal;  // on the tube; outwards, of any length
   vvec3<W> spread;     // the size of what was rounded in finding p, by axis
   vvec3<W> along;      // dP/du of the curve, not 0
+  vfloat<W> radius;    // 0 on ends
 
   // Hits on tubes carry Embree's normal, of which what lies across the tangent says where around it they are; hits on ends
   // carry where on their disc or ball they are.
@@ -89,7 +90,7 @@ struct CurvePoint {
     const F u = place.longer, v = 1.0f - u;
     const F b1 = 3.0f * u * v * v, b2 = 3.0f * u * u * v, b3 = u * u * u;
     const V centre = c[0] + (e1 * b1 + e2 * b2 + e3 * b3);
-    const F radius = r[0] + ((r[1] - r[0]) * b1 + (r[2] - r[0]) * b2 + (r[3] - r[0]) * b3);
+    radius = r[0] + ((r[1] - r[0]) * b1 + (r[2] - r[0]) * b2 + (r[3] - r[0]) * b3);
     along = (e1 * (v * v) + (e2 - e1) * (2.0f * u * v) + (e3 - e2) * (u * u)) * 3.0f;
     const V bend = ((e2 - e1 * 2.0f) * v + (e3 - e2 * 2.0f + e1) * u) * 6.0f;
     const F narrowing = ((r[1] - r[0]) * (v * v) + (r[2] - r[1]) * (2.0f * u * v) + (r[3] - r[2]) * (u * u)) * 3.0f;
@@ -111,6 +112,7 @@ struct CurvePoint {
 
     // Embree's roots are off by some parts in 2^24 of a segment's size.
     spread = abs(c[0]) + V(radius + 2.0f * size);
+    radius = select(place.is_end, 0.0f, radius);
   }
 
  private:

@@ -25,6 +25,7 @@ struct CurvedHit {
   vint<W> row{0};
   CurvePlace<W> curve;  // of those that are on curves
   vvec3<W> along;       // only where curve.any_is: dP/du of these lanes, in the group's space
+  vfloat<W> radius;     // likewise
   CurvedPoint<W> at{vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f))};  // where it is one
 
   PRIMRAY_INLINE CurvedHit(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
@@ -46,7 +47,7 @@ struct CurvedHit {
     if (!curve.any_is) return;
     const CurvePoint<W> found(scene, in, curve, h);
     is |= curve.is, any_is = true;
-    row = select(curve.is, curve.row, row), along = found.along;
+    row = select(curve.is, curve.row, row), along = found.along, radius = found.radius;
     at.p = select(curve.is, found.p, at.p), at.normal = select(curve.is, found.normal, at.normal);
     at.spread = select(curve.is, found.spread, at.spread);
   }

@@ -25,6 +25,7 @@ struct Interaction {
   // along ng. It is set where any lane is on a curve.
   vbool<W> on_curve{false};
   vvec3<W> tangent;
+  vfloat<W> radius;  // likewise: of a tube, 0 where it is not round, and on its ends
 };
 
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
@@ -38,6 +39,9 @@ constexpr float kNormalUlps = 4 * 0x1p-24f, kThinnest = 64;
 // Embree takes hits that lie outside a triangle by 2^-23 of it, and more where its signs are rounded: with 2^-22, 1 of 2e7 rays
 // at closed boxes still came in past an outline, with this none of 1e8.
 constexpr float kEdge = 0x1p-19f;
+
+// Tubes whose axes differ by less of their length count as round.
+constexpr float kRoundTube = 1e-3f;
 
 // Rows of normals or colours at the three corners of triangles.
 template <int W>
@@ -224,7 +228,15 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (scene.curves.any && curved.curve.any_is) {
     vvec3<W> far;
     r.tangent = direction_of(select(r.on_curve, curved.along, vvec3<W>(vfloat<W>(1.0f))));
-    if (any_instanced) r.tangent = select(instanced, direction_of(in.matrix(scene, far).vector(r.tangent)), r.tangent);
+    r.radius = select(r.on_curve, curved.radius, 0.0f);
+    if (any_instanced) {
+      const AffineLanes<W> m = in.matrix(scene, far);
+      const vvec3<W> n = direction_of(curved.at.normal);
+      const vfloat<W> wide = length(m.vector(n)), high = length(m.vector(direction_of(cross(n, r.tangent))));
+      const vbool<W> round = abs(wide - high) <= wide * kRoundTube;
+      r.radius = select(instanced, select(round, r.radius * wide, 0.0f), r.radius);
+      r.tangent = select(instanced, direction_of(m.vector(r.tangent)), r.tangent);
+    }
   }
   r.offset = reach * kOffsetUlps;
   r.ng = ng;

@@ -185,3 +185,21 @@ def test_colours_vary_from_strand_to_strand() -> None:
     image = primray.render(stage_of(text(inputs=fed, nodes=nodes, primvars=primvars)), resolution=(32, 32), spp=64)
     row = image.pixels[16, :, :3]
     assert [int(np.argmax(row[k])) for k in (7, 16, 26)] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("away", [0.0, 100.0])
+def test_no_light_is_lost_in_thin_bent_strands(away: float) -> None:
+    """Of 0.005, closer together than they are wide: a fibre's walls are not far apart for what rounding is."""
+    rng = np.random.default_rng(1)
+    roots = np.stack([rng.uniform(-0.1, 0.1, 300), np.zeros(300), rng.uniform(-0.02, 0.02, 300)], 1)
+    bends = rng.uniform(-0.02, 0.02, (300, 4, 3)) + np.linspace(-0.12, 0.12, 4)[None, :, None] * np.array([0, 1, 0])
+    points = roots[:, None] + bends + (away, 0, 0)
+    strands = ", ".join(f"({x:.7g}, {y:.7g}, {z:.7g})" for x, y, z in points.reshape(-1, 3))
+    shape = text(kind="cubic")
+    i, j = shape.index("point3f[] points"), shape.index("float[] widths = [0.5]")
+    shape = shape[:i] + f"point3f[] points = [{strands}]\n" + shape[j:].replace("[0.5]", "[0.005]")
+    shape = shape.replace("[4, 4, 4]", str([4] * 300)).replace("(0, 0, 6)", f"({away:g}, 0, 2)")
+    shape = shape.replace("focalLength = 50", "focalLength = 200")
+    image = primray.render(stage_of(shape), resolution=(32, 32), spp=64, max_depth=256)
+    assert image.pixels[..., 3].mean() > 0.5
+    assert image.pixels[..., :3].mean() == pytest.approx(1.0, abs=2e-3)
