@@ -16,6 +16,7 @@ from .ablations import _worth, edited, with_earlier
 from .curves import medians
 from .curves import with_earlier as with_earlier_peers
 from .features_off import counted_in
+from .figures.denoised import ratios, seconds_to
 
 SHAPE = (64, 64, 3)
 
@@ -158,3 +159,12 @@ def test_a_peer_that_is_not_there_keeps_its_last_curve_of_the_same_scene():
     assert with_earlier_peers(now, earlier, "y") == now
     assert with_earlier_peers(now, None, "x") == now
     assert with_earlier_peers([gone], {"date": "2026-11-02", "cpu": "new", "rows": [kept]}, "x") == [kept]
+
+
+def test_seconds_to_an_error_lie_between_pictures() -> None:
+    curve = [(4, 1.0, 0.04), (16, 4.0, 0.01), (64, 16.0, 0.0025)]
+    assert seconds_to(0.02, curve) == pytest.approx(2.0)
+    assert seconds_to(0.01, curve) == pytest.approx(4.0)
+    assert seconds_to(0.001, curve) is None
+    twice = [(n, 2 * s, e) for n, s, e in curve]
+    assert ratios(curve, twice) == [(e, pytest.approx(2.0)) for e in (0.04, 0.01, 0.0025)]

@@ -106,7 +106,7 @@ ROWS = (
         "paths end by the light that they are expected to find",
         "by their throughput",
         scenes=("cove", "window"),
-        edits=(Edit("path/round.hpp", ".first_received = settings.guide != nullptr}", ".first_received = false}"),),
+        edits=(Edit("path/round.hpp", ".first_received = settings.guide != nullptr", ".first_received = false"),),
     ),
     Row(
         "many lights chosen by how shiny surfaces reflect",

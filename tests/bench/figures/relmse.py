@@ -35,8 +35,8 @@ class Reference:
         return Reference((halves[0], halves[1]), self.samples + more.samples, self.pictures + more.pictures)
 
 
-def load(path: str | Path) -> Pixels:
-    image = oiio.ImageBuf(str(path))
+def load(path: str | Path, part: int = 0) -> Pixels:
+    image = oiio.ImageBuf(str(path), part, 0)
     pixels = image.get_pixels(oiio.FLOAT)
     if pixels is None or not pixels.size:
         raise SystemExit(f"{path}: {image.geterror()}")

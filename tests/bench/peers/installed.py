@@ -10,6 +10,7 @@ from pathlib import Path
 ENVIRONMENTS = {"mitsuba": "mi", "cycles": "bpy", "luxcore": "lux"}
 PACKAGES = {"mitsuba": "mitsuba", "cycles": "bpy", "luxcore": "pyluxcore"}
 OURS = "primray"
+DENOISED = "denoised"  # a variant of those that can
 
 
 @dataclass(frozen=True)

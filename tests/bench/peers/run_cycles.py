@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .cycles_motion import animate
+from .installed import DENOISED
 from .loop import Render, Save, Stages, run
 from .plain import EMITTING, PlainScene
 from .shapes import cylinder, disc, rectangle
@@ -278,6 +279,9 @@ def _settings(scene: PlainScene, job: dict[str, Any], world: Any) -> None:
     render.dither_intensity = 0
     cycles.device = "CPU"
     cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_fast_gi = False
+    if job["variant"] == DENOISED:
+        # Open Image Denoise by albedo and normals, as it stands there by default.
+        cycles.use_denoising, cycles.denoiser, cycles.denoising_use_gpu = True, "OPENIMAGEDENOISE", False
     cycles.pixel_filter_type = "BOX"
     cycles.film_exposure = 1
     bounces = scene["depth"] - 1  # it counts what comes after the first surface
