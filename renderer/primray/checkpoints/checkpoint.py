@@ -207,7 +207,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     kept = {name.removeprefix(BESIDE): array for name, array in arrays.items() if name.startswith(BESIDE)}
     beside = of_contents(header["beside"], kept, frame.size) if header.get("beside") is not None else None
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
-    light_paths = light_paths_of_json(header.get("light_paths"))
+    light_paths = light_paths_of_json(header["light_paths"])
     _check_film(film, width, height, tiles, 0 if light_paths is None else len(light_paths.expressions))
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
     splits = core.Splits(*header["splits"])

@@ -10,6 +10,7 @@ import pytest
 from primray.core.core_inputs import surface_input
 from primray.core.surface_upload import with_constants, with_readable_inputs, without_pattern
 from primray.description import (
+    CameraSight,
     NodeOutput,
     OpenPbr,
     Pattern,
@@ -30,7 +31,10 @@ LOBES = OpenPbr(coat_weight=0.5)
 
 def core() -> SimpleNamespace:
     """One whose inputs take anything."""
-    return SimpleNamespace(SurfaceInput=lambda: SimpleNamespace(open_pbr=None), OpenPbrInput=SimpleNamespace)
+    sights = SimpleNamespace(**{sight.value: sight for sight in CameraSight})
+    return SimpleNamespace(
+        SurfaceInput=lambda: SimpleNamespace(open_pbr=None), OpenPbrInput=SimpleNamespace, CameraSight=sights
+    )
 
 
 def test_lobes_are_handed_over_by_their_names() -> None:
@@ -41,6 +45,11 @@ def test_lobes_are_handed_over_by_their_names() -> None:
 
 def test_other_surfaces_have_none() -> None:
     assert surface_input(core(), Surface("/m")).open_pbr is None
+
+
+def test_what_the_camera_sees_is_handed_over() -> None:
+    for sight in CameraSight:
+        assert surface_input(core(), Surface("/m", camera=sight)).camera is sight
 
 
 def test_constants_take_their_place_among_the_lobes() -> None:
