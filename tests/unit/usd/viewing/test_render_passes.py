@@ -174,6 +174,14 @@ def test_what_is_matte() -> None:
     assert sum(sight == {"matte"} for path, sight in seen.items() if path.startswith("/one")) == 2
 
 
+@pytest.mark.parametrize("said", ['token primray:camera = "elsewhere"', 'token primray:camera = ""', "int primray:camera = 2"])
+def test_what_no_pass_has_written_hides_nothing(said: str) -> None:
+    stage = stage_of(f'def Sphere "a"\n{{\n    custom {said}\n}}\n')
+    description, told = translate(stage, RenderSettings(resolution=(8, 8)))
+    assert sights(description) == {"/a": {"seen"}}
+    assert [d.attribute for d in told if d.code == "out-of-range"] == ["primray:camera"] * ("elsewhere" in said)
+
+
 def test_what_a_pass_says_of_jobs_is_told() -> None:
     body = "uniform asset fileName = @x.usda@\n    rel inputPasses = </pass>"
     assert [attribute for _, _, attribute in rendered(body)[2]] == ["fileName", "inputPasses"]

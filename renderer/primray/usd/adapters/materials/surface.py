@@ -12,9 +12,9 @@ from functools import lru_cache
 from pxr import Usd, UsdGeom
 
 from ....description import CameraSight, Input, PrimvarInput, Surface
-from ...querying.guarded import default_value, interpolation
+from ...querying.guarded import interpolation
 from ...resolving.context import Context
-from ...resolving.read import read
+from ...resolving.read import read, token
 from ...resolving.renderer_attributes import CAMERA_SIGHT
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.primvars import note_clamped_color
@@ -41,13 +41,20 @@ class Appearance:
 
 
 def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
-    found = _appearance_of(prim, bound, ctx)
-    return replace(found, camera=camera_sight(prim)) if CAMERA_SIGHT in prim.names else found
+    found, camera = _appearance_of(prim, bound, ctx), camera_sight(prim, ctx)
+    return found if camera is CameraSight.SEEN else replace(found, camera=camera)
 
 
-def camera_sight(prim: ResolvedPrim) -> CameraSight:
+def camera_sight(prim: ResolvedPrim, ctx: Context) -> CameraSight:
     """As a render pass has it: written by adapters/rendering/render_pass.py."""
-    return CameraSight(default_value(prim.prim.GetAttribute(CAMERA_SIGHT))) if CAMERA_SIGHT in prim.names else CameraSight.SEEN
+    if CAMERA_SIGHT not in prim.names:
+        return CameraSight.SEEN
+    said = token(prim.prim, CAMERA_SIGHT, ctx.when, CameraSight.SEEN.value)
+    try:
+        return CameraSight(said)
+    except ValueError:  # no render pass has written that
+        ctx.warn("out-of-range", prim.path, f"{CAMERA_SIGHT} = {said!r} is unknown: the camera sees the shape.", CAMERA_SIGHT)
+        return CameraSight.SEEN
 
 
 def _appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:

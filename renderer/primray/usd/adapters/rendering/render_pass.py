@@ -119,9 +119,10 @@ def _is_rendered(prim: Usd.Prim) -> bool:
 
 
 def _hold_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
-    for path in [prim.GetPath() for prim in _all(stage) if _is_shape(prim)]:
-        if members is not None and path in members:
-            _tell_camera(stage, path, CameraSight.MATTE)
+    if members is None:
+        return
+    for path in [prim.GetPath() for prim in _all(stage) if prim.GetPath() in members and _is_shape(prim)]:
+        _tell_camera(stage, path, CameraSight.MATTE)
 
 
 def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
@@ -129,11 +130,10 @@ def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> 
     if members is None:
         return
     left_out = [prim for prim in _all(stage) if prim.GetPath() not in members]
-    shapes = [(prim.GetPath(), _is_shape(prim)) for prim in left_out if _is_shape(prim) or _is_rendered(prim)]
-    for path, is_shape in shapes:
+    for path, is_shape, is_rendered in [(prim.GetPath(), _is_shape(prim), _is_rendered(prim)) for prim in left_out]:
         if is_shape:
             _tell_camera(stage, path, CameraSight.HIDDEN)
-        else:
+        elif is_rendered:
             editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
 
 

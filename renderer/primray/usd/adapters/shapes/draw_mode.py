@@ -187,13 +187,13 @@ def _texture(prim: ResolvedPrim, face: str, ctx: Context) -> str | None:
 def _surface(prim: ResolvedPrim, path: str | None, ctx: Context) -> Surface:
     color = _color(prim, ctx)
     if not path:
-        return Surface("", lambert=True, diffuse_color=color, camera=camera_sight(prim))
+        return Surface("", lambert=True, diffuse_color=color, camera=camera_sight(prim, ctx))
     st, file = PrimvarInput("st", (0.0, 0.0)), in_space(TextureFile(path, "auto"), "auto", True, ctx)
     fallback = (*color, 1.0)
     rgb = TextureInput(file, "rgb", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
     alpha = TextureInput(file, "a", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
     inputs = (("diffuse_color", rgb), ("opacity", alpha))
-    camera = camera_sight(prim)
+    camera = camera_sight(prim, ctx)
     return Surface(prim.path, diffuse_color=color, opacity_threshold=OPACITY_THRESHOLD, thin=True, inputs=inputs, camera=camera)
 
 
@@ -287,5 +287,5 @@ def _bars(prim: ResolvedPrim, lines: list[tuple[Doubles, Doubles]], width: float
         np.concatenate([triangles + 8 * k for k in range(len(lines))]).astype(np.int32),
         None,
         None,
-        ctx.surfaces.index_of(Surface("", lambert=True, diffuse_color=_color(prim, ctx), camera=camera_sight(prim))),
+        ctx.surfaces.index_of(Surface("", lambert=True, diffuse_color=_color(prim, ctx), camera=camera_sight(prim, ctx))),
     )
