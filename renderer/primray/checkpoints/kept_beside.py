@@ -24,6 +24,7 @@ from ..images.mattes.cryptomatte import Coverage, cryptomatte
 from ..images.mattes.film_mattes import covered_names
 from ..report.prepared import Prepared
 from ..sampling.sampling import Sampling
+from .light_paths import requests_of_json
 
 Arrays = dict[str, npt.NDArray[Any]]
 
@@ -151,9 +152,7 @@ def contents_of(kept: KeptBeside) -> tuple[dict[str, Any], Arrays]:
 def of_contents(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], size: tuple[int, int]) -> KeptBeside:
     """What `contents_of` made; KeyError, TypeError or ValueError for what it cannot have made. `size`: width and height."""
     shape = size[::-1]
-    requests = tuple(
-        AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in header["requests"]
-    )
+    requests = requests_of_json(header["requests"])
     fixed: dict[str, Aov] = {}
     for place, says in enumerate(header["fixed"]):
         values = arrays[f"{place}.values"]

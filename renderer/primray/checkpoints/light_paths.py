@@ -28,13 +28,16 @@ def light_paths_of_routes(requests: tuple[AovRequest, ...], routes: Routes | Non
     return LightPaths(own, routes.expressions, routes.members)
 
 
+def requests_of_json(value: Any) -> tuple[AovRequest, ...]:
+    """From dictionaries of their fields; KeyError or TypeError for what they cannot be."""
+    return tuple(AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in value)
+
+
 def light_paths_of_json(value: Any) -> LightPaths | None:
     """ValueError, TypeError or KeyError for what as_json cannot have made."""
     if value is None:
         return None
-    requests = tuple(
-        AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in value["requests"]
-    )
+    requests = requests_of_json(value["requests"])
     expressions, members = tuple(map(str, value["expressions"])), tuple(map(int, value["members"]))
     known = all(light_path_of(request.source) in expressions for request in requests)
     if not expressions or not known or not all(0 <= mask < 1 << len(expressions) for mask in members):
