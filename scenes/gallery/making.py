@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, Vt
 
 Triple = tuple[float, float, float]
@@ -164,20 +165,41 @@ class Scene:
         made.AddTranslateOp().Set(Gf.Vec3d(*at))
         return made
 
-    def dome(self, path: str, intensity: float, color: Triple = (1, 1, 1)) -> UsdLux.DomeLight:
-        made = UsdLux.DomeLight.Define(self.stage, path)
-        made.CreateIntensityAttr(intensity)
-        made.CreateColorAttr(Gf.Vec3f(*color))
+    def sky(self, radiance: np.ndarray, name: str) -> UsdLux.DomeLight:
+        """A dome of a latitude-longitude image (rows, columns, 3), written beside the stage; +Z is its middle column."""
+        path = self.folder / name
+        image = oiio.ImageOutput.create(str(path))
+        image.open(str(path), oiio.ImageSpec(radiance.shape[1], radiance.shape[0], 3, "half"))
+        image.write_image(np.ascontiguousarray(radiance, np.float32))
+        image.close()
+        made = UsdLux.DomeLight.Define(self.stage, "/lights/sky")
+        made.CreateTextureFileAttr(f"./{name}")
+        made.CreateTextureFormatAttr("latlong")
         return made
 
     def save(self) -> None:
         written = Sdf.Layer.CreateAnonymous(".usda")
         written.TransferContent(self.stage.GetRootLayer())
         written.subLayerPaths.clear()
+        # What is instanced from there is not drawn there.
+        for layer in (written, self._bulk):
+            if library := layer.GetPrimAtPath("/modules"):
+                library.specifier = Sdf.SpecifierOver
         if not self._bulk.empty:
             self._bulk.Export(str(self.folder / "geometry.usdc"))
             written.subLayerPaths.append("./geometry.usdc")
         written.Export(str(self.folder / "scene.usda"))
+
+
+def dusk(glow: Triple, high: int = 128) -> np.ndarray:
+    """A sky (high, 2 high, 3) with a glow of this colour over the horizon at -Z."""
+    v, u = np.meshgrid((np.arange(high) + 0.5) / high, (np.arange(2 * high) + 0.5) / (2 * high), indexing="ij")
+    up = np.clip(np.cos(np.pi * v), 0, 1)[..., None]
+    beside = np.exp(-(((np.abs((u + 0.5) % 1 - 0.5)) / 0.16) ** 2))[..., None]
+    low = np.exp(-up / 0.16)
+    zenith, horizon = np.array([0.035, 0.075, 0.20]), np.array([0.16, 0.16, 0.26])
+    sky = zenith + (horizon - zenith) * low + beside * (low + 0.1 * np.exp(-up / 0.4)) * np.array(glow)
+    return sky * np.where(np.cos(np.pi * v) < 0, 0.3, 1.0)[..., None]
 
 
 def vectors(values: np.ndarray) -> Vt.Vec3fArray:
@@ -191,10 +213,39 @@ def box(low: Triple, high: Triple) -> tuple[np.ndarray, np.ndarray]:
     return points, np.array(faces)
 
 
-def joined(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """One mesh of several, whose faces have as many corners."""
+def rounded_box(low: Triple, high: Triple, edge: float) -> tuple[np.ndarray, list[list[int]]]:
+    """A box whose edges and corners are cut at `edge`, of polygons."""
+    low_, high_ = np.asarray(low, float), np.asarray(high, float)
+    points = np.empty((24, 3))  # for each corner one in the plane of each of its three faces
+    for corner in range(8):
+        sides = np.array([corner >> i & 1 for i in range(3)])
+        inner = np.where(sides, high_ - edge, low_ + edge)
+        for axis in range(3):
+            points[corner * 3 + axis] = np.where(np.arange(3) == axis, np.where(sides, high_, low_), inner)
+    _, quads = box(low, high)
+    faces = [[c * 3 + int(f // 2) for c in quad] for f, quad in enumerate(quads)]
+    for a in range(8):
+        for axis in range(3):
+            b = a ^ (1 << axis)
+            if a < b:
+                i, k = [other for other in range(3) if other != axis]
+                edge_face = [a * 3 + i, a * 3 + k, b * 3 + k, b * 3 + i]
+                faces.append(outward(points, edge_face, (low_ + high_) / 2))
+        faces.append(outward(points, [a * 3, a * 3 + 1, a * 3 + 2], (low_ + high_) / 2))
+    return points, faces
+
+
+def outward(points: np.ndarray, face: list[int], centre: np.ndarray) -> list[int]:
+    """The face, wound so that it looks away from the centre."""
+    a, b, c = points[face[:3]]
+    return face if np.cross(b - a, c - a) @ (a - centre) > 0 else face[::-1]
+
+
+def joined(parts: Sequence[tuple[np.ndarray, np.ndarray | list[list[int]]]]) -> tuple[np.ndarray, list[list[int]]]:
+    """One mesh of several."""
     starts = np.cumsum([0, *(len(points) for points, _ in parts)])
-    return np.concatenate([p for p, _ in parts]), np.concatenate([f + s for (_, f), s in zip(parts, starts, strict=False)])
+    faces = [[int(k + start) for k in face] for (_, these), start in zip(parts, starts, strict=False) for face in these]
+    return np.concatenate([points for points, _ in parts]), faces
 
 
 def lathe(profile: Sequence[tuple[float, float]] | np.ndarray, around: int) -> tuple[np.ndarray, np.ndarray]:
