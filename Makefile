@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SITE = $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
 CORE := $(shell find renderer/core -type f 2>/dev/null)
 CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))
-PYTHON_SOURCES := $(wildcard docs/site examples renderer service tests)
+PYTHON_SOURCES := $(wildcard docs/site examples renderer scenes service tests)
 # The ISA classes that `make setup` compiles the core for: this CPU's newest, and the one that PRIMRAY_ISA asks for.
 ISA := $(or $(PRIMRAY_ISA),own)
 SHOWCASE ?= $(firstword $(sort $(wildcard scenes/showcase/*/*.usda)))
@@ -74,6 +74,7 @@ docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.conformance.page
 	$(BIN)/python -m tests.docs.measured.light_accuracy
 	$(BIN)/python -m tests.docs.measured.benchmarks
+	$(BIN)/python -m tests.docs.gallery.page
 
 site: setup .venv/.site  ## build the site into build/site/html, its notebook run, its links checked
 	$(BIN)/python docs/site/build.py

@@ -42,7 +42,7 @@ def test_it_is_short():
 
 
 def test_pictures_come_first():
-    assert "](docs/showcase.png)" in TEXT[: TEXT.index("## ")]
+    assert "](docs/gallery/interior.jpg)" in TEXT[: TEXT.index("## ")]
 
 
 def test_its_figures_are_fresh():

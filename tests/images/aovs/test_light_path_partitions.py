@@ -23,6 +23,7 @@ def rendered(stage: Path, width: int, spp: int) -> Image:
 
 
 def assert_parts_are_the_whole(image: Image) -> None:
+    assert image.report["invalid_samples"] == 0
     picture = image.pixels[..., :3]
     for names in (BY_LOBE, BY_END, WHOLE):
         total = np.sum([image.aovs[name].values for name in names], axis=0, dtype=np.float64)

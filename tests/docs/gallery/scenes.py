@@ -1,0 +1,127 @@
+"""What the gallery shows, in its order, and how each picture is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+FOLDER = ROOT / "docs/gallery"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One picture: of `stage`, until its relative squared error is `target`, or after `spp` samples a pixel."""
+
+    name: str
+    title: str
+    text: str
+    target: float
+    spp: int  # at most
+    denoised: bool = False
+    frame: float | None = None
+    exposure: float = 0.0
+    resolution: tuple[int, int] = (960, 540)
+    stage: str = ""
+
+    @property
+    def path(self) -> Path:
+        return ROOT / (self.stage or f"scenes/gallery/{self.name}/scene.usda")
+
+    @property
+    def command(self) -> str:
+        """What makes the record, typed in the repository."""
+        words = [f"primray render {self.path.relative_to(ROOT)} -r {self.resolution[0]} {self.resolution[1]}"]
+        words += [f"--frame {self.frame:g}"] if self.frame is not None else []
+        words += [f"--target-error {self.target:g} --spp {self.spp}"]
+        words += ["--denoise"] if self.denoised else []
+        words += [f"--exposure {self.exposure:g}"] if self.exposure else []
+        return " ".join([*words, f"-o {self.name}.exr -o {self.name}.jpg"])
+
+
+SHOWN = (
+    Shown(
+        "interior",
+        "A reading corner",
+        "Afternoon sun and sky through two tall windows. The sky is sampled through portals, and what walls send on to each "
+        "other is most of the light. Linen lets light through.",
+        target=0.005,
+        spp=1024,
+        denoised=True,
+        resolution=(1280, 720),
+    ),
+    Shown(
+        "street",
+        "A street at dusk",
+        "Façades of nine modules, trees, lamps and cars, all point instances, coloured house by house; hundreds of lit windows "
+        "are its lights, and puddles mirror them.",
+        target=0.004,
+        spp=1024,
+        denoised=True,
+    ),
+    Shown(
+        "groom",
+        "A groom",
+        "",
+        target=0.002,
+        spp=1024,
+    ),
+    Shown(
+        "glass",
+        "A still life of glass",
+        "",
+        target=0.002,
+        spp=1024,
+    ),
+    Shown(
+        "product",
+        "A product shot",
+        "",
+        target=0.002,
+        spp=1024,
+    ),
+    Shown(
+        "wax",
+        "Wax, jade and milk glass",
+        "",
+        target=0.002,
+        spp=1024,
+    ),
+    Shown(
+        "motion",
+        "A wheel of lamps",
+        "The shutter is open for a second, while the wheel turns by 6 degrees. Lamps that move are lights; cabins hang upright "
+        "in a frame that turns; the stand and the pier keep still.",
+        target=0.02,
+        spp=1024,
+        denoised=True,
+        frame=1.0,
+    ),
+    Shown(
+        "sculpture",
+        "A bronze and its cage",
+        "Both are the same mesh of some hundred quads: the bronze is its Catmull-Clark surface, diced for the camera, the "
+        "plaster its cage.",
+        target=0.001,
+        spp=1024,
+    ),
+    Shown(
+        "cornell",
+        "A Cornell box, and its error",
+        "A ball of glass, whose light on the block comes by photons. Beside it the standard error of each pixel, which is in "
+        "every EXR.",
+        target=0.002,
+        spp=1024,
+    ),
+    Shown(
+        "cse168",
+        "The box of CSE 168",
+        "The first project of the course: a white box, a point light and a sky that lights nothing. Direct light alone, and so "
+        "exact to a few samples.",
+        target=0.0001,
+        spp=256,
+        resolution=(800, 600),
+        stage="scenes/analytic/cse168_project1.usda",
+    ),
+)
+NAMED = {shown.name: shown for shown in SHOWN}
