@@ -84,9 +84,8 @@ def main(shots: Path | None) -> None:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
         found = list(faults(browser, f"http://127.0.0.1:{server.server_port}", shots))
         browser.close()
-    print("\n".join(found))
     if found:
-        sys.exit(1)
+        sys.exit("\n".join(found))
     print(f"site: axe found nothing on {len(PAGES) + 1} pages, in two views each, in {time.monotonic() - began:.0f} s")
 
 
