@@ -22,7 +22,8 @@ ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "build/site"
 SOURCE, HTML = WORK / "source", WORK / "html"
 # What pages link to. Git says which files of these there are; nothing else is copied.
-COPIED = ("*.md", "LICENSE", "NOTICE", "docs", "examples", "schemas", "deploy", "contrib", "scenes/features/README.md")
+COPIED = ("*.md", "LICENSE", "NOTICE", "docs", "examples", "schemas", "deploy", "contrib", "scenes/features/README.md",
+          "scenes/gallery/*.py", "scenes/gallery/*.usda", "scenes/analytic/cse168_project1.usda")  # fmt: skip
 MORE = """
 ```{{toctree}}
 :hidden:

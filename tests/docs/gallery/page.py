@@ -13,9 +13,10 @@ BEGIN = "<!-- the gallery, by `make docs`: begin -->"
 END = "<!-- the gallery: end -->"
 HEAD = """# Gallery
 
-Ten scenes of the project's own. Each stage is made by the script beside it; the command under a picture renders it again, to the
-same bits. Errors are relative squared errors ([what that is](error.md)) of the very picture, with their 95 % intervals;
-seconds are of one core. A picture is denoised only where it says so; its error is then measured too ([how](denoising.md)).
+Ten scenes of the project's own. Each stage is made by the script beside it; the command under a picture renders it again,
+to the same bits. Errors are relative squared errors ([what that is](error.md)) of the very picture, with their 95 %
+intervals; seconds are of one core. A picture is denoised only where it says so; its error is then measured too
+([how](denoising.md)).
 """
 
 
