@@ -17,7 +17,7 @@ from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 from http_reference import http_reference
-from outputs import SHOWN, write_outputs
+from outputs import write_outputs
 
 ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "build/site"
