@@ -170,7 +170,7 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
 
   const tools = element(
     "div",
-    { class: "tools", role: "group", "aria-label": "Zoom" },
+    { class: "tools", role: "group", "aria-label": "On the picture" },
     button("−", () => zoom(1 / STEP), { "aria-label": "Zoom out" }),
     zoomText,
     button("+", () => zoom(STEP), { "aria-label": "Zoom in" }),

@@ -50,8 +50,9 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "exposure") }, "Exposure, stops"), exposure, stops, reset);
   const mark = region(board, onRegion);
   const [channelField, lookField] = [field("Channel", channel), field("Look", look)];
-  const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField, mark.toggle, board.tools);
-  const under = element("div", { class: "under" }, values.root, colors.root, meaning);
+  const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField);
+  board.tools.prepend(mark.toggle);
+  const under = element("div", { class: "under" }, element("div", {}, values.root, colors.root, meaning), board.tools);
   const root = element("div", { class: "viewer" }, board.root, under, bar, mark.panel, note, counts.root);
 
   const isPart = () => state.view.startsWith(PART);

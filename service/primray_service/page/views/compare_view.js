@@ -54,8 +54,8 @@ export function compareView(root, [first, second]) {
     "section",
     { class: "viewer", hidden: true, "aria-label": "The two pictures" },
     board.root,
-    element("div", { class: "under" }, values, colors.root),
-    element("div", { class: "bar" }, mode, board.tools),
+    element("div", { class: "under" }, element("div", {}, values, colors.root), board.tools),
+    mode,
     element("div", { class: "bar" }, field("View", view), field("B shows", other), splitField, gainField, exposureField, lookField, frameField),
     numbers,
   );
