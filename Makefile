@@ -9,6 +9,9 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # where Python may not write its caches each start would do that again (half of one).
 STARTED := numpy pxr OpenImageIO PyOpenColorIO typer pydantic pydantic_core rich typing_extensions.py
 INSTALL := $(PIP) install --no-compile
+# uv installs a lock in a fifth of pip's CPU seconds, from pip's own index; what it cannot, pip does.
+INDEX = $$($(BIN)/python -m pip config list | sed -n "s/^[^ ]*[.]index-url='\(.*\)'$$/--default-index=\1/p" | tail -n 1)
+install_lock = $(BIN)/uv pip install --quiet --python $(BIN)/python $(INDEX) -r $(1) || $(INSTALL) -r $(1)
 # Tests start hundreds of processes: where Python may not write its caches, a server takes twice as long to start.
 unexport PYTHONDONTWRITEBYTECODE
 SITE = $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
@@ -20,7 +23,7 @@ ISA := $(or $(PRIMRAY_ISA),own)
 SHOWCASE ?= $(firstword $(sort $(wildcard scenes/showcase/*/*.usda)))
 DEMO = $(notdir $(patsubst %/,%,$(dir $(SHOWCASE))))
 
-.PHONY: help setup cores demo test test-long check format docs site bench render-assets wheel release clean
+.PHONY: help setup cores demo lint test test-long check format docs site bench render-assets wheel release clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -35,15 +38,16 @@ demo: setup  ## render a showcase scene to out/, as EXR and PNG
 	$(BIN)/primray render $(SHOWCASE) --spp 32 -o out/$(DEMO).exr -o out/$(DEMO).png
 	@echo "The picture: out/$(DEMO).png (to look at) and out/$(DEMO).exr (scene-linear float)"
 
-# The service's tests wait more than they compute: they run beside the others, two files at a time, and are shown after them. A
-# file's tests stay together, since they share its servers; in their order, since by count the longest files would come last. A
-# shell lets what runs in its background ignore Ctrl-C, which some of them press.
+# Tests that wait more than they compute, mostly for processes that they start, run beside the others, two files at a time, and are
+# shown after them. A file's tests stay together, since they share its servers; in their order, since by count the longest files would
+# come last. A shell lets what runs in its background ignore Ctrl-C, which some of them press.
+WAITING := tests/contrib tests/examples tests/images/notebooks tests/images/parts tests/service
 BESIDE = $(BIN)/python -c 'import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
 TWO := -n 2 --dist loadfile --no-loadscope-reorder
 define TESTS
-mkdir -p build; $(BESIDE) -m pytest $(TWO) tests/service >build/service-tests.log 2>&1 & service=$$!; \
-$(BIN)/python -m pytest --ignore=tests/service; others=$$?; wait $$service; service=$$?; \
-echo tests/service; cat build/service-tests.log; [ $$others = 0 ] && [ $$service = 0 ]
+mkdir -p build; $(BESIDE) -m pytest $(TWO) $(WAITING) >build/waiting-tests.log 2>&1 & waiting=$$!; \
+$(BIN)/python -m pytest $(addprefix --ignore=,$(WAITING)); others=$$?; wait $$waiting; waiting=$$?; \
+echo $(WAITING); cat build/waiting-tests.log; [ $$others = 0 ] && [ $$waiting = 0 ]
 endef
 
 test: cores  ## run the tests
@@ -52,12 +56,13 @@ test: cores  ## run the tests
 test-long: cores  ## run all tests, the long ones too
 	$(BIN)/python -m pytest -m ""
 
-check: cores  ## what must pass: format, lint, types, tests
+lint: setup  ## check format, lint and types
 	$(BIN)/ruff format --check $(PYTHON_SOURCES)
 	$(BIN)/ruff check $(PYTHON_SOURCES)
-	$(if $(CORE_FORMATTED),$(BIN)/clang-format --dry-run --Werror $(CORE_FORMATTED))
+	@$(if $(CORE_FORMATTED),$(BIN)/clang-format --dry-run --Werror $(CORE_FORMATTED))
 	$(BIN)/mypy
-	@$(TESTS)
+
+check: lint test  ## what must pass: format, lint, types, tests
 
 format: setup  ## format Python and C++
 	$(BIN)/ruff format $(PYTHON_SOURCES)
@@ -104,7 +109,8 @@ clean:  ## remove everything that was made
 	  "or name it: make PYTHON=/path/to/python3 ..." >&2; exit 1; }
 	$(PYTHON) -m venv --clear .venv
 	@echo "installing packages into .venv (a minute or so) ..."
-	@$(INSTALL) -r requirements-dev.lock
+	@$(INSTALL) $$(sed -n 's/^\(uv==[^ ]*\).*/\1/p' requirements-dev.lock) || echo "going on without uv"
+	@$(call install_lock,requirements-dev.lock)
 	@touch $@
 
 # One stamp for each ISA class that is there: an install has what it was asked for alone.
@@ -114,5 +120,5 @@ clean:  ## remove everything that was made
 	@rm -f .venv/.core-*; touch .venv/.core-own $@ $$(ls $(SITE)/primray | sed -n 's/^_core_\(v.\)\..*/.venv\/.core-\1/p')
 
 .venv/.site: requirements-site.lock .venv/.locked
-	@$(INSTALL) -r requirements-site.lock
+	@$(call install_lock,requirements-site.lock)
 	@touch $@

@@ -23,7 +23,7 @@ def main(folder: Path) -> None:
     scene = json.loads(ask("/v1/scenes?name=shot.usda", STAGE.read_bytes(), "application/octet-stream"))
     settings = {"resolution": [240, 135], "stop": {"target_error": 0.05, "max_seconds": 60}}
     job = json.loads(ask("/v1/jobs", json.dumps({"scene": {"id": scene["id"]}, "settings": settings}).encode()))
-    while job["state"] not in ("succeeded", "failed", "cancelled"):
+    while job["state"] not in ("succeeded", "failed", "canceled", "expired"):
         time.sleep(0.2)
         job = json.loads(ask(f"/v1/jobs/{job['id']}"))
     print(job["id"], job["state"])

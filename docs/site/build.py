@@ -16,6 +16,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
+from http_reference import http_reference
+
 ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "build/site"
 SOURCE, HTML = WORK / "source", WORK / "html"
@@ -46,10 +48,11 @@ def main() -> None:
         page.write_text(without_links_outside(page), encoding="utf-8")
     with (SOURCE / "docs/site/index.md").open("a", encoding="utf-8") as index:
         index.write(MORE.format("\n".join(unlisted())))
+    shutil.copy(ROOT / "service/primray_service/page/favicon.svg", SOURCE / "docs/site/static/favicon.svg")
     (SOURCE / "docs/site/reference").mkdir(exist_ok=True)
     (SOURCE / "docs/site/reference/library.md").write_text(library(), encoding="utf-8")
     (SOURCE / "docs/site/reference/command-line.md").write_text(command_line(), encoding="utf-8")
-    (SOURCE / "docs/site/reference/http.md").write_text(http(), encoding="utf-8")
+    (SOURCE / "docs/site/reference/http.md").write_text(http_reference(ROOT / "schemas/openapi.json"), encoding="utf-8")
     sphinx = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-c", ROOT / "docs/site", SOURCE, HTML]
     if (ended := subprocess.run(sphinx).returncode) != 0:
         sys.exit(ended)
@@ -130,34 +133,13 @@ def _flag(parameter: object) -> str:
     return f"| {shown} | {str(value).replace('|', ', ').strip('[]')} | {help_text} |"
 
 
-def http() -> str:
-    """Every operation of the service, from its OpenAPI document."""
-    import json
-
-    document = json.loads((ROOT / "schemas/openapi.json").read_text(encoding="utf-8"))
-    told = [
-        "# HTTP reference\n",
-        "From [openapi.json](../../../schemas/openapi.json). A running service shows the same at `/docs`, where each request",
-        "can be tried; how the parts go together says [the guide](../../service/api.md).\n",
-    ]
-    for path, operations in document["paths"].items():
-        for method, operation in operations.items():
-            if not isinstance(operation, dict) or "responses" not in operation:
-                continue
-            told.append(f"## {method.upper()} {path}\n\n{operation.get('summary') or operation.get('description', '')}\n")
-            answers = ", ".join(
-                f"{code} {answer.get('description', '')}".strip() for code, answer in operation["responses"].items()
-            )
-            told.append(f"Answers: {answers}\n")
-    return "\n".join(told)
-
-
 # What the theme leaves out for those who read by ear or keyboard (axe: aria-required-attr, landmark-unique,
-# scrollable-region-focusable).
+# scrollable-region-focusable, page-has-heading-one).
 MENDED = {
     '<p class="caption" role="heading">': '<p class="caption" role="heading" aria-level="2">',
     '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="All pages">',
     '<aside class="toc-drawer': '<aside aria-label="This page" class="toc-drawer',
+    '<div id="search-results">': '<h1>Search</h1><div id="search-results">',
     "<pre>": '<pre tabindex="0">',
     '<div class="table-wrapper': '<div tabindex="0" class="table-wrapper',
 }

@@ -112,6 +112,33 @@ class Scene:
         made.CreateSurfaceOutput("mtlx").ConnectToSource(shader.CreateOutput("out", types.Token))
         return made
 
+    def priority(self, material: str, value: int) -> None:
+        """Of bodies that overlap, that of the highest is there: wine whose side lies within the glass' wall."""
+        prim = self.stage.GetPrimAtPath(f"/looks/{material}")
+        prim.CreateAttribute("primray:dielectric:priority", Sdf.ValueTypeNames.Int).Set(value)
+
+    def node(self, material: str, name: str, kind: str, out: Sdf.ValueTypeName, **inputs: object) -> UsdShade.Output:
+        """A MaterialX node ND_KIND of a material; inputs: values, and outputs of other nodes."""
+        made = UsdShade.Shader.Define(self.stage, f"/looks/{material}/{name}")
+        made.CreateIdAttr(f"ND_{kind}")
+        types = Sdf.ValueTypeNames
+        for key, value in inputs.items():
+            if isinstance(value, UsdShade.Output):
+                made.CreateInput(key, value.GetTypeName()).ConnectToSource(value)
+            elif isinstance(value, tuple):
+                sort = types.Color3f if "color" in kind and "remap" not in key else types.Float3
+                made.CreateInput(key, sort).Set(Gf.Vec3f(*value))
+            else:
+                sort = {int: types.Int, str: types.String}.get(type(value), types.Float)
+                made.CreateInput(key, sort).Set(value)
+        return made.CreateOutput("out", out)
+
+    def feed(self, material: str, **inputs: UsdShade.Output) -> None:
+        """Inputs of a material's surface that nodes give."""
+        surface = UsdShade.Shader(self.stage.GetPrimAtPath(f"/looks/{material}/surface"))
+        for key, value in inputs.items():
+            surface.CreateInput(key, value.GetTypeName()).ConnectToSource(value)
+
     def bind(self, prim: Usd.Prim, material: str) -> None:
         UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material(self.stage.GetPrimAtPath(f"/looks/{material}")))
 
@@ -126,6 +153,16 @@ class Scene:
         made.CreateColorAttr(Gf.Vec3f(*color))
         up = Gf.Vec3d(0, 1, 0) if abs(eye[0] - at[0]) + abs(eye[2] - at[2]) > 1e-6 else Gf.Vec3d(0, 0, 1)
         made.AddTransformOp().Set(Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye), Gf.Vec3d(*at), up).GetInverse())
+        return made
+
+    def ball_light(
+        self, path: str, at: Triple, radius: float, intensity: float, color: Triple = (1, 1, 1)
+    ) -> UsdLux.SphereLight:
+        made = UsdLux.SphereLight.Define(self.stage, path)
+        made.CreateRadiusAttr(radius)
+        made.CreateIntensityAttr(intensity)
+        made.CreateColorAttr(Gf.Vec3f(*color))
+        made.AddTranslateOp().Set(Gf.Vec3d(*at))
         return made
 
     def sky(self, radiance: np.ndarray, name: str) -> UsdLux.DomeLight:
@@ -220,6 +257,48 @@ def lathe(profile: Sequence[tuple[float, float]] | np.ndarray, around: int) -> t
     i, k = np.meshgrid(np.arange(len(profile) - 1), np.arange(around), indexing="ij")
     a, b = i * around + k, i * around + (k + 1) % around
     return points, np.stack([a, a + around, b + around, b], -1).reshape(-1, 4)
+
+
+def turned_body(profile: Sequence[tuple[float, float]] | np.ndarray, around: int) -> tuple[np.ndarray, list[list[int]]]:
+    """A lathe's closed body: a profile that begins and ends on the axis, where it has poles; for subdivision."""
+    profile = np.asarray(profile, float)
+    points, quads = lathe(profile[1:-1], around)
+    low, high = len(points), len(points) + 1
+    last = len(points) - around
+    faces = [list(map(int, quad)) for quad in quads]
+    for k in range(around):
+        n = (k + 1) % around
+        faces += [[low, k, n], [high, last + n, last + k]]
+    return np.concatenate([points, [[0, profile[0, 1], 0], [0, profile[-1, 1], 0]]]), faces
+
+
+def inset(profile: np.ndarray, depth: float) -> np.ndarray:
+    """The profile moved to its left, which is inwards where it goes up outside."""
+    along = np.gradient(np.asarray(profile, float), axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return profile + depth * np.stack([-along[:, 1], along[:, 0]], 1)
+
+
+def tube(path: np.ndarray, radii: np.ndarray | float, around: int) -> tuple[np.ndarray, list[list[int]]]:
+    """A closed tube about points (n, 3), whose frames are turned no more than the path is."""
+    path = np.asarray(path, float)
+    radii = np.broadcast_to(radii, len(path))
+    along = np.gradient(path, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    side = np.cross(along[0], [0.3, 0.9, 0.31])
+    rings = []
+    for at, way, radius in zip(path, along, radii, strict=True):
+        side = side - way * (side @ way)
+        side /= np.linalg.norm(side)
+        phi = 2 * np.pi * np.arange(around)[:, None] / around
+        rings.append(at + radius * (np.cos(phi) * side + np.sin(phi) * np.cross(way, side)))
+    faces = [
+        [i * around + k, i * around + (k + 1) % around, (i + 1) * around + (k + 1) % around, (i + 1) * around + k]
+        for i in range(len(path) - 1)
+        for k in range(around)
+    ]
+    faces += [list(range(around))[::-1], list(range((len(path) - 1) * around, len(path) * around))]
+    return np.concatenate(rings), faces
 
 
 def smoothed(profile: Sequence[tuple[float, float]], steps: int) -> np.ndarray:

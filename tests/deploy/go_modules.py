@@ -14,6 +14,7 @@ import pytest
 KUBERAY = "github.com/ray-project/kuberay/ray-operator@v1.5.0"
 KUBERAY_SUM = "h1:KCjCQ7PSsvs9Ke+90CZbbs498nuaIJ/JkXk4vd54EVg="
 COMPOSE = "github.com/compose-spec/compose-go/v2/cmd@v2.16.2"  # what Docker Compose itself reads files with
+ACTIONLINT = "github.com/rhysd/actionlint/cmd/actionlint@v1.7.7"
 NEEDS = (1, 24)
 
 

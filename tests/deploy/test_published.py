@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -12,6 +11,8 @@ from typing import Any
 
 import pytest
 import yaml  # type: ignore[import-untyped]
+
+from .go_modules import ACTIONLINT, go
 
 ROOT = Path(__file__).resolve().parents[2]
 WORKFLOW = ROOT / ".github/workflows/release.yml"
@@ -22,12 +23,29 @@ JOBS: dict[str, Any] = RELEASE["jobs"]
 STEPS = [step for job in JOBS.values() for step in job["steps"]]
 
 
+def checked_by(tool: str, *arguments: str | Path) -> str:
+    """What it prints; a tool's complaint fails the test."""
+    command = Path(sys.executable).with_name(tool)
+    if not command.exists():
+        pytest.skip(f"no {tool}: requirements-site.lock has it")
+    return subprocess.run([command, *arguments], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
 def test_the_workflow_is_one() -> None:
     """By GitHub's own schema, which check-jsonschema brings."""
-    command = Path(sys.executable).with_name("check-jsonschema")
-    if not command.exists():
-        pytest.skip("no check-jsonschema: requirements-site.lock has it")
-    subprocess.run([command, "--builtin-schema", "vendor.github-workflows", WORKFLOW], check=True)
+    checked_by("check-jsonschema", "--builtin-schema", "vendor.github-workflows", WORKFLOW)
+
+
+def test_nothing_in_the_workflow_is_unsafe() -> None:
+    """Rights, credentials that stay, actions whose tag could be moved, expressions that run what strangers write."""
+    checked_by("zizmor", "--offline", "--no-progress", WORKFLOW)
+
+
+@pytest.mark.long
+def test_its_expressions_and_scripts_are_right() -> None:
+    """By actionlint, which Go compiles first."""
+    done = go("run", ACTIONLINT, str(WORKFLOW))
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_nothing_is_published_but_by_a_tag_that_passed() -> None:
@@ -41,10 +59,12 @@ def test_nothing_is_published_but_by_a_tag_that_passed() -> None:
     assert "secrets." not in WORKFLOW.read_text(encoding="utf-8").replace("github.token", "")
 
 
-def test_actions_have_versions_and_commands_are_there() -> None:
+def test_actions_are_commits_and_commands_are_there() -> None:
     used = [step["uses"] for step in STEPS if "uses" in step]
     assert used
-    assert [name for name in used if not re.fullmatch(r"[\w./-]+@(v\d+|release/v\d+)", name)] == []
+    assert [name for name in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", name)] == []
+    told = re.findall(r"uses: (\S+)  # v\d+\.\d+\.\d+$", WORKFLOW.read_text(encoding="utf-8"), re.MULTILINE)
+    assert told == used
     for step in STEPS:
         for command in re.findall(r"(?<![\w/])\.ci/[\w-]+", step.get("run", "")):
             assert (ROOT / command).stat().st_mode & 0o111, command
@@ -54,17 +74,15 @@ def test_there_is_a_wheel_for_every_python_that_the_makefile_takes() -> None:
     low, high = re.search(r"\(3, (\d+)\) <= .* <= \(3, (\d+)\)", (ROOT / "Makefile").read_text(encoding="utf-8")).groups()  # type: ignore[union-attr]
     wanted = [f"cp3{minor}" for minor in range(int(low), int(high) + 1)]
     assert JOBS["wheels"]["strategy"]["matrix"]["python"] == wanted
-    if shutil.which("bash"):
-        built = PROJECT["tool"]["cibuildwheel"]["build"]
-        told = subprocess.run(["bash", "-c", f"echo {built}"], capture_output=True, text=True, check=True).stdout.split()
-        assert told == [f"{python}-manylinux_x86_64" for python in wanted]
     assert PROJECT["project"]["requires-python"] == f">=3.{low}"
+    told = checked_by("cibuildwheel", "--print-build-identifiers", "--platform", "linux")
+    assert told.split() == [f"{python}-manylinux_x86_64" for python in wanted]
 
 
 def test_tools_of_the_workflow_are_those_of_the_lock() -> None:
     lock = (ROOT / "requirements-site.lock").read_text(encoding="utf-8")
-    for name, version in re.findall(r"(auditwheel)==(\S+)", WORKFLOW.read_text(encoding="utf-8")):
-        assert f"{name}=={version}" in lock
+    for name, version in re.findall(r"(auditwheel|cibuildwheel)==(\S+)", WORKFLOW.read_text(encoding="utf-8")):
+        assert f"{name}=={version}" in lock, name
 
 
 def test_the_conda_recipe_is_of_this_version() -> None:

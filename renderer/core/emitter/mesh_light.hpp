@@ -2,6 +2,7 @@
 // then a point on it by solid angle or area; and the density with which that finds a point.
 #pragma once
 
+#include "base/flush_denormals.hpp"
 #include "emitter/mesh_place.hpp"
 #include "emitter/mesh_rectangle.hpp"
 #include "emitter/passing_shaping.hpp"
@@ -38,7 +39,7 @@ struct EmitterTriangle {
 template <int W>
 PRIMRAY_INLINE vfloat<W> area_to_solid_angle(const vvec3<W>& doubled_area, const vvec3<W>& wi, vfloat<W> distance) {
   // 1 / area * d^2 / |cos|, where |n| cos = 2 area cos.
-  return 2.0f * distance * distance / max(abs(dot(doubled_area, wi)), 1e-38f);
+  return 2.0f * distance * distance / max(abs(dot(doubled_area, wi)), kLeastNormal);
 }
 
 // The point on a surface with normal `n`, as a shape sees it whose light is `row`: in the space of its group, where its

@@ -1,21 +1,10 @@
-// A recorded call's rays as a kernel takes them, and the float mode that renders ask in.
+// A recorded call's rays as a kernel takes them.
 #pragma once
 
-#include <xmmintrin.h>
-
+#include "base/flush_denormals.hpp"
 #include "ray/rays.hpp"
 
 namespace primray {
-
-// Denormals are zero, as in a render.
-class FlushDenormals {
- public:
-  FlushDenormals() : mode_(_mm_getcsr()) { _mm_setcsr(mode_ | 0x8040); }
-  ~FlushDenormals() { _mm_setcsr(mode_); }
-
- private:
-  unsigned mode_;
-};
 
 // Of 9 W floats.
 template <int W>

@@ -1,8 +1,6 @@
 // See task_function.hpp.
 #include "render/task_function.hpp"
 
-#include <xmmintrin.h>
-
 namespace primray {
 
 TaskFunction task_function(int lanes) {
@@ -22,7 +20,5 @@ TaskFunction task_function(int lanes) {
   }
   return nullptr;
 }
-
-void set_float_mode() { _mm_setcsr(_mm_getcsr() | 0x8040); }
 
 }  // namespace primray

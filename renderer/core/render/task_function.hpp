@@ -1,6 +1,7 @@
 // The kernels of this module by number of lanes, and the float mode they run in.
 #pragma once
 
+#include "base/flush_denormals.hpp"
 #include "path/tile_task.hpp"
 
 namespace primray {
@@ -11,8 +12,5 @@ using TaskFunction = void (*)(const Scene&, const IntegratorSettings&, const Til
 TaskFunction task_function(int lanes);
 
 inline bool has_lanes(int lanes) { return task_function(lanes) != nullptr; }
-
-// Denormals to zero, as Embree's speed and our bits want it; on threads of our own only.
-void set_float_mode();
 
 }  // namespace primray

@@ -1,6 +1,7 @@
 // Which curve W hits are on, and where: tubes, and what closes them.
 #pragma once
 
+#include "base/flush_denormals.hpp"
 #include "surface/hit_group.hpp"
 
 namespace primray {
@@ -104,7 +105,7 @@ struct CurvePoint {
     // The surface is C + r R with R across C', so its derivative along the curve is C' (1 - r R.C'' / |C'|^2) + r' R.
     const F along2 = max(dot(along, along), 1e-36f);
     const V ng = select(place.is_end, V(F(0.0f), F(0.0f), F(1.0f)), h.ng);
-    const V about = ng * (1.0f / max(max_component(abs(ng)), 1e-38f));
+    const V about = ng * (1.0f / max(max_component(abs(ng)), kLeastNormal));
     const V across = direction_of(about - along * (dot(about, along) / along2));
     normal = across * max(along2 - radius * dot(across, bend), along2 * 0.05f) - along * narrowing;
     p = centre + select(place.is_end, h.ng, across) * radius;

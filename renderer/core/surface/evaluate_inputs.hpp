@@ -7,6 +7,7 @@
 
 #include <optional>
 
+#include "base/flush_denormals.hpp"
 #include "bsdf/surface_inputs.hpp"
 #include "surface/run_pattern.hpp"
 #include "surface/surface_point.hpp"
@@ -250,12 +251,12 @@ PRIMRAY_INLINE vvec3<W> bend_normal(const SurfacePoint<W>& p, const StLanes<W>& 
   const vvec3<W> ds = (p.e1 * st.t2 - p.e2 * st.t1) * sign, dt = (p.e2 * st.s1 - p.e1 * st.s2) * sign;
   vvec3<W> tangent = ds - ns * dot(ns, ds);
   const F length2 = dot(tangent, tangent);
-  tangent = tangent * (1.0f / sqrt(max(length2, 1e-38f)));
+  tangent = tangent * (1.0f / sqrt(max(length2, kLeastNormal)));
   vvec3<W> bitangent = cross(ns, tangent);
   bitangent = bitangent * copysign(F(1.0f), dot(bitangent, dt));
   const vvec3<W> n = tangent * tangent_normal.x + bitangent * tangent_normal.y + ns * tangent_normal.z;
   const F n2 = dot(n, n);
-  const vbool<W> good = p.is_triangle & (area * area > F(kTinyStArea)) & (length2 > F(1e-38f)) & (n2 > F(1e-12f));
+  const vbool<W> good = p.is_triangle & (area * area > F(kTinyStArea)) & (length2 > F(kLeastNormal)) & (n2 > F(1e-12f));
   return select(good, n * (1.0f / sqrt(max(n2, 1e-30f))), ns);
 }
 

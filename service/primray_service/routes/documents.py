@@ -6,15 +6,17 @@ import hashlib
 
 from fastapi import APIRouter, Request, Response
 
-from ..api.pages import STYLE, STYLESHEET, operations_page, problem_page, problems_page
+from ..api.operations_page import operations_page
+from ..api.pages import problem_page, problems_page
 from ..http.answers import json_bytes, none_match, not_modified
 from ..http.openapi import openapi
 from ..problems import KINDS, Problem
 
 router = APIRouter(include_in_schema=False)
 
-# Nothing but the one style sheet: no script, nothing from elsewhere.
-CSP = "default-src 'none'; style-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+# Nothing from elsewhere. What the forms of /docs send goes to this server alone; blob: is for pictures that it answered.
+CSP = "default-src 'none'; style-src 'self'; img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+CSP_OF_DOCS = CSP.replace("img-src 'self'", "img-src 'self' blob:; script-src 'self'; connect-src 'self'")
 
 
 @router.get("/openapi.json")
@@ -38,13 +40,8 @@ def _document(request: Request) -> tuple[bytes, str]:
 
 @router.get("/docs")
 async def docs(request: Request) -> Response:
-    """The OpenAPI document, to be read by people."""
-    return _html(operations_page(openapi(request.app)))
-
-
-@router.get(STYLESHEET)
-async def style() -> Response:
-    return Response(STYLE, media_type="text/css", headers={"cache-control": "no-cache"})
+    """The OpenAPI document, to be read and tried by people."""
+    return _html(operations_page(openapi(request.app)), CSP_OF_DOCS)
 
 
 @router.get("/problems")
@@ -61,5 +58,5 @@ async def problem(slug: str) -> Response:
     return _html(problem_page(slug))
 
 
-def _html(text: str) -> Response:
-    return Response(text, headers={"content-security-policy": CSP, "cache-control": "no-cache"}, media_type="text/html")
+def _html(text: str, policy: str = CSP) -> Response:
+    return Response(text, headers={"content-security-policy": policy, "cache-control": "no-cache"}, media_type="text/html")

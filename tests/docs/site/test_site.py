@@ -22,6 +22,7 @@ def loaded_build() -> Any:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(SITE))  # as it is for a script
     spec.loader.exec_module(module)
     return module
 
@@ -64,7 +65,10 @@ def test_references_are_of_the_code() -> None:
     flags = build.command_line()
     for text in ("## primray doctor", "## primray submit", "`--target-error`", "`--pilot`"):
         assert text in flags
-    assert "POST /v1/jobs" in build.http()
+    http = build.http_reference(ROOT / "schemas/openapi.json")
+    assert "(submissions-submit)=\n### POST /v1/jobs" in http
+    assert http.count("\ncurl -sS") == http.count("/docs#") == 32
+    assert {name.lower() for name in re.findall(r"\[(\w+)\]\(#schema-", http)} <= set(re.findall(r"\(schema-(\w+)\)=", http))
     assert ".. autofunction:: render\n" in build.library()
 
 

@@ -79,8 +79,8 @@ def test_tubes_that_move_are_blurred(how: str) -> None:
     else:
         move = "double3 xformOp:translate.timeSamples = { 0: (0, -0.5, 0), 1: (0, 0.5, 0) }"
         text = curves(BODY, transform=f'{move}\nuniform token[] xformOpOrder = ["xformOp:translate"]')
-    image = look(text, time_code=0, spp=128, camera=OPEN)
-    x, y = centres()
+    image = look(text, time_code=0, size=32, spp=128, camera=OPEN)
+    x, y = centres(32)
     share = np.clip(np.minimum(y + 0.4, 0.5) - np.maximum(y - 0.4, -0.5), 0, 1)
     alpha = image.pixels[..., 3]
     inside = np.abs(x) < 1.45
@@ -92,8 +92,8 @@ def test_tubes_that_move_are_blurred(how: str) -> None:
 def test_widths_that_change_are_blurred() -> None:
     body = BODY.replace("float[] widths = [0.8] (", "float[] widths.timeSamples = { 0: [0], 1: [1.6] }\nfloat[] widths (")
     text = curves(body)
-    image = look(text, time_code=0, spp=128, camera=OPEN)
-    x, y = centres()
+    image = look(text, time_code=0, size=32, spp=128, camera=OPEN)
+    x, y = centres(32)
     share = np.clip(1 - np.abs(y) / 0.8, 0, 1)
     inside = np.abs(x) < 1.45
     assert np.abs(image.pixels[..., 3] - share)[inside].mean() < 0.03

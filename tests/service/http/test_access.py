@@ -207,7 +207,11 @@ def test_the_documents(open_to_all):
         assert f"Status {KINDS[slug].status}." in page.text
     problem(client.get("/problems/none"), 404, "not-found")
     docs = client.get("/docs")
-    assert "script" not in docs.headers["content-security-policy"]
-    assert "<script" not in docs.text
+    assert "script-src 'self';" in docs.headers["content-security-policy"]
+    assert "script" not in client.get("/problems").headers["content-security-policy"]
+    assert re.findall("<script[^>]*>", docs.text) == ['<script src="/page/docs/try_it.js" type="module">']
     assert set(re.findall(r"(?:src|href)='?\"?(https?:[^'\" >]*)", docs.text)) == set()
+    loaded = re.findall('(?:src|href)="(/page/[^"]+)"', docs.text)
+    assert len(loaded) == 5
+    assert [path for path in loaded if client.get(path).status_code != 200] == []
     assert all(path in docs.text for path in document.json()["paths"])

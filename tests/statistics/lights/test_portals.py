@@ -72,13 +72,15 @@ def test_samples_follow_the_density(name: str, sky: str) -> None:
     assert density_p_value(cells, density, wi[drawn], N) > 0.01 / len(CASES)
 
 
-def test_behind_a_portal_the_image_alone_is_sampled() -> None:
-    """It transmits along -Z: who stands on its +Z side is not guided."""
-    with_image = describe(lights=[dome(PORTALS["one"])], dome_texture=SKY).build()
+@pytest.mark.parametrize("count", [1, 2])
+def test_behind_a_portal_the_image_alone_is_sampled(count: int) -> None:
+    """It transmits along -Z: who stands on its +Z side is not guided. Of two, no weight is left to choose by."""
+    portals = PORTALS["one"] * count
+    with_image = describe(lights=[dome(portals)], dome_texture=SKY).build()
     p = np.ascontiguousarray(np.broadcast_to([3.0, 0.2, 0.0], (2000, 3)), np.float64)
     wi, pdf, _ = kernels().portal_sample(with_image, 0, p, random_numbers(2000, 3, seed=3))
     np.testing.assert_allclose(pdf, kernels().dome_eval(with_image, 0, wi)[0], rtol=1e-6)
-    constant = describe(lights=[dome(PORTALS["one"])]).build()
+    constant = describe(lights=[dome(portals)]).build()
     assert (kernels().portal_sample(constant, 0, p, random_numbers(2000, 3, seed=3))[1] == 0).all()
     assert (kernels().dome_pdf(constant, 0, p, wi) == 0).all()
 

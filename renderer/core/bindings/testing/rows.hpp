@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/error.hpp"
+#include "base/flush_denormals.hpp"
 #include "bindings/arrays.hpp"
 #include "scene/scene.hpp"
 
@@ -43,6 +44,7 @@ class Column {
 // Calls f.operator()<W>(first) for rows [first, first + W).
 template <class F>
 void for_rows(size_t n, int lanes, F&& f) {
+  const FlushDenormals as_in_a_render;
   constexpr int kMost = PRIMRAY_MAX_LANES;
   if (lanes == 1) {
     for (size_t i = 0; i < n; ++i) f.template operator()<1>(i);

@@ -1,6 +1,7 @@
 // selection.hpp where lights are linked: a surface chooses among the lights that reach it, and no other.
 #pragma once
 
+#include "base/flush_denormals.hpp"
 #include "light/selection/selection.hpp"
 
 namespace primray {
@@ -43,7 +44,7 @@ PRIMRAY_RARE LightChoice<W> choose_linked_light(const LightTable& table, vbool<W
     chosen = select(here, w, chosen);
     run += w;
   }
-  return {light, select(total > vfloat<W>(0.0f), chosen / max(total, 1e-38f), vfloat<W>(0.0f))};
+  return {light, select(total > vfloat<W>(0.0f), chosen / max(total, kLeastNormal), vfloat<W>(0.0f))};
 }
 
 // The probability with which choose_linked_light picks a light of its own in every lane of `m`; all of them reach their lanes.
@@ -65,7 +66,7 @@ PRIMRAY_RARE vfloat<W> linked_probability_of(const LightTable& table, vint<W> li
     chosen = select(valid == vint<W>(i), w, chosen);
     total += w;
   }
-  return chosen / max(total, 1e-38f);
+  return chosen / max(total, kLeastNormal);
 }
 
 // The probability with which choose_linked_light picks light number `i`, which reaches the lanes `m`; `total` from
@@ -74,7 +75,7 @@ template <int W>
 PRIMRAY_RARE vfloat<W> linked_probability(const LightTable& table, int i, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
                                           vfloat<W> total, vint<W> link) {
   if (table.by_tree()) return linked_probability_of(table, vint<W>(i), m, p, n, link);
-  return linked_importance(table, i, p, link) / max(total, 1e-38f);
+  return linked_importance(table, i, p, link) / max(total, kLeastNormal);
 }
 
 }  // namespace primray

@@ -1,6 +1,7 @@
 // Which light to sample from a point: each weighed by the irradiance it could bring there, or by a tree where there are many.
 #pragma once
 
+#include "base/flush_denormals.hpp"
 #include "light/selection/tree_choice.hpp"
 
 namespace primray {
@@ -40,7 +41,7 @@ PRIMRAY_INLINE LightChoice<W> choose_light(const LightTable& table, vbool<W> m, 
     chosen = select(here, w, chosen);
     run += w;
   }
-  choice.probability = select(total > vfloat<W>(0.0f), chosen / max(total, 1e-38f), vfloat<W>(0.0f));
+  choice.probability = select(total > vfloat<W>(0.0f), chosen / max(total, kLeastNormal), vfloat<W>(0.0f));
   return choice;
 }
 
@@ -50,7 +51,7 @@ PRIMRAY_INLINE vfloat<W> light_probability(const LightTable& table, int i, vbool
                                            vfloat<W> total) {
   if (table.count == 1) return vfloat<W>(1.0f);
   if (table.by_tree()) return probability_in_tree(table, table.tree.places.data(), vint<W>(i), m, p, n);
-  return light_weight(table, i, p) / max(total, 1e-38f);
+  return light_weight(table, i, p) / max(total, kLeastNormal);
 }
 
 // The same for a light of its own in every lane of `m`.
@@ -66,7 +67,7 @@ PRIMRAY_INLINE vfloat<W> probability_of(const LightTable& table, vint<W> light, 
     chosen = select(valid == vint<W>(i), w, chosen);
     total += w;
   }
-  return chosen / max(total, 1e-38f);
+  return chosen / max(total, kLeastNormal);
 }
 
 }  // namespace primray

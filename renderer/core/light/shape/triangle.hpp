@@ -7,6 +7,7 @@
 // half of x's angle from v0.
 #pragma once
 
+#include "base/flush_denormals.hpp"
 #include "math/transcendental.hpp"
 #include "math/vec3.hpp"
 
@@ -31,7 +32,7 @@ struct SphericalTriangle {
     const SinCos<W> half = sincos_turns(u * solid_angle * (0.25f * kInvPi));
     const vvec3<W> t = direction_of(v2 - v0 * dot(v0, v2));
     const vfloat<W> p = half.cos * dot(cross(v0, v1), t) - half.sin * dot(v1, t), q = half.sin * (1.0f + dot(v0, v1));
-    const vfloat<W> p2 = p * p, q2 = q * q, inverse = 1.0f / max(p2 + q2, 1e-38f);
+    const vfloat<W> p2 = p * p, q2 = q * q, inverse = 1.0f / max(p2 + q2, kLeastNormal);
     const vvec3<W> x = v0 * ((p2 - q2) * inverse) + t * (2.0f * p * q * inverse);
     const vvec3<W> across = x - v1;
     const vfloat<W> down = v * 0.5f * dot(across, across);  // 1 - cosine of the angle from v1

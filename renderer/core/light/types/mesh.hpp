@@ -1,6 +1,7 @@
 // A mesh that emits, among the lights: what its row says. How it is sampled is in emitter/.
 #pragma once
 
+#include "base/flush_denormals.hpp"
 #include "light/types/light_type.hpp"
 
 namespace primray {
@@ -15,7 +16,7 @@ struct MeshLight : LightTypeDefaults {
     if (int(row[kLightFlags]) & kRectangle) {
       const LightRow<W> r(row);
       const vvec3<W> quarter = cross(r.vector(kMeshHalfX), r.vector(kMeshHalfY));  // of its area
-      const vfloat<W> area = max(4 * length(quarter), 1e-38f), far = 4 * abs(dot(quarter, to)) / (d2 * sqrt(d2));
+      const vfloat<W> area = max(4 * length(quarter), kLeastNormal), far = 4 * abs(dot(quarter, to)) / (d2 * sqrt(d2));
       return power / area * min(max(far, 1e-6f), kPi);
     }
     // A quarter of a closed surface's area is seen from afar, half of an open one's on average.

@@ -1,0 +1,101 @@
+"""What a JSON schema of the OpenAPI document says, in words: a type as text and names of other schemas, members as rows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Schema = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Ref:
+    """The name of a schema that the document has by itself."""
+
+    name: str
+
+
+Words = tuple[str | Ref, ...]
+
+
+@dataclass(frozen=True)
+class Member:
+    """`text` has what the schema says of it, and its default."""
+
+    name: str
+    is_required: bool
+    type: Words
+    text: str
+
+
+def type_words(schema: Schema) -> Words:
+    """`integer, 0 to 100`, `array of Job`, `"png" or "jpeg"`."""
+    if "$ref" in schema:
+        return (Ref(schema["$ref"].rpartition("/")[2]),)
+    if "anyOf" in schema:
+        parts = [type_words(each) for each in schema["anyOf"]]
+        has_comma = any("," in word for part in parts for word in part if isinstance(word, str))
+        return _joined(parts, ", or " if has_comma else " or ")
+    if "const" in schema:
+        return (json.dumps(schema["const"]),)
+    if "enum" in schema:
+        return (" or ".join(json.dumps(value) for value in schema["enum"]),)
+    kind = schema.get("type", "any value")
+    if "prefixItems" in schema:
+        return ("[", *_joined([type_words(each) for each in schema["prefixItems"]], ", "), "]")
+    if kind == "array":
+        items = type_words(schema.get("items", {}))
+        return ("array of ", *items, *(f", {each}" for each in _count(schema, "minItems", "maxItems", " of them")))
+    if kind == "object" and isinstance(schema.get("additionalProperties"), dict) and "properties" not in schema:
+        return ("object of ", *type_words(schema["additionalProperties"]))
+    if schema.get("format") == "binary":
+        return ("a file's bytes",)
+    told = [kind, *_limits(schema), *_count(schema, "minLength", "maxLength", " characters")]
+    told += [schema["format"]] if "format" in schema else []
+    return (", ".join(told),)
+
+
+def members(schema: Schema) -> tuple[Member, ...]:
+    required = schema.get("required", ())
+    return tuple(
+        Member(name, name in required, type_words(each), _text(each)) for name, each in schema.get("properties", {}).items()
+    )
+
+
+def _text(schema: Schema) -> str:
+    told = schema.get("description", "")
+    default = schema.get("default")
+    if default in (None, "", {}, []) or isinstance(default, dict):
+        return str(told)
+    return f"{told} Default: {json.dumps(default)}.".strip()
+
+
+def _joined(parts: list[Words], between: str) -> Words:
+    found: list[str | Ref] = []
+    for number, part in enumerate(parts):
+        found += [between, *part] if number else part
+    return tuple(found)
+
+
+def _limits(schema: Schema) -> Iterator[str]:
+    low, high = schema.get("minimum"), schema.get("maximum")
+    if low is not None and high is not None:
+        yield f"{low:.10g} to {high:.10g}"
+    elif low is not None:
+        yield f"at least {low:.10g}"
+    elif high is not None:
+        yield f"at most {high:.10g}"
+    if "exclusiveMinimum" in schema:
+        yield f"more than {schema['exclusiveMinimum']:.10g}"
+    if "exclusiveMaximum" in schema:
+        yield f"less than {schema['exclusiveMaximum']:.10g}"
+
+
+def _count(schema: Schema, least: str, most: str, what: str) -> Iterator[str]:
+    low, high = schema.get(least), schema.get(most)
+    if low is not None and low == high:
+        yield f"{low}{what}"
+    elif high is not None:
+        yield f"{'' if low is None else f'{low} to '}{'at most ' if low is None else ''}{high}{what}"
