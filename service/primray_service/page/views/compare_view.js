@@ -15,7 +15,7 @@ import { EXPOSE_AFTER_S, KEY_STOPS, LOOKS } from "../picture/looks.js";
 import { stage } from "../picture/stage.js";
 import { nameOf } from "./jobs_view.js";
 
-const MODES = [["split", "Slider"], ["flicker", "Flicker"], ["a", "A"], ["b", "B"], ["difference", "Difference"], ["deviations", "In errors"]];
+const MODES = [["split", "Slider"], ["flicker", "Flicker"], ["a", "A"], ["b", "B"], ["difference", "Difference"], ["deviations", "Difference ÷ error"]];
 const OF_BOTH = ["difference", "deviations"];
 const KEYS = { a: "a", b: "b", w: "split", f: "flicker", d: "difference", s: "deviations" };
 const FLICKER_S = 0.7; // each of the two is seen: no faster than people may safely be shown changes (WCAG 2.3.1: 3 flashes a second)

@@ -1,4 +1,4 @@
-"""Takes docs/service/page.jpg, the picture of the page in README: `python -m tests.service.page.screenshot [SECONDS]`.
+"""Takes docs/service/page.jpg, the picture of the page in README: `python -m tests.service.docs.page_picture [SECONDS]`.
 
 A server of its own renders the meadow for so many seconds of sampling (default 240); the job is then looked at as a visitor
 does: its picture with the values and the prim under the pointer, its histogram, its error, its files.
