@@ -14,7 +14,7 @@ from typing import Any
 
 from ..limits import MiB
 from ..problems import Problem
-from .request import PictureRequest
+from .request import PictureRequest, Space
 
 KEPT_BYTES = 64 * MiB
 TIMEOUT_S = 20.0
@@ -55,6 +55,7 @@ class PictureEncoder:
         self._turn = asyncio.Lock()
         self._kept: OrderedDict[tuple[str, str, PictureRequest], Picture] = OrderedDict()
         self._kept_bytes = 0
+        self._tables: dict[str, bytes] = {}
 
     async def picture(self, path: Path, known_revision: str, request: PictureRequest) -> Picture:
         """Problem("unavailable") where it cannot be made."""
@@ -64,9 +65,16 @@ class PictureEncoder:
         async with self._turn:
             if (kept := self._get(key)) is not None:  # made while waiting
                 return kept
-            made = await self._made(path, request)
+            made = await self._made({"path": str(path), **request.as_json()})
             self._keep(key, made)
             return made
+
+    async def view_table(self, space: Space) -> bytes:
+        """What pictures are seen through, as view_table.py says; made once. Problem("unavailable") where it cannot be made."""
+        async with self._turn:
+            if space not in self._tables:
+                self._tables[space] = (await self._made({"table": space})).data
+            return self._tables[space]
 
     async def warm(self) -> None:
         """Start the helper before it is needed."""
@@ -92,10 +100,10 @@ class PictureEncoder:
             _, oldest = self._kept.popitem(last=False)
             self._kept_bytes -= len(oldest.data)
 
-    async def _made(self, path: Path, request: PictureRequest) -> Picture:
+    async def _made(self, asked: dict[str, Any]) -> Picture:
         try:
             async with asyncio.timeout(TIMEOUT_S):
-                head, data = await self._ask({"path": str(path), **request.as_json()})
+                head, data = await self._ask(asked)
         except (TimeoutError, OSError, EOFError, ValueError) as error:
             await self.close()
             raise _not_now(f"The picture could not be made: {type(error).__name__}.") from None

@@ -1,7 +1,8 @@
 """The process that turns previews into pictures: `python -m primray_service.pictures.process`, spoken to over pipes.
 
-A request is a line of JSON, {"path", and PictureRequest's members}; an answer is a line of JSON, {"bytes", "media_type",
-"headers"} or {"error"}, and then so many bytes. It ends when its standard input does, however its server died.
+A request is a line of JSON, {"path", and PictureRequest's members} or {"table": SPACE} for the view itself; an answer is a line
+of JSON, {"bytes", "media_type", "headers"} or {"error"}, and then so many bytes. It ends when its standard input does, however
+its server died.
 """
 
 from __future__ import annotations
@@ -13,9 +14,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from primray.errors import SettingsError
+
 from ..worker.preview import BadPreview, Preview, read_preview
 from .png import png
 from .request import MEDIA_TYPES, PictureRequest
+from .view_table import view_table
 from .views import picture
 
 JPEG_QUALITY = 90
@@ -27,13 +31,16 @@ def main() -> None:
     for line in sys.stdin.buffer:
         try:
             head, data = answer(json.loads(line))
-        except (BadPreview, OSError) as error:
+        except (BadPreview, OSError, SettingsError) as error:
             head, data = {"error": str(error) or type(error).__name__, "bytes": 0}, b""
         answers.write(json.dumps(head).encode() + b"\n" + data)
         answers.flush()
 
 
 def answer(asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+    if "table" in asked:
+        data = view_table(asked["table"])
+        return {"bytes": len(data), "media_type": MEDIA_TYPES["raw"], "headers": {}}, data
     request = PictureRequest(**{name: value for name, value in asked.items() if name != "path"})
     preview = read_preview(Path(asked["path"]))
     values, headers = picture(preview, request)

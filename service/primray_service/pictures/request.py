@@ -11,6 +11,11 @@ View = Literal["beauty", "error", "relative-error"]
 Channel = Literal["rgb", "r", "g", "b", "a", "luminance"]
 Format = Literal["png", "jpeg", "raw"]
 
+# That pictures can be in, by the ids that their files name.
+Space = Literal[
+    "lin_rec709_scene", "lin_ap1_scene", "lin_ap0_scene", "lin_p3d65_scene", "lin_rec2020_scene", "lin_adobergb_scene"
+]
+
 VIEWS: tuple[str, ...] = get_args(View)
 MEDIA_TYPES = {"png": "image/png", "jpeg": "image/jpeg", "raw": "application/octet-stream"}
 MOST_STOPS = 30.0  # of exposure, each way

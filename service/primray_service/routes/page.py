@@ -10,6 +10,8 @@ from pathlib import Path
 
 from fastapi import APIRouter, Request, Response
 
+from ..http.callers import Serving
+from ..pictures.request import Space
 from ..problems import Problem
 
 FOLDER = Path(__file__).resolve().parents[1] / "page"
@@ -53,21 +55,31 @@ class Static:
 def files() -> dict[str, Static]:
     """By path below page/. All of them are read once: what is not among them cannot be asked for."""
     return {
-        path.relative_to(FOLDER).as_posix(): _static(path)
+        path.relative_to(FOLDER).as_posix(): _static(path.read_bytes(), MEDIA_TYPES[path.suffix])
         for path in sorted(FOLDER.rglob("*"))
         if path.is_file() and path.suffix in MEDIA_TYPES
     }
 
 
-def _static(path: Path) -> Static:
-    content = path.read_bytes()
+def _static(content: bytes, media_type: str) -> Static:
     etag = hashlib.sha256(content).hexdigest()[:32]
-    return Static(content, gzip.compress(content, 9, mtime=0), MEDIA_TYPES[path.suffix], etag)
+    return Static(content, gzip.compress(content, 9, mtime=0), media_type, etag)
 
 
 @router.api_route("/", methods=["GET", "HEAD"])
 async def index(request: Request) -> Response:
     return _answer(request, "index.html")
+
+
+@router.get("/page/view-table")
+async def view_table(request: Request, service: Serving, space: Space) -> Response:
+    """What the server's pictures are seen through (pictures/view_table.py)."""
+    return _answer_with(request, _table(await service.pictures.view_table(space)))
+
+
+@lru_cache(maxsize=8)
+def _table(content: bytes) -> Static:
+    return _static(content, "application/octet-stream")
 
 
 @router.api_route("/page/{path:path}", methods=["GET", "HEAD"])
@@ -79,6 +91,10 @@ def _answer(request: Request, path: str) -> Response:
     found = files().get(path)
     if found is None:
         raise Problem("not-found", "The page has no such file.")
+    return _answer_with(request, found)
+
+
+def _answer_with(request: Request, found: Static) -> Response:
     packed = _takes_gzip(request.headers.get("accept-encoding", "")) and len(found.packed) < len(found.content)
     # The packed bytes are another representation, so they have an entity tag of their own (RFC 9110, section 8.8.3).
     etag = f'"{found.etag}-gz"' if packed else f'"{found.etag}"'

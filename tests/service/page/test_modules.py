@@ -5,10 +5,14 @@ from __future__ import annotations
 import base64
 import io
 import zipfile
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from primray.color.color_space import ACESCG, REC709, linear_spaces
+from primray.color.ocio import is_rendering_space, to_display
+from primray_service.pictures.request import Space
 from primray_service.worker.preview import preview_of, write_preview
 
 
@@ -105,16 +109,17 @@ def test_half_floats_are_read_bit_by_bit(page, preview):
     script = """async (text) => {
       const { decodeRaw } = await import("/page/picture/raw_image.js");
       const { encoded } = await import("/page/base/srgb.js");
-      const { HALF } = await import("/page/base/half.js");
+      const { wordsAt } = await import("/page/layers/values.js");
       const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
       const raw = decodeRaw(bytes.buffer);
-      const values = raw.color.map((plane) => Array.from(plane, (bits) => HALF[bits]));
-      return [raw.width, raw.height, values, raw.words(0, 0), Array.from({ length: 1000 }, (_, i) => encoded(i / 990))];
+      const values = raw.planes.slice(0, 3).map((plane) => [...plane]);
+      const levels = Array.from({ length: 1000 }, (_, i) => encoded(i / 990));
+      return [raw.width, raw.height, values, wordsAt(raw, 0, 0).numbers, levels];
     }"""
     width, height, values, words, levels = page.evaluate(script, base64.b64encode(data).decode())
     assert (width, height) == (53, 37)
     assert np.array_equal(np.float32(values).reshape(3, 37, 53), np.moveaxis(written.rgb, -1, 0))
-    assert words == "0.0000  6.6·10⁴  -0.2500  ± ?"
+    assert words == "R 0.0000  G 6.6·10⁴  B -0.2500  A 1.0000  ± ?"
     linear = np.clip(np.arange(1000) / 990, 0, 1)
     expected = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055) * 255
     assert np.abs(np.array(levels) - expected).max() <= 0.5 + 1e-6
@@ -134,6 +139,38 @@ def test_a_damaged_preview_is_refused(page, preview):
     assert "ended early" in page.evaluate(script, base64.b64encode(data[:-2]).decode())
     assert "version" in page.evaluate(script, base64.b64encode(b"x" + data[1:]).decode())
     assert "version" in page.evaluate(script, "")
+
+
+def test_the_view_is_that_of_the_servers_pictures(page):
+    """From its table, of colours as pictures have them, of strongly saturated ones and of very bright ones; of any space."""
+    random = np.random.default_rng(5)
+    light = 2.0 ** random.uniform(-9, 5, (4000, 1))
+    plain = light * random.uniform(0.3, 1, (4000, 3))
+    saturated = light * np.where(random.random((4000, 3)) < 0.3, 0, random.random((4000, 3)) ** 2)
+    odd = np.array([[0, 0, 0], [1e6, 1e6, 1e6], [512, 512, 512]], np.float64)
+    rgb = np.concatenate([plain, saturated, odd]).astype(np.float32)
+    script = """async ([values, space]) => {
+      const { serversView } = await import("/page/layers/display.js");
+      const view = await serversView(space);
+      return view && values.map((rgb) => {
+        const data = new Uint8ClampedArray(4);
+        view.shade(data, 0, ...rgb);
+        return [...data.slice(0, 3)];
+      });
+    }"""
+    for space in (REC709, ACESCG):
+        expected = np.round(255 * np.clip(to_display(rgb[None], space=space)[0], 0, 1))
+        apart = np.abs(np.array(page.evaluate(script, [rgb.tolist(), space.name])) - expected).max(axis=1)
+        assert apart[:4000].max() <= 3
+        assert (apart[:4000] > 1).mean() < 0.01
+        assert (apart[4000:8000] > 2).mean() < 0.03
+        assert apart[8000:].max() <= 1
+    assert page.evaluate(script, [[], "data"]) is None
+
+
+def test_the_page_knows_the_spaces_that_pictures_can_be_in(page):
+    known = page.evaluate("async () => (await import('/page/layers/display.js')).SPACES")
+    assert known == list(get_args(Space)) == [space.name for space in linear_spaces() if is_rendering_space(space)]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import tempfile
+
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from tests.service.page.conftest import pictures, until, until_pictures
 from tests.service.page.scenes import submit, upload
@@ -34,7 +38,7 @@ def values(page):
 def test_every_part_is_shown_with_its_values(open_page, finished):
     job, aovs = finished
     page = open_page(f"#/jobs/{job}").page
-    until(page, "document.querySelectorAll('.viewer optgroup').length === 2")
+    until(page, "document.querySelectorAll('.viewer optgroup').length === 2 && document.querySelector('.stage img')")
     view = page.get_by_label("View", exact=True)
     assert view.locator("option").all_inner_texts() == [
         *("Picture", "Error", "Error, relative", "Picture", "Picture: standard error"),
@@ -99,10 +103,8 @@ def test_keys_wheel_false_colour_and_histogram(open_page, finished):
     stage.press("Shift+E")
     until(page, "document.querySelector('.stops').textContent === '0'")
     # False colours: by stops around mid-grey, with their scale.
-    before = pictures(page)
     page.get_by_label("Look").select_option("false")
-    until_pictures(page, before)
-    assert page.evaluate("document.querySelector('.sheet > canvas').hidden") is False
+    until(page, "!document.querySelector('.sheet > canvas').hidden")
     legend = page.locator(".legend").inner_text()
     assert "0.0028" in legend
     assert "12" in legend
@@ -135,7 +137,7 @@ def test_a_region_is_rendered_by_itself(open_page, finished):
         page.get_by_role("button", name="Render this region").click()
     assert sent.value.request.post_data_json["settings"]["region"] == [0.25, 0.25, 0.75, 0.75]
     page.wait_for_url(lambda url: "#/jobs/job_" in url and job not in url)
-    until(page, "document.querySelectorAll('.viewer optgroup').length === 2")
+    until(page, "document.querySelectorAll('.viewer optgroup').length === 2 && document.querySelector('.stage img')")
     assert page.evaluate("document.querySelector('.stage img').naturalWidth") == 24
     assert page.locator("h1").inner_text().startswith("region of small")
     # The parts are those pixels of the whole's, to the bit.
@@ -146,3 +148,53 @@ def test_a_region_is_rendered_by_itself(open_page, finished):
     until(page, "document.querySelector('.values').textContent.startsWith('x 12, y 7')")
     until(page, f"document.querySelector('.values').textContent.includes('{aovs['depth'].values[15, 24, 0]:.4f}')")
     assert not page.get_by_role("button", name="Region…").is_visible()
+
+
+def test_parts_look_as_the_picture_does(open_page, site):
+    """Through the view of the server's PNG, within two steps of eight bits; what is no light is plain sRGB."""
+    with site.client() as client:
+        aovs = ["emission", "albedo", "C.*<L.>", "depth"]
+        job = submit(client, upload(client), wait_s=60, aovs=aovs, denoise=False, resolution=[96, 64])
+        shown = {
+            stops: client.get(f"/v1/jobs/{job}/preview", params={"exposure": stops, "channel": channel}).content
+            for stops, channel in ((0, "rgb"), (1.5, "rgb"))
+        }
+    expected = {stops: decoded(content) for stops, content in shown.items()}
+    page = open_page(f"#/jobs/{job}").page
+    until(page, "document.querySelectorAll('.viewer optgroup').length === 2 && document.querySelector('.stage img')")
+    part = page.locator(".viewer optgroup").nth(1).locator("option")
+    view = page.get_by_label("View", exact=True)
+    for name, is_seen in (("Picture", True), ("C.*<L.>", True), ("Albedo", False)):
+        before = pictures(page)
+        view.select_option(value=part.filter(has_text=re.compile(f"^{re.escape(name)}$")).get_attribute("value"))
+        until_pictures(page, before)
+        assert ("Seen as the PNG is" in page.locator(".under").inner_text()) is is_seen, name
+        if name != "Albedo":
+            assert np.abs(canvas(page) - expected[0]).max() <= 2, name
+    before = pictures(page)
+    view.select_option(value=part.filter(has_text=re.compile("^Picture$")).get_attribute("value"))
+    until_pictures(page, before)
+    page.get_by_label("Exposure, stops").fill("1.5")
+    until_pictures(page, before + 1)
+    assert np.abs(canvas(page) - expected[1.5]).max() <= 2
+    # The picture itself, drawn without the view: brighter where the view rolls highlights off.
+    view.select_option("beauty")
+    until(page, "document.querySelector('.sheet > canvas').hidden")
+    page.get_by_label("Look").select_option("srgb")
+    until(page, "!document.querySelector('.sheet > canvas').hidden")
+    assert np.abs(canvas(page) - expected[1.5]).max() > 10
+
+
+def canvas(page):
+    script = """() => {
+      const canvas = document.querySelector(".sheet > canvas");
+      return [...canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data];
+    }"""
+    return np.array(page.evaluate(script)).reshape(64, 96, 4)[..., :3]
+
+
+def decoded(content):
+    with tempfile.NamedTemporaryFile(suffix=".png") as file:
+        file.write(content)
+        file.flush()
+        return np.asarray(oiio.ImageBuf(file.name).get_pixels(oiio.UINT8), np.int32)[..., :3]

@@ -137,6 +137,7 @@ def test_capabilities_say_what_may_be_sent_and_asked(client: Any) -> None:
 
 
 def test_usage_is_beside_its_limits(client: Any) -> None:
+    client.post("/v1/scenes", content=LAYER + b"# usage").raise_for_status()
     found = client.get("/v1/usage").json()
     assert set(found["queued_jobs"]) == {"used", "limit"}
     assert found["stored_bytes"]["used"] > 0

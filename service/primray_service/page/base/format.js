@@ -54,6 +54,9 @@ export function rate(value) {
   return value >= 1e3 ? `${(value / 1e3).toFixed(0)} k/s` : `${value.toFixed(0)}/s`;
 }
 
+// 12.3 %, of what is finished; percent() is of what is not, and never says 100 too soon.
+export const percentOf = (fraction) => `${Number((100 * fraction).toFixed(1))} %`;
+
 export const percent = (fraction) => `${Math.floor(100 * Math.min(1, Math.max(0, fraction)))} %`;
 
 export function when(time) {

@@ -7,6 +7,7 @@ import { planesOf } from "./planes.js";
 const FIRST_BYTES = 2 ** 16;
 const MOST_HEADER = 2 ** 25; // manifests of Cryptomattes are long
 const MOST_PART = 2 ** 29;
+const KEPT = 2 ** 28; // bytes of planes, of the parts that were looked at last
 
 // `range(begin, end)` resolves to those bytes of a file of `size`, which stays as it is.
 export async function openExr(range, size) {
@@ -22,16 +23,27 @@ export async function openExr(range, size) {
     return { ...part, offsets };
   });
   const starts = parts.flatMap(({ offsets }) => offsets).concat(size).sort((a, b) => a - b);
-  const read = new Map(); // planes by the part's number; the page keeps what it has looked at
+  const read = new Map(); // {reading, bytes} by the part's number, in the order in which they were looked at
 
   // {step, width, height, planes} of the part of this number.
   function planes(number) {
-    if (!read.has(number)) {
-      const reading = load(parts[number]);
-      read.set(number, reading);
-      reading.catch(() => read.delete(number));
+    const before = read.get(number);
+    read.delete(number);
+    const kept = before ?? { reading: load(parts[number]), bytes: 0 };
+    read.set(number, kept);
+    if (!before) kept.reading.then((found) => keep(kept, found), () => read.get(number) === kept && read.delete(number));
+    return kept.reading;
+  }
+
+  function keep(kept, { planes }) {
+    kept.bytes = planes.reduce((sum, { byteLength }) => sum + byteLength, 0);
+    let sum = [...read.values()].reduce((bytes, each) => bytes + each.bytes, 0);
+    for (const [number, each] of read) {
+      if (sum <= KEPT) return;
+      if (each === kept) continue;
+      sum -= each.bytes;
+      read.delete(number);
     }
-    return read.get(number);
   }
 
   async function load(part) {
@@ -65,8 +77,8 @@ async function headers(range, size) {
 }
 
 // Ranges of what a URL stands for.
-export const rangesOf = (url) => async (begin, end) => {
-  const response = await call("GET", url, { accept: "*/*", headers: { range: `bytes=${begin}-${end - 1}` } });
+export const rangesOf = (url, signal) => async (begin, end) => {
+  const response = await call("GET", url, { accept: "*/*", headers: { range: `bytes=${begin}-${end - 1}` }, signal });
   const buffer = await response.arrayBuffer();
   // A server may answer with all of it.
   return response.status === 206 ? buffer : buffer.slice(begin, end);

@@ -80,8 +80,7 @@ function byStops(layer, stops) {
     if (light > 1) white += 1;
     if (!(light > 2 ** LEAST)) black += 1;
   }
-  const share = (count) => `${Number(((100 * count) / picked).toFixed(1))} %`;
-  return { bins, words: `From −${-LEAST} to +${MOST} stops around white (the line), at this exposure. Above white ${share(white)}, black ${share(black)} of the pixels.` };
+  return { bins, words: `From −${-LEAST} to +${MOST} stops around white (the line), at this exposure. Above white ${format.percentOf(white / picked)}, black ${format.percentOf(black / picked)} of the pixels.` };
 }
 
 function byRange(layer) {

@@ -1,20 +1,25 @@
 // What there is to look at in the parts of a picture's file: a layer is some channels of a part, with what they mean.
 //
 // A kind says how numbers are shown: color (scene-linear), error (of such), direction (unit vectors), vector, scalar, ids
-// (whole numbers that stand for names), mattes (Cryptomatte: pairs of an id and its coverage).
+// (whole numbers that stand for names), mattes (Cryptomatte: pairs of an id and its coverage). Colours that are light are seen
+// through a view, as the picture is; reflectances and primvars are data, and are not.
 
 const PICTURE = "rgba"; // the part of the picture itself
 const LABELS = { denoised: "Denoised picture", samples: "Samples of a pixel" };
 
-// [{key, label, kind, part, channels, names, meaning, ids}] of the parts of openExr(), in their order.
+// [{key, label, kind, part, channels, errors, names, meaning, ids, space, isLight}] of the parts of openExr(), in their order.
+// `channels` and `errors` are the part's channels of its values and of their standard errors.
 export function layersOf(parts) {
   return parts.flatMap((part, number) => {
     const label = part.name === PICTURE || part.name === "" ? "Picture" : (LABELS[part.name] ?? wordsOf(part.name));
     const meaning = part.strings.get("primray:meaning") ?? "";
+    const space = part.strings.get("colorInteropID") ?? "";
+    const isLight = space !== "data" && !part.strings.get("primray:source")?.endsWith("albedo");
     const make = (kind, channels, suffix, extra = {}) => ({
-      key: `${number}${suffix}`, number, part, kind, channels, meaning,
+      key: `${number}${suffix}`, number, part, kind, channels, meaning, space, isLight,
       label: suffix ? `${label}: ${suffix}` : label,
       names: channels.map((at) => lastWord(part.channels[at].name)),
+      errors: [],
       ids: null,
       ...extra,
     });
@@ -24,19 +29,19 @@ export function layersOf(parts) {
     const isError = (at) => part.channels[at].name.split(".").includes("stderr");
     const errors = ordered(part, all.filter(isError));
     const values = ordered(part, all.filter((at) => !isError(at)));
-    return [values.length > 0 && plain(part, values, make), errors.length > 0 && make("error", errors, "standard error")].filter(Boolean);
+    return [values.length > 0 && plain(part, values, errors, make), errors.length > 0 && make("error", errors, "standard error")].filter(Boolean);
   });
 }
 
-function plain(part, values, make) {
+function plain(part, values, errors, make) {
   const names = values.map((at) => lastWord(part.channels[at].name)).join("");
   const text = part.strings.get("primray:ids");
   if (part.channels[values[0]].type === "uint") {
     return text || part.name !== "samples" ? make("ids", values, "", { ids: idsOf(text) }) : make("scalar", values, "");
   }
-  if (names.startsWith("RGB")) return make("color", values, "");
-  if (names === "XYZ" && part.name.includes("normal")) return make("direction", values, "");
-  return make(values.length === 1 ? "scalar" : "vector", values, "");
+  if (names.startsWith("RGB")) return make("color", values, "", { errors });
+  if (names === "XYZ" && part.name.includes("normal")) return make("direction", values, "", { errors });
+  return make(values.length === 1 ? "scalar" : "vector", values, "", { errors });
 }
 
 const ORDER = "RGBAXYZUVW";
@@ -75,9 +80,9 @@ function pairsOf(channels) {
   return found.sort((a, b) => (place(a) < place(b) ? -1 : 1)).map(({ at }) => at);
 }
 
-// A layer with its numbers: of `read` the planes that are its.
+// A layer with its numbers: of `read` the planes that are its. A pixel of them is `step` pixels of the part a side.
 export function filled(layer, read) {
   const { width, height, step } = read;
-  const planes = layer.channels.map((at) => read.planes[at]);
-  return { ...layer, width, height, step, fullWidth: layer.part.width, fullHeight: layer.part.height, planes };
+  const of = (channels) => channels.map((at) => read.planes[at]);
+  return { ...layer, width, height, step, fullWidth: layer.part.width, fullHeight: layer.part.height, planes: of(layer.channels), errors: of(layer.errors) };
 }

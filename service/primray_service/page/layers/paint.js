@@ -6,12 +6,13 @@ import { colorOfId, paintAmount } from "./colors.js";
 
 export const FALSE_STOPS = 6; // around mid-grey, each way
 const MID_GREY = 0.18;
-const WEIGHTS = [0.2126, 0.7152, 0.0722];
+export const WEIGHTS = [0.2126, 0.7152, 0.0722]; // of luminance, Rec.709
 const MOST_DECADES = 4;
 const SHADES = Uint8ClampedArray.from({ length: 4097 }, (_, step) => encoded(step / 4096));
 const PICKED = 20000; // values that a range is judged by
 
-// `look`: {stops, channel, isFalse}.
+// `look`: {stops, channel, isFalse, view, beside}: `view` is serversView(), null for plain sRGB; ranges of amounts are those of
+// `beside`, another layer of the kind, as well.
 export function paint(canvas, layer, look) {
   const { width, height } = layer;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -26,7 +27,7 @@ export function paint(canvas, layer, look) {
 
 const PAINTERS = { color, error, direction, vector, scalar, ids, mattes };
 
-function color(data, layer, { stops, channel, isFalse }) {
+function color(data, layer, { stops, channel, isFalse, view }) {
   const factor = 2 ** stops;
   if (isFalse) {
     const one = single(layer.planes, channel);
@@ -34,20 +35,40 @@ function color(data, layer, { stops, channel, isFalse }) {
     const end = (sign) => (MID_GREY * 2 ** (sign * FALSE_STOPS)) / factor;
     return { low: format.error(end(-1)), high: format.error(end(1)), unit: `${channel === "rgb" ? "luminance" : channel}, scene-linear, by stops` };
   }
-  if (channel === "rgb") {
+  if (channel === "a") {
+    const one = single(layer.planes, channel);
+    each(data, (to, at) => gray(data, to, Math.round(255 * one(at))));
+  } else if (view) throughView(data, layer, factor, channel, view);
+  else if (channel === "rgb") {
     for (let number = 0; number < 3; number += 1) {
       const plane = layer.planes[number];
       each(data, (to, at) => (data[to + number] = shade(factor * plane[at])));
     }
-    return null;
+  } else {
+    const one = single(layer.planes, channel);
+    each(data, (to, at) => gray(data, to, shade(factor * one(at))));
   }
-  const one = single(layer.planes, channel);
-  const isCoverage = channel === "a";
-  each(data, (to, at) => gray(data, to, isCoverage ? Math.round(255 * one(at)) : shade(factor * one(at))));
   return null;
 }
 
-const shade = (value) => (value >= 1 ? 255 : value > 0 ? SHADES[Math.round(4096 * value)] : 0);
+// As the server's PNG: colours without their coverage where that can be undone, one channel as a grey.
+function throughView(data, layer, factor, channel, view) {
+  const [r, g, b, a] = layer.planes;
+  const one = channel === "rgb" ? null : single(layer.planes, channel);
+  const isStraight = !one && a !== undefined && !shinesUncovered(layer.planes);
+  each(data, (to, at) => {
+    const alpha = isStraight ? Math.min(1, Math.max(0, a[at])) : 1;
+    const scale = alpha > 0 ? factor / alpha : 0;
+    if (one) view.shade(data, to, scale * one(at), scale * one(at), scale * one(at));
+    else view.shade(data, to, scale * r[at], scale * g[at], scale * b[at]);
+    data[to + 3] = Math.round(255 * alpha);
+  });
+}
+
+// Light where nothing covers has no colour without its coverage: such a picture is over black.
+const shinesUncovered = ([r, g, b, a]) => a.some((share, at) => !(share > 0) && (r[at] > 0 || g[at] > 0 || b[at] > 0));
+
+export const shade = (value) => (value >= 1 ? 255 : value > 0 ? SHADES[Math.round(4096 * value)] : 0);
 
 function gray(data, to, value) {
   data[to] = data[to + 1] = data[to + 2] = value;
@@ -66,9 +87,10 @@ export function single(planes, channel) {
 }
 
 // Whole decades around all but the most extreme, so that the scale stays put: as the server's error views.
-function error(data, layer, { channel }) {
-  const one = single(layer.planes, channel === "a" ? "luminance" : channel);
-  const [low, high] = range(layer, one, (value) => value > 0);
+function error(data, layer, { channel, beside }) {
+  const by = channel === "a" ? "luminance" : channel;
+  const one = single(layer.planes, by);
+  const [low, high] = range(layer, beside, (planes) => single(planes, by), (value) => value > 0);
   const top = Math.ceil(Math.log10(high));
   const bottom = Math.min(Math.max(Math.floor(Math.log10(low)), top - MOST_DECADES), top - 1);
   each(data, (to, at) => {
@@ -85,8 +107,8 @@ function direction(data, layer) {
   return { low: "−1", high: "1", unit: "X, Y and Z as red, green and blue; black: nothing there", map: "" };
 }
 
-function vector(data, layer) {
-  const ranges = layer.planes.slice(0, 3).map((plane) => range(layer, (at) => plane[at]));
+function vector(data, layer, { beside }) {
+  const ranges = layer.planes.slice(0, 3).map((_, number) => range(layer, beside, (planes) => (at) => planes[number][at]));
   ranges.forEach(([low, high], number) => {
     const plane = layer.planes[number];
     each(data, (to, at) => (data[to + number] = (255 * (plane[at] - low)) / (high - low || 1)));
@@ -95,9 +117,9 @@ function vector(data, layer) {
   return { low: "", high: "", unit: `${said.join(", ")}, as ${["red", "green", "blue"].slice(0, ranges.length).join(", ")}`, map: "" };
 }
 
-function scalar(data, layer) {
+function scalar(data, layer, { beside }) {
   const [plane] = layer.planes;
-  const [low, high] = range(layer, (at) => plane[at]);
+  const [low, high] = range(layer, beside, ([plane]) => (at) => plane[at]);
   each(data, (to, at) => paintAmount(data, to, Number.isFinite(plane[at]) ? (plane[at] - low) / (high - low || 1) : Number.NaN));
   return { low: format.error(low), high: format.error(high), unit: "grey: nothing there" };
 }
@@ -133,14 +155,16 @@ function mattes(data, layer) {
 
 export const bitsOf = (plane) => new Uint32Array(plane.buffer, plane.byteOffset, plane.length);
 
-// The finite values but for the most extreme five hundredth of each end, of so many pixels over the picture.
-function range({ width, height }, one, isMeant = () => true) {
-  const count = width * height;
-  const stride = Math.max(1, Math.floor(count / PICKED)) | 1;
+// The finite values but for the most extreme five hundredth of each end, of so many pixels over the picture, and over `beside`.
+function range(layer, beside, oneOf, isMeant = () => true) {
   const found = [];
-  for (let at = 0; at < count; at += stride) {
-    const value = one(at);
-    if (Number.isFinite(value) && isMeant(value)) found.push(value);
+  for (const { width, height, planes } of beside ? [layer, beside] : [layer]) {
+    const [count, one] = [width * height, oneOf(planes)];
+    const stride = Math.max(1, Math.floor(count / PICKED)) | 1;
+    for (let at = 0; at < count; at += stride) {
+      const value = one(at);
+      if (Number.isFinite(value) && isMeant(value)) found.push(value);
+    }
   }
   if (found.length === 0) return [0.1, 1];
   found.sort((a, b) => a - b);

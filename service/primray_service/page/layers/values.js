@@ -8,16 +8,22 @@ const MOST_MATTES = 4; // of a pixel, the largest
 // {numbers, names}: of x, y in the whole picture's pixels.
 export function wordsAt(layer, x, y) {
   const at = indexAt(layer, x, y);
-  if (layer.kind === "mattes") return { numbers: "", names: mattesAt(layer, at).map(([name, share]) => `${name} ${percentOf(share)}`) };
+  if (layer.kind === "mattes") return { numbers: "", names: mattesAt(layer, at).map(([name, share]) => `${name} ${format.percentOf(share)}`) };
   if (layer.kind === "ids") {
     const id = layer.planes[0][at];
     return { numbers: String(id), names: id === 0 ? [] : [layer.ids.get(id) ?? "without a name"] };
   }
   const alone = layer.names.length === 1;
-  return { numbers: layer.planes.map((plane, number) => `${alone ? "" : `${layer.names[number]} `}${format.fixed(plane[at])}`).join("  "), names: [] };
+  const values = layer.planes.map((plane, number) => `${alone ? "" : `${layer.names[number]} `}${format.fixed(plane[at])}`);
+  return { numbers: [...values, errorAt(layer, at)].filter(Boolean).join("  "), names: [] };
 }
 
-const percentOf = (share) => `${Number((100 * share).toFixed(1))} %`;
+// The root of the mean square of the channels' standard errors.
+function errorAt(layer, at) {
+  if (layer.errors.length === 0) return "";
+  const mean = Math.sqrt(layer.errors.reduce((sum, plane) => sum + plane[at] ** 2, 0) / layer.errors.length);
+  return `± ${Number.isFinite(mean) ? format.error(mean) : "?"}`;
+}
 
 function mattesAt(layer, at) {
   const found = [];

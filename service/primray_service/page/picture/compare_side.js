@@ -1,47 +1,93 @@
-// One of the two pictures that are compared: its job, its half floats, and how it is shown: as the renderer's own PNG would be
-// (the server's work), or plainly encoded as sRGB (computed here).
+// One of the two pictures that are compared: its job, the picture or the part of its file that is looked at, and how it is shown:
+// the picture as the server's own PNG, whatever else is drawn here from its numbers.
 
-import { call, get, jobPath } from "../base/api.js";
+import { get, jobPath } from "../base/api.js";
 import { element, fill } from "../base/dom.js";
+import { paint } from "../layers/paint.js";
+import { wordsAt } from "../layers/values.js";
+import { lookOf } from "./looks.js";
+import { partsOf } from "./parts.js";
 import { drop, fetchPicture } from "./picture.js";
-import { decodeRaw, drawPicture } from "./raw_image.js";
+import { rawOf } from "./raw_image.js";
+
+export const PICTURE = "Picture";
 
 export function compareSide(id) {
   const canvas = element("canvas", {});
-  const layer = element("div", { class: "layer" });
-  const self = { id, job: null, raw: null, layer, load, show, close };
-  let rawTag = "";
+  const root = element("div", { class: "layer" });
+  const parts = partsOf();
+  // `names`: what there is to look at; `layer`: what is looked at, null where this job does not have it.
+  const self = { id, job: null, layer: null, names: [PICTURE], root, load, show, wordsOf, close };
+  let [number, seen] = [0, ""];
   let [tag, image] = ["", null];
-  let number = 0;
+  let [loads, showing] = [0, 0]; // count what was asked for: the newest counts
 
-  // Whether its picture is another than before.
-  async function load(frame) {
+  // Whether what it shows is another than before. `frame` counts from 1.
+  async function load(frame, name) {
+    const mine = ++loads;
     self.job = await get(jobPath(id));
-    number = Math.min(self.job.progress?.frames?.total ?? 1, Math.max(1, frame)) - 1;
-    const response = await call("GET", jobPath(id, `/preview?format=raw&frame=${number}`), { accept: "*/*" });
-    const now = `${number} ${response.headers.get("etag")}`;
-    if (now === rawTag) return false;
-    self.raw = decodeRaw(await response.arrayBuffer());
-    rawTag = now;
-    return true;
+    const frames = self.job.progress?.frames;
+    number = Math.min(frames?.total ?? 1, Math.max(1, frame)) - 1;
+    if ((frames?.succeeded ?? 0) > 0) parts.know((await get(jobPath(id, "/outputs"))).items);
+    const file = await parts.of(number);
+    // Of the file's picture there is the preview already, which can be seen while it refines.
+    const layers = file?.layers.filter(({ label }) => label !== PICTURE) ?? [];
+    self.names = [PICTURE, ...layers.map(({ label }) => label)];
+    const wanted = layers.find(({ label }) => label === name);
+    const found = name === PICTURE ? await rawOf(id, number) : wanted ? await file.read(wanted) : null;
+    if (mine !== loads) return false;
+    self.layer = found;
+    const before = seen;
+    seen = `${number} ${name} ${found?.tag ?? file?.digest} ${found === null}`;
+    return seen !== before;
   }
 
-  async function show(look, stops) {
-    if (look === "srgb") {
-      drawPicture(canvas, self.raw, stops);
-      fill(layer, canvas);
-      return;
+  // What its colours mean, for a legend; null where they mean light. Amounts have the same colours as those of `beside`.
+  async function show(look, stops, beside) {
+    const mine = ++showing;
+    if (!self.layer) {
+      fill(root);
+      return null;
+    }
+    if (self.layer.key !== "raw" || look !== "display") {
+      const layer = self.layer;
+      const wanted = await lookOf(look, layer, stops);
+      if (mine !== showing) return null;
+      const scale = paint(canvas, layer, { ...wanted, beside });
+      fill(root, canvas);
+      return scale;
     }
     const found = await fetchPicture(id, { frame: number, exposure: stops }, tag);
-    if (found.image) {
+    if (mine !== showing) {
+      drop(found.image);
+    } else if (found.image) {
       const before = image;
       [tag, image] = [found.tag, found.image];
-      fill(layer, image);
+      fill(root, image);
       drop(before);
-    } else if (image) fill(layer, image);
+    } else if (image) fill(root, image);
+    return null;
+  }
+
+  // Of its own pixels, the one at a place of a sheet of this size, in the middle of which it is shown in its own shape; null:
+  // beside it.
+  function pixelOf([x, y], [width, height]) {
+    const { fullWidth, fullHeight } = self.layer;
+    const scale = Math.min(width / fullWidth, height / fullHeight);
+    const own = [(x + 0.5 - width / 2) / scale + fullWidth / 2, (y + 0.5 - height / 2) / scale + fullHeight / 2].map(Math.floor);
+    return own[0] >= 0 && own[1] >= 0 && own[0] < fullWidth && own[1] < fullHeight ? own : null;
+  }
+
+  function wordsOf(at, size) {
+    const pixel = self.layer && pixelOf(at, size);
+    if (!pixel) return "";
+    const { numbers, names } = wordsAt(self.layer, ...pixel);
+    return [numbers, ...names].filter(Boolean).join("  ");
   }
 
   function close() {
+    showing += 1;
+    parts.close();
     drop(image);
   }
 

@@ -2,12 +2,14 @@
 
 import { call, jobPath } from "../base/api.js";
 
-// {tag, scale, image}; `image` is null where the server still has what `before` names.
+// {tag, scale, image, size}; `image` is null where the server still has what `before` names; `size` is of the whole picture, of
+// which a large one's image has fewer pixels.
 export async function fetchPicture(job, query, before) {
   const source = new URLSearchParams(Object.entries(query).filter(([, value]) => value !== null)).toString();
   const response = await call("GET", jobPath(job, `/preview?${source}`), { accept: "image/png,image/jpeg,*/*" });
   const tag = `${source} ${response.headers.get("etag")}`;
   const scale = response.headers.get("preview-scale");
+  const size = response.headers.get("preview-resolution")?.split("x").map(Number);
   if (tag === before) return { tag, scale, image: null };
   const image = new Image();
   image.alt = "";
@@ -19,7 +21,7 @@ export async function fetchPicture(job, query, before) {
     drop(image);
     return { tag: "", scale, image: null };
   }
-  return { tag, scale, image };
+  return { tag, scale, image, size: size ?? [image.naturalWidth, image.naturalHeight] };
 }
 
 export function drop(image) {

@@ -1,17 +1,16 @@
 // The values of the pixel under the pointer: as the renderer has them (from the half-float preview, or the part that is shown),
 // as they are on the screen, and the prim that is there, where the job's file can tell.
 
-import { call, jobPath } from "../base/api.js";
 import { element, fill, write } from "../base/dom.js";
 import { namesAt, wordsAt } from "../layers/values.js";
-import { decodeRaw } from "./raw_image.js";
+import { rawOf } from "./raw_image.js";
 
 const RAW_AGE_S = 2; // of values while the picture refines
 
 // `shown()`: {frame, layer, image, size, isLive}; `layerOfIds(frame)` resolves to a layer of prims, or null.
 export function pixelValues(job, shown, layerOfIds) {
   const root = element("output", { class: "values", "aria-label": "Values of the pixel under the cursor" });
-  let raw = null; // {frame, at, image, pending}
+  let raw = null; // {frame, whileLive, at, layer, pending}
   let ids = null; // {frame, layer}
   let pixel = null;
   const reader = element("canvas", { width: 1, height: 1 }).getContext("2d", { willReadFrequently: true });
@@ -33,28 +32,23 @@ export function pixelValues(job, shown, layerOfIds) {
       found.numbers && element("span", { class: "numbers" }, found.numbers),
       screen && element("span", { class: "display" }, element("span", { class: "soft" }, "display "), screen),
       names.map((name) => element("span", { class: "prim" }, name)),
-      meanOf(now),
+      coarse(now.layer ?? raw?.layer),
     );
     return words === "…" ? "" : `Pixel ${at[0]}, ${at[1]}: ${words}`;
   }
 
-  function meanOf(now) {
-    const image = now.layer ? null : raw?.image;
-    const box = image && image.fullWidth > image.width ? Math.ceil(image.fullWidth / image.width) : 1;
-    return box > 1 && element("span", {}, `mean of ${box}² pixels`);
-  }
-
   function rawWords(at, { frame, isLive }) {
     if (raw?.frame !== frame) raw = null;
-    if (!raw || (!raw.pending && isLive && Date.now() - raw.at > 1000 * RAW_AGE_S)) fetchRaw(frame);
-    return raw.image ? raw.image.words(...at) : "…";
+    const isOld = raw?.whileLive && !raw.pending && (!isLive || Date.now() - raw.at > 1000 * RAW_AGE_S);
+    if (!raw || isOld) fetchRaw(frame, isLive);
+    return raw.layer ? wordsAt(raw.layer, ...at).numbers : "…";
   }
 
-  async function fetchRaw(frame) {
-    const mine = { frame, at: Date.now(), image: raw?.image ?? null, pending: true };
+  async function fetchRaw(frame, whileLive) {
+    const mine = { frame, whileLive, at: Date.now(), layer: raw?.layer ?? null, pending: true };
     raw = mine;
     try {
-      mine.image = await rawOf(job, frame);
+      mine.layer = await rawOf(job, frame);
     } catch (failure) {
       if (!failure.problem) write(root, failure.message);
     }
@@ -63,7 +57,7 @@ export function pixelValues(job, shown, layerOfIds) {
   }
 
   // Paths of the prims at a pixel; the part that tells is fetched when it is first asked.
-  function prims(at, { frame, size }) {
+  function prims(at, { frame }) {
     if (ids?.frame !== frame) {
       const mine = { frame, layer: null };
       ids = mine;
@@ -73,8 +67,7 @@ export function pixelValues(job, shown, layerOfIds) {
       }, () => {});
     }
     const { layer } = ids;
-    if (!layer) return [];
-    return namesAt(layer, Math.floor(((at[0] + 0.5) * layer.fullWidth) / size[0]), Math.floor(((at[1] + 0.5) * layer.fullHeight) / size[1]));
+    return layer ? namesAt(layer, ...at) : [];
   }
 
   // The 8-bit values that are seen there.
@@ -95,8 +88,8 @@ export function pixelValues(job, shown, layerOfIds) {
   };
 }
 
-export async function rawOf(job, frame) {
-  const which = frame === null ? "" : `&frame=${frame}`;
-  const response = await call("GET", jobPath(job, `/preview?format=raw${which}`), { accept: "*/*" });
-  return decodeRaw(await response.arrayBuffer());
+// Where a layer has fewer pixels than the picture.
+export function coarse(layer) {
+  if (!layer || layer.step === 1) return null;
+  return element("span", {}, layer.isMean ? `mean of ${layer.step}² pixels` : `one of ${layer.step}² pixels`);
 }

@@ -5,7 +5,8 @@ import { drop, fetchPicture } from "./picture.js";
 const AGAIN_S = 0.15; // after there was no picture where one was expected
 const ASK_S = 4; // a worker writes pictures only while somebody asks; it forgets after 10 s
 
-// `onImage(image, before)`: the next <img>, null as long as the last is still right; `onScale` and `onTrouble` tell the rest.
+// `onImage(image, before, size)`: the next <img>, the one that it takes the place of, the whole picture's size; `onScale` and
+// `onTrouble` tell the rest.
 export function served(job, { onImage, onScale, onTrouble }) {
   let state = {};
   let front = null; // the <img> that is seen
@@ -30,7 +31,7 @@ export function served(job, { onImage, onScale, onTrouble }) {
     let pause = ASK_S;
     try {
       const found = await fetchPicture(job, state, tag);
-      if (found.image) swap(found.image);
+      if (found.image) swap(found.image, found.size);
       [tag, shownAs] = [found.tag, source];
       if (!isPaused) onScale(found.scale);
       onTrouble("");
@@ -51,14 +52,14 @@ export function served(job, { onImage, onScale, onTrouble }) {
   const seen = () => !document.hidden && isWanted && ask();
   document.addEventListener("visibilitychange", seen);
 
-  function swap(next) {
+  function swap(next, size) {
     if (closed) {
       drop(next);
       return;
     }
     const before = front;
     front = next;
-    onImage(next, before);
+    onImage(next, before, size);
     drop(before);
   }
 

@@ -49,7 +49,6 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
     sheet.style.transform = `translate(${left}px, ${top}px) scale(${scale})`;
     sheet.classList.toggle("pixelated", scale * devicePixelRatio >= 2);
     root.classList.toggle("moved", !fitted);
-    mark.style.outlineWidth = `${1.5 / scale}px`;
     sheet.style.setProperty("--scale", String(scale));
     write(zoomText, width ? `${Math.round(100 * scale)} %` : "");
   }
@@ -171,7 +170,7 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
 
   const tools = element(
     "div",
-    { class: "tools", role: "group", "aria-label": "Zoom" },
+    { class: "tools", role: "group", "aria-label": "On the picture" },
     button("−", () => zoom(1 / STEP), { "aria-label": "Zoom out" }),
     zoomText,
     button("+", () => zoom(STEP), { "aria-label": "Zoom in" }),

@@ -2,22 +2,20 @@
 // numbers). With values under the pointer, exposure, channels, false colours and a histogram.
 
 import { choice, button, element, field, fill, write } from "../base/dom.js";
-import { HALF } from "../base/half.js";
 import { histogram } from "../layers/histogram.js";
 import { paint } from "../layers/paint.js";
 import { legend } from "./legend.js";
+import { EXPOSE_AFTER_S, KEY_STOPS, LOOKS, lookOf } from "./looks.js";
 import { partsOf } from "./parts.js";
 import { region } from "./region.js";
-import { pixelValues, rawOf } from "./pixel_values.js";
+import { pixelValues } from "./pixel_values.js";
+import { rawOf } from "./raw_image.js";
 import { served } from "./served.js";
 import { stage } from "./stage.js";
 
 const VIEWS = [["beauty", "Picture"], ["error", "Error"], ["relative-error", "Error, relative"]];
 const CHANNELS = [["rgb", "Colour"], ["r", "Red"], ["g", "Green"], ["b", "Blue"], ["a", "Alpha"], ["luminance", "Luminance"]];
-const LOOKS = [["display", "Display"], ["false", "False colour"]];
 const PART = "part:";
-const EXPOSE_AFTER_S = 0.06; // a slider that is dragged asks for the last place only
-const KEY_STOPS = 0.5;
 
 export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const waiting = element("span", {}, "Waiting for the first picture");
@@ -32,6 +30,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const parts = partsOf();
   let found = null; // the parts of the frame that is shown
   let [layer, front] = [null, null]; // what is drawn here, if anything is; the server's <img>
+  let frontSize = [1, 1]; // of the whole picture
   let [isLive, closed, exposeTimer, drawing] = [true, false, 0, 0];
 
   const view = choice(VIEWS, "beauty", { on: { change: () => turnTo(view.value) } });
@@ -51,12 +50,13 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "exposure") }, "Exposure, stops"), exposure, stops, reset);
   const mark = region(board, onRegion);
   const [channelField, lookField] = [field("Channel", channel), field("Look", look)];
-  const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField, mark.toggle, board.tools);
-  const under = element("div", { class: "under" }, values.root, colors.root, meaning);
+  const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField);
+  board.tools.prepend(mark.toggle);
+  const under = element("div", { class: "under" }, element("div", {}, values.root, colors.root, meaning), board.tools);
   const root = element("div", { class: "viewer" }, board.root, under, bar, mark.panel, note, counts.root);
 
   const isPart = () => state.view.startsWith(PART);
-  const size = () => (layer ? [layer.fullWidth, layer.fullHeight] : [front?.naturalWidth ?? 1, front?.naturalHeight ?? 1]);
+  const size = () => (layer ? [layer.fullWidth, layer.fullHeight] : frontSize);
 
   function shown() {
     return { frame: state.frame, layer: isPart() ? layer : null, image: layer ? canvas : front, size: size(), isLive };
@@ -102,7 +102,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
     exposureField.hidden = kind !== "color" && isPart();
   }
 
-  const drawsHere = () => isPart() || (state.view === "beauty" && state.look === "false");
+  const drawsHere = () => isPart() || (state.view === "beauty" && state.look !== "display");
 
   // One drawing at a time counts: the newest.
   async function draw() {
@@ -121,12 +121,13 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
     }
     try {
       const next = await layerNow();
+      const seen = next && (await lookOf(state.look, next, state.exposure, state.channel));
       if (mine !== drawing || closed || !next) return;
       pictures.pause(isPart());
       layer = next;
       write(note, "");
-      write(meaning, isPart() ? aboutOf(next) : "");
-      colors.tell(paint(canvas, next, { stops: state.exposure, channel: state.channel, isFalse: state.look === "false" }));
+      write(meaning, isPart() ? aboutOf(next, seen, state.look) : "");
+      colors.tell(paint(canvas, next, seen));
       counts.show(next, state.exposure);
       canvas.hidden = false;
       if (front) front.hidden = true;
@@ -139,7 +140,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   }
 
   async function layerNow() {
-    if (!isPart()) return layerOfRaw(await rawOf(job, state.frame));
+    if (!isPart()) return rawOf(job, state.frame);
     found = await parts.of(state.frame);
     const chosen = found?.layers.find(({ key }) => PART + key === state.view);
     return chosen ? found.read(chosen) : null;
@@ -150,7 +151,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
     counts.show(null);
     if (state.view !== "beauty" || !front) return;
     counts.later(async () => {
-      const made = layerOfRaw(await rawOf(job, state.frame));
+      const made = await rawOf(job, state.frame);
       return mine === drawing ? [made, state.exposure] : null;
     });
   }
@@ -162,10 +163,10 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
     return best ? opened.read(best) : null;
   }
 
-  function onImage(next, before) {
+  function onImage(next, before, whole) {
     next.hidden = layer !== null;
-    front = next;
-    if (!layer) board.size(next.naturalWidth, next.naturalHeight);
+    [front, frontSize] = [next, whole];
+    if (!layer) board.size(...whole);
     board.sheet.prepend(next);
     hasPicture();
     if (!before) onFirst();
@@ -181,7 +182,10 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   // The parts that there are to choose from now.
   async function offer() {
     const frame = state.frame;
-    const now = await parts.of(frame).catch((failure) => (write(note, `Its parts cannot be shown: ${failure.message}`), null));
+    const now = await parts.of(frame).catch((failure) => {
+      if (!closed) write(note, `Its parts cannot be shown: ${failure.message}`);
+      return null;
+    });
     if (closed || frame !== state.frame) return;
     found = now;
     const before = view.value;
@@ -226,22 +230,17 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
       closed = true;
       clearTimeout(exposeTimer);
       pictures.close();
+      parts.close();
       board.close();
     },
   };
 }
 
-function aboutOf({ meaning, kind, step }) {
-  const plain = kind === "color" && "Drawn as plain sRGB, without the picture’s view";
-  const sparse = step > 1 && `Of its rows and columns, one in ${step} is shown`;
-  return [meaning, plain, sparse].filter(Boolean).join(". ");
+function aboutOf(layer, { view, isFalse }, look) {
+  const why = !layer.isLight ? ": it is no light" : look === "display" ? ": its colour space is not known here" : "";
+  const seen = layer.kind === "color" && !isFalse && (view ? `Seen as the PNG is, through “${view.view}”` : `Drawn as plain sRGB${why}`);
+  const sparse = layer.step > 1 && `Of its rows and columns, one in ${layer.step} is shown`;
+  return [layer.meaning, seen, sparse].filter(Boolean).join(". ");
 }
 
 const option = ([value, text]) => element("option", { value }, text);
-
-// A raw preview as a layer of colours.
-function layerOfRaw(raw) {
-  const planes = raw.color.map((plane) => Float32Array.from(plane, (bits) => HALF[bits]));
-  const { width, height } = raw;
-  return { kind: "color", key: "raw", names: ["R", "G", "B"], planes, width, height, step: 1, fullWidth: width, fullHeight: height, meaning: "" };
-}

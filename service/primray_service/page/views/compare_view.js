@@ -1,37 +1,44 @@
-// Two pictures on top of each other: a slider between them (a wipe), one after the other (a flicker), or their difference, at one
-// exposure, with the values of both under the cursor. The difference and its measures are computed here, from the half floats.
+// Two pictures, or two parts of pictures' files, on top of each other: a slider between them (a wipe), one after the other (a
+// flicker), their difference, and how many of its standard errors that is; with the values of both under the cursor.
 
 import { get, jobPath } from "../base/api.js";
 import { button, choice, element, field, fill, write } from "../base/dom.js";
 import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
 import { TERMINAL } from "../base/words.js";
-import { compareSide } from "../picture/compare_side.js";
+import { differenceOf, paintDeviations, paintDifference, unlike } from "../layers/difference.js";
+import { indexAt } from "../layers/values.js";
+import { PICTURE, compareSide } from "../picture/compare_side.js";
 import { divider } from "../picture/divider.js";
-import { compared, drawDifference } from "../picture/raw_image.js";
+import { legend } from "../picture/legend.js";
+import { EXPOSE_AFTER_S, KEY_STOPS, LOOKS } from "../picture/looks.js";
 import { stage } from "../picture/stage.js";
 import { nameOf } from "./jobs_view.js";
 
-const MODES = [["split", "Slider"], ["flicker", "Flicker"], ["a", "A"], ["b", "B"], ["difference", "Difference"]];
+const MODES = [["split", "Slider"], ["flicker", "Flicker"], ["a", "A"], ["b", "B"], ["difference", "Difference"], ["deviations", "Difference ÷ error"]];
+const OF_BOTH = ["difference", "deviations"];
+const KEYS = { a: "a", b: "b", w: "split", f: "flicker", d: "difference", s: "deviations" };
 const FLICKER_S = 0.7; // each of the two is seen: no faster than people may safely be shown changes (WCAG 2.3.1: 3 flashes a second)
-const LOOKS = [["display", "As the PNG"], ["srgb", "Plain sRGB"]];
+const SAME = ""; // B shows what A does
 const OFFERED = 100; // jobs in each list
 const LOOK_EVERY_S = 3; // while one of the two goes on
-const EXPOSE_AFTER_S = 0.06;
-const KEY_STOPS = 0.5;
 
 export function compareView(root, [first, second]) {
   const trouble = element("div", {});
   const pickers = element("div", { class: "bar" });
   const values = element("output", { class: "values two", "aria-label": "Values of the pixel under the cursor" });
-  const keys = { words: "A and B show one of them, Space the other, W wipes, F flickers, D shows the difference, E and Shift E expose", press: onKey };
+  const keys = { words: "A and B show one of them, Space the other, W wipes, F flickers, D shows the difference, S that in its standard errors, E and Shift E expose", press: onKey };
   const board = stage("The two pictures", { onPixel: tellPixel, keys });
   const [a, b] = [compareSide(first), compareSide(second)];
   const canvas = element("canvas", {});
   const tags = [element("span", { class: "tag left" }, "A"), element("span", { class: "tag right" }, "B")];
   const line = divider(board, place);
-  board.sheet.prepend(a.layer, b.layer, canvas);
+  const colors = legend();
+  board.sheet.prepend(a.root, b.root, canvas);
   board.root.append(line.root, ...tags);
+  const asked = new URLSearchParams(location.hash.split("?")[1]);
+  const view = choice([], null, { on: { change: turn } });
+  const other = choice([], null, { on: { change: turn } });
   const split = element("input", { type: "range", min: "0", max: "100", step: "0.5", value: "50", on: { input: arrange } });
   const exposure = element("input", { type: "range", min: "-8", max: "8", step: "0.25", value: "0", on: { input: expose } });
   const gain = element("input", { type: "range", min: "0", max: "8", step: "0.5", value: "3", on: { input: expose } });
@@ -47,13 +54,17 @@ export function compareView(root, [first, second]) {
     "section",
     { class: "viewer", hidden: true, "aria-label": "The two pictures" },
     board.root,
-    element("div", { class: "under" }, values),
-    element("div", { class: "bar" }, mode, splitField, gainField, exposureField, lookField, frameField, board.tools),
+    element("div", { class: "under" }, element("div", {}, values, colors.root), board.tools),
+    mode,
+    element("div", { class: "bar" }, field("View", view), field("B shows", other), splitField, gainField, exposureField, lookField, frameField),
     numbers,
   );
   frameField.hidden = true;
   let shown = "split";
-  let [closed, timer, exposeTimer, flickerTimer] = [false, 0, 0, 0];
+  let found = null; // the difference of the two; null where there is none
+  let names = [asked.get("view") ?? PICTURE, asked.get("b") ?? SAME]; // of what A and B show
+  let scales = {}; // what colours mean: of both, of their difference, of deviations
+  let [closed, timer, exposeTimer, flickerTimer, loading, drawing] = [false, 0, 0, 0, 0, 0];
   let isB = false;
   fill(root, element("h1", {}, "Compare"), pickers, trouble, picture);
 
@@ -70,7 +81,7 @@ export function compareView(root, [first, second]) {
   }
 
   function onKey(key) {
-    const name = { a: "a", b: "b", w: "split", f: "flicker", d: "difference" }[key];
+    const name = KEYS[key];
     if (name) choose(name);
     else if (key === " ") choose(shown === "a" ? "b" : "a");
     else if (key === "e" || key === "E") {
@@ -116,98 +127,142 @@ export function compareView(root, [first, second]) {
     const list = (name, side, go) => field(name, choice(options, side.id ?? "", { on: { change: (event) => go(event.target.value) } }));
     const swap = button("Swap", () => go(b.id ?? "", a.id ?? ""));
     fill(pickers, list("A", a, (id) => go(id, b.id ?? "")), list("B", b, (id) => go(a.id ?? "", id)), swap);
-    if (items.length < 2) fill(trouble, element("p", { class: "note" }, "There are not two jobs to compare yet."));
+    if (items.length === 0) fill(trouble, element("p", { class: "note" }, "There is no job to compare yet."));
   }
 
   // The address says what is compared, so that it can be kept and sent to others.
+  function address(one, two) {
+    const shows = new URLSearchParams([...(names[0] === PICTURE ? [] : [["view", names[0]]]), ...(names[1] === SAME ? [] : [["b", names[1]]])]).toString();
+    return `#/compare/${encodeURIComponent(one || "-")}${two ? `/${encodeURIComponent(two)}` : ""}${shows && `?${shows}`}`;
+  }
+
   function go(one, two) {
-    location.hash = `#/compare/${encodeURIComponent(one || "-")}${two ? `/${encodeURIComponent(two)}` : ""}`;
+    location.hash = address(one, two);
+  }
+
+  function turn() {
+    names = [view.value, other.value];
+    history.replaceState(null, "", address(a.id, b.id));
+    load();
   }
 
   async function load() {
     clearTimeout(timer);
     if (!a.id || !b.id) {
-      fill(trouble, element("p", { class: "note" }, "Choose two jobs."));
+      fill(trouble, element("p", { class: "note" }, "Choose two jobs, or one job twice to compare two of its parts."));
       return;
     }
+    const mine = ++loading;
     try {
       const number = Math.round(Number(frame.value)) || 1;
-      const changed = await Promise.all([a.load(number), b.load(number)]);
-      if (closed) return;
+      const changed = await Promise.all([a.load(number, names[0]), b.load(number, names[1] || names[0])]);
+      if (closed || mine !== loading) return;
       const most = Math.max(...[a, b].map(({ job }) => job.progress?.frames?.total ?? 1));
       frameField.hidden = most < 2;
       frame.max = String(most);
-      fill(trouble, notes());
+      offerViews();
       if (changed.some(Boolean)) {
-        if (sameSize()) tellNumbers(compared(a.raw, b.raw));
-        else fill(numbers);
-        await draw();
+        found = canDiffer() ? differenceOf(a.layer, b.layer) : null;
+        fill(numbers, found?.facts.map(([name, text]) => element("div", {}, element("dt", {}, name), element("dd", {}, text))));
       }
+      fill(trouble, notes());
+      if (changed.some(Boolean)) await draw();
       if ([a, b].some(({ job }) => !TERMINAL.has(job.state))) timer = setTimeout(load, 1000 * LOOK_EVERY_S);
     } catch (failure) {
-      if (closed) return;
+      if (closed || mine !== loading) return;
       fill(trouble, problemBox(failure.problem ?? { title: "The two cannot be compared", detail: failure.message }, { retry: load }));
     }
   }
 
+  // What A has, and what B has; a name that an address asks for stays, though neither may have it.
+  function offerViews() {
+    const listed = (all, name) => (all.includes(name) ? all : [...all, name]).map((each) => [each, each]);
+    options(view, listed(a.names, names[0]), names[0]);
+    options(other, [[SAME, "the same"], ...listed(b.names, names[1] || PICTURE)], names[1]);
+  }
+
+  const canDiffer = () => Boolean(a.layer && b.layer) && unlike(a.layer, b.layer) === "";
+
   function notes() {
+    const lacking = [["A", a, names[0]], ["B", b, names[1] || names[0]]].filter(([, { layer }]) => !layer).map(([side, , name]) => `${side} has no “${name}”.`);
+    const reason = a.layer && b.layer ? unlike(a.layer, b.layer) : "";
+    const fitted = size(a) !== size(b) ? " Each is shown as large as the other, in its own shape." : "";
     const going = [a, b].some(({ job }) => !TERMINAL.has(job.state));
     return [
-      !sameSize() && element("p", { class: "note" }, `The sizes differ (${size(a.raw)} and ${size(b.raw)}): B is fitted into A’s size in its own shape, and there is no difference to compute.`),
+      ...lacking.map((text) => element("p", { class: "note" }, text)),
+      reason && element("p", { class: "note" }, `${reason}: there is no difference to compute.${fitted}`),
       going && element("p", { class: "note" }, "At least one of the two is not finished: what is shown follows it."),
     ];
   }
 
-  const size = (raw) => `${raw.fullWidth} × ${raw.fullHeight}`;
-  const sameSize = () => a.raw.width === b.raw.width && a.raw.height === b.raw.height && a.raw.fullWidth === b.raw.fullWidth;
+  const size = ({ layer }) => `${layer?.fullWidth} × ${layer?.fullHeight}`;
+
+  // As large as the larger of the two, in A's shape.
+  function sheetSize() {
+    const [one, two] = [a.layer ?? b.layer, b.layer ?? a.layer];
+    const scale = Math.max(1, Math.min(two.fullWidth / one.fullWidth, two.fullHeight / one.fullHeight));
+    return [one.fullWidth, one.fullHeight].map((side) => Math.round(scale * side));
+  }
 
   async function draw() {
-    if (!a.raw || !b.raw) return;
-    const value = Number(exposure.value);
+    if (!a.layer && !b.layer) return;
+    const mine = ++drawing;
     picture.hidden = false;
-    board.size(a.raw.width, a.raw.height);
-    if (sameSize()) drawDifference(canvas, a.raw, b.raw, value, 2 ** Number(gain.value));
-    arrange();
+    board.size(...sheetSize());
     try {
-      await Promise.all([a.show(look.value, value), b.show(look.value, value)]);
+      const beside = (side) => (canDiffer() ? side.layer : undefined);
+      const stopsNow = Number(exposure.value);
+      const [ofA, ofB] = await Promise.all([a.show(look.value, stopsNow, beside(b)), b.show(look.value, stopsNow, beside(a))]);
+      if (closed || mine !== drawing) return;
+      scales = { both: ofA ?? ofB };
+      arrange();
     } catch (failure) {
-      if (!failure.problem || closed) return;
-      fill(trouble, problemBox(failure.problem, { retry: draw }));
+      if (closed) return;
+      fill(trouble, problemBox(failure.problem ?? { title: "The two cannot be shown", detail: failure.message }, { retry: draw }));
     }
   }
 
-  function tellNumbers({ rmse, relmse, largest, at, equal }) {
-    const pairs = equal
-      ? [["Difference", "none: every value is the same"]]
-      : [["Root of the mean square", format.error(rmse)], ["relMSE of A against B", format.error(relmse)], ["Largest", `${format.error(largest)} at ${at.join(", ")}`]];
-    fill(numbers, pairs.map(([name, text]) => element("div", {}, element("dt", {}, name), element("dd", {}, text))));
+  function paintBoth() {
+    if (!found || !OF_BOTH.includes(shown)) return;
+    const factor = 2 ** (Number(exposure.value) + Number(gain.value));
+    scales[shown] = shown === "difference" ? paintDifference(canvas, a.layer, found, factor) : paintDeviations(canvas, a.layer, found);
   }
 
   function arrange() {
-    if (shown === "difference" && a.raw && !sameSize()) shown = "split";
+    const isThere = (name) => !OF_BOTH.includes(name) || (name === "difference" ? found : found?.deviations);
+    if (!isThere(shown)) shown = "split";
+    for (const tool of mode.children) {
+      tool.disabled = !isThere(tool.dataset.mode);
+      tool.setAttribute("aria-pressed", String(tool.dataset.mode === shown));
+    }
     const now = shown === "flicker" ? (isB ? "b" : "a") : shown;
-    for (const tool of mode.children) tool.setAttribute("aria-pressed", String(tool.dataset.mode === shown));
+    const isColor = [a, b].some(({ layer }) => layer?.kind === "color");
     splitField.hidden = shown !== "split";
-    gainField.hidden = shown !== "difference";
-    lookField.hidden = shown === "difference";
-    tags[0].hidden = a.layer.hidden = !["split", "a"].includes(now);
-    tags[1].hidden = b.layer.hidden = !["split", "b"].includes(now);
-    canvas.hidden = shown !== "difference";
-    b.layer.style.clipPath = shown === "split" ? `inset(0 0 0 ${split.value}%)` : "";
+    gainField.hidden = shown !== "difference" || !isColor;
+    exposureField.hidden = !isColor || shown === "deviations";
+    lookField.hidden = !isColor || OF_BOTH.includes(shown);
+    tags[0].hidden = a.root.hidden = !["split", "a"].includes(now);
+    tags[1].hidden = b.root.hidden = !["split", "b"].includes(now);
+    canvas.hidden = !OF_BOTH.includes(shown);
+    paintBoth();
+    colors.tell(scales[OF_BOTH.includes(shown) ? shown : "both"] ?? null);
+    b.root.style.clipPath = shown === "split" ? `inset(0 0 0 ${split.value}%)` : "";
     split.setAttribute("aria-valuetext", `A to ${split.value} %, B after`);
     picture.dataset.shown = shown;
-    line.show(shown === "split" && a.raw !== null, Number(split.value));
+    line.show(shown === "split" && !picture.hidden, Number(split.value));
   }
 
   function tellPixel(at) {
-    if (!at || !a.raw || !b.raw) {
+    if (!at || picture.hidden) {
       write(values, "");
       return "";
     }
-    const words = a.raw.words(...at);
-    const other = sameSize() ? b.raw.words(...at) : "";
-    fill(values, element("span", {}, `x ${at[0]}, y ${at[1]}`), element("span", { class: "numbers" }, `A ${words}`), element("span", { class: "numbers" }, other && `B ${other}`));
-    return `Pixel ${at[0]}, ${at[1]}: A ${words}, B ${other}`;
+    const [ofA, ofB] = [a, b].map((side) => side.wordsOf(at, sheetSize()));
+    const deviation = found?.deviations?.[indexAt(a.layer, ...at)];
+    const apart = Number.isFinite(deviation) ? `${format.error(deviation)} standard errors apart` : "";
+    const told = [ofA && `A ${ofA}`, ofB && `B ${ofB}`, apart].filter(Boolean);
+    fill(values, element("span", {}, `x ${at[0]}, y ${at[1]}`), told.map((words) => element("span", { class: "numbers" }, words)));
+    return `Pixel ${at[0]}, ${at[1]}: ${told.join(", ")}`;
   }
 
   start();
@@ -221,4 +276,14 @@ export function compareView(root, [first, second]) {
     a.close();
     b.close();
   };
+}
+
+// The options of a list, left alone where they are the same: it may be open.
+function options(list, wanted, chosen) {
+  const text = JSON.stringify(wanted);
+  if (list.dataset.options !== text) {
+    list.dataset.options = text;
+    fill(list, wanted.map(([value, words]) => element("option", { value }, words)));
+  }
+  list.value = chosen;
 }

@@ -73,7 +73,8 @@ export function jobsView(root) {
     if (kept.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value || words.length ? "No job is like that." : "There are no jobs yet. ", !state.value && !words.length && element("a", { href: "#/" }, "Make the first")));
     const back = cursors.length > 1 && button("Page before", () => (cursors.pop(), load()));
     const on = next && button("Next page", () => (cursors.push(next), load()));
-    fill(pages, back, on);
+    const looked = words.length > 0 && next && element("span", { class: "note" }, `Looked for in the ${order.value === "desc" ? "newest" : "oldest"} ${SEARCHED} jobs.`);
+    fill(pages, back, on, looked);
   }
 
   function row(job) {
@@ -117,10 +118,11 @@ function labelOf(text) {
 
 export const otherLabels = (job) => Object.fromEntries(Object.entries(job.labels ?? {}).filter(([name]) => name !== "name"));
 
-// A small picture, where there is one: its address has what it shows, so that a browser keeps it.
+// A small picture, where there is one. A browser keeps what an address has shown in this document: the fragment makes that of
+// other samples another.
 function thumb(job) {
   if (!(job.progress?.samples_done > 0)) return element("span", { class: "thumb" });
-  return element("img", { class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: jobPath(job.id, "/preview?width=160&format=jpeg") });
+  return element("img", { class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: `${jobPath(job.id, "/preview?width=160&format=jpeg")}#${job.progress.samples_done}` });
 }
 
 export const nameOf = (job) => `${job.name || job.labels?.name || job.scene?.name || job.scene?.entry || "scene"} ${format.shortId(job.id)}`;

@@ -1,0 +1,54 @@
+// The view that the server's pictures are seen through, as a table of it (pictures/view_table.py): what is drawn here looks as
+// its PNG does.
+
+import { call } from "../base/api.js";
+
+// Linear spaces that the server has a table for (pictures/request.py), by the ids that files name.
+export const SPACES = ["lin_rec709_scene", "lin_ap1_scene", "lin_ap0_scene", "lin_p3d65_scene", "lin_rec2020_scene", "lin_adobergb_scene"];
+const asked = new Map();
+
+// Of light in a space: resolves to {display, view, shade}; null where there is none for the space. Fetched once.
+export function serversView(space) {
+  if (!SPACES.includes(space)) return null;
+  if (!asked.has(space)) {
+    const fetching = fetchTable(space);
+    asked.set(space, fetching);
+    fetching.catch(() => asked.delete(space));
+  }
+  return asked.get(space);
+}
+
+async function fetchTable(space) {
+  const response = await call("GET", `/page/view-table?space=${space}`, { accept: "*/*" });
+  return viewOf(await response.arrayBuffer());
+}
+
+export function viewOf(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const { side, least, most, display, view } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const table = new Uint8Array(buffer, 4 + length);
+  const bottom = Math.log2(least);
+  const steps = (side - 1) / (Math.log2(most + least) - bottom);
+  const [overRed, overGreen, overBlue] = [3 * side * side, 3 * side, 3];
+
+  // The place of a value on a side of the cube, from 0 to side - 1; what is not finite is black, as in the PNG.
+  const place = (value) => (value > 0 && value < Infinity ? Math.min(side - 1, steps * (Math.log2(value + least) - bottom)) : 0);
+
+  // Writes the 8-bit values of a colour to data[to...], between the corners of the tetrahedron that it is in.
+  function shade(data, to, red, green, blue) {
+    const [x, y, z] = [place(red), place(green), place(blue)];
+    const [i, j, k] = [Math.min(side - 2, x | 0), Math.min(side - 2, y | 0), Math.min(side - 2, z | 0)];
+    let [a, b, c] = [x - i, y - j, z - k]; // falling, with the steps that they are of
+    let [one, two, three] = [overRed, overGreen, overBlue];
+    if (a < b) [a, b, one, two] = [b, a, two, one];
+    if (b < c) [b, c, two, three] = [c, b, three, two];
+    if (a < b) [a, b, one, two] = [b, a, two, one];
+    const first = overRed * i + overGreen * j + overBlue * k;
+    const [second, third, last] = [first + one, first + one + two, first + one + two + three];
+    for (let n = 0; n < 3; n += 1) {
+      data[to + n] = (1 - a) * table[first + n] + (a - b) * table[second + n] + (b - c) * table[third + n] + c * table[last + n];
+    }
+  }
+
+  return { display, view, shade };
+}
