@@ -14,4 +14,4 @@ for range in 0:16 16:32; do
 done
 wait
 
-primray merge "${parts[@]}" -o "$out/whole.exr"
+primray merge "${parts[@]}" -o "$out/whole.exr" -o "$out/whole.png"

@@ -62,7 +62,7 @@ def faults(browser: Any, url: str, shots: Path | None) -> Iterator[str]:
                 page.screenshot(path=shots / f"{name.replace('/', '-')}-{scheme}-{width}.png")
         page.goto(f"{url}/search.html?q={SEARCHED}")
         results = page.locator("#search-results li a")
-        results.filter(has_text=FOUND).first.wait_for(timeout=20_000)
+        results.filter(has_text=FOUND).first.wait_for(timeout=60_000)
         page.evaluate(axe)
         yield from (f"search, {scheme}, {width} pixels: {each}" for each in [*page.evaluate(RUN), *wrong])
         if shots:

@@ -17,6 +17,7 @@ from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 from http_reference import http_reference
+from outputs import write_outputs
 
 ROOT = Path(__file__).resolve().parents[2]
 WORK = ROOT / "build/site"
@@ -53,6 +54,7 @@ def main() -> None:
     (SOURCE / "docs/site/reference/library.md").write_text(library(), encoding="utf-8")
     (SOURCE / "docs/site/reference/command-line.md").write_text(command_line(), encoding="utf-8")
     (SOURCE / "docs/site/reference/http.md").write_text(http_reference(ROOT / "schemas/openapi.json"), encoding="utf-8")
+    write_outputs(SOURCE / "examples")
     sphinx = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-c", ROOT / "docs/site", SOURCE, HTML]
     if (ended := subprocess.run(sphinx).returncode) != 0:
         sys.exit(ended)

@@ -98,6 +98,15 @@ def test_the_conda_recipe_is_of_this_version() -> None:
             assert listed[own.get(name, name)] == version, name
 
 
-def test_the_conda_recipe_can_be_read() -> None:
+def test_the_conda_recipe_is_rendered_for_every_python() -> None:
+    """As `rattler-build build --render-only` does it: no channel is asked."""
     rattler = pytest.importorskip("rattler_build", reason="no py-rattler-build")
-    assert rattler.Stage0Recipe.from_file(str(ROOT / "deploy/conda/recipe.yaml"))
+    recipe = rattler.Stage0Recipe.from_file(str(ROOT / "deploy/conda/recipe.yaml"))
+    pythons = [python.removeprefix("cp3") for python in JOBS["wheels"]["strategy"]["matrix"]["python"]]
+    variants = rattler.VariantConfig({"python": [f"3.{minor}.* *_cp3{minor}" for minor in pythons]})
+    platform = rattler.PlatformConfig(target_platform="linux-64", build_platform="linux-64", host_platform="linux-64")
+    rendered = [each.recipe.to_dict() for each in recipe.render(variants, rattler.RenderConfig(platform=platform))]
+    assert [each["build"]["string"][: len("py311")] for each in rendered] == [f"py3{minor}" for minor in pythons]
+    for each in rendered:
+        assert each["requirements"]["build"][0] == "gxx_linux-64"
+        assert all((ROOT / path).exists() for test in each["tests"] for path in test["files"]["source"])

@@ -169,7 +169,7 @@ back = np.array([(-3, -1, -1.6), (3, -1, -1.6), (3, 2.5, -1.6), (-3, 2.5, -1.6)]
 scene.mesh("/room/wall", back, [[0, 1, 2, 3]], "wall")
 
 # A low sun behind on the left, a window's cool light from the right, a warm pool on the wall.
-scene.ball_light("/lights/sun", (-0.85, 1.15, -1.4), 0.22, 250, (1, 0.72, 0.42))
+scene.ball_light("/lights/sun", (-0.85, 1.15, -1.4), 0.25, 200, (1, 0.72, 0.42))
 scene.rect_light("/lights/window", (1.3, 0.9, 0.5), (0, 0.05, 0), (0.7, 1.1), 0.5, (0.62, 0.78, 1))
 scene.rect_light("/lights/strip", (-0.9, 0.5, 0.35), (0, 0.1, 0), (0.15, 0.8), 1.2, (1, 0.9, 0.8))
 scene.rect_light("/lights/pool", (0.05, -0.25, -1.2), (0.05, 0.1, -1.6), (0.6, 0.2), 22, (1, 0.62, 0.36))

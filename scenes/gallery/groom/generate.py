@@ -121,10 +121,10 @@ def ellipsoid(path: str, at: Triple, radii: Triple, material: str, turn: Triple 
     scene.bind(made.GetPrim(), material)
 
 
-scene = Scene(__file__, "A small shaggy beast, of instanced tufts, beside a ball of yarn.")
+scene = Scene(__file__, "A small shaggy beast beside a ball of yarn.")
 scene.camera(eye=(0.12, 0.16, 1.1), at=(0.055, 0.132, 0), focal_length=62, f_stop=2.8, focus=(0, 0.14, 0.08))
 
-hair("fur", (0.5, 0.19, 0.055), (0.92, 0.68, 0.4), 0.36, 0.4)
+hair("fur", (0.42, 0.14, 0.04), (0.84, 0.53, 0.25), 0.36, 0.4)
 scene.material("skin", base_color=(0.16, 0.07, 0.03), specular_weight=0.0)
 scene.material("paws", base_color=(0.16, 0.075, 0.045), fuzz_weight=0.8, fuzz_color=(0.8, 0.55, 0.4), specular_roughness=0.6)
 scene.material("nose", base_color=(0.05, 0.022, 0.02), specular_roughness=0.32, coat_weight=0.3, coat_roughness=0.25)
@@ -255,7 +255,7 @@ points = np.array([(x, y, z) for z, y in sweep for x in (-3.0, 3.0)])
 faces = [[2 * i, 2 * i + 1, 2 * i + 3, 2 * i + 2] for i in range(len(sweep) - 1)]
 scene.mesh("/room/sweep", points, faces, "floor", subdivision="catmullClark")
 
-scene.rect_light("/lights/key", (-0.7, 0.8, 0.9), (0, 0.12, 0), (0.6, 0.6), 24, (1, 0.86, 0.7))
+scene.rect_light("/lights/key", (-0.7, 0.8, 0.9), (0, 0.12, 0), (0.6, 0.6), 17, (1, 0.86, 0.7))
 scene.rect_light("/lights/rim", (0.85, 0.75, -0.75), (0, 0.13, 0), (0.35, 0.7), 19, (0.62, 0.82, 1))
 scene.rect_light("/lights/glow", (-0.9, 0.55, -0.75), (0, 0.15, 0), (0.3, 0.6), 22, (1, 0.62, 0.32))
 scene.rect_light("/lights/wall", (0.3, 1.7, -0.5), (0.1, 0.5, -1.8), (0.8, 0.3), 14, (0.4, 0.75, 0.85))

@@ -56,7 +56,7 @@ def candle(name: str, at: Triple, radius: float, height: float, seed: int, drips
         t = (h - y) / long
         bulb = np.exp(-(((t - 0.9) / (0.006 / long)) ** 2) / 2)
         wide = 0.0024 * thick * (0.85 + 0.5 * bulb) / r
-        more = more + 0.0026 * thick * (0.8 + 0.6 * bulb) * np.exp(-((off / wide) ** 2)) * np.clip((1.02 - t) * 9, 0, 1)
+        more = more + 0.0038 * thick * (0.8 + 0.6 * bulb) * np.exp(-((off / wide) ** 2)) * np.clip((1.02 - t) * 9, 0, 1)
     points[:, [0, 2]] *= (1 + more * (across > 0.7 * r) / r)[:, None]
     points[:, 1] += lower * np.clip((y - h * 0.7) / (h * 0.3), 0, 1) ** 2 * (across / r) ** 2
     scene.mesh(f"/life/{name}/wax", points + np.asarray(at), faces, "wax", subdivision="catmullClark")
@@ -160,7 +160,7 @@ raised = np.zeros(len(points))
 for radius, count in ((0.0225, 16), (0.0285, 20), (0.0345, 24)):
     off = (phi * count / (2 * np.pi) + 0.5 * (radius == 0.0285)) % 1 - 0.5
     raised += np.exp(-((across - radius) ** 2 + (off * 2 * np.pi * radius / count) ** 2) / 0.0014**2)
-points[:, 1] += 0.0016 * raised * np.sign(points[:, 1])
+points[:, 1] += 0.0026 * raised * np.sign(points[:, 1])
 DISC = np.array([0.038, 0.0515, 0.03])
 c, n = np.cos(0.3), np.sin(0.3)
 points = np.stack([points[:, 0], points[:, 2], points[:, 1]], 1)[:, :] * [1, 1, 1]
@@ -213,7 +213,7 @@ stem = smoothed(
     2,
 )
 body("/life/lamp/stem", stem, 32, (GLOBE[0], 0, GLOBE[2]), "brass")
-scene.ball_light("/lights/globe", (GLOBE[0], GLOBE[1] - 0.002, GLOBE[2]), 0.016, 19, (1, 0.83, 0.62))
+scene.ball_light("/lights/globe", (GLOBE[0], GLOBE[1] - 0.002, GLOBE[2]), 0.016, 14, (1, 0.83, 0.62))
 
 top = np.array([(-1.6, 0, 0.8), (1.6, 0, 0.8), (1.6, 0, -0.5), (-1.6, 0, -0.5)])
 scene.mesh("/room/table", top, [[0, 1, 2, 3]], "table")

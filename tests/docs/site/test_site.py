@@ -28,6 +28,7 @@ def loaded_build() -> Any:
 
 
 build = loaded_build()
+SHOWN = sys.modules["outputs"].SHOWN
 
 
 def test_the_first_picture_is_made_by_its_commands(tmp_path: Path) -> None:
@@ -56,9 +57,17 @@ def test_tutorials_show_examples_that_tests_run() -> None:
     shown = {
         name for page in (SITE / "tutorials").glob("*.md") for name in re.findall(r"\{literalinclude\} (\S+)", page.read_text())
     }
-    assert shown == {
-        f"../../../examples/{name}" for name in ("command_line.sh", "service_client.py", "test_pictures.py", "farm.sh")
-    }
+    examples = ("command_line.sh", "service_client.py", "test_pictures.py", "farm.sh")
+    told = [text for text, _ in SHOWN.values()]
+    assert shown == {f"../../../examples/{name}" for name in (*examples, *(f"out/{text}" for text in told))}
+
+
+def test_tutorials_show_what_their_examples_said_and_made() -> None:
+    """The build runs them; that a page shows what is written for it is seen here."""
+    for name, (text, picture) in SHOWN.items():
+        page = (SITE / f"tutorials/{name}.md").read_text(encoding="utf-8")
+        assert f"{{literalinclude}} ../../../examples/out/{text}\n" in page
+        assert re.search(rf"{{image}} \S+/examples/out/{re.escape(picture)}\n:alt: \w", page)
 
 
 def test_references_are_of_the_code() -> None:
