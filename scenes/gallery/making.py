@@ -169,7 +169,9 @@ class Scene:
         """A dome of a latitude-longitude image (rows, columns, 3), written beside the stage; +Z is its middle column."""
         path = self.folder / name
         image = oiio.ImageOutput.create(str(path))
-        image.open(str(path), oiio.ImageSpec(radiance.shape[1], radiance.shape[0], 3, "half"))
+        spec = oiio.ImageSpec(radiance.shape[1], radiance.shape[0], 3, "half")
+        spec.attribute("DateTime", "2026:11:27 00:00:00")  # else the file would be another each time
+        image.open(str(path), spec)
         image.write_image(np.ascontiguousarray(radiance, np.float32))
         image.close()
         made = UsdLux.DomeLight.Define(self.stage, "/lights/sky")

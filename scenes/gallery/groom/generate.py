@@ -121,7 +121,7 @@ def ellipsoid(path: str, at: Triple, radii: Triple, material: str, turn: Triple 
     scene.bind(made.GetPrim(), material)
 
 
-scene = Scene(__file__, "A small shaggy beast, of instanced tufts, beside a ball of yarn.")
+scene = Scene(__file__, "A small shaggy beast beside a ball of yarn.")
 scene.camera(eye=(0.12, 0.16, 1.1), at=(0.055, 0.132, 0), focal_length=62, f_stop=2.8, focus=(0, 0.14, 0.08))
 
 hair("fur", (0.42, 0.14, 0.04), (0.84, 0.53, 0.25), 0.36, 0.4)
