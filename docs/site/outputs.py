@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 # What a tutorial shows of each: the text of a run, and a picture that it made.
@@ -18,6 +19,7 @@ SHOWN = {
 }
 # Away from the project's own settings of pytest.
 PYTEST = ("pytest", "-q", "-c", os.devnull, "--rootdir", ".", "-p", "no:cacheprovider", "--disable-warnings")
+START_S = 90.0  # on a machine that has other work
 LAMP = ("intensity = 24", "intensity = 30")
 
 
@@ -32,14 +34,19 @@ def write_outputs(examples: Path) -> None:
 
 
 def _of_service(out: Path) -> str:
-    """What the client said beside a server of its own."""
+    """What the client said beside a server of its own, whose log goes to a file: a pipe that nobody reads would stop it."""
     with tempfile.TemporaryDirectory() as data:
-        command = ["primray", "serve", "--port", "0", "--data", data]
-        server = subprocess.Popen(command, env=_environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        log = Path(data, "log")
+        with log.open("w") as told:
+            command = ["primray", "serve", "--port", "0", "--data", f"{data}/data"]
+            server = subprocess.Popen(command, env=_environment(), stdout=told, stderr=subprocess.STDOUT)
         try:
-            assert server.stdout is not None
-            address = next(found[0] for line in server.stdout if (found := re.search(r"http://127\S+:\d+", line)))
-            return _said(out, sys.executable, "../service_client.py", PRIMRAY_SERVER=address)
+            until = time.monotonic() + START_S
+            while (found := re.search(r"http://127\S+:\d+", log.read_text(encoding="utf-8"))) is None:
+                if server.poll() is not None or time.monotonic() > until:
+                    sys.exit(f"primray serve did not start:\n{log.read_text(encoding='utf-8')}")
+                time.sleep(0.05)
+            return _said(out, sys.executable, "../service_client.py", PRIMRAY_SERVER=found[0])
         finally:
             server.terminate()
             server.wait(30)
@@ -64,7 +71,13 @@ def _of_pytest(examples: Path) -> str:
 
 def _said(folder: Path, *command: str, expected: int = 0, **variables: str) -> str:
     ended = subprocess.run(
-        command, cwd=folder, env=_environment() | variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        command,
+        cwd=folder,
+        env=_environment() | variables,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=300,
     )
     if ended.returncode != expected:
         sys.exit(f"{' '.join(command)} ended with {ended.returncode}:\n{ended.stdout}")

@@ -54,6 +54,7 @@ def test_an_example_fills_the_form_which_sends_its_outputs(open_page):
     page.get_by_label("albedo", exact=True).uncheck()
     page.get_by_label("crypto object").check()
     page.get_by_label("And by name").fill("primvar:st, labels:wikidata")
+    page.get_by_label("standard errors").check()
     page.get_by_label("proxy").check()
     page.get_by_label("Width", exact=True).fill("32")
     page.get_by_label("Or after samples a pixel").fill("2")
@@ -61,6 +62,7 @@ def test_an_example_fills_the_form_which_sends_its_outputs(open_page):
         page.get_by_role("button", name="Render", exact=True).click()
     settings = sent.value.request.post_data_json["settings"]
     assert settings["aovs"] == ["depth", "normal", "prim", "crypto_object", "primvar:st", "labels:wikidata"]
+    assert settings["aov_errors"] is True
     assert settings["purposes"] == ["default", "render", "proxy"]
     assert settings["denoise"] is False
     assert sent.value.status == 202

@@ -49,6 +49,18 @@ export function field(label, control, hint) {
   return element("div", { class: "field" }, element("label", { for: control.id }, label), control, explained);
 }
 
+// A control whose name is not seen, where its place says it.
+export function labelled(name, control) {
+  control.setAttribute("aria-label", name);
+  return control;
+}
+
+// A box to tick, before its name.
+export function ticked(name, control, meaning = "") {
+  control.id ||= freshId("tick");
+  return element("div", { class: "tick", title: meaning || null }, control, element("label", { for: control.id }, name));
+}
+
 export function choice(options, chosen, attributes = {}) {
   const made = element("select", attributes, options.map(([value, text]) => element("option", { value }, text)));
   if (chosen !== undefined && chosen !== null) made.value = chosen;

@@ -2,7 +2,7 @@
 
 import { send, token } from "../base/api.js";
 import { diagnostics } from "../base/diagnostics.js";
-import { button, choice, element, field, fill, freshId, write } from "../base/dom.js";
+import { button, choice, element, field, fill, freshId, labelled, ticked, write } from "../base/dom.js";
 import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
 import { QUALITIES } from "../base/words.js";
@@ -176,16 +176,6 @@ export function sceneForm(scene, server) {
   notes.show(scene.warnings ?? []);
   const root = element("div", { class: "form-and-notes" }, form, (scene.warnings ?? []).length > 0 && notes.root);
   return { root, focus: () => submit.focus(), close: timing.close };
-}
-
-function labelled(name, control) {
-  control.setAttribute("aria-label", name);
-  return control;
-}
-
-function ticked(name, control) {
-  control.id ||= freshId("tick");
-  return element("div", { class: "tick" }, control, element("label", { for: control.id }, name));
 }
 
 const optional = (control) => (control.value === "" ? null : Number(control.value));

@@ -1,6 +1,6 @@
 // What a render is to give beside its picture: the product of the stage, AOVs, a denoised picture; and which purposes are drawn.
 
-import { choice, element, field, freshId } from "../base/dom.js";
+import { choice, element, field, labelled, ticked } from "../base/dom.js";
 
 const LOOKED_AT = ["depth", "normal", "albedo", "prim"]; // what a viewer is good for, where the stage orders nothing
 const PURPOSES = ["default", "render", "proxy", "guide"];
@@ -11,9 +11,10 @@ export function outputsChoice(facts, aovs) {
   const denoise = element("input", { type: "checkbox" });
   const ordered = facts.products.some(({ vars }) => vars.length > 0);
   const ticks = new Map(aovs.map(({ name, meaning }) => [name, tick(name, meaning, !ordered && LOOKED_AT.includes(name))]));
-  const others = element("input", { type: "text", placeholder: "primvar:NAME, labels:TAXONOMY", spellcheck: "false", autocomplete: "off" });
+  const others = element("input", { type: "text", placeholder: "primvar:NAME, labels:TAXONOMY, C<RD>.*", spellcheck: "false", autocomplete: "off" });
   const which = ordered ? choice([["ordered", "as the stage orders"], ["chosen", "these"]], "ordered", { on: { change: arrange } }) : null;
   const purposes = new Map(PURPOSES.map((name) => [name, tick(name, "", USUAL.includes(name))]));
+  const errors = element("input", { type: "checkbox" });
   const list = element("div", { class: "ticks" }, [...ticks.values()].map(({ root }) => root));
   const more = field("And by name", others);
   const root = element(
@@ -24,10 +25,10 @@ export function outputsChoice(facts, aovs) {
       "div",
       { class: "columns" },
       product && field("Product", product),
-      element("fieldset", {}, element("legend", {}, "Denoised picture"), tickRow("add one, with its own error", denoise), element("small", {}, "by primray[denoise], where the server has it")),
+      element("fieldset", {}, element("legend", {}, "Denoised picture"), ticked("add one, with its own error", denoise), element("small", {}, "by primray[denoise], where the server has it")),
       element("fieldset", {}, element("legend", {}, "Purposes that are drawn"), element("div", { class: "ticks" }, [...purposes.values()].map(({ root }) => root))),
     ),
-    element("fieldset", {}, element("legend", {}, "AOVs, as parts of the EXR"), which && labelled("Which AOVs", which), list, more),
+    element("fieldset", {}, element("legend", {}, "AOVs, as parts of the EXR"), which && labelled("Which AOVs", which), list, more, ticked("with the standard errors of those that are means of samples", errors)),
   );
 
   function arrange() {
@@ -41,6 +42,7 @@ export function outputsChoice(facts, aovs) {
     return {
       ...(product?.value && { products: [product.value] }),
       denoise: denoise.checked,
+      aov_errors: errors.checked,
       aovs: which?.value === "ordered" ? null : [...chosen, ...own],
       purposes: asked.length === 0 || asked.join() === USUAL.join() ? null : asked,
     };
@@ -52,15 +54,5 @@ export function outputsChoice(facts, aovs) {
 
 function tick(name, meaning, checked) {
   const input = element("input", { type: "checkbox", checked });
-  return { input, root: tickRow(name.replaceAll("_", " "), input, meaning) };
-}
-
-function tickRow(name, control, meaning = "") {
-  control.id ||= freshId("tick");
-  return element("div", { class: "tick", title: meaning || null }, control, element("label", { for: control.id }, name));
-}
-
-function labelled(name, control) {
-  control.setAttribute("aria-label", name);
-  return control;
+  return { input, root: ticked(name.replaceAll("_", " "), input, meaning) };
 }

@@ -121,8 +121,11 @@ export const otherLabels = (job) => Object.fromEntries(Object.entries(job.labels
 // A small picture, where there is one. A browser keeps what an address has shown in this document: the fragment makes that of
 // other samples another.
 function thumb(job) {
-  if (!(job.progress?.samples_done > 0)) return element("span", { class: "thumb" });
-  return element("img", { class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: `${jobPath(job.id, "/preview?width=160&format=jpeg")}#${job.progress.samples_done}` });
+  const none = element("span", { class: "thumb" });
+  if (!(job.progress?.pass > 0)) return none;
+  // A worker writes its first picture when it is first asked for one.
+  const on = { error: (event) => event.target.replaceWith(none) };
+  return element("img", { on, class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: `${jobPath(job.id, "/preview?width=160&format=jpeg")}#${job.progress.samples_done}` });
 }
 
 export const nameOf = (job) => `${job.name || job.labels?.name || job.scene?.name || job.scene?.entry || "scene"} ${format.shortId(job.id)}`;
