@@ -55,9 +55,10 @@ SHOWN = (
         "A street at dusk",
         "Façades of nine modules, trees, lamps and cars, all point instances, coloured house by house; hundreds of lit windows "
         "are its lights, and puddles mirror them.",
-        target=0.01,
-        spp=256,
+        target=0.003,
+        spp=512,
         denoised=True,
+        exposure=0.6,
     ),
     Shown(
         "groom",
@@ -73,8 +74,8 @@ SHOWN = (
         "A still life of glass",
         "A goblet of wine, a carafe of water, cut crystal and coloured balls in low light. Photons bring what they gather on "
         "the table.",
-        target=0.02,
-        spp=256,
+        target=0.008,
+        spp=512,
         denoised=True,
     ),
     Shown(
@@ -82,8 +83,8 @@ SHOWN = (
         "A product shot",
         "A wristwatch between softboxes, in OpenPBR: a sunburst dial and a brushed case (anisotropic), a coated crystal (thin "
         "film), stitched leather and velvet (fuzz). The second one, out of focus, is an instance.",
-        target=0.01,
-        spp=256,
+        target=0.003,
+        spp=512,
         denoised=True,
     ),
     Shown(
@@ -91,8 +92,8 @@ SHOWN = (
         "Wax, jade and milk glass",
         "Candles that their flames light from within, jade, pearls, and a globe of milk glass with a lamp inside: light walks "
         "through all of them.",
-        target=0.02,
-        spp=256,
+        target=0.006,
+        spp=512,
         denoised=True,
     ),
     Shown(
@@ -100,7 +101,7 @@ SHOWN = (
         "A wheel of lamps",
         "The shutter is open for a second, while the wheel turns by 6 degrees. Lamps that move are lights; cabins hang upright "
         "in a frame that turns; the stand and the pier keep still.",
-        target=0.03,
+        target=0.001,
         spp=512,
         denoised=True,
         frame=1.0,
@@ -118,7 +119,7 @@ SHOWN = (
         "A Cornell box, and its error",
         "A ball of glass, whose light on the block comes by photons. Beside it the standard error of each pixel, which is in "
         "every EXR.",
-        target=0.002,
+        target=0.001,
         spp=1024,
     ),
     Shown(

@@ -66,6 +66,8 @@ def assert_scripts_make(shown: Shown, to: Path) -> None:
         if name.endswith((".usda", ".usdc")):
             new, old = (Sdf.Layer.FindOrOpen(str(folder / name)).ExportToString() for folder in (made, kept))
             assert new == old, name
+        else:
+            assert (made / name).read_bytes() == (kept / name).read_bytes(), name
 
 
 def test_scripts_make_the_stages(tmp_path: Path) -> None:
