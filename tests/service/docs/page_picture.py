@@ -75,7 +75,7 @@ def look(url: str, job: str) -> None:
         assert image is not None
         across, down = POINTED_AT
         page.mouse.move(image["x"] + across * image["width"], image["y"] + down * image["height"])
-        until(page, "document.querySelector('.values .prim') !== null")
+        until(page, "document.querySelector('.values .prim') && /±/.test(document.querySelector('.values').textContent)")
         page.screenshot(path=PICTURE, type="jpeg", quality=QUALITY)
         browser.close()
 

@@ -56,12 +56,14 @@ def free_port() -> int:
 
 
 def test_the_quick_start(tmp_path: Path) -> None:
-    """Exactly its commands, but for the port; and a user who waits until the server is there."""
+    """Exactly its commands, but for the port and a smaller picture; and a user who waits until the server is there."""
     port = free_port()
     script = "".join(blocks("quick-start.md", "sh"))
     assert script.count("primray serve &\n") == 1
     waiting = f"trap 'kill $!; wait $!' EXIT\nuntil command curl -sf http://127.0.0.1:{port}/healthz; do sleep 0.1; done\n"
     script = script.replace("primray serve &\n", f"primray serve --port {port} &\n{waiting}").replace(":8700", f":{port}")
+    assert script.count("480, 270") == script.count("480 270") == 1
+    script = script.replace("480, 270", "96, 54").replace("480 270", "96 54")
     printed = bash(script, tmp_path, PRIMRAY_DATA=str(tmp_path / "data"), PRIMRAY_SERVER=f"http://127.0.0.1:{port}")
     assert (tmp_path / "beauty.png").read_bytes().startswith(PNG)
     assert (tmp_path / "pictures/beauty.exr").read_bytes().startswith(EXR)

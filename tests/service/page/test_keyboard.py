@@ -7,6 +7,8 @@ from playwright.sync_api import FileChooser, FilePayload
 from tests.service.page.conftest import until, until_pictures, wait_for_state
 from tests.service.page.scenes import SMALL, submit, upload
 
+# A size that is soon rendered.
+SETTINGS = 'def RenderSettings "settings"\n{\n    uniform int2 resolution = (96, 64)\n}\n'
 FOCUSED = "(() => { const e = document.activeElement; return e.labels?.[0]?.textContent ?? e.ariaLabel ?? e.textContent; })()"
 OUTLINE = "getComputedStyle(document.activeElement).outlineStyle"
 
@@ -34,7 +36,7 @@ def test_a_run_by_keyboard_alone(open_page):
         page.wait_for_timeout(500)
         if choosers:
             break
-    chosen: FilePayload = {"name": "keys.usda", "mimeType": "", "buffer": (SMALL + "# by keys").encode()}
+    chosen: FilePayload = {"name": "keys.usda", "mimeType": "", "buffer": (SMALL + SETTINGS).encode()}
     choosers[0].set_files([chosen])
     page.wait_for_selector("form.settings")
     assert page.evaluate(FOCUSED) == "Render"  # the next step is one key away

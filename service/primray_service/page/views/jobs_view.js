@@ -122,7 +122,7 @@ export const otherLabels = (job) => Object.fromEntries(Object.entries(job.labels
 // other samples another.
 function thumb(job) {
   const none = element("span", { class: "thumb" });
-  if (!(job.progress?.samples_done > 0)) return none;
+  if (!(job.progress?.pass > 0)) return none;
   // A worker writes its first picture when it is first asked for one.
   const on = { error: (event) => event.target.replaceWith(none) };
   return element("img", { on, class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: `${jobPath(job.id, "/preview?width=160&format=jpeg")}#${job.progress.samples_done}` });
