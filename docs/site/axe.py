@@ -20,10 +20,10 @@ from typing import Any
 
 HTML = Path(__file__).resolve().parents[2] / "build/site/html"
 PAGES = (
-    *(f"docs/site/{name}" for name in ("index", "first-picture", "gallery", "from-mitsuba", "tutorials/command-line")),
+    *(f"docs/site/{name}" for name in ("index", "first-picture", "from-mitsuba", "tutorials/command-line")),
     *(f"docs/site/{name}" for name in ("concepts/error-bars", "concepts/pipeline", "concepts/exact")),
     *(f"docs/site/reference/{name}" for name in ("library", "command-line", "http")),
-    *(f"docs/{name}" for name in ("conformance", "diagnostics", "benchmarks", "service/api", "decisions/README")),
+    *(f"docs/{name}" for name in ("gallery", "conformance", "diagnostics", "benchmarks", "service/api", "decisions/README")),
     "examples/notebook",
 )
 VIEWS = (("light", 1280), ("dark", 360))

@@ -12,8 +12,10 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from enum import Enum
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urldefrag
 
 from http_reference import http_reference
@@ -123,17 +125,22 @@ def command_line() -> str:
         told.append(f"## primray {name}\n\n{command.help or ''}\n")
         rows = [_flag(each) for each in getattr(command, "params", ()) if each.name != "help"]
         if rows:
-            told.append("| flag | value | does |\n|---|---|---|\n" + "\n".join(rows) + "\n")
+            told.append("| flag | does |\n|---|---|\n" + "\n".join(rows) + "\n")
     return "\n".join(told)
 
 
-def _flag(parameter: object) -> str:
-    names = [*getattr(parameter, "opts", ()), *getattr(parameter, "secondary_opts", ())]
-    is_flag = getattr(parameter, "is_flag", False)
-    value = "" if is_flag else getattr(parameter, "metavar", None) or getattr(getattr(parameter, "type", None), "name", "")
-    shown = ", ".join(f"`{name}`" for name in names)
-    help_text = (getattr(parameter, "help", "") or "").replace("|", "\\|")
-    return f"| {shown} | {str(value).replace('|', ', ').strip('[]')} | {help_text} |"
+def _flag(parameter: Any) -> str:
+    is_argument = parameter.param_type_name == "argument"
+    names = [] if is_argument else [*parameter.opts, *parameter.secondary_opts]
+    kind = parameter.type_descriptor.annotation
+    choices = [str(each.value) for each in kind] if isinstance(kind, type) and issubclass(kind, Enum) else []
+    value = ", ".join(choices) or ("" if getattr(parameter, "is_flag", False) else parameter.metavar or parameter.name.upper())
+    shown = f"{', '.join(f'`{name}`' for name in names)} {value.strip('[]').replace('|', ', ')}".strip()
+    default = parameter.default.value if isinstance(parameter.default, Enum) else parameter.default
+    told = parameter.show_default if isinstance(parameter.show_default, str) else default if parameter.show_default else None
+    is_told = isinstance(told, str | int | float) and not isinstance(told, bool) and str(told)
+    help_text = f"{parameter.help or ''}{f' Without it: {told}.' if is_told else ''}".replace("|", "\\|").replace("\n", " ")
+    return f"| {shown} | {help_text} |"
 
 
 # What the theme leaves out for those who read by ear or keyboard (axe: aria-required-attr, landmark-unique,

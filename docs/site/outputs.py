@@ -17,6 +17,7 @@ SHOWN = {
     "pytest": ("pytest.txt", "difference.png"),
     "service": ("service.txt", "beauty.png"),
 }
+FIRST = "first-picture"  # the page whose commands are run one by one
 # Away from the project's own settings of pytest.
 PYTEST = ("pytest", "-q", "-c", os.devnull, "--rootdir", ".", "-p", "no:cacheprovider", "--disable-warnings")
 START_S = 90.0  # on a machine that has other work
@@ -31,6 +32,19 @@ def write_outputs(examples: Path) -> None:
     _kept(out / "farm.txt", _said(examples, "bash", "farm.sh"))
     _kept(out / "service.txt", _of_service(out))
     _kept(out / "pytest.txt", _of_pytest(examples))
+    _first_picture(out, examples.parent / f"docs/site/{FIRST}.md")
+
+
+def _first_picture(out: Path, page: Path) -> None:
+    """What each of its commands said, by their number; the picture is that of the first."""
+    folder = out / "first"
+    folder.mkdir()
+    for number, commands in enumerate(
+        re.findall(r"^```sh\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    ):
+        _kept(out / f"{FIRST}-{number}.txt", _said(folder, "bash", "-euo", "pipefail", "-c", commands))
+        if number == 1:
+            (folder / "shot.png").rename(out / f"{FIRST}.png")
 
 
 def _of_service(out: Path) -> str:
