@@ -1,6 +1,6 @@
 """Takes docs/service/page.jpg, the picture of the page in README: `python -m tests.service.docs.page_picture [SECONDS]`.
 
-A server of its own renders the meadow for so many seconds of sampling (default 240); the job is then looked at as a visitor
+A server of its own renders candles for so many seconds of sampling (default 240); the job is then looked at as a visitor
 does: its picture with the values and the prim under the pointer, its histogram, its error, its files.
 """
 
@@ -19,10 +19,10 @@ from tests.service.page.conftest import ARGUMENTS, CHROMIUM, until
 from tests.service.serving import start
 
 ROOT = Path(__file__).resolve().parents[3]
-SCENE = ROOT / "scenes" / "showcase" / "meadow"
+SCENE = ROOT / "scenes" / "gallery" / "wax"
 PICTURE = ROOT / "docs" / "service" / "page.jpg"
 SIZE = ViewportSize(width=1400, height=1010)
-POINTED_AT = (0.72, 0.55)  # of the picture: the red ball
+POINTED_AT = (0.497, 0.69)  # of the picture: the disc of jade
 QUALITY = 86
 AOVS = ["depth", "normal", "albedo", "prim", "crypto_object", "C<RD>.*", "samples"]
 
@@ -45,10 +45,10 @@ def rendered(client: httpx2.Client, seconds: float) -> str:
         for path in sorted(SCENE.iterdir()):
             if path.suffix != ".py":
                 file.write(path, path.name)
-    scene = client.post("/v1/scenes", params={"name": "meadow.zip"}, content=package.getvalue()).json()
+    scene = client.post("/v1/scenes", params={"name": "candles.zip"}, content=package.getvalue()).json()
     request = {
         "scene": {"id": scene["id"], "entry": "scene.usda"},
-        "name": "meadow",
+        "name": "candles",
         "labels": {"shot": "010"},
         "settings": {"resolution": [960, 540], "aovs": AOVS, "stop": {"target_error": 1e-3, "max_seconds": seconds}},
     }
