@@ -117,7 +117,7 @@ SHOWN = (
     Shown(
         "cornell",
         "A Cornell box, and its error",
-        "A ball of glass, whose light on the block comes by photons. Beside it the standard error of each pixel, which is in "
+        "A ball of glass, whose light on the block comes by photons. Below it the standard error of each pixel, which is in "
         "every EXR.",
         target=0.001,
         spp=1024,
@@ -125,8 +125,8 @@ SHOWN = (
     Shown(
         "cse168",
         "The box of CSE 168",
-        "The first project of the course: a white box, a point light and a sky that lights nothing. Direct light alone, and so "
-        "exact to a few samples.",
+        "The first project of the course: a white box, a point light and a sky that lights nothing. Direct light alone: "
+        "little is left to chance.",
         target=0.0001,
         spp=256,
         resolution=(800, 600),
