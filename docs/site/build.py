@@ -49,7 +49,7 @@ def main() -> None:
             (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, SOURCE / name)
     for page in SOURCE.rglob("*.md"):
-        page.write_text(without_links_outside(page), encoding="utf-8")
+        page.write_text(linked_thumbnails(without_links_outside(page)), encoding="utf-8")
     with (SOURCE / "docs/site/index.md").open("a", encoding="utf-8") as index:
         index.write(MORE.format("\n".join(unlisted())))
     shutil.copy(ROOT / "service/primray_service/page/favicon.svg", SOURCE / "docs/site/static/favicon.svg")
@@ -87,6 +87,11 @@ def without_links_outside(page: Path) -> str:
         return link[0] if is_here else link[2]
 
     return re.sub(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)", replaced, page.read_text(encoding="utf-8"))
+
+
+def linked_thumbnails(text: str) -> str:
+    """HTML that GitHub needs for rows of pictures as Markdown, whose files and links Sphinx takes along."""
+    return re.sub(r'<a href="(\S+)"><img src="(\S+)" width="(\d+%)" alt="([^"]*)"></a>', r"[![\4](\2){width=\3}](\1)", text)
 
 
 def library() -> str:

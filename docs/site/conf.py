@@ -18,7 +18,7 @@ html_css_files = ["site.css"]
 html_js_files = ["address.js"]
 html_theme_options = {"top_of_page_buttons": []}
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["attrs_inline", "colon_fence"]
 # Fences of languages that Pygments does not know stay plain text.
 suppress_warnings = ["misc.highlighting_failure", "myst.header", "toc.not_included"]
 nb_execution_mode = "force"

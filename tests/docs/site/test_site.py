@@ -108,6 +108,14 @@ def test_a_page_is_mended_for_ear_and_keyboard() -> None:
     assert 'aria-label="All pages"' in html
 
 
+def test_thumbnails_of_readme_are_pictures_and_links_that_sphinx_knows() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    made = build.linked_thumbnails(readme)
+    assert "<img" in readme
+    assert "<img" not in made
+    assert "[![A groom](docs/gallery/groom-small.jpg){width=19%}](docs/gallery.md)" in made
+
+
 def test_links_to_what_is_not_on_the_site_are_text(tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text("[here](page.md#a) [out](https://a.b) [gone](../gone.py)", encoding="utf-8")
     assert build.without_links_outside(tmp_path / "page.md") == "[here](page.md#a) [out](https://a.b) gone"
