@@ -50,8 +50,7 @@ class Scene:
         made.CreateHorizontalApertureAttr(0.36)
         made.CreateVerticalApertureAttr(0.36 * RESOLUTION[1] / RESOLUTION[0])
         made.CreateClippingRangeAttr(Gf.Vec2f(0.01, 10000))
-        view = Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye), Gf.Vec3d(*at), Gf.Vec3d(0, 1, 0))
-        made.AddTransformOp().Set(view.GetInverse())
+        made.AddTransformOp().Set(looking(eye, at))
         if f_stop:
             made.CreateFStopAttr(f_stop)
             away = np.subtract(focus or at, eye)
@@ -112,11 +111,6 @@ class Scene:
         made.CreateSurfaceOutput("mtlx").ConnectToSource(shader.CreateOutput("out", types.Token))
         return made
 
-    def priority(self, material: str, value: int) -> None:
-        """Of bodies that overlap, that of the highest is there: wine whose side lies within the glass' wall."""
-        prim = self.stage.GetPrimAtPath(f"/looks/{material}")
-        prim.CreateAttribute("primray:dielectric:priority", Sdf.ValueTypeNames.Int).Set(value)
-
     def node(self, material: str, name: str, kind: str, out: Sdf.ValueTypeName, **inputs: object) -> UsdShade.Output:
         """A MaterialX node ND_KIND of a material; inputs: values, and outputs of other nodes."""
         made = UsdShade.Shader.Define(self.stage, f"/looks/{material}/{name}")
@@ -151,8 +145,7 @@ class Scene:
         made.CreateHeightAttr(size[1])
         made.CreateIntensityAttr(intensity)
         made.CreateColorAttr(Gf.Vec3f(*color))
-        up = Gf.Vec3d(0, 1, 0) if abs(eye[0] - at[0]) + abs(eye[2] - at[2]) > 1e-6 else Gf.Vec3d(0, 0, 1)
-        made.AddTransformOp().Set(Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye), Gf.Vec3d(*at), up).GetInverse())
+        made.AddTransformOp().Set(looking(eye, at))
         return made
 
     def ball_light(
@@ -191,6 +184,12 @@ class Scene:
             self._bulk.Export(str(self.folder / "geometry.usdc"))
             written.subLayerPaths.append("./geometry.usdc")
         written.Export(str(self.folder / "scene.usda"))
+
+
+def looking(eye: Triple, at: Triple) -> Gf.Matrix4d:
+    """What stands at `eye` and looks, or shines, along its -Z to `at`."""
+    up = Gf.Vec3d(0, 1, 0) if abs(eye[0] - at[0]) + abs(eye[2] - at[2]) > 1e-6 else Gf.Vec3d(0, 0, 1)
+    return Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye), Gf.Vec3d(*at), up).GetInverse()
 
 
 def dusk(glow: Triple, high: int = 128) -> np.ndarray:
@@ -241,6 +240,12 @@ def outward(points: np.ndarray, face: list[int], centre: np.ndarray) -> list[int
     """The face, wound so that it looks away from the centre."""
     a, b, c = points[face[:3]]
     return face if np.cross(b - a, c - a) @ (a - centre) > 0 else face[::-1]
+
+
+def turned(points: np.ndarray, degrees: float, to: Triple = (0, 0, 0)) -> np.ndarray:
+    """Turned about +Y, then moved."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return points @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + to
 
 
 def joined(parts: Sequence[tuple[np.ndarray, np.ndarray | list[list[int]]]]) -> tuple[np.ndarray, list[list[int]]]:

@@ -1,4 +1,4 @@
-// The kernels of this module by number of lanes, and the float mode they run in.
+// The kernels of this module by number of lanes.
 #pragma once
 
 #include "base/flush_denormals.hpp"

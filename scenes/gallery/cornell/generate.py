@@ -6,7 +6,7 @@ python -m scenes.gallery.cornell.generate
 from __future__ import annotations
 
 import numpy as np
-from scenes.gallery.making import Scene, box
+from scenes.gallery.making import Scene, box, turned
 
 scene = Scene(__file__, "Cornell's box, 2 m wide: a tall block, a ball of glass, one lamp.")
 scene.camera(eye=(0, 1, 5.15), at=(0, 1, 0), focal_length=44)
@@ -24,11 +24,6 @@ for name, material, corners in (
     ("right", "green", [(WIDE, 0, -1), (WIDE, 0, 1), (WIDE, 2, 1), (WIDE, 2, -1)]),
 ):
     scene.mesh(f"/box/{name}", np.array(corners), [[0, 1, 2, 3]], material)
-
-
-def turned(points: np.ndarray, degrees: float, to: tuple[float, float, float]) -> np.ndarray:
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return points @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + to
 
 
 points, faces = box((-0.32, 0, -0.32), (0.32, 1.25, 0.32))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from pxr import Gf, UsdLux
-from scenes.gallery.making import Scene, joined, lathe, rounded_box, smoothed
+from scenes.gallery.making import Scene, joined, lathe, looking, rounded_box, smoothed, turned
 
 rng = np.random.default_rng(5)
 LEFT, RIGHT, BACK, FRONT, HIGH = -2.6, 2.5, -2.3, 3.9, 2.75
@@ -60,11 +60,6 @@ def solid(
     name: str, material: str, *boxes: tuple[tuple[float, float, float], tuple[float, float, float]], edge: float = 0.004
 ) -> None:
     scene.mesh(f"/room/{name}", *joined([rounded_box(low, high, edge) for low, high in boxes]), material)
-
-
-def turned(points: np.ndarray, degrees: float, to: tuple[float, float, float]) -> np.ndarray:
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return points @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + to
 
 
 def room() -> None:
@@ -276,8 +271,7 @@ def lights() -> None:
     sun.CreateNormalizeAttr(True)
     sun.CreateIntensityAttr(75)
     sun.CreateColorAttr(Gf.Vec3f(1, 0.76, 0.5))
-    toward = Gf.Vec3d(0.80, -0.47, 0.30)
-    sun.AddTransformOp().Set(Gf.Matrix4d().SetLookAt(Gf.Vec3d(0), toward, Gf.Vec3d(0, 1, 0)).GetInverse())
+    sun.AddTransformOp().Set(looking((0, 0, 0), (0.80, -0.47, 0.30)))
     sky = UsdLux.DomeLight.Define(scene.stage, "/lights/sky")
     sky.CreateColorAttr(Gf.Vec3f(0.55, 0.75, 1.0))
     sky.CreateIntensityAttr(4.5)
@@ -286,8 +280,8 @@ def lights() -> None:
         portal = UsdLux.PortalLight.Define(scene.stage, f"/lights/window{k}")
         portal.CreateWidthAttr(b - a)
         portal.CreateHeightAttr(HEAD - SILL)
-        middle = Gf.Vec3d(LEFT - 0.2, (SILL + HEAD) / 2, (a + b) / 2)
-        portal.AddTransformOp().Set(Gf.Matrix4d().SetLookAt(middle, middle + Gf.Vec3d(1, 0, 0), Gf.Vec3d(0, 1, 0)).GetInverse())
+        middle = (LEFT - 0.2, (SILL + HEAD) / 2, (a + b) / 2)
+        portal.AddTransformOp().Set(looking(middle, (middle[0] + 1, *middle[1:])))
         portals.append(portal.GetPath())
     sky.CreatePortalsRel().SetTargets(portals)
 

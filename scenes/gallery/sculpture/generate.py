@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from pxr import Vt
-from scenes.gallery.making import Scene, box, joined, rounded_box
+from scenes.gallery.making import Scene, box, joined, rounded_box, turned
 
 scene = Scene(__file__, "A bronze, which is a subdivided cage of some hundred faces, and the cage itself in plaster.")
 scene.camera(eye=(0.5, 1.62, 4.15), at=(0.2, 1.36, 0), focal_length=50, f_stop=4, focus=(-0.25, 1.6, 0.25))
@@ -135,8 +135,7 @@ def creature() -> Cage:
 
 
 def put(path: str, c: Cage, scale: float, to: tuple[float, float, float], turn: float, material: str, subdivision: str) -> None:
-    k, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
-    points = np.array(c.points) * scale @ np.array([[k, 0, -s], [0, 1, 0], [s, 0, k]])
+    points = turned(np.array(c.points) * scale, turn)
     points += np.asarray(to) - (0, points[:, 1].min(), 0)
     made = scene.mesh(path, points, c.faces, material, subdivision=subdivision)
     if c.sharp and subdivision != "none":
