@@ -117,8 +117,8 @@ clean:  ## remove everything that was made
 # One stamp for each ISA class that is there: an install has what it was asked for alone.
 .venv/.core-%: .venv/.locked pyproject.toml renderer/primray/version.py $(CORE)
 	@$(BIN)/python renderer/core/build.py install $*
-	@cd $(SITE); $(CURDIR)/$(BIN)/python -m compileall -q $(CURDIR)/renderer/primray $(CURDIR)/service/primray_service $(STARTED)
-	@rm -f .venv/.core-*; touch .venv/.core-own $@ $$(ls $(SITE)/primray | sed -n 's/^_core_\(v.\)\..*/.venv\/.core-\1/p')
+	@cd "$(SITE)" && "$(CURDIR)/$(BIN)/python" -m compileall -q "$(CURDIR)/renderer/primray" "$(CURDIR)/service/primray_service" $(STARTED)
+	@rm -f .venv/.core-*; touch .venv/.core-own $@ $$(ls "$(SITE)/primray" | sed -n 's/^_core_\(v.\)\..*/.venv\/.core-\1/p')
 
 .venv/.site: requirements-site.lock .venv/.locked
 	@$(call install_lock,requirements-site.lock)

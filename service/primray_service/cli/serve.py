@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import ipaddress
 import os
+import shlex
 import sys
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -159,7 +160,7 @@ def prepare(config: ServeConfig) -> None:
         ) from None
     with opened_store(config.database_url) as store:
         if config.needs_keys and not store.keys():
-            where = "" if config.objects else f"--data {config.data} "
+            where = "" if config.objects else f"--data {shlex.quote(str(config.data))} "
             where += "--database ... " if config.database else ""  # which may hold a password
             print(f"no API key exists yet; make the first: primray keys create {where}--scopes admin", file=sys.stderr)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -67,7 +68,7 @@ def kill_and_resume(folder: Path, kills: int, seed: int) -> None:
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=30)
     assert process.returncode == 130, said
-    assert f"interrupted: the picture so far was saved; --resume {path} goes on" in said
+    assert f"interrupted: the picture so far was saved; --resume {shlex.quote(str(path))} goes on" in said
     report = json.loads((folder / "a.json").read_text())
     assert report["stop"]["reason"] == "interrupted"
     whole = replace(SETTINGS, spp=reached(load(path).film["next"]))
@@ -78,7 +79,9 @@ def kill_and_resume(folder: Path, kills: int, seed: int) -> None:
 
 
 def test_killed_and_terminated_and_resumed(tmp_path: Path) -> None:
-    kill_and_resume(tmp_path, 1, 0)
+    folder = tmp_path / "a shot"  # a command that is printed can be pasted, whatever its paths hold
+    folder.mkdir()
+    kill_and_resume(folder, 1, 0)
 
 
 @pytest.mark.long

@@ -5,6 +5,7 @@ Typer and the options are named in annotations only, which app.py has read: quic
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -407,4 +408,4 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
 
 def _how_to_go_on(report: Mapping[str, Any]) -> str:
     saved = report.get("checkpoint", {"failed": "none was asked for"})
-    return "" if saved["failed"] else f"; --resume {saved['file']} goes on"
+    return "" if saved["failed"] else f"; --resume {shlex.quote(str(saved['file']))} goes on"
