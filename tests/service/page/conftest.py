@@ -28,7 +28,7 @@ REFUSED = re.compile(r"the server responded with a status of (\d+)")
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     """Gone when the page's tests are over: Playwright keeps an event loop running, and no other test could start one."""
-    if not Path(CHROMIUM).exists():
+    if shutil.which(CHROMIUM) is None:
         pytest.skip("skipped: no Chromium")
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS.split())
