@@ -1,6 +1,6 @@
 """A server that speaks S3 over HTTP, for tests: moto's, in a thread of this process, with an empty bucket for each that asks.
 
-from tests.service.servers.s3 import s3_bucket, s3_server    (fixtures: import both)
+from tests.service.servers.s3 import object_store_packages, s3_bucket, s3_server    (fixtures: import all)
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import uuid
 from collections.abc import Iterator
+from importlib.util import find_spec
 from logging import getLogger
 
 import pytest
@@ -16,7 +17,14 @@ ACCESS = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_DEF
 
 
 @pytest.fixture(scope="session")
-def s3_server() -> Iterator[str]:
+def object_store_packages() -> None:
+    """Skips the test where the packages of `primray[objects]` are absent."""
+    if missing := [name for name in ("fsspec", "s3fs", "moto") if find_spec(name) is None]:
+        pytest.skip(f"skipped: no {', '.join(missing)}")
+
+
+@pytest.fixture(scope="session")
+def s3_server(object_store_packages: None) -> Iterator[str]:
     """Its URL; boto's environment variables lead to it, in servers that are started too."""
     from moto.server import ThreadedMotoServer
 

@@ -6,18 +6,18 @@ import uuid
 from pathlib import Path
 
 import pytest
-from tests.service.servers.s3 import s3_bucket, s3_server
+from tests.service.servers.s3 import object_store_packages, s3_bucket, s3_server
 
 from primray.errors import SettingsError
 from primray_service.config import ServeConfig
 from primray_service.files import DataDirectory
 from primray_service.objects import Objects, opened
 
-__all__ = ["s3_bucket", "s3_server"]
+__all__ = ["object_store_packages", "s3_bucket", "s3_server"]
 
 
 @pytest.fixture(params=["memory", "file", "s3"])
-def objects(request: pytest.FixtureRequest, tmp_path: Path) -> Objects:
+def objects(request: pytest.FixtureRequest, object_store_packages: None, tmp_path: Path) -> Objects:
     if request.param == "s3":
         return opened(f"{request.getfixturevalue('s3_bucket')}/{uuid.uuid4().hex}")
     return opened({"memory": f"memory://{uuid.uuid4().hex}", "file": f"file://{tmp_path}/store"}[request.param])
@@ -104,7 +104,7 @@ def test_a_store_that_fails_is_an_oserror(s3_bucket: str, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(("url", "code"), [("nothing://x/y", "objects-url"), ("gs://bucket/x", "objects-missing")])
-def test_what_cannot_be_opened_is_said_at_the_start(url: str, code: str) -> None:
+def test_what_cannot_be_opened_is_said_at_the_start(url: str, code: str, object_store_packages: None) -> None:
     with pytest.raises(SettingsError) as caught:
         opened(url)
     assert caught.value.code == code

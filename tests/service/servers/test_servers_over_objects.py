@@ -12,14 +12,14 @@ from tests.service.conftest import StartServer
 from tests.service.postgres import postgres_databases, postgres_server
 from tests.service.scenes.zips import LAYER, Entry, zip_of
 from tests.service.servers.many import Many
-from tests.service.servers.s3 import s3_bucket, s3_server
+from tests.service.servers.s3 import object_store_packages, s3_bucket, s3_server
 from tests.service.servers.test_many_servers import LONG, SETTINGS, alike, alone, database, picture
 
 from primray_service.files import DataDirectory
 from primray_service.objects import Objects, opened
 from primray_service.store import open_store
 
-__all__ = ["alone", "database", "postgres_databases", "postgres_server", "s3_bucket", "s3_server"]
+__all__ = ["alone", "database", "postgres_databases", "postgres_server", "object_store_packages", "s3_bucket", "s3_server"]
 
 
 @pytest.fixture(scope="module")

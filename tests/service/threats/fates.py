@@ -34,6 +34,14 @@ class Fate:
         return str(self.problem.get("type", "")).removeprefix("/problems/")
 
     @property
+    def cost_s(self) -> float:
+        """CPU seconds, whatever else the machine does meanwhile: those of the limit that ended it, or of the job; wall seconds
+        where neither is known."""
+        if self.slug == "time-limit":
+            return float(self.problem["limit"])
+        return float(self.job.get("usage", {}).get("cpu_s", self.seconds))
+
+    @property
     def warnings(self) -> list[str]:
         return [warning["code"] for warning in self.job.get("warnings", []) + self.scene.get("warnings", [])]
 

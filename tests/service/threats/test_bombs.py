@@ -73,7 +73,7 @@ BOMBS = {
 def test_what_expands_without_end_is_ended(what: str, client: Any) -> None:
     found = fate(client, BOMBS[what])
     ended(found, "time-limit", "scene-too-large", "memory-limit")
-    assert found.seconds < 60
+    assert found.cost_s < 60
     if found.slug == "time-limit":
         assert found.problem["limit"] in (LIMITS["check_cpu_s"], LIMITS["load_cpu_s"])
 
@@ -97,7 +97,7 @@ def instancer_bomb(levels: int, count: int) -> str:
 def test_instances_of_instances_are_refused_or_cost_little(levels: int, count: int, client: Any) -> None:
     """The renderer places instances of instances without expanding them: then there is no bomb."""
     found = fate(client, instancer_bomb(levels, count))
-    assert found.seconds < 60
+    assert found.cost_s < 60
     if found.end == "succeeded":
         assert found.job["usage"]["peak_rss_bytes"] < LIMITS["memory_bytes"]
     else:
@@ -111,7 +111,7 @@ def test_cycles_are_warnings_or_refusals_never_a_hang(client: Any) -> None:
     }
     found = fate(client, package(files), entry="a.usda")
     assert found.end in ("succeeded", "failed", "rejected")
-    assert found.seconds < 30
+    assert found.cost_s < 30
     assert found.warnings or found.slug
 
 
