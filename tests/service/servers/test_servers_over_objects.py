@@ -19,7 +19,7 @@ from primray_service.files import DataDirectory
 from primray_service.objects import Objects, opened
 from primray_service.store import open_store
 
-__all__ = ["alone", "database", "postgres_databases", "postgres_server", "object_store_packages", "s3_bucket", "s3_server"]
+__all__ = ["alone", "database", "object_store_packages", "postgres_databases", "postgres_server", "s3_bucket", "s3_server"]
 
 
 @pytest.fixture(scope="module")
