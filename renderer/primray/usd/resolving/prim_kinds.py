@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from pxr import Usd
 
-from ..querying.guarded import property_names, schemas_applied, type_name
+from ..querying.guarded import property_names, type_and_schemas
 from .applied_schemas import UNDERSTOOD
 from .bindings import binding_names, is_collection
 from .context import Context
@@ -58,7 +58,8 @@ class PrimKinds:
         self.by_collection = False  # some bind materials by a collection
 
     def of(self, prim: Usd.Prim, path: str) -> PrimKind:
-        key = (type_name(prim), tuple(property_names(prim)), tuple(schemas_applied(prim)))
+        name, schemas = type_and_schemas(prim)
+        key = (name, tuple(property_names(prim)), tuple(schemas))
         kind = self.found.get(key)
         if kind is None:
             kind = self.found[key] = self._made(prim, path, key)
