@@ -26,7 +26,7 @@ from ..paths.spheres import growing_sphere
 from ..querying.guarded import local_transform_at, property_names
 from ..querying.traversal import IN_PROTOTYPE, IN_WORLD, children
 from ..resolving.applied_schemas import applied_schemas
-from ..resolving.bindings import binds_by_collection, note_bindings
+from ..resolving.bindings import binds_by_collection, note_bindings, strengths_of
 from ..resolving.color_scope import NOWHERE
 from ..resolving.color_spaces import scope_at
 from ..resolving.context import Context
@@ -130,7 +130,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     parent = str((root if is_namespace_root else root.GetParent()).GetPath())
     # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
     if not is_namespace_root:
-        state.kinds.by_collection |= binds_by_collection(root.GetParent())
+        state.kinds.by_collection |= binds_by_collection(root.GetParent(), ctx)
     binds = "" if is_namespace_root else str(root.GetPath())
     top = _Above(ctx.shown(parent).removesuffix("/"), places.own, ROOT, inherited, binds)
     stack = [(prim, top) for prim in reversed(prims)]
@@ -164,7 +164,8 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 note_prim(resolved, kind.schemas, kind.taken_as, ctx)
             if kind.bindings:
                 targets = note_bindings(prim, path, kind.bindings, ctx)
-                resolved.bound_as = bound_alike(kind, path, targets, above.binds)
+                strengths = strengths_of(prim, kind.bindings) if is_instance else ()
+                resolved.bound_as = bound_alike(kind, path, targets, above.binds, strengths)
             if type_name in _MADE:
                 state.record.note_use(place.poses, pose)
             if type_name == "PointInstancer":
@@ -228,14 +229,17 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
     apart = differ_by_material(instances, ctx)
-    alike: dict[Hashable, int] = {}  # many have one object for what is above them, and one binding
+    alike: dict[Hashable, int] = {}  # groups of instances with one object for what is above them, and one binding
     for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
         prototype = instance.prim.GetPrototype()
-        key = (prototype, id(instance.inherited), id(inner))
-        if key not in alike or alone or state.links is not None:
+        # Collections look into instances that are bound alone, and links tell every instance apart by its path.
+        key = None if alone or state.links is not None else (prototype, id(instance.inherited), id(inner))
+        child = alike.get(key)
+        if child is None:
             ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-            alike[key] = state.group(prototype, _handed_to_instance(state, instance, prototype, inner, alone))
-        child = alike[key]
+            child = state.group(prototype, _handed_to_instance(state, instance, prototype, inner, alone))
+            if key is not None:
+                alike[key] = child
         by_child.setdefault(child, []).append(i)
         if ctx.names_instances:
             names.setdefault(child, []).append(_within(state, group, instance.path))
