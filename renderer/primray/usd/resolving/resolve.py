@@ -33,8 +33,8 @@ from .read import When, array, as_columns, is_single, number, read, time_of, val
 _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
 BLUR_SCALE = "motion:blurScale"
-_HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
-_HANDED |= {*_PURPOSE_VISIBILITY}
+_OF_IMAGEABLES = frozenset({"visibility", "purpose", *_PURPOSE_VISIBILITY})
+_HANDED = _OF_IMAGEABLES | {"model:drawMode", "primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -123,8 +123,20 @@ def hands_down(names: frozenset[str], schemas: list[str], ctx: Context) -> bool:
     return not names.isdisjoint(_HANDED | ctx.primvars_read) or any(s.startswith("ColorSpace") for s in schemas)
 
 
+def names_that_count(prim: Usd.Prim, names: frozenset[str]) -> frozenset[str]:
+    """Return those of a prim's authored names that say something about what it hands down.
+
+    Visibility and purpose are UsdGeomImageable's: USD ignores them on prims without a type, on types without a schema, on
+    materials. The answer depends on the prim's type alone.
+    """
+    return names if names.isdisjoint(_OF_IMAGEABLES) or prim.IsA(UsdGeom.Imageable) else names - _OF_IMAGEABLES
+
+
 def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
-    """What `prim` hands down, None if it is invisible (and so is all below it); `schemas` are those applied to it."""
+    """What `prim` hands down, None if it is invisible (and so is all below it).
+
+    `names` are the authored ones that count (`names_that_count`), `schemas` those applied to it.
+    """
     when = ctx.when
     if "visibility" in names and read(prim, "visibility", when) == "invisible":
         return None

@@ -44,6 +44,7 @@ from ..resolving.resolve import (
     inner_or_outer,
     is_drawn,
     local_matrix,
+    names_that_count,
 )
 from ..shapes.instance_primvars import given_per_instance
 from .instances import Group
@@ -141,7 +142,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         type_name = kind.type_name
         mine = above.inherited
         if kind.hands_down:
-            handed = descend(mine, prim, kind.names, kind.schemas, ctx)
+            handed = descend(mine, prim, kind.handed_names, kind.schemas, ctx)
             if handed is None:
                 continue
             mine = handed
@@ -351,7 +352,7 @@ def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: 
     if not parent:
         return _with_colors_of(root, handed, ctx)
     for scope in reversed(between):
-        names = frozenset(property_names(scope)) - {"visibility"}
+        names = names_that_count(scope, frozenset(property_names(scope))) - {"visibility"}
         schemas = applied_schemas(scope)
         handed = descend(handed, scope, names, schemas, ctx) or handed
     return handed
