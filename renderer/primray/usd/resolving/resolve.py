@@ -34,7 +34,8 @@ _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
 BLUR_SCALE = "motion:blurScale"
 _OF_IMAGEABLES = frozenset({"visibility", "purpose", *_PURPOSE_VISIBILITY})
-_HANDED = _OF_IMAGEABLES | {"model:drawMode", "primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
+_HANDED = _OF_IMAGEABLES | {"primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
+_HANDED |= {"model:drawMode", "model:cardVisibility"}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -57,6 +58,7 @@ class Inherited:
 
     purpose: str = "default"
     draw_mode: str = "default"  # the nearest model:drawMode, whether or not it is applied
+    card_visibility: str = "full"  # the nearest model:cardVisibility
     outer: Binding | None = None
     proxy: str = ""
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
@@ -71,6 +73,8 @@ class Inherited:
     linked_by_instancers: tuple[tuple[int, bool], ...] = ()
     invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
     blur_scale: float = 1.0  # the nearest motion:blurScale, where the shutter is open
+    # What a native prototype is handed, inside prototypes of point instancers that stand in it and may lead elsewhere in it.
+    top: Inherited | None = None
 
 
 @dataclass(slots=True)
@@ -153,17 +157,26 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mine = _with_purpose_visibility(mine, prim, names)
     if BLUR_SCALE in names and not ctx.timing.is_frame and "MotionAPI" in schemas:
         mine = replace(mine, blur_scale=_blur_scale(prim, ctx))
-    if "model:drawMode" in names:
+    if "model:drawMode" in names and prim.IsModel():  # UsdGeomModelAPI: opinions of other prims do not count
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
+    if "model:cardVisibility" in names:
+        shown = read(prim, "model:cardVisibility", when)
+        mine = replace(mine, card_visibility=shown) if isinstance(shown, str) and shown != "inherited" else mine
     if "primvars:displayColor" in names:
         attribute = prim.GetAttribute("primvars:displayColor")
         color = constant_of(attribute, 3, names, when)
         if color is not None:
             mine = _colored(mine, color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx), ctx)
+        elif (mine.color is not None or "displayColor" in mine.per_instance) and is_nearest(attribute):
+            mine = _colored(mine, None, ctx)
     if "primvars:displayOpacity" in names:
-        opacity = constant_of(prim.GetAttribute("primvars:displayOpacity"), 1, names, when)
-        mine = mine if opacity is None else replace(mine, opacity=opacity[0])
+        attribute = prim.GetAttribute("primvars:displayOpacity")
+        opacity = constant_of(attribute, 1, names, when)
+        if opacity is not None:
+            mine = replace(mine, opacity=opacity[0])
+        elif (mine.opacity is not None or "displayOpacity" in mine.per_instance) and is_nearest(attribute):
+            mine = replace(mine, opacity=None, per_instance=mine.per_instance - {"displayOpacity"})
     read_names = ctx.primvars_read
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
 
@@ -197,15 +210,25 @@ def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset
     return replace(parent, invisible=frozenset(invisible))
 
 
+def is_nearest(attribute: Usd.Attribute) -> bool:
+    """Whether a primvar ends the search for one of its name upwards, whatever it is: UsdGeomPrimvarsAPI passes over those
+    without an authored value alone, and what varies over its prim is not inherited."""
+    return bool(attribute and attribute.HasAuthoredValue())
+
+
 def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx: Context) -> Inherited:
-    handed = dict(parent.primvars)
+    handed, per_instance = dict(parent.primvars), parent.per_instance
     for name in names:
+        short = name.removeprefix("primvars:")
         if (values := constant_numbers(prim, name, ctx.when)) is not None:
             if name in ctx.color_primvars and len(values) >= 3:
                 rgb = in_rendering_space(np.array(values[:3]), prim.GetAttribute(name), parent.colors, ctx)
                 values = (*rgb.tolist(), *values[3:])
-            handed[name.removeprefix("primvars:")] = values
-    return replace(parent, primvars=tuple(sorted(handed.items())))
+            handed[short] = values
+        elif (short in handed or short in per_instance) and is_nearest(prim.GetAttribute(name)):
+            handed.pop(short, None)
+            per_instance -= {short}
+    return replace(parent, primvars=tuple(sorted(handed.items())), per_instance=per_instance)
 
 
 def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
@@ -230,16 +253,18 @@ def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
     return int(indices[0]) if indices is not None and len(indices) else 0
 
 
-class _Colored(dict[tuple[int, tuple[float, float, float]], tuple[Inherited, Inherited]]):
-    """By the id of an Inherited and a colour: it, and the same in that colour."""
+class _Colored(dict[tuple[int, tuple[float, float, float] | None], tuple[Inherited, Inherited]]):
+    """By the id of an Inherited and a colour, or none: it, and the same in that colour."""
 
 
-def _colored(mine: Inherited, rgb: tuple[float, float, float], ctx: Context) -> Inherited:
-    """With this colour: one object for all children of a prim that have the same."""
+def _colored(mine: Inherited, rgb: tuple[float, float, float] | None, ctx: Context) -> Inherited:
+    """Return what a prim hands down with this colour, or with none: one object for all its children that have the same."""
     colored = ctx.kept.of(_Colored)
     known = colored.get((id(mine), rgb))
     if known is None:
-        known = colored[id(mine), rgb] = mine, replace(mine, color=rgb)  # what is known by its id is kept
+        per_instance = mine.per_instance if rgb is not None else mine.per_instance - {"displayColor"}
+        made = replace(mine, color=rgb, per_instance=per_instance)
+        known = colored[id(mine), rgb] = mine, made  # what is known by its id is kept
     return known[1]
 
 

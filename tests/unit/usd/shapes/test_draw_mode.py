@@ -55,7 +55,8 @@ def normals(mesh: Mesh) -> np.ndarray:
         ("component", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = false', False),
         ("group", 'uniform token model:drawMode = "bounds"', False),
         ("group", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', True),
-        ("", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', True),
+        ("", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', False),
+        ("subcomponent", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', False),
         ("component", 'uniform token model:drawMode = "sketch"', False),
     ],
 )
