@@ -65,6 +65,7 @@ class Inherited:
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
+    hidden: frozenset[str] = frozenset()  # such primvars whose values a nearer one of no use hides
     colors: ColorScope = NOWHERE
     outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # what the instances around hand down to their prototypes
     # Where lights are linked (light_links.py): the instance that prims of a prototype are asked for in; what the point
@@ -176,7 +177,7 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         if opacity is not None:
             mine = replace(mine, opacity=opacity[0])
         elif (mine.opacity is not None or "displayOpacity" in mine.per_instance) and is_nearest(attribute):
-            mine = replace(mine, opacity=None, per_instance=mine.per_instance - {"displayOpacity"})
+            mine = _hiding(replace(mine, opacity=None), "displayOpacity")
     read_names = ctx.primvars_read
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
 
@@ -217,7 +218,7 @@ def is_nearest(attribute: Usd.Attribute) -> bool:
 
 
 def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx: Context) -> Inherited:
-    handed, per_instance = dict(parent.primvars), parent.per_instance
+    handed, mine = dict(parent.primvars), parent
     for name in names:
         short = name.removeprefix("primvars:")
         if (values := constant_numbers(prim, name, ctx.when)) is not None:
@@ -225,10 +226,17 @@ def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx
                 rgb = in_rendering_space(np.array(values[:3]), prim.GetAttribute(name), parent.colors, ctx)
                 values = (*rgb.tolist(), *values[3:])
             handed[short] = values
-        elif (short in handed or short in per_instance) and is_nearest(prim.GetAttribute(name)):
+        elif (short in handed or short in mine.per_instance) and is_nearest(prim.GetAttribute(name)):
             handed.pop(short, None)
-            per_instance -= {short}
-    return replace(parent, primvars=tuple(sorted(handed.items())), per_instance=per_instance)
+            mine = _hiding(mine, short)
+    return replace(mine, primvars=tuple(sorted(handed.items())))
+
+
+def _hiding(mine: Inherited, name: str) -> Inherited:
+    """Return what a prim hands down where its own primvar, of no use below it, ends the search for one of this name."""
+    if name not in mine.per_instance:
+        return mine
+    return replace(mine, per_instance=mine.per_instance - {name}, hidden=mine.hidden | {name})
 
 
 def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
@@ -262,8 +270,8 @@ def _colored(mine: Inherited, rgb: tuple[float, float, float] | None, ctx: Conte
     colored = ctx.kept.of(_Colored)
     known = colored.get((id(mine), rgb))
     if known is None:
-        per_instance = mine.per_instance if rgb is not None else mine.per_instance - {"displayColor"}
-        made = replace(mine, color=rgb, per_instance=per_instance)
+        made = replace(mine, color=rgb)
+        made = _hiding(made, "displayColor") if rgb is None else made
         known = colored[id(mine), rgb] = mine, made  # what is known by its id is kept
     return known[1]
 
