@@ -67,7 +67,9 @@ def _visit_instances(instancer: UsdGeom.PointInstancer, around: Placed | None) -
     prim = instancer.GetPrim()
     roots = [prim.GetStage().GetPrimAtPath(path) for path in instancer.GetPrototypesRel().GetForwardedTargets()]
     world = _world(prim, around)
-    for k, (index, at) in enumerate(zip(instancer.GetProtoIndicesAttr().Get(), instancer.GetPositionsAttr().Get(), strict=True)):
+    for k, (index, at) in enumerate(
+        zip(instancer.GetProtoIndicesAttr().Get(), instancer.GetPositionsAttr().Get(), strict=True)
+    ):
         if roots[index] and roots[index].IsActive():
             matrix = Gf.Matrix4d().SetTranslate(Gf.Vec3d(at)) * world
             yield from _visit(roots[index], Placed(prim, k, roots[index], matrix, around))
@@ -83,8 +85,8 @@ def _leaf(prim: Usd.Prim, placed: Placed | None) -> Leaf:
 def _world(prim: Usd.Prim, placed: Placed | None) -> Gf.Matrix4d:
     if placed is None:
         return UsdGeom.XformCache().GetLocalToWorldTransform(prim)
-    local, _ = UsdGeom.XformCache().GetLocalTransformation(prim)[:2]
-    return local * (placed.matrix if prim == placed.root else _world(prim.GetParent(), placed))
+    local, resets = UsdGeom.XformCache().GetLocalTransformation(prim)
+    return local * (placed.matrix if resets or prim == placed.root else _world(prim.GetParent(), placed))
 
 
 def _matrix(matrix: Gf.Matrix4d) -> tuple[float, ...]:

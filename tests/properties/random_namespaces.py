@@ -103,9 +103,25 @@ def _instance(make: _Maker, above: str, in_prototype: bool) -> list[str]:
     prim.GetReferences().AddInternalReference(f"/protos/proto{k}")
     prim.SetInstanceable(True)
     paths = [f"{prim.GetPath()}{inner}" for inner in make.inside[k]]
-    make.beside += paths
     _author(make, prim, paths, in_prototype)
+    for _ in range(make.r.randint(0, 3)):
+        paths += _alike(make, prim, make.path(above, "i"), make.inside[k])
+    make.beside += paths
     return paths
+
+
+def _alike(make: _Maker, first: Usd.Prim, path: str, inside: list[str]) -> list[str]:
+    """Another instance with the same opinions elsewhere, of which the strengths of bindings may differ."""
+    layer = make.stage.GetRootLayer()
+    Sdf.CopySpec(layer, first.GetPath(), layer, Sdf.Path(path))
+    prim = make.stage.GetPrimAtPath(path)
+    prim.CreateAttribute("xformOp:translate", _TYPES.Double3, False).Set(Gf.Vec3d(*_numbers(make)))
+    prim.CreateAttribute("xformOpOrder", _TYPES.TokenArray, False, Sdf.VariabilityUniform).Set(["xformOp:translate"])
+    for relationship in prim.GetAuthoredRelationships():
+        if relationship.GetName().startswith("material:binding") and make.chance(3):
+            weaker = relationship.GetMetadata("bindMaterialAs") is not None
+            relationship.SetMetadata("bindMaterialAs", "weakerThanDescendants" if weaker else "strongerThanDescendants")
+    return [f"{path}{inner}" for inner in inside]
 
 
 def _instancer(make: _Maker, above: str, depth: int, in_prototype: bool) -> list[str]:

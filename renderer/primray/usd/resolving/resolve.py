@@ -33,7 +33,8 @@ from .read import When, array, as_columns, is_single, number, read, time_of, val
 _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
 BLUR_SCALE = "motion:blurScale"
-_OF_IMAGEABLES = frozenset({"visibility", "purpose", *_PURPOSE_VISIBILITY})
+VISIBILITIES = frozenset({"visibility", *_PURPOSE_VISIBILITY})
+_OF_IMAGEABLES = VISIBILITIES | {"purpose"}
 _HANDED = _OF_IMAGEABLES | {"primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
 _HANDED |= {"model:drawMode", "model:cardVisibility"}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token

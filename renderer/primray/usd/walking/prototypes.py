@@ -19,7 +19,7 @@ from ..resolving.applied_schemas import applied_schemas
 from ..resolving.color_scope import NOWHERE
 from ..resolving.color_spaces import scope_at
 from ..resolving.context import Context
-from ..resolving.resolve import Inherited, descend, names_that_count
+from ..resolving.resolve import VISIBILITIES, Inherited, descend, names_that_count
 
 
 def handed_to_prototype(
@@ -62,7 +62,7 @@ def _above(root: Usd.Prim, end: Usd.Prim | None) -> list[Usd.Prim]:
 
 def _descended(handed: Inherited, prims: Iterable[Usd.Prim], ctx: Context) -> Inherited:
     for prim in prims:
-        names = names_that_count(prim, frozenset(property_names(prim))) - {"visibility"}
+        names = names_that_count(prim, frozenset(property_names(prim))) - VISIBILITIES
         handed = descend(handed, prim, names, applied_schemas(prim), ctx) or handed
     return handed
 
