@@ -1,6 +1,6 @@
 """What is drawn where with what: as pxr's own functions say of each prim, and as a description has it, to be compared.
 
-A leaf is the name of its prim, its matrix to the world, its material's name, and what it reads: displayColor without a material,
+A leaf is the name of its prim, its matrix to the world, its material's name, and what it reads: displayColor without one,
 primvars:p with one. Names of prims are unique in a layer, so that a name and a place say which leaf of which instance it is.
 """
 

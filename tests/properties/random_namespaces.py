@@ -24,6 +24,7 @@ class _Maker:
     stage: Usd.Stage
     r: random.Random
     color_spaces: bool
+    collections: bool
     count: int = 0
     inside: list[list[str]] = field(default_factory=list)  # of each native prototype, the paths below its root
     in_library: list[str] = field(default_factory=list)
@@ -45,14 +46,16 @@ def stage_of(seed: int, *, color_spaces: bool = False) -> Usd.Stage:
     UsdGeom.SetStageUpAxis(stage, "Y")
     fallbacks = {"NewCube": ["NewestCube", "Cube"], "NewXform": ["Xform"], "Cube": ["Sphere"]}
     stage.SetMetadata("fallbackPrimTypes", {name: Vt.TokenArray(to) for name, to in fallbacks.items()})
-    make = _Maker(stage, random.Random(seed), color_spaces)
+    make = _Maker(stage, random.Random(seed), color_spaces, collections=seed % 2 == 0)
     for k in range(MATERIALS):
         _material(stage, f"/m{k}")
+    make.in_library = _group(make, "/early", 1, in_prototype=True)
+    stage.GetPrimAtPath("/early").SetSpecifier(Sdf.SpecifierOver)
     for k in range(PROTOTYPES):
         root, make.beside = f"/protos/proto{k}", []
         paths = _group(make, root, 2, in_prototype=True)
         make.inside.append([path.removeprefix(root) for path in paths])
-    make.in_library = _group(make, "/lib", 2, in_prototype=True)
+    make.in_library += _group(make, "/lib", 2, in_prototype=True)
     stage.GetPrimAtPath("/protos").SetSpecifier(Sdf.SpecifierOver)
     stage.GetPrimAtPath("/lib").SetSpecifier(make.r.choice([Sdf.SpecifierOver, Sdf.SpecifierClass, Sdf.SpecifierDef]))
     for root in ("/world", "/other"):
@@ -100,7 +103,10 @@ def _group(make: _Maker, path: str, depth: int, *, in_prototype: bool = False) -
 def _instance(make: _Maker, above: str, in_prototype: bool) -> list[str]:
     k = make.r.randrange(len(make.inside))
     prim = make.stage.DefinePrim(make.path(above, "i"), make.r.choice(GROUPS))
-    prim.GetReferences().AddInternalReference(f"/protos/proto{k}")
+    if make.chance(2):
+        prim.GetReferences().AddInternalReference(f"/protos/proto{k}")
+    else:  # of which relationships may lead out of the instance
+        prim.GetInherits().AddInherit(f"/protos/proto{k}")
     prim.SetInstanceable(True)
     paths = [f"{prim.GetPath()}{inner}" for inner in make.inside[k]]
     _author(make, prim, paths, in_prototype)
@@ -225,7 +231,7 @@ def _bind(make: _Maker, prim: Usd.Prim, below: list[str]) -> None:
     for purpose in ("", ":full", ":preview"):
         if make.chance(4 if not purpose else 10):
             _bound(make, prim, f"material:binding{purpose}", [f"/m{r.randrange(MATERIALS)}"])
-    if len(below) > 1 and make.chance(5):
+    if make.collections and len(below) > 1 and make.chance(5):
         name = f"k{make.count}"
         api = Usd.CollectionAPI.Apply(prim, name)
         if make.chance(4):
