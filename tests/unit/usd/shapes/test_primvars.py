@@ -239,6 +239,15 @@ def Xform "a"
         assert [(p.interpolation, *p.values.ravel()) for p in found] == [(Interpolation.CONSTANT, p) for p in expected], inner
 
 
+def test_colours_that_vary_hide_the_one_above() -> None:
+    colors = 'color3f[] primvars:displayColor = [(0, 1, 0), (0, 0, 1)] (interpolation = "uniform")'
+    above = 'def Xform "a"\n{\ncolor3f[] primvars:displayColor = [(1, 0, 0)]\n'
+    description, _ = translate_text(above + quads(colors) + "}\n")
+    found = only_mesh(description).colors
+    assert found is not None
+    assert {tuple(row) for row in found.reshape(-1, 3).tolist()} == {(0, 1, 0), (0, 0, 1)}
+
+
 def test_native_instances_hand_constant_ones_into_their_prototype() -> None:
     """Instances that differ in what a material reads are apart; those that differ in anything else share one prototype."""
 

@@ -118,3 +118,18 @@ def test_the_up_axis_of_cards_is_hidden_inside_instances_too() -> None:
     for line, cards in (("", 6), ('uniform token model:cardVisibility = "simple"', 4)):
         description, _ = translate_text(model + instance.replace("LINE", line))
         assert [len(shape.triangles) // 2 for shape in description.shapes] == [cards]  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_a_prototype_beside_its_instancer_has_the_primvars_of_its_native_instance(nested: bool) -> None:
+    """Also where the instancer is itself in a prototype that hands down another colour."""
+    beside = f'def Scope "lib"\n{{\n{BALL}}}\n'
+    field = instancer(
+        "/model/lib/ball" if not nested else "/model/outer/field/ball", BALL if nested else "", GREEN, name="field"
+    )
+    if nested:
+        field = instancer("/model/outer/field", instancer("/model/lib/ball"), GREEN, name="outer")
+    instance = f'def Xform "i" (instanceable = true\n references = </model>)\n{{\n{RED}\n}}\n'
+    found = shown(f'class "model"\n{{\n{beside}{field}}}\n{instance}')
+    assert found == [("/i/lib/ball", (1, 0, 0))] * len(found)
+    assert found
