@@ -32,6 +32,16 @@ def pattern_primvars(pattern: Pattern) -> dict[str, int]:
     return found
 
 
+def pattern_fallbacks(pattern: Pattern, name: str) -> set[tuple[float, ...] | None]:
+    """Return what its nodes take where a primvar is missing; None for a value that another node computes."""
+    found: set[tuple[float, ...] | None] = set()
+    for node in pattern.nodes:
+        for width in (width for read, width in _primvars_of(node) if read == name):
+            default = dict(node.inputs).get("default", (0.0,) * width) if node.category == "geompropvalue" else (0.0,) * width
+            found.add(default if isinstance(default, tuple) else None)
+    return found
+
+
 def _primvars_of(node: PatternNode) -> list[tuple[str, int]]:
     found = [(primvar_of_set(0), 2) for _, v in node.inputs if type(v) is str and GEOMPROPS.get(v, ("", ""))[0] in _BY_SET]
     if node.category not in _READS_PRIMVARS:

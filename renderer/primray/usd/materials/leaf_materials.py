@@ -20,24 +20,29 @@ HAVE_SUBSETS = frozenset({"Mesh", "TetMesh", "BasisCurves"})  # prim types
 MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 
 
-def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above: str) -> Hashable:
-    """Equal for prims that have one material; "" for those that have none. `above`: the path of the nearest prim that binds."""
+def bound_alike(
+    kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above: str, strengths: tuple[str, ...] = ()
+) -> Hashable:
+    """Equal for prims that have one material; "" for those that have none. `above`: the path of the nearest prim that binds.
+
+    `strengths`: how strong each of an instance's own bindings is, which decides about what is bound inside the instance.
+    """
     if not kind.bindings:
         return above
     if not all(targets) or "MaterialBindingAPI" not in kind.schemas:  # of which USD has something to say, prim by prim
         return path
-    return kind.bindings, tuple(map(tuple, targets)), above
+    return kind.bindings, tuple(map(tuple, targets)), above, strengths
 
 
 def bindings_of(instances: list[ResolvedPrim], by_collection: bool, ctx: Context) -> list[Binding | None]:
     """What is bound to each of some instances; where no collection binds anything, one object for those bound alike."""
     if by_collection:
         return bind_materials([as_bound(instance.prim, instance.inherited) for instance in instances], ctx.material_purposes)
-    first = {instance.bound_as: instance.prim for instance in reversed(instances) if instance.bound_as}
-    found: dict[Hashable, Binding | None] = dict(
-        zip(first, bind_materials([*first.values()], ctx.material_purposes), strict=True)
-    )
-    return [found.get(instance.bound_as) for instance in instances]
+    keys = [_bound_as(instance) for instance in instances]
+    first = {key: instance for key, instance in zip(reversed(keys), reversed(instances), strict=True) if key}
+    prims = [as_bound(instance.prim, instance.inherited) for instance in first.values()]
+    found: dict[Hashable, Binding | None] = dict(zip(first, bind_materials(prims, ctx.material_purposes), strict=True))
+    return [found.get(key) for key in keys]
 
 
 def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
@@ -45,8 +50,9 @@ def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool
     bindings = ctx.kept.of(CollectionBindings)
     if not bindings.expressed and not bindings.has_members_below:
         return [False] * len(instances)
-    paths = [as_bound(instance.prim, instance.inherited).GetPath() for instance in instances]
-    expressed = [any(path.HasPrefix(at) for at in bindings.expressed) for path in paths]
+    # A collection that is bound inside a prototype is of the prototype's paths, one that is bound around it of the stage's.
+    paths = [{instance.prim.GetPath(), as_bound(instance.prim, instance.inherited).GetPath()} for instance in instances]
+    expressed = [any(path.HasPrefix(at) for at in bindings.expressed for path in both) for both in paths]
     if sum(expressed) > MAX_EXPRESSED:
         message = (
             f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
@@ -54,7 +60,7 @@ def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool
         for at in bindings.expressed:
             ctx.warn("binding-expression", ctx.shown(str(at)), message)
         expressed = [False] * len(paths)
-    return [path in bindings.has_members_below or by for path, by in zip(paths, expressed, strict=True)]
+    return [by or not both.isdisjoint(bindings.has_members_below) for both, by in zip(paths, expressed, strict=True)]
 
 
 def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -> None:
@@ -83,8 +89,10 @@ def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -
             leaf.subsets = tuple(replace(s, material=_material(bindings[asked[place, s.path]], outer)) for s in owned)
 
 
-def _bound_as(leaf: ResolvedPrim) -> Hashable:
-    return leaf.bound_as
+def _bound_as(prim: ResolvedPrim) -> Hashable:
+    """`bound_alike`, by the instance whose proxy is asked where it is one."""
+    proxy = prim.inherited.proxy
+    return (proxy, prim.bound_as) if proxy and prim.bound_as else prim.bound_as
 
 
 def _place(leaf: ResolvedPrim) -> str:

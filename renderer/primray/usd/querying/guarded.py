@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
 from typing import Any, TypeVar
 
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
@@ -160,13 +161,35 @@ def shader_id(shader: Usd.Prim) -> str:
 
 
 def type_name(prim: Usd.Prim) -> str:
-    """ "" where it has none."""
+    """Return the name of the schema that USD takes a prim for; "" for a prim without a type.
+
+    For types that no schema is known for, that is what the stage's `fallbackPrimTypes` name instead, else the authored name.
+    """
     try:
         name: str = prim.GetTypeName()
-        return name
+        return name if not name or _is_schema(name) else _schema_name(prim.GetPrimTypeInfo())
     except FAILURES as error:
         _failed(prim, "typeName", error)
         return ""
+
+
+@cache
+def _is_schema(name: str) -> bool:
+    return bool(Usd.SchemaRegistry.IsConcrete(name))
+
+
+def _schema_name(info: Usd.PrimTypeInfo) -> str:
+    name: str = info.GetSchemaTypeName() or info.GetTypeName()
+    return name
+
+
+def type_and_schemas(prim: Usd.Prim) -> tuple[str, list[str]]:
+    """Return `type_name` of a prim and `schemas_applied` to it, in fewer questions."""
+    try:
+        info = prim.GetPrimTypeInfo()
+        return _schema_name(info), info.GetAppliedAPISchemas()
+    except FAILURES:
+        return type_name(prim), schemas_applied(prim)
 
 
 def schemas_applied(prim: Usd.Prim) -> list[str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
-from ..querying.guarded import default_value, property_names, targets, type_name
+from ..querying.guarded import default_value, metadatum, property_names, targets, type_name
 from ..querying.messages import tf_message
 from ..querying.traversal import THERE_IN_INSTANCES, children
 from .context import Context
@@ -33,7 +33,7 @@ class Subset:
 class CollectionBindings:
     """What is remembered of collections that a material is bound to."""
 
-    looked_into: set[Sdf.Path] = field(default_factory=set)
+    is_expression: dict[Sdf.Path, bool] = field(default_factory=dict)  # collections that have been looked into
     has_members_below: set[Sdf.Path] = field(default_factory=set)  # prims below which such a collection has members
     expressed: set[Sdf.Path] = field(default_factory=set)  # prims that bind a collection which is an expression
 
@@ -60,30 +60,46 @@ def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Contex
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
     """Remember below which prims some are in the collection and some are not, or may be where it is an expression."""
     bindings = ctx.kept.of(CollectionBindings)
-    if collection in bindings.looked_into:
-        return
-    bindings.looked_into.add(collection)
+    if collection not in bindings.is_expression:
+        bindings.is_expression[collection] = _look_into(collection, bound_at, bindings, ctx)
+    if bindings.is_expression[collection]:  # which each prim that binds it applies to what is below that prim
+        bindings.expressed.add(bound_at)
+
+
+def _look_into(collection: Sdf.Path, bound_at: Sdf.Path, bindings: CollectionBindings, ctx: Context) -> bool:
+    """Add the prims below which some are members and some are not; return whether the collection is an expression."""
     try:
         api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
         rules = api.ComputeMembershipQuery().GetAsPathExpansionRuleMap() if api else {}
     except Tf.ErrorException as error:
         ctx.warn("wrong-type", ctx.shown(str(bound_at)), f"{collection} is no collection that can be read: {tf_message(error)}")
-        return
-    expression = default_value(api.GetMembershipExpressionAttr()) if api else None
-    if isinstance(expression, Sdf.PathExpression) and not expression.IsEmpty():
-        bindings.expressed.add(bound_at)
+        return False
     for path, rule in rules.items():
         above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()
         bindings.has_members_below.update(above.GetPrefixes())
+    expression = default_value(api.GetMembershipExpressionAttr()) if api else None
+    return isinstance(expression, Sdf.PathExpression) and not expression.IsEmpty()
 
 
-def binds_by_collection(prim: Usd.Prim) -> bool:
-    """Whether it or a prim above it binds materials by a collection."""
+def binds_by_collection(prim: Usd.Prim, ctx: Context) -> bool:
+    """Whether a prim, or one above it, binds materials by a collection; note what these collections hold.
+
+    Nobody walks over what is above a point instancer's prototype below `class` and `over`.
+    """
+    found = False
     while prim and not prim.IsPseudoRoot():
-        if any(map(is_collection, binding_names(frozenset(property_names(prim))))):
-            return True
+        for name in filter(is_collection, binding_names(frozenset(property_names(prim)))):
+            found = True
+            if led_to := targets(prim, name):
+                _note_members(led_to[0], prim.GetPath(), ctx)
         prim = prim.GetParent()
-    return False
+    return found
+
+
+def strengths_of(prim: Usd.Prim, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return how strong each of these bindings of a prim is, as authored."""
+    found = map(prim.GetRelationship, names)
+    return tuple(str(metadatum(relationship, "bindMaterialAs")) if relationship else "" for relationship in found)
 
 
 def binding_names(names: frozenset[str]) -> tuple[str, ...]:

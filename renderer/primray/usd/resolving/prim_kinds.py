@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 from pxr import Usd
 
-from ..querying.guarded import property_names, schemas_applied, type_name
+from ..querying.guarded import property_names, type_and_schemas
 from .applied_schemas import UNDERSTOOD
 from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
 from .notes import is_noted
-from .resolve import hands_down
+from .resolve import hands_down, names_that_count
 
 
 class PropertyNames(set[frozenset[str]]):
@@ -32,6 +32,7 @@ class PrimKind(NameSet):
     taken_as: str = ""  # what the adapter table takes it for: "shape", "light", or "" for neither
     has_transform: bool = False
     hands_down: bool = False  # something else than what is above it
+    handed_names: frozenset[str] = frozenset()  # properties that count for what it hands down
     is_noted: bool = False  # diagnostics may have something to say of it
     bindings: tuple[str, ...] = ()  # its properties that bind materials
 
@@ -58,7 +59,8 @@ class PrimKinds:
         self.by_collection = False  # some bind materials by a collection
 
     def of(self, prim: Usd.Prim, path: str) -> PrimKind:
-        key = (type_name(prim), tuple(property_names(prim)), tuple(schemas_applied(prim)))
+        name, schemas = type_and_schemas(prim)
+        key = (name, tuple(property_names(prim)), tuple(schemas))
         kind = self.found.get(key)
         if kind is None:
             kind = self.found[key] = self._made(prim, path, key)
@@ -67,7 +69,7 @@ class PrimKinds:
 
     def _made(self, prim: Usd.Prim, path: str, key: KindKey) -> PrimKind:
         name, (names, schemas) = str(key[0]), (frozenset(map(str, key[1])), list(map(str, key[2])))
-        taken_as, bindings = self._taken_as.get(name, ""), binding_names(names)
+        taken_as, bindings, handed = self._taken_as.get(name, ""), binding_names(names), names_that_count(prim, names)
         self.by_collection |= any(map(is_collection, bindings))
         return PrimKind(
             names,
@@ -76,7 +78,8 @@ class PrimKinds:
             schemas=schemas,
             taken_as=taken_as,
             has_transform="xformOpOrder" in names,
-            hands_down=hands_down(names, schemas, self._ctx),
+            hands_down=hands_down(handed, schemas, self._ctx),
+            handed_names=handed,
             is_noted=is_noted(prim, name, schemas, names, taken_as),
             bindings=bindings,
         )

@@ -33,8 +33,10 @@ from .read import When, array, as_columns, is_single, number, read, time_of, val
 _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
 BLUR_SCALE = "motion:blurScale"
-_HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
-_HANDED |= {*_PURPOSE_VISIBILITY}
+VISIBILITIES = frozenset({"visibility", *_PURPOSE_VISIBILITY})
+_OF_IMAGEABLES = VISIBILITIES | {"purpose"}
+_HANDED = _OF_IMAGEABLES | {"primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
+_HANDED |= {"model:drawMode", "model:cardVisibility"}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -57,12 +59,14 @@ class Inherited:
 
     purpose: str = "default"
     draw_mode: str = "default"  # the nearest model:drawMode, whether or not it is applied
+    card_visibility: str = "full"  # the nearest model:cardVisibility
     outer: Binding | None = None
     proxy: str = ""
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
+    hidden: frozenset[str] = frozenset()  # such primvars whose values a nearer one of no use hides
     colors: ColorScope = NOWHERE
     outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # what the instances around hand down to their prototypes
     # Where lights are linked (light_links.py): the instance that prims of a prototype are asked for in; what the point
@@ -71,6 +75,8 @@ class Inherited:
     linked_by_instancers: tuple[tuple[int, bool], ...] = ()
     invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
     blur_scale: float = 1.0  # the nearest motion:blurScale, where the shutter is open
+    # What a native prototype is handed, inside prototypes of point instancers that stand in it and may lead elsewhere in it.
+    top: Inherited | None = None
 
 
 @dataclass(slots=True)
@@ -123,8 +129,20 @@ def hands_down(names: frozenset[str], schemas: list[str], ctx: Context) -> bool:
     return not names.isdisjoint(_HANDED | ctx.primvars_read) or any(s.startswith("ColorSpace") for s in schemas)
 
 
+def names_that_count(prim: Usd.Prim, names: frozenset[str]) -> frozenset[str]:
+    """Return those of a prim's authored names that say something about what it hands down.
+
+    Visibility and purpose are UsdGeomImageable's: USD ignores them on prims without a type, on types without a schema, on
+    materials. The answer depends on the prim's type alone.
+    """
+    return names if names.isdisjoint(_OF_IMAGEABLES) or prim.IsA(UsdGeom.Imageable) else names - _OF_IMAGEABLES
+
+
 def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
-    """What `prim` hands down, None if it is invisible (and so is all below it); `schemas` are those applied to it."""
+    """What `prim` hands down, None if it is invisible (and so is all below it).
+
+    `names` are the authored ones that count (`names_that_count`), `schemas` those applied to it.
+    """
     when = ctx.when
     if "visibility" in names and read(prim, "visibility", when) == "invisible":
         return None
@@ -141,17 +159,26 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mine = _with_purpose_visibility(mine, prim, names)
     if BLUR_SCALE in names and not ctx.timing.is_frame and "MotionAPI" in schemas:
         mine = replace(mine, blur_scale=_blur_scale(prim, ctx))
-    if "model:drawMode" in names:
+    if "model:drawMode" in names and prim.IsModel():  # UsdGeomModelAPI: opinions of other prims do not count
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
+    if "model:cardVisibility" in names:
+        shown = read(prim, "model:cardVisibility", when)
+        mine = replace(mine, card_visibility=shown) if isinstance(shown, str) and shown != "inherited" else mine
     if "primvars:displayColor" in names:
         attribute = prim.GetAttribute("primvars:displayColor")
         color = constant_of(attribute, 3, names, when)
         if color is not None:
             mine = _colored(mine, color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx), ctx)
+        elif (mine.color is not None or "displayColor" in mine.per_instance) and is_nearest(attribute):
+            mine = _colored(mine, None, ctx)
     if "primvars:displayOpacity" in names:
-        opacity = constant_of(prim.GetAttribute("primvars:displayOpacity"), 1, names, when)
-        mine = mine if opacity is None else replace(mine, opacity=opacity[0])
+        attribute = prim.GetAttribute("primvars:displayOpacity")
+        opacity = constant_of(attribute, 1, names, when)
+        if opacity is not None:
+            mine = replace(mine, opacity=opacity[0])
+        elif (mine.opacity is not None or "displayOpacity" in mine.per_instance) and is_nearest(attribute):
+            mine = _hiding(replace(mine, opacity=None), "displayOpacity")
     read_names = ctx.primvars_read
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
 
@@ -185,15 +212,32 @@ def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset
     return replace(parent, invisible=frozenset(invisible))
 
 
+def is_nearest(attribute: Usd.Attribute) -> bool:
+    """Whether a primvar ends the search for one of its name upwards, whatever it is: UsdGeomPrimvarsAPI passes over those
+    without an authored value alone, and what varies over its prim is not inherited."""
+    return bool(attribute and attribute.HasAuthoredValue())
+
+
 def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx: Context) -> Inherited:
-    handed = dict(parent.primvars)
+    handed, mine = dict(parent.primvars), parent
     for name in names:
+        short = name.removeprefix("primvars:")
         if (values := constant_numbers(prim, name, ctx.when)) is not None:
             if name in ctx.color_primvars and len(values) >= 3:
                 rgb = in_rendering_space(np.array(values[:3]), prim.GetAttribute(name), parent.colors, ctx)
                 values = (*rgb.tolist(), *values[3:])
-            handed[name.removeprefix("primvars:")] = values
-    return replace(parent, primvars=tuple(sorted(handed.items())))
+            handed[short] = values
+        elif (short in handed or short in mine.per_instance) and is_nearest(prim.GetAttribute(name)):
+            handed.pop(short, None)
+            mine = _hiding(mine, short)
+    return replace(mine, primvars=tuple(sorted(handed.items())))
+
+
+def _hiding(mine: Inherited, name: str) -> Inherited:
+    """Return what a prim hands down where its own primvar, of no use below it, ends the search for one of this name."""
+    if name not in mine.per_instance:
+        return mine
+    return replace(mine, per_instance=mine.per_instance - {name}, hidden=mine.hidden | {name})
 
 
 def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
@@ -218,16 +262,18 @@ def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
     return int(indices[0]) if indices is not None and len(indices) else 0
 
 
-class _Colored(dict[tuple[int, tuple[float, float, float]], tuple[Inherited, Inherited]]):
-    """By the id of an Inherited and a colour: it, and the same in that colour."""
+class _Colored(dict[tuple[int, tuple[float, float, float] | None], tuple[Inherited, Inherited]]):
+    """By the id of an Inherited and a colour, or none: it, and the same in that colour."""
 
 
-def _colored(mine: Inherited, rgb: tuple[float, float, float], ctx: Context) -> Inherited:
-    """With this colour: one object for all children of a prim that have the same."""
+def _colored(mine: Inherited, rgb: tuple[float, float, float] | None, ctx: Context) -> Inherited:
+    """Return what a prim hands down with this colour, or with none: one object for all its children that have the same."""
     colored = ctx.kept.of(_Colored)
     known = colored.get((id(mine), rgb))
     if known is None:
-        known = colored[id(mine), rgb] = mine, replace(mine, color=rgb)  # what is known by its id is kept
+        made = replace(mine, color=rgb)
+        made = _hiding(made, "displayColor") if rgb is None else made
+        known = colored[id(mine), rgb] = mine, made  # what is known by its id is kept
     return known[1]
 
 

@@ -57,6 +57,7 @@ def given_per_instance(handed: Inherited, names: Iterable[str]) -> Inherited:
         opacity=None if "displayOpacity" in given else handed.opacity,
         primvars=tuple(item for item in handed.primvars if item[0] not in given),
         per_instance=handed.per_instance | given,
+        hidden=handed.hidden - given,
     )
 
 

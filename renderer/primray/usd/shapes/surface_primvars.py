@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ...aov_names import WIDE
 from ...description import Interpolation, PatternInput, PrimvarInput, Surface, TextureInput
 from ...description import Primvar as SeamPrimvar
-from ...description.pattern_reads import pattern_primvars
+from ...description.pattern_reads import pattern_fallbacks, pattern_primvars
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
 from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, per_corner, read_raw_primvar
@@ -94,6 +94,8 @@ def read_primvars(
             if name not in prim.inherited.per_instance:
                 message = f"A material reads primvars:{name}, which it lacks: the fallback is used."
                 ctx.warn("primvar-missing", prim.path, message, f"primvars:{name}")
+            if name in prim.inherited.hidden:
+                found += _instead_of_instances(prim, name, surfaces, ctx)
         elif primvar.values.shape[1] < width:
             message = f"primvars:{name} has too few numbers each: {width} are read."
             ctx.warn("invalid-primvar", prim.path, message, f"primvars:{name}")
@@ -101,6 +103,24 @@ def read_primvars(
             values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx)[:, :width])
             found.append((name, Primvar(values, primvar.interpolation, primvar.indices)))
     return found + _for_aovs(prim, {name: p.values.shape[1] for name, p in found}, read, ctx) if ctx.aov_primvars else found
+
+
+def _instead_of_instances(
+    prim: ResolvedPrim, name: str, surfaces: Iterable[Surface], ctx: Context
+) -> list[tuple[str, Primvar]]:
+    """Return the readers' fallback as the shape's own primvar, where a primvar of no use hides those of instances."""
+    fallbacks: set[tuple[float, ...] | None] = set()
+    for surface in surfaces:
+        inputs = [read for _, read in surface.inputs if not isinstance(read, PatternInput)]
+        fallbacks |= {primvar.fallback for primvar in map(_primvar_of, inputs) if primvar.name == name}
+        if surface.pattern and name in pattern_primvars(surface.pattern):
+            fallbacks |= pattern_fallbacks(surface.pattern, name)
+    fallback = fallbacks.pop() if len(fallbacks) == 1 else None
+    if fallback is not None:
+        return [(name, Primvar(np.array([fallback], np.float32), "constant"))]
+    message = f"primvars:{name} of no use hides the instances' values, which are shown: its readers differ in their fallbacks."
+    ctx.warn("instance-primvar", prim.path, message, f"primvars:{name}")
+    return []
 
 
 def _for_aovs(

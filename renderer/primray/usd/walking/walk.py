@@ -23,12 +23,10 @@ from ..moving.levels import MovingLevel, level_of
 from ..moving.mover import Mover
 from ..paths.changes import bends, moving_operations, transform_of
 from ..paths.spheres import growing_sphere
-from ..querying.guarded import local_transform_at, property_names
+from ..querying.guarded import local_transform_at
 from ..querying.traversal import IN_PROTOTYPE, IN_WORLD, children
-from ..resolving.applied_schemas import applied_schemas
-from ..resolving.bindings import binds_by_collection, note_bindings
+from ..resolving.bindings import binds_by_collection, note_bindings, strengths_of
 from ..resolving.color_scope import NOWHERE
-from ..resolving.color_spaces import scope_at
 from ..resolving.context import Context
 from ..resolving.foreign_names import note_foreign_schemas, note_other_renderers
 from ..resolving.notes import note_prim
@@ -48,6 +46,7 @@ from ..resolving.resolve import (
 from ..shapes.instance_primvars import given_per_instance
 from .instances import Group
 from .places import Place, Places
+from .prototypes import handed_to_prototype
 from .record import Record
 
 Expand = Callable[
@@ -130,7 +129,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     parent = str((root if is_namespace_root else root.GetParent()).GetPath())
     # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
     if not is_namespace_root:
-        state.kinds.by_collection |= binds_by_collection(root.GetParent())
+        state.kinds.by_collection |= binds_by_collection(root.GetParent(), ctx)
     binds = "" if is_namespace_root else str(root.GetPath())
     top = _Above(ctx.shown(parent).removesuffix("/"), places.own, ROOT, inherited, binds)
     stack = [(prim, top) for prim in reversed(prims)]
@@ -141,7 +140,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         type_name = kind.type_name
         mine = above.inherited
         if kind.hands_down:
-            handed = descend(mine, prim, kind.names, kind.schemas, ctx)
+            handed = descend(mine, prim, kind.handed_names, kind.schemas, ctx)
             if handed is None:
                 continue
             mine = handed
@@ -154,7 +153,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         resolved: ResolvedPrim | None = None
         if kind.taken_as or kind.is_noted or kind.bindings or is_instance or type_name in _MADE or mine.draw_mode != "default":
             resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, place.poses, pose, above.binds, mover=place.mover)
-            resolved.own_color = mine.color is not above.inherited.color
+            resolved.own_color = mine.color is not None and mine.color is not above.inherited.color
             drawn_as = stand_in(resolved, ctx) if mine.draw_mode != "default" else ""
             if drawn_as:
                 if is_drawn(mine, ctx.purposes):
@@ -164,11 +163,12 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 note_prim(resolved, kind.schemas, kind.taken_as, ctx)
             if kind.bindings:
                 targets = note_bindings(prim, path, kind.bindings, ctx)
-                resolved.bound_as = bound_alike(kind, path, targets, above.binds)
+                strengths = strengths_of(prim, kind.bindings) if is_instance else ()
+                resolved.bound_as = bound_alike(kind, path, targets, above.binds, strengths)
             if type_name in _MADE:
                 state.record.note_use(place.poses, pose)
             if type_name == "PointInstancer":
-                _expand_points(state, group, place.group, resolved)
+                _expand_points(state, group, place.group, resolved, inherited if root.IsPrototype() else inherited.top)
                 continue
             if type_name == "Points" and is_drawn(mine, ctx.purposes):
                 _place_spheres(state, group, place.group, resolved)
@@ -228,14 +228,17 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
     apart = differ_by_material(instances, ctx)
-    alike: dict[Hashable, int] = {}  # many have one object for what is above them, and one binding
+    alike: dict[Hashable, int] = {}  # groups of instances with one object for what is above them, and one binding
     for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
         prototype = instance.prim.GetPrototype()
-        key = (prototype, id(instance.inherited), id(inner))
-        if key not in alike or alone or state.links is not None:
+        # Collections look into instances that are bound alone, and links tell every instance apart by its path.
+        key = None if alone or state.links is not None else (prototype, id(instance.inherited), id(inner))
+        child = alike.get(key)
+        if child is None:
             ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-            alike[key] = state.group(prototype, _handed_to_instance(state, instance, prototype, inner, alone))
-        child = alike[key]
+            child = state.group(prototype, _handed_to_instance(state, instance, prototype, inner, alone))
+            if key is not None:
+                alike[key] = child
         by_child.setdefault(child, []).append(i)
         if ctx.names_instances:
             names.setdefault(child, []).append(_within(state, group, instance.path))
@@ -270,6 +273,8 @@ def _handed_to_instance(
     mine = instance.inherited
     if mine.colors is not NOWHERE:
         mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
+    if mine.top is not None:
+        mine = replace(mine, top=None)
     if alone:
         handed = replace(mine, proxy=str(as_bound(instance.prim, instance.inherited).GetPath()))
     else:
@@ -290,13 +295,17 @@ def _finite(level: MatrixInstances, group: Group[ResolvedPrim], ctx: Context) ->
     return level if finite.all() else level.take(np.flatnonzero(finite))
 
 
-def _expand_points(state: _Walk, root_group: Group[ResolvedPrim], group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
+def _expand_points(
+    state: _Walk, root_group: Group[ResolvedPrim], group: Group[ResolvedPrim], instancer: ResolvedPrim, top: Inherited | None
+) -> None:
+    """`top`: what is handed to the native prototype that the instancer stands in; None in the world."""
     ctx = state.ctx
     for root_path, instances in state.expand(instancer, ctx):
         root = ctx.stage.GetPrimAtPath(root_path)
         if not root or not root.IsActive():
             continue
-        handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
+        handed = given_per_instance(instancer.inherited, [p.name for p in instances.primvars])
+        handed = handed_to_prototype(handed, instancer.prim, root, top, ctx)
         if state.links is not None:
             handed = state.links.handed_to_prototype(handed, instancer.prim, root)
         if root.IsInstanceProxy():
@@ -331,35 +340,3 @@ def _place_spheres(state: _Walk, root_group: Group[ResolvedPrim], group: Group[R
         placed = replace(placed, matrices=matrices)
     group.instances.append((len(state.groups), placed))
     state.groups.append(Group(points.path, [leaf], blur_scale=points.inherited.blur_scale))
-
-
-def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
-    """A prototype inherits the instancer's purpose and colours, and what scopes between the two author.
-
-    Bindings and colour spaces follow namespace, so `outer` applies only where both stand in the same native prototype.
-    """
-    between = []
-    parent = root.GetParent()
-    while parent and parent != instancer.prim:
-        between.append(parent)
-        parent = parent.GetParent()
-    handed = given_per_instance(instancer.inherited, per_instance)
-    if not parent:
-        return _with_colors_of(root, handed, ctx)
-    for scope in reversed(between):
-        names = frozenset(property_names(scope)) - {"visibility"}
-        schemas = applied_schemas(scope)
-        handed = descend(handed, scope, names, schemas, ctx) or handed
-    return handed
-
-
-def _with_colors_of(root: Usd.Prim, handed: Inherited, ctx: Context) -> Inherited:
-    """Colour spaces go by namespace (ColorSpaceAPI), wherever the prototype stands."""
-    around = replace(ctx, outer_colors=handed.outer_colors)
-    outer = handed.outer_colors
-    instance = root
-    while instance.IsInstanceProxy() and not instance.IsInstance():
-        instance = instance.GetParent()
-    if instance.IsInstance() and instance != root and (above := scope_at(instance, around)) is not NOWHERE:
-        outer = ((str(instance.GetPrototype().GetPath()), above), *outer)
-    return replace(handed, colors=scope_at(root.GetParent(), around), outer_colors=outer)

@@ -155,3 +155,31 @@ def test_instances_bound_alike_are_one_question(asked: list[int]) -> None:
     assert sorted(of) == [["/blue", "/green"], ["/blue", "/red"]]
     assert sorted(len(placement) for placement in description.placements) == [10, 10]
     assert asked[0] == 4
+
+
+@pytest.mark.parametrize("purpose", ["", ":full"])
+def test_instances_whose_bindings_differ_in_strength_are_apart(purpose: str) -> None:
+    asset = 'class "asset"\n{\n' + sphere("own", bind("blue", purpose)) + "}\n"
+    meta = 'prepend apiSchemas = ["MaterialBindingAPI"]\n instanceable = true\n references = </asset>'
+    for first, second in (("", STRONGER), (STRONGER, "")):
+        instances = (
+            f'def Xform "{name}" (\n{meta}\n)\n{{\n{bind("red", purpose, s)}\n}}\n'
+            for name, s in zip("ab", (first, second), strict=True)
+        )
+        description, _ = translate(stage_of(MATERIALS + asset + "".join(instances)), RenderSettings())
+        found = [description.surfaces[int(description.shapes[one.shape].surface)].path for one in description.static]  # type: ignore[arg-type]
+        assert found == ["/red" if strength else "/blue" for strength in (first, second)]
+
+
+def test_an_expression_is_of_each_prim_that_binds_it() -> None:
+    """Two groups bind one collection, and each looks into the instances that are below it."""
+    asset = 'class "asset"\n{\n' + sphere("a") + sphere("b") + "}\n"
+    bound = "rel material:binding:collection:mine = [</some.collection:some>, </red>]"
+    instance = 'def Xform "i{0}" (\ninstanceable = true\n references = </asset>\n)\n{{\n}}\n'
+    groups = "".join(group(f"g{i}", bound, instance.format(i)) for i in range(2))
+    collection = 'def Scope "some" (prepend apiSchemas = ["CollectionAPI:some"])\n{\n'
+    collection += '    uniform pathExpression collection:some:membershipExpression = "//i1/b"\n}\n'
+    description, _ = translate(stage_of(MATERIALS + asset + collection + groups), RenderSettings())
+    shapes = [description.shapes[one.shape] for one in description.static]
+    found = sorted((shape.path[-1], description.surfaces[int(shape.surface)].path) for shape in shapes)  # type: ignore[arg-type]
+    assert found == [("a", ""), ("a", ""), ("b", ""), ("b", "/red")]

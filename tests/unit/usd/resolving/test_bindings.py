@@ -210,7 +210,7 @@ COLLECTIONS = {
 
 
 @pytest.mark.parametrize("collection", COLLECTIONS.values(), ids=COLLECTIONS)
-@pytest.mark.parametrize("bound", ["rel material:binding = </red>", "rel material:binding:full = </red>", STRONGER])
+@pytest.mark.parametrize("bound", ["", "rel material:binding = </red>", "rel material:binding:full = </red>", STRONGER])
 @pytest.mark.parametrize("inside", ["", INSIDE, INSIDE.replace("binding", "binding:full")])
 @pytest.mark.conforms("MaterialBindingAPI.material:binding:collection", "MaterialBindingAPI.bindMaterialAs")
 def test_what_is_inside_instances_is_bound_as_its_proxies_are(inside: str, bound: str, collection: str) -> None:

@@ -55,7 +55,8 @@ def normals(mesh: Mesh) -> np.ndarray:
         ("component", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = false', False),
         ("group", 'uniform token model:drawMode = "bounds"', False),
         ("group", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', True),
-        ("", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', True),
+        ("", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', False),
+        ("subcomponent", 'uniform token model:drawMode = "bounds"\nuniform bool model:applyDrawMode = true', False),
         ("component", 'uniform token model:drawMode = "sketch"', False),
     ],
 )
@@ -99,6 +100,27 @@ def Xform "world" (
 """
     description, _ = translate_text(text)
     assert [shape.path for shape in description.shapes] == ["/world/loose", "/world/a", "/world/b/s"]
+
+
+def test_what_is_no_model_is_drawn_itself_below_one() -> None:
+    """Neither what it says of itself nor what it inherits counts; opinions of what is no model are not inherited."""
+    inner = 'uniform token model:drawMode = "cards"\nuniform bool model:applyDrawMode = true\ndef Sphere "s"\n{\n}\n'
+    part = 'def Xform "part" (\n kind = "subcomponent"\n)\n{\n' + inner + "}\n"
+    lone = 'def Xform "lone" (\n kind = "component"\n)\n{\ndef Sphere "s"\n{\n}\n}\n'
+    text = f'def Xform "w" (\n kind = "group"\n)\n{{\nuniform token model:drawMode = "bounds"\n{part}}}\n'
+    text += f'def Xform "plain"\n{{\nuniform token model:drawMode = "bounds"\n{lone}}}\n'
+    description, _ = translate_text(text)
+    assert [shape.path for shape in description.shapes] == ["/w/part/s", "/plain/lone/s"]
+
+
+def test_a_prototype_elsewhere_does_not_inherit_the_mode_of_its_instancer() -> None:
+    model = f'def Xform "a" (\n kind = "component"\n)\n{{\n{BOX}\n def Sphere "s"\n {{\n }}\n}}\n'
+    lines = 'int[] protoIndices = [0]\npoint3f[] positions = [(0, 0, 0)]\nuniform token model:drawMode = "bounds"\n'
+    for lib, inside, root in (("", model, "/w/p/a"), (model, "", "/lib/a")):
+        instancer = f'def PointInstancer "p" (\n kind = "group"\n)\n{{\nrel prototypes = <{root}>\n{lines}{inside}}}\n'
+        text = f'over "lib" (\n kind = "group"\n)\n{{\n{lib}}}\ndef Xform "w" (\n kind = "group"\n)\n{{\n{instancer}}}\n'
+        description, _ = translate_text(text)
+        assert [shape.path for shape in description.shapes] == ["/lib/a/s" if lib else "/w/p/a"]
 
 
 def test_native_instances_inherit_the_mode_and_are_replaced() -> None:

@@ -229,13 +229,23 @@ def Xform "a"
 """
 
     for inner, expected in (
-        ("", 1),
-        ('float[] primvars:p = [2] (interpolation = "constant")', 2),
-        ('float[] primvars:p = [2] (interpolation = "vertex")', 1),  # only constant ones are handed down
-        ('string[] primvars:p = ["x"] (interpolation = "constant")', 1),
+        ("", [1]),
+        ('float[] primvars:p = [2] (interpolation = "constant")', [2]),
+        ('float[] primvars:p = None (interpolation = "vertex")', [1]),  # without a value it is none
+        ('float[] primvars:p = [2] (interpolation = "vertex")', []),  # which is not handed down, and ends the search
+        ('string[] primvars:p = ["x"] (interpolation = "constant")', []),
     ):
-        [found], _ = primvars_of(reader(1) + tree(inner))
-        assert (found.interpolation, found.values.tolist()) == (Interpolation.CONSTANT, [[expected]]), inner
+        found, _ = primvars_of(reader(1) + tree(inner))
+        assert [(p.interpolation, *p.values.ravel()) for p in found] == [(Interpolation.CONSTANT, p) for p in expected], inner
+
+
+def test_colours_that_vary_hide_the_one_above() -> None:
+    colors = 'color3f[] primvars:displayColor = [(0, 1, 0), (0, 0, 1)] (interpolation = "uniform")'
+    above = 'def Xform "a"\n{\ncolor3f[] primvars:displayColor = [(1, 0, 0)]\n'
+    description, _ = translate_text(above + quads(colors) + "}\n")
+    found = only_mesh(description).colors
+    assert found is not None
+    assert {tuple(row) for row in found.reshape(-1, 3).tolist()} == {(0, 1, 0), (0, 0, 1)}
 
 
 def test_native_instances_hand_constant_ones_into_their_prototype() -> None:

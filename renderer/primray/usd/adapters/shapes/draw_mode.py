@@ -63,6 +63,9 @@ def stand_in(prim: ResolvedPrim, ctx: Context) -> str:
 
 
 def _applies(prim: ResolvedPrim, ctx: Context) -> bool:
+    """Whether the prim is a model (a kind below kinds of groups) that says so, or a component that says nothing."""
+    if not prim.prim.IsModel():
+        return False
     if "model:applyDrawMode" in prim.names:
         authored = read(prim.prim, "model:applyDrawMode", ctx.when)
         if isinstance(authored, bool):
@@ -205,13 +208,7 @@ def _color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
 
 def _hidden_axis(prim: ResolvedPrim, ctx: Context) -> str:
     """The stage's up axis where the nearest model:cardVisibility is simple."""
-    above = prim.prim
-    while above and not above.IsPseudoRoot():
-        visibility = token(above, "model:cardVisibility", ctx.when, "inherited")
-        if visibility != "inherited":
-            return up_axis(ctx.stage) if visibility == "simple" else ""
-        above = above.GetParent()
-    return ""
+    return up_axis(ctx.stage) if prim.inherited.card_visibility == "simple" else ""
 
 
 def _has_area(corners: Doubles) -> bool:

@@ -1,0 +1,40 @@
+"""Translation that takes nothing to be alike: each instance is a group of its own, bound prim by prim, and no cache keeps
+anything."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from primray.usd.adapters.materials.material import Materials
+from primray.usd.adapters.shapes import implicit, mesh
+from primray.usd.lights import illuminant, photometric
+from primray.usd.materials.primvars_read import ShaderIds
+from primray.usd.resolving import bindings, color_spaces, resolve
+from primray.usd.resolving.kept import Kept
+from primray.usd.shapes.topology import SharedFaces
+from primray.usd.walking import prototypes, walk
+
+# What only saves work. All others that are kept are records, which later steps read.
+CACHES = frozenset({
+    Materials, SharedFaces, ShaderIds, bindings._Wrong, color_spaces._Known, illuminant._Known, implicit._Shared, mesh._Shared,
+    photometric._Known, prototypes._HoldInstancers, resolve._Colored,
+})  # fmt: skip
+
+
+def without_caches(monkeypatch: pytest.MonkeyPatch) -> None:
+    of, group, bound, instances_bound = Kept.of, walk._Walk.group, walk.bind_leaves, walk.bindings_of
+
+    def forgetful(kept: Kept, kind: type[Any]) -> Any:
+        return kind() if kind in CACHES else of(kept, kind)
+
+    def its_own(state: Any, root: Any, inherited: Any) -> int:
+        state.index.clear()
+        return group(state, root, inherited)
+
+    monkeypatch.setattr(Kept, "of", forgetful)
+    monkeypatch.setattr(walk._Walk, "group", its_own)
+    monkeypatch.setattr(walk, "differ_by_material", lambda instances, ctx: [True] * len(instances))
+    monkeypatch.setattr(walk, "bindings_of", lambda instances, by, ctx: instances_bound(instances, True, ctx))
+    monkeypatch.setattr(walk, "bind_leaves", lambda shapes, by, ctx: bound(shapes, True, ctx))
