@@ -6,7 +6,7 @@ An operand is a tuple of numbers, a text, a file, or the output of a node that i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 from ...description import NodeOutput, Operand, PatternNode, TextureFile
@@ -73,9 +73,12 @@ class Expressions:
     def _primitive(self, found: Definition, names: tuple[str, ...], values: list[Operand | None], path: str) -> Outputs:
         """Its inputs' names and values, in the definition's order."""
         name = found.outputs[0][0]
-        if found.category in _FILES and not _is_file(values[names.index("file")] if "file" in names else None):
-            default = values[names.index("default")] if "default" in names else None
-            return {name: default} if default is not None else {}
+        if found.category in _FILES:
+            if not _is_file(values[names.index("file")] if "file" in names else None):
+                default = values[names.index("default")] if "default" in names else None
+                return {name: default} if default is not None else {}
+            if "layer" in names:
+                values = _of_layer(values, names.index("file"), names.index("layer"))
         simple = _simple(found, names, values)
         if simple is not None:
             return {name: simple}
@@ -158,6 +161,16 @@ def _simple(found: Definition, names: tuple[str, ...], values: list[Operand | No
 
 def _is_file(value: object) -> bool:
     return (isinstance(value, TextureFile) and value.path != "") or (isinstance(value, NodeOutput) and value.node == _GIVEN)
+
+
+def _of_layer(values: list[Operand | None], file: int, layer: int) -> list[Operand | None]:
+    """A layer is a property of the file that is read; the input itself is left empty."""
+    name, read = values[layer], values[file]
+    if not isinstance(name, str) or not name or not isinstance(read, TextureFile):
+        return values
+    made = list(values)
+    made[file], made[layer] = replace(read, layer=name), ""
+    return made
 
 
 def _operand(source: object, inputs: Mapping[str, Operand], found: Definition, made: list[Outputs]) -> Operand | None:
