@@ -121,6 +121,8 @@ class Reducer:
             return _Scaled(value.node, "rgba"[:width], (1.0,) * width, (0.0,) * width) if width else None
         if node.category in ("extract", "convert"):
             return self._channels(node, inputs)
+        if node.category == "combine3":
+            return self._combined(inputs)
         rule = _SCALES.get(node.category)
         varying = [name for name, operand in inputs.items() if isinstance(operand, NodeOutput)]
         if rule is None or len(varying) != 1 or not all(isinstance(v, tuple) for k, v in inputs.items() if k != varying[0]):
@@ -148,6 +150,20 @@ class Reducer:
             "".join(found.channels[p] for p in places),
             tuple(found.scale[p] for p in places),
             tuple(found.bias[p] for p in places),
+        )
+
+    def _combined(self, inputs: dict[str, Operand]) -> _Scaled | None:
+        """Channels of one image put together again."""
+        parts = [self._scaled(v) if isinstance(v, NodeOutput) else None for v in (inputs[f"in{i}"] for i in (1, 2, 3))]
+        first = parts[0]
+        if first is None or any(p is None or p.image != first.image or len(p.channels) != 1 for p in parts):
+            return None
+        found = [p for p in parts if p is not None]
+        return _Scaled(
+            first.image,
+            "".join(p.channels for p in found),
+            tuple(p.scale[0] for p in found),
+            tuple(p.bias[0] for p in found),
         )
 
     def _coordinates(self, value: Operand) -> tuple[PrimvarInput, Affine] | None:
