@@ -14,9 +14,10 @@ from ..materialx.definitions import CLOSURES, COLORS, WIDTHS, Definition, InputD
 from ..materialx.expressions import Expressions, Outputs
 from ..materialx.hair_nodes import hair_node, is_hair_node
 from ..querying.guarded import property_names
+from ..querying.stage_values import time_codes_per_second
 from ..resolving.context import Context
 from .network import VECTORS, Constant, Node, as_numbers, constant_color, find_source, node_path
-from .texture_asset import texture_file
+from .texture_asset import frame_of, texture_file
 
 DEEPEST = 120  # nodes in a row
 _AS_MATERIALX = {
@@ -70,7 +71,7 @@ class NodeValues:
 
     def _input(self, node: Node, wanted: InputDefinition, found: Definition) -> Operand | None:
         if wanted.type == "filename":
-            file = texture_file(node, self.ctx, is_color=found.gives_colors)
+            file = texture_file(node, self.ctx, is_color=found.gives_colors, name=wanted.name)
             return _as_numbers(file) if not found.gives_colors else file
         source = find_source(node.prim.GetAttribute(f"inputs:{wanted.name}"), self.ctx)
         if isinstance(source, Node):
@@ -107,11 +108,15 @@ class NodeValues:
             self._above.append(path)
             given = self.inputs_of(source, found)
             self._above.pop()
-            made = self._made_of(found, given, path)
+            made = self._made_of(found, given, source)
         self._made[path] = made
         return made
 
-    def _made_of(self, found: Definition, given: dict[str, Operand], path: Sdf.Path) -> Outputs:
+    def _made_of(self, found: Definition, given: dict[str, Operand], source: Node) -> Outputs:
+        path = source.path
+        if found.category in ("time", "frame"):
+            frame_of(source, self.ctx)
+            given = {"fps": (time_codes_per_second(self.ctx.stage),)}  # seconds are the stage's; the input has no use
         if not is_hair_node(found.name):
             return self.expressions.node(found.name, given, self.ctx.shown(str(path)))
         defaults = {name: value for name, value in found.defaults.items() if value is not None}
