@@ -1,6 +1,6 @@
-"""Layers of an image file: parts of a multi-part EXR, and groups of channels that share a prefix ("diffuse.R"). Part of texture.py.
+"""Layers of an image file: parts of a multi-part EXR, and channels that share a prefix ("diffuse.R"). Part of texture.py.
 
-A part's name counts as a prefix of its channels, so that "diffuse" names a part of that name as well as channels of that prefix.
+A part's name counts as a prefix of its channels, so that "diffuse" names a part as well as channels of that prefix.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _label(spec: Any) -> str:
 def _default_part(image: Any, spec: Any) -> Any:
     count = _parts(spec)
     if count > 1:
-        labels = {}
+        labels: dict[str, int] = {}
         for part in range(count):
             if image.seek_subimage(part, 0):
                 labels.setdefault(_label(image.spec()), part)

@@ -34,6 +34,7 @@ def write(path: Path, parts: list[Part]) -> str:
             spec.attribute("oiio:subimagename", name)
         specs.append(spec)
     out = oiio.ImageOutput.create(str(path))
+    assert out is not None
     assert out.open(str(path), tuple(specs))
     for number, ((_, channels), spec) in enumerate(zip(parts, specs, strict=True)):
         assert not number or out.open(str(path), spec, "AppendSubimage")

@@ -17,12 +17,21 @@ from ..resolving.color_spaces import authored_space, scope_at, space_named
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
 from .file_places import Frames, frames_of, is_tiles, names_frame, resolved, tile_paths, with_frame
-from .network import Constant, Node, node_path, numbers, parameter, text
+from .network import Constant, Node, find_source, node_path, numbers, parameter, text
+
+# Nodes that hand a file's name on, and the input that has it.
+_NAMING = {"ND_constant_filename": "value", "ND_dot_filename": "in"}
+_OF_PRIMVARS = {  # and the input that names the primvar
+    "UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_filename": "varname",
+    "ND_geompropvalueuniform_string": "geomprop", "ND_geompropvalueuniform_filename": "geomprop",
+}  # fmt: skip
+_NAMING |= {reader: "default" if name == "geomprop" else "fallback" for reader, name in _OF_PRIMVARS.items()}
+_MOST_HANDING_ON = 16
 
 
 def texture_file(node: Node, ctx: Context, *, is_color: bool = True, name: str = "file") -> TextureFile:
     """What the node reads by that input, as colours or numbers; its path is "" where there is no file, which is noted."""
-    found = parameter(node, name, ctx)
+    found = _named(node, name, ctx)
     made = _file(node, found, name, ctx)
     return in_space(made, _color_space(node, found, name, is_color, ctx), is_color, ctx)
 
@@ -52,8 +61,37 @@ def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: 
     return in_space(TextureFile(path, "auto"), "auto" if space is None else space, True, ctx)
 
 
+def _named(node: Node, name: str, ctx: Context) -> Constant | None:
+    """What names the file: the input's own value, that of a node that hands one on, or the fallback of a primvar reader. The
+    primvar itself may differ from shape to shape and is not asked: it is reported with the name that stands in."""
+    attribute = node.prim.GetAttribute(f"inputs:{name}")
+    source = find_source(attribute, ctx) if attribute else None
+    for _ in range(_MOST_HANDING_ON):
+        if not isinstance(source, Node) or source.id not in _NAMING:
+            break
+        own = source.prim.GetAttribute(f"inputs:{_NAMING[source.id]}")
+        handed_on = find_source(own, ctx) if own else None
+        if source.id in _OF_PRIMVARS:
+            _note_primvar(node, source, handed_on, name, ctx)
+        if handed_on is None:
+            return None
+        source = handed_on
+    return source if isinstance(source, Constant) else parameter(node, name, ctx)
+
+
+def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, name: str, ctx: Context) -> None:
+    primvar = text(reader, _OF_PRIMVARS[reader.id], "", ctx)
+    value = fallback.value if isinstance(fallback, Constant) else None
+    shown = value.path if isinstance(value, Sdf.AssetPath) else value
+    instead = f"its fallback {shown!r} is used" if shown else "no file is read"
+    message = f"{name} is the value of the primvar {primvar!r}, which is not read for names of files: {instead}."
+    ctx.warn("shader-ignored", node_path(node, ctx), message, f"inputs:{name}")
+
+
 def _file(node: Node, found: Constant | None, name: str, ctx: Context) -> TextureFile:
     asset = found.value if found is not None else None
+    if found is not None and isinstance(asset, str) and asset:  # the fallback of a reader of strings
+        asset = Sdf.AssetPath(asset, resolved(asset, _authoring_layer(found.attribute, ctx)))
     if found is None or not isinstance(asset, Sdf.AssetPath) or not asset.path:
         ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", f"inputs:{name}")
         return TextureFile("", "auto")

@@ -143,3 +143,23 @@ def test_time_without_a_frame_or_with_an_open_shutter_is_reported(tmp_path: Path
     moving += ' uniform token[] xformOpOrder = ["xformOp:translate"]\n}\n'
     _, found = translated(tmp_path, TIME % "time" + camera + moving, 5.0, RATE)
     assert "material-input" in [code for code, _ in found]
+
+
+def test_names_of_files_that_nodes_hand_on(tmp_path: Path) -> None:
+    write(tmp_path, "x.png")
+    told = {}
+    for kind, name in (
+        ("ND_constant_filename", "value"), ("ND_dot_filename", "in"), ("ND_UsdPrimvarReader_filename", "fallback"),
+        ("UsdPrimvarReader_string", "fallback"), ("ND_geompropvalueuniform_filename", "default"),
+    ):  # fmt: skip
+        said = f"string inputs:{name} = '{tmp_path}/x.png'" if "string" in kind else f"asset inputs:{name} = @./x.png@"
+        said += "" if name in ("value", "in") else '\n string inputs:varname = "label"\n string inputs:geomprop = "label"'
+        text = f'def Shader "f" {{\n uniform token info:id = "{kind}"\n {said}\n asset outputs:out\n}}\n'
+        nodes = 'def Shader "t" {\n uniform token info:id = "ND_image_color3"\n'
+        nodes += "asset inputs:file.connect = </m/f.outputs:out>\n color3f outputs:out\n}\n"
+        description, found = translated(tmp_path, material(EMISSION, nodes + text, shader="ND_surface_unlit"))
+        assert file_of(description).path == str(tmp_path / "x.png")
+        told[kind] = [message for code, message in found if code == "shader-ignored"]
+    assert all(not messages for kind, messages in told.items() if kind in ("ND_constant_filename", "ND_dot_filename"))
+    primvars = [messages for kind, messages in told.items() if kind not in ("ND_constant_filename", "ND_dot_filename")]
+    assert all(len(m) == 1 and "'label'" in m[0] and "x.png'" in m[0] for m in primvars)
