@@ -14,7 +14,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Tf, Usd
 
-from .guarded import authored_attributes, metadatum, value_at
+from .guarded import authored_attributes, default_value, metadatum, value_at
 
 MOST_SAMPLES = 16  # that are compared; what has more in a span is taken to change
 _STEPS = 16  # between which a spline is looked at, besides its knots
@@ -59,7 +59,7 @@ def _names_frame(attribute: Usd.Attribute) -> bool:
     """Whether it is the name of a file of a sequence ({frame} or {04frame}: MaterialX, "Filename Substitutions")."""
     if attribute.GetTypeName() != "asset":
         return False
-    found = attribute.Get()
+    found = default_value(attribute)
     return isinstance(found, Sdf.AssetPath) and "frame}" in found.path
 
 
