@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 from ...description import NodeOutput, Operand, PatternNode, TextureFile
-from .definitions import Definition, FromInterface, FromStep, definition, graph
+from .definitions import WIDTHS, Definition, FromInterface, FromStep, definition, graph
 from .folding import folded
 
 MOST_NODES = 20_000  # of one material
@@ -93,12 +93,27 @@ class Expressions:
             outputs = self._known[key] = {output: NodeOutput(index, output) for output, _ in found.outputs}
         return outputs
 
+    def primitive(self, category: str, kind: str, signature: str, inputs: Mapping[str, Operand], path: str = "") -> NodeOutput:
+        """The one output of a primitive that needs no definition of the library; nothing of it is folded."""
+        key = (category, kind, *inputs.items())
+        outputs = self._known.get(key)
+        if outputs is None:
+            if len(self.nodes) >= MOST_NODES:
+                raise TooManyNodesError
+            outputs = self._known[key] = {"out": NodeOutput(len(self.nodes))}
+            self.nodes.append(PatternNode(category, kind, signature, tuple(inputs.items()), path))
+        made = outputs["out"]
+        assert isinstance(made, NodeOutput)
+        return made
+
     def width(self, value: Operand) -> int:
         """How many numbers an operand has; 0 of what is none."""
         if isinstance(value, tuple):
             return len(value)
         if not isinstance(value, NodeOutput):
             return 0
+        if value.output == "out":
+            return WIDTHS.get(self.nodes[value.node].type, 0)
         found = definition(self.nodes[value.node].signature)
         return found.output_widths.get(value.output, 0) if found else 0
 

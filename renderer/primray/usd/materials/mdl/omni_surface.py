@@ -58,7 +58,8 @@ _IMAGES = {"base_color": 3, "specular_roughness": 1, "metalness": 1}  # and how 
 
 def read(m: MdlInputs) -> KnownSurface:
     placed = "uvw_translate", "uvw_rotate", "uvw_scale"
-    if any([m.has(name) for name in placed]):
+    m.read.update(placed)
+    if any(m.has(name) for name in placed):
         m.place(*placed)
     inputs: dict[str, Operand] = {name: m.constant(own, *default) for name, (own, default) in _INPUTS.items()}
     for name, width in _IMAGES.items():
