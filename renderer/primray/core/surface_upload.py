@@ -108,7 +108,7 @@ class SurfaceUpload:
         self._textures = textures
         self._names: dict[str, int] = {}
         self._numbers: dict[TextureKey, int] = {}
-        self._outside = Outside(core, self._name, self._pattern_texture, frame)
+        self._outside = Outside(core, self._name, self._pattern_texture, self._pattern_wrap, frame)
         self.warnings: list[tuple[str, str, str]] = []  # code, prim path, message
 
     def name_primvars(self, names: Sequence[str]) -> dict[str, int]:
@@ -140,6 +140,10 @@ class SurfaceUpload:
 
     def _pattern_texture(self, file: TextureFile, channels: str) -> int | None:
         return self._texture(file, channels, False) if self._textures.get(file) else None
+
+    def _pattern_wrap(self, file: TextureFile, wrap: Wrap, axis: int) -> str:
+        texture = self._textures[file][0][1]
+        return ((texture.wrap_s, texture.wrap_t)[axis] if wrap is Wrap.USE_METADATA else wrap).name
 
     def number_of(self, name: str) -> int | None:
         """Of a primvar that some surface reads."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .patterns import NodeOutput, Pattern, PatternNode
+from .patterns import UV_TEXTURE, NodeOutput, Pattern, PatternNode
 from .texture_file import TextureFile
 
 COLOR_PRIMVAR = "displayColor"  # what geomcolor means
@@ -64,7 +64,9 @@ def pattern_files(pattern: Pattern) -> dict[TextureFile, set[str]]:
     for node in pattern.nodes:
         for _, value in node.inputs:
             if isinstance(value, TextureFile) and value.path:
-                found.setdefault(value, set()).update(_CHANNELS.get(node.type, "rgb"))
+                named = dict(node.inputs)["channels"] if node.category == UV_TEXTURE else None
+                channels = named if isinstance(named, str) else _CHANNELS.get(node.type, "rgb")
+                found.setdefault(value, set()).update(channels)
     return found
 
 

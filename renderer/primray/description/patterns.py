@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from .texture_file import TextureFile
 
+UV_TEXTURE, TRANSFORM_2D = "UsdUVTexture", "UsdTransform2d"  # categories of nodes that are USD's own
+
 Value = tuple[float, ...]  # one number for float, integer and boolean; as many as vectors and colours have; matrices by rows
 
 
@@ -20,7 +22,8 @@ Operand = Value | NodeOutput | TextureFile | str  # a str: an enumerated choice,
 
 @dataclass(frozen=True)
 class PatternNode:
-    """A primitive node of MaterialX's standard library, none that a node graph implements.
+    """A primitive node of MaterialX's standard library, none that a node graph implements, or one of USD's own: UsdUVTexture's
+    `channels` of its texels times scale plus bias (of a file that cannot be read: of its fallback), UsdTransform2d.
 
     `inputs` has all inputs that its definition has, defaults filled in. Constant colours are in the rendering space.
     """

@@ -25,7 +25,8 @@ from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
 from ..lfs_pointer import WHAT_IT_IS, is_pointer_file
 from .image_error import last_error
-from .texture_format import Layout, environment_of, is_srgb, layout_of, wraps_of
+from .layers import choose_layer
+from .texture_format import Layout, environment_of, is_srgb, wraps_of
 from .windows import Windows, windows_of
 
 MAX_TEXTURE_MB = 4096  # as float: a little more than 16384 x 16384 in RGB
@@ -127,8 +128,8 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsa
     if image is None:
         raise AssetError(f"the texture cannot be read: {last_error(oiio)}", where=shown, code="texture-unreadable")
     try:
-        spec = image.spec()
-        layout = layout_of(tuple(spec.channelnames)).reduced(wanted)
+        spec, layout = choose_layer(image, file.layer, shown)
+        layout = layout.reduced(wanted)
         windows = windows_of(spec, image.format_name())
         for size in (windows.stored, windows.picture):
             _check_size(size, layout, shown)
@@ -186,7 +187,8 @@ def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]
     import OpenImageIO as oiio
 
     kinds = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}
-    pixels: Any = image.read_image(0, 0, 0, max(layout.channels) + 1, kinds.get(spec.format.basetype, oiio.FLOAT))
+    part = image.current_subimage()
+    pixels: Any = image.read_image(part, 0, 0, max(layout.channels) + 1, kinds.get(spec.format.basetype, oiio.FLOAT))
     if pixels is None:
         raise AssetError(f"the texture is damaged: {last_error(image)}", where=shown, code="texture-unreadable")
     found: npt.NDArray[Any] = pixels.reshape(spec.height, spec.width, -1)

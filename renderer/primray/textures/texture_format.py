@@ -27,17 +27,24 @@ class Layout:
         return Layout(self.channels[:colors] + alpha, colors)
 
 
+def prefix_of(channel: str) -> str:
+    """Return the layer that a channel's name says: "diffuse" of "diffuse.R", "" of "R"."""
+    return channel.rpartition(".")[0]
+
+
 def layout_of(names: tuple[str, ...]) -> Layout:
-    """By name where there are R, G and B, alone or in a layer ("diffuse.R"): the first one; else by their number.
+    """By name where there are R, G and B, alone or in a layer ("diffuse.R"): those without a layer, those of the layers that
+    MaterialX reads where none is named, else the first; else by their number.
 
     One channel is grey, two are grey and alpha, three and more red, green, blue and alpha (UsdUVTexture).
     """
     upper = [name.upper() for name in names]
-    for name in upper:
-        layer = name.removesuffix("R")
-        if name.endswith("R") and (not layer or layer.endswith(".")) and {layer + "G", layer + "B"} <= set(upper):
-            rgb = tuple(upper.index(layer + c) for c in "RGB")
-            return Layout(rgb + ((upper.index(layer + "A"),) if layer + "A" in upper else ()), 3)
+    layers = [name[:-1] for name in upper if name == "R" or name.endswith(".R")]
+    layers = [layer for layer in layers if {layer + "G", layer + "B"} <= set(upper)]
+    if layers:
+        layer = next((named for named in ("", "DEFAULT.", "RGBA.") if named in layers), layers[0])
+        rgb = tuple(upper.index(layer + c) for c in "RGB")
+        return Layout(rgb + ((upper.index(layer + "A"),) if layer + "A" in upper else ()), 3)
     if "Y" in upper and not {"X", "Z"} & set(upper):
         return Layout((upper.index("Y"),) + ((upper.index("A"),) if "A" in upper else ()), 1)
     count = min(len(names), 4)

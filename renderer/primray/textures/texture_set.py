@@ -99,9 +99,14 @@ def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
 
 def _alpha_elsewhere(uses: dict[TextureFile, _Use]) -> dict[TextureFile, TextureFile]:
     """For files of which only alpha is read: the same file in another colour space, which leaves alpha as it is."""
-    read_more = {(f.path, f.tiles): f for f, use in uses.items() if use.channels != {"a"} and use.light is None}
+    read_more = {_texels_of(f): f for f, use in uses.items() if use.channels != {"a"} and use.light is None}
     only_alpha = [f for f, use in uses.items() if use.channels == {"a"}]
-    return {f: read_more[f.path, f.tiles] for f in only_alpha if (f.path, f.tiles) in read_more}
+    return {f: read_more[_texels_of(f)] for f in only_alpha if _texels_of(f) in read_more}
+
+
+def _texels_of(file: TextureFile) -> tuple[object, ...]:
+    """What decides a file's texels before any colour space does."""
+    return file.path, file.tiles, file.layer
 
 
 def _images(file: TextureFile) -> Iterator[tuple[int, str]]:

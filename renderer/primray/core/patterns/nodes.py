@@ -17,11 +17,13 @@ from .families import (
     noises,
     physical,
     ramps,
+    usd,
 )
 from .node import Node, Outputs
 
 FAMILIES = (
-    adjustments, arithmetic, bumps, channels, compositing, geometry, hextiles, images, matrices, noises, physical, ramps
+    adjustments, arithmetic, bumps, channels, compositing, geometry, hextiles, images, matrices, noises, physical, ramps,
+    usd,
 )  # fmt: skip
 NODES: dict[str, Callable[[Node], Outputs]] = {name: f for family in FAMILIES for name, f in family.NODES.items()}
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...description import PatternInput, Surface, TextureFile
+from ...description import PatternInput, Surface, TextureFile, Wrap
+from ...description.patterns import UV_TEXTURE
 from ..core_inputs import filled
 from .affine import Affine, AffineForms
 from .compiling import Graph
@@ -18,6 +19,8 @@ from .registers import assemble
 
 # Inputs that are asked for alone, by cut-outs and by lights: first on the tape, so that nothing else is run for them.
 FIRST = ("opacity", "emissive_color")
+_COORDINATES = {"image": "texcoord", UV_TEXTURE: "st"}  # by category, of images that are seen as they are
+_WRAP_INPUTS = ("uaddressmode", "vaddressmode", "wrapS", "wrapT")
 WRAPS = {"constant": "CLAMP", "clamp": "CLAMP", "periodic": "REPEAT", "mirror": "MIRROR"}
 
 
@@ -32,6 +35,7 @@ class Outside:
     core: Any
     primvar: Callable[[str], int]  # numbers of names
     texture: Callable[[TextureFile, str], int | None]  # numbers of textures, by channels; None where a file cannot be read
+    wrap: Callable[[TextureFile, Wrap, int], str]  # what a wrap of UsdUVTexture is for a file, along s (0) or t (1), by name
     frame: float
 
 
@@ -44,8 +48,16 @@ class TapeSurroundings:
     _forms: AffineForms | None = None
 
     def _worn(self, node: Node) -> Affine | None:
+        coordinates = _COORDINATES.get(node.own.category)
+        if coordinates is None:
+            return None
         self._forms = self._forms or AffineForms(node.program)
-        return self._forms.of(node.read("texcoord", NO_SHIFT))
+        return self._forms.of(node.read(coordinates, NO_SHIFT))
+
+    def _wraps(self, file: TextureFile, node: Node) -> list[str]:
+        if node.own.category == UV_TEXTURE:
+            return [self.outside.wrap(file, Wrap(node.text(name)), axis) for axis, name in enumerate(("wrapS", "wrapT"))]
+        return [WRAPS.get(node.text(mode, "periodic"), "REPEAT") for mode in ("uaddressmode", "vaddressmode")]
 
     def primvar(self, name: str) -> int:
         return self.outside.primvar(name)
@@ -54,22 +66,21 @@ class TapeSurroundings:
         return self.outside.frame
 
     def image(self, file: TextureFile, width: int, node: Node) -> int | None:
-        wraps = [WRAPS.get(node.text(mode, "periodic"), "REPEAT") for mode in ("uaddressmode", "vaddressmode")]
         closest = node.text("filtertype") == "closest"
-        worn = self._worn(node) if node.own.category == "image" else None
-        key = (file, "r" if width == 1 else "rgb", width == 4, *wraps, closest, worn)
-        if key not in self._numbers:
-            color = self.outside.texture(file, "r" if width == 1 else "rgb")
+        worn, channels = self._worn(node), node.text("channels", "r") if width == 1 else "rgb"
+        asked = (file, channels, width == 4, *map(node.text, _WRAP_INPUTS), closest, worn)
+        if asked not in self._numbers:
+            color = self.outside.texture(file, channels)
             alpha = self.outside.texture(file, "a") if width == 4 else -1
             if color is None or alpha is None:
                 return None
-            wrap = self.outside.core.Wrap
+            wrap, wraps = self.outside.core.Wrap, self._wraps(file, node)
             made = filled(self.outside.core.PatternImage(), color=color, alpha=alpha, closest=closest)
             if worn is not None:
                 filled(made, primvar=worn.primvar, st_transform=worn.transform)
             self.images.append(filled(made, wrap_s=wrap[wraps[0]], wrap_t=wrap[wraps[1]]))
-            self._numbers[key] = len(self.images) - 1
-        return self._numbers[key]
+            self._numbers[asked] = len(self.images) - 1
+        return self._numbers[asked]
 
 
 def pattern_inputs(surface: Surface) -> list[tuple[str, PatternInput]]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pxr import Sdf, Usd
 
 from ...description import SceneDescription, TextureFile, TextureInput
+from ...description.pattern_reads import pattern_files
 from ...diagnostics import Diagnostic, Diagnostics
 from ...errors import PrimrayError
 from ...garbage import without_collection
@@ -105,6 +106,7 @@ def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:
     yield from (light.texture for light in description.lights if light.texture is not None)
     for surface in description.surfaces:
         yield from (reads.file for _, reads in surface.inputs if isinstance(reads, TextureInput))
+        yield from pattern_files(surface.pattern) if surface.pattern is not None else ()
 
 
 def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:

@@ -18,11 +18,10 @@ from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..resolving.context import Context
 from .fed_inputs import FedInputs
 from .network import Constant, Node, as_numbers, find_source, node_path, text
-from .network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from .node_values import NodeValues, definition_of
 from .primvars_read import SURFACE_SHADERS
 from .pruning import appended, pruned
-from .reducing import Reducer
+from .reducing import NO_PRIMVAR, Reducer
 
 _TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # if there are both, the first counts, or the second
 ALONG_NORMAL, ALONG_TANGENTS, ALONG_AXES = "displacement", "displacement_tangent", "displacement_object"
@@ -121,21 +120,13 @@ def _of_preview(shader: Node, ctx: Context) -> _Found | None:
         return _of_constant(ALONG_NORMAL, values)
     if source is None:
         return None
-    kind = NODES[source.id].kind if source.id in NODES else None
-    made: Input | tuple[float, ...] | None = None
-    if kind is NodeKind.READER:
-        made = reader_input(source, 1, ctx)
-    elif kind in (NodeKind.TEXTURE, NodeKind.IMAGE):
-        made = texture_input(source, 1, ctx)
-    elif kind is None and definition_of(source) is not None:
-        fed = FedInputs(ctx)
-        made = fed.read(shader, source, "displacement", 1)
-        if isinstance(made, PatternInput):
-            pattern, inputs = fed.pattern_of({ALONG_NORMAL: made})
-            return _Found(ALONG_NORMAL, inputs[ALONG_NORMAL], pattern)
-    else:
-        message = f"displacement comes from {source.id or 'a shader without id'}: {_STAYS}."
-        ctx.warn("displacement", node_path(shader, ctx), message, "inputs:displacement")
+    fed = FedInputs(ctx)
+    made = fed.read(shader, source, "displacement", 1)
+    if made is None:
+        ctx.warn("displacement", node_path(shader, ctx), f"displacement cannot be read: {_STAYS}.", "inputs:displacement")
+    if isinstance(made, PatternInput):
+        pattern, inputs = fed.pattern_of({ALONG_NORMAL: made})
+        return _Found(ALONG_NORMAL, inputs[ALONG_NORMAL], pattern)
     if isinstance(made, tuple):
         return _of_constant(ALONG_NORMAL, made)
     return None if made is None else _Found(ALONG_NORMAL, made)

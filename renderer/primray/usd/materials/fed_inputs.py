@@ -1,16 +1,17 @@
-"""Inputs of a UsdPreviewSurface that MaterialX's nodes feed, where these are more than a texture or a primvar."""
+"""Inputs of a UsdPreviewSurface that nodes feed: read as those of any other surface are."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...description import Input, NodeOutput, Operand, Pattern
+from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..resolving.context import Context
 from .network import Node, node_path
 from .node_values import NodeValues
 from .pruning import pruned
-from .reducing import Reducer
+from .reducing import NO_PRIMVAR, Reducer
+from .usd_nodes import is_uv_texture
 
 
 class FedInputs:
@@ -20,26 +21,38 @@ class FedInputs:
         self._ctx = ctx
         self._values = NodeValues(ctx)
 
-    def read(self, shader: Node, source: Node, name: str, width: int) -> Input | tuple[float, ...] | None:
+    def read(
+        self, shader: Node, source: Node, name: str, width: int, *, is_color: bool = False
+    ) -> Input | tuple[float, ...] | None:
         """A constant, or what varies; None, noted, where it cannot be read. A normal is in tangent space, as the surface's."""
         try:
-            value = self._values.output(source, width, shader, name)
-            if name == "normal" and value is not None:
-                value = self._in_world(value)
+            value = self._values.output(source, width, shader, name, is_color=is_color)
+            if name == "normal":
+                return self._normal(value, source)
         except TooManyNodesError:
             message = f"{name} is fed by more than {MOST_NODES:,} nodes: its default is used."
             self._ctx.warn("shader-ignored", node_path(shader, self._ctx), message, f"inputs:{name}")
             return None
-        reducer = Reducer(self._values.expressions.nodes)
         if isinstance(value, NodeOutput):
-            return reducer.normal(value) if name == "normal" else reducer.input(value, width)
+            return Reducer(self._values.expressions.nodes).input(value, width)
         return value if isinstance(value, tuple) else None
 
     def pattern_of(self, inputs: Mapping[str, Input]) -> tuple[Pattern | None, dict[str, Input]]:
         return pruned(self._values.expressions.nodes, inputs)
 
-    def _in_world(self, normal: Operand) -> Operand:
-        """By MaterialX's own map, whose texels are from 0 to 1."""
+    def _normal(self, value: Operand | None, source: Node) -> Input | None:
+        """A texture or a primvar as it is, else by MaterialX's own map, whose texels are from 0 to 1. A map without a file
+        leaves the surface's own normal, whatever its fallback is."""
+        if isinstance(value, tuple):
+            faces_out = len(value) == 3 and value[2] > 0 and not is_uv_texture(source.id)
+            return PrimvarInput(NO_PRIMVAR, value) if faces_out else None
+        if not isinstance(value, NodeOutput):
+            return None
         e = self._values.expressions
-        halved = e.apply("ND_multiply_vector3FA", in1=normal, in2=(0.5,))
-        return e.apply("ND_normalmap_float", **{"in": e.apply("ND_add_vector3FA", in1=halved, in2=(0.5,))})
+        reducer = Reducer(e.nodes)
+        found = reducer.input(value, 3)
+        if not isinstance(found, PatternInput):
+            return found
+        halved = e.apply("ND_multiply_vector3FA", in1=value, in2=(0.5,))
+        mapped = e.apply("ND_normalmap_float", **{"in": e.apply("ND_add_vector3FA", in1=halved, in2=(0.5,))})
+        return reducer.normal(mapped) if isinstance(mapped, NodeOutput) else None

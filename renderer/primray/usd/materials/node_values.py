@@ -7,36 +7,36 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from pxr import Sdf
+from pxr import Sdf, Usd
 
 from ...description import Operand, TextureFile
 from ..materialx.definitions import CLOSURES, COLORS, WIDTHS, Definition, InputDefinition, definition
 from ..materialx.expressions import Expressions, Outputs
 from ..materialx.hair_nodes import hair_node, is_hair_node
 from ..querying.guarded import property_names
+from ..querying.stage_values import time_codes_per_second
 from ..resolving.context import Context
+from ..resolving.notes import note_unknown_schemas
 from .network import VECTORS, Constant, Node, as_numbers, constant_color, find_source, node_path
-from .texture_asset import texture_file
+from .texture_asset import frame_of, texture_file
+from .usd_nodes import USD_NODES, usd_outputs
 
 DEEPEST = 120  # nodes in a row
-_AS_MATERIALX = {
-    "UsdUVTexture": "ND_UsdUVTexture_23",
-    "UsdTransform2d": "ND_UsdTransform2d",
-    "UsdPrimvarReader_float": "ND_UsdPrimvarReader_float",
-    "UsdPrimvarReader_float2": "ND_UsdPrimvarReader_vector2",
-    "UsdPrimvarReader_float3": "ND_UsdPrimvarReader_vector3",
-    "UsdPrimvarReader_float4": "ND_UsdPrimvarReader_vector4",
-    "UsdPrimvarReader_int": "ND_UsdPrimvarReader_integer",
-    "UsdPrimvarReader_normal": "ND_UsdPrimvarReader_vector3",
-    "UsdPrimvarReader_point": "ND_UsdPrimvarReader_vector3",
-    "UsdPrimvarReader_vector": "ND_UsdPrimvarReader_vector3",
+# Inputs that neither the library's graphs nor a tape read, by category: reported where they are not at their defaults.
+WITHOUT_EFFECT: dict[str, tuple[str, ...]] = {
+    "blur": ("size",),
+    "geomcolor": ("index",),
+    "gltf_anisotropy_image": ("operationorder", "uaddressmode", "vaddressmode"),
+    "gltf_colorimage": ("operationorder", "uaddressmode", "vaddressmode"),
+    "standard_surface_to_UsdPreviewSurface": ("specular", "specular_color"),
+    "time": ("fps",),  # "An unused input" (stdlib_defs.mtlx): seconds are the stage's
 }
 
 
 def definition_of(node: Node) -> Definition | None:
     """The definition of a node's shader."""
     name = node.id
-    return definition(_AS_MATERIALX.get(name, name)) if name else None
+    return definition(name) if name.startswith("ND_") and name not in USD_NODES else USD_NODES.get(name)
 
 
 @dataclass
@@ -45,7 +45,7 @@ class NodeValues:
 
     ctx: Context
     expressions: Expressions = field(default_factory=Expressions)
-    _made: dict[Sdf.Path, Outputs | None] = field(default_factory=dict)
+    _made: dict[Sdf.Path | tuple[object, ...], Outputs | None] = field(default_factory=dict)
     _above: list[Sdf.Path] = field(default_factory=list)
 
     def inputs_of(self, node: Node, found: Definition, beside: frozenset[str] = frozenset()) -> dict[str, Operand]:
@@ -70,30 +70,45 @@ class NodeValues:
 
     def _input(self, node: Node, wanted: InputDefinition, found: Definition) -> Operand | None:
         if wanted.type == "filename":
-            file = texture_file(node, self.ctx, is_color=found.gives_colors)
+            file = texture_file(node, self.ctx, is_color=found.gives_colors, name=wanted.name)
             return _as_numbers(file) if not found.gives_colors else file
-        source = find_source(node.prim.GetAttribute(f"inputs:{wanted.name}"), self.ctx)
+        return self._given(node.prim.GetAttribute(f"inputs:{wanted.name}"), wanted, node)
+
+    def _given(self, attribute: Usd.Attribute, wanted: InputDefinition, node: Node) -> Operand | None:
+        source = find_source(attribute, self.ctx)
         if isinstance(source, Node):
-            return self.output(source, WIDTHS.get(wanted.type, 0), node, wanted.name)
+            return self.output(source, WIDTHS.get(wanted.type, 0), node, wanted.name, is_color=wanted.type in COLORS)
         return None if source is None else self.constant(source, wanted, node)
 
-    def output(self, source: Node, width: int, reader: Node, name: str) -> Operand | None:
-        """What an output of a node gives, as so many numbers; None, noted, where it cannot."""
-        outputs = self._outputs(source, reader, name)
-        if outputs is None:
-            return None
-        value = outputs.get(source.output)
-        if value is None and len(outputs) == 1 and source.output in ("out", "result"):
-            value = next(iter(outputs.values()))
-        if value is None:
-            self._note("shader-connection", source, f"{source.id} has no output {source.output}.")
-            return None
-        return self._fitted(value, width, reader, name)
+    def given(self, node: Node, found: Definition, name: str) -> Operand:
+        """What a node's input is given, or its default."""
+        return self.given_as(node, found.by_name[name])
 
-    def _outputs(self, source: Node, reader: Node, name: str) -> Outputs | None:
-        path = source.path
-        if path in self._made:
-            return self._made[path]
+    def given_as(self, node: Node, wanted: InputDefinition) -> Operand:
+        attribute = node.prim.GetAttribute(f"inputs:{wanted.name}")
+        value = self._given(attribute, wanted, node) if attribute else None
+        default: Operand = "" if wanted.default is None else wanted.default
+        return default if value is None else value
+
+    def output(self, source: Node, width: int, reader: Node, name: str, *, is_color: bool = False) -> Operand | None:
+        """What an output of a node gives, as `width` numbers, a colour if `is_color`; None, reported, where it cannot."""
+        outputs = self._outputs(source, reader, name, width, is_color)
+        value = None if outputs is None else outputs.get(source.output)
+        if value is None and outputs and len(outputs) == 1 and source.output in ("out", "result"):
+            value = next(iter(outputs.values()))
+        if value is not None:
+            return self._fitted(value, width, reader, name)
+        if outputs is not None:
+            self._note("shader-connection", source, f"{source.id} has no output {source.output}.")
+        if source.id in USD_NODES:
+            self._note("material-input", reader, f"{name} cannot be read: its default is used.", f"inputs:{name}")
+        return None
+
+    def _outputs(self, source: Node, reader: Node, name: str, width: int, is_color: bool) -> Outputs | None:
+        path, is_usds = source.path, source.id in USD_NODES
+        key = (path, source.output, width, is_color) if is_usds else path
+        if key in self._made:
+            return self._made[key]
         if path in self._above or len(self._above) >= DEEPEST:
             why = "leads back to itself" if path in self._above else f"comes through more than {DEEPEST} nodes"
             self._note("shader-connection", reader, f"{name} {why}: its default is used.", f"inputs:{name}")
@@ -104,14 +119,25 @@ class NodeValues:
             self._note("shader-ignored", reader, f"{name} comes from {what}: its default is used.", f"inputs:{name}")
             made = None
         else:
+            note_unknown_schemas(source.prim, node_path(source, self.ctx), self.ctx)
             self._above.append(path)
-            given = self.inputs_of(source, found)
+            made = (
+                usd_outputs(self, source, width, is_color)
+                if is_usds
+                else self._made_of(found, self.inputs_of(source, found), source)
+            )
             self._above.pop()
-            made = self._made_of(found, given, path)
-        self._made[path] = made
+        self._made[key] = made
         return made
 
-    def _made_of(self, found: Definition, given: dict[str, Operand], path: Sdf.Path) -> Outputs:
+    def _made_of(self, found: Definition, given: dict[str, Operand], source: Node) -> Outputs:
+        path = source.path
+        for name in WITHOUT_EFFECT.get(found.category, ()):
+            if given.get(name, found.defaults[name]) != found.defaults[name]:
+                self._note("material-input", source, f"{name} of {found.category} has no effect.", f"inputs:{name}")
+        if found.category in ("time", "frame"):
+            frame_of(source, self.ctx)
+            given = {"fps": (time_codes_per_second(self.ctx.stage),)}
         if not is_hair_node(found.name):
             return self.expressions.node(found.name, given, self.ctx.shown(str(path)))
         defaults = {name: value for name, value in found.defaults.items() if value is not None}
@@ -120,7 +146,11 @@ class NodeValues:
     def constant(self, source: Constant, wanted: InputDefinition, node: Node) -> Operand | None:
         """A value as the input's type has it, colours in the rendering space; None, noted, where it is of another."""
         if wanted.type not in WIDTHS:
-            return str(source.value) if isinstance(source.value, str) else None
+            if isinstance(source.value, str):
+                return str(source.value)
+            message = f"{wanted.name} = {source.value!r} is no text: its default is used."
+            self._note("wrong-type", node, message, f"inputs:{wanted.name}")
+            return None
         values = as_numbers(_flat(source.value))
         width = WIDTHS[wanted.type]
         if values is not None and len(values) == 1 and width > 1 and not wanted.type.startswith("matrix"):
@@ -137,6 +167,8 @@ class NodeValues:
         if has == width:
             return value
         if not width or not has:
+            message = f"{name} is fed what is no number, or wants none: its default is used."
+            self._note("connection-type", reader, message, f"inputs:{name}")
             return None
         if has == 1 and width in (2, 3, 4):
             kind = {2: "vector2", 3: "color3", 4: "color4"}[width]

@@ -11,14 +11,20 @@ from dataclasses import replace
 
 from pxr import Usd
 
+from ...description.pattern_reads import primvar_of_set
 from ...diagnostics import Diagnostics
 from ..querying.guarded import shader_id
 from ..resolving.context import Context
-from .network import Node, ShaderIds, find_source
-from .network_nodes import NODES, is_reader, primvar_name
+from .network import Node, ShaderIds, find_source, numbers, text
+from .usd_nodes import USD_NODES
 
 SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
 COLOR_INPUTS = ("diffuseColor", "emissiveColor", "specularColor")
+_WIDTHS = {"float": 1, "integer": 1, "vector2": 2, "vector3": 3, "vector4": 4, "color3": 3, "color4": 4}
+# Nodes that read a primvar, the input that names it, and how many numbers they give; 0: none.
+_READERS = {name: ("varname", found.width) for name, found in USD_NODES.items() if found.category == "UsdPrimvarReader"}
+_READERS |= {f"ND_geompropvalue_{name}": ("geomprop", width) for name, width in _WIDTHS.items()}
+_BY_SET = ("ND_texcoord_", "ND_tangent_", "ND_bitangent_")  # nodes that read a numbered set of texture coordinates
 _COLORS = ("_color3", "_color4")  # MaterialX's readers of colours
 SHOWN_COLOR = "primvars:displayColor"  # of shapes without a material
 
@@ -30,16 +36,19 @@ def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[
     prims = list(shaders)
     ids = [shader_id(prim) for prim in prims]
     ctx.kept.of(ShaderIds).update(zip([prim.GetPath() for prim in prims], ids, strict=True))
-    readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if is_reader(name)]
-    names = frozenset(f"primvars:{name}" for prim, _ in readers if (name := primvar_name(Node(prim, ""), silent)))
+    readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if name in _READERS]
+    names = frozenset(f"primvars:{name}" for prim, kind in readers if (name := _primvar(prim, kind, silent)))
+    names |= {
+        f"primvars:{primvar_of_set(int(numbers(Node(prim, ''), 'index', (0.0,), silent)[0]))}"
+        for prim, kind in zip(prims, ids, strict=True)
+        if kind.startswith(_BY_SET)
+    }
     if any(name.startswith("ND_geomcolor") for name in ids):
         names |= {SHOWN_COLOR}
     colors = {SHOWN_COLOR} | {
-        f"primvars:{name}"
-        for prim, kind in readers
-        if kind.endswith(_COLORS) and (name := primvar_name(Node(prim, ""), silent))
+        f"primvars:{name}" for prim, kind in readers if kind.endswith(_COLORS) and (name := _primvar(prim, kind, silent))
     }
-    if any(NODES[name].width >= 3 for _, name in readers):  # others read no colours: nothing is asked of surfaces
+    if any(_READERS[name][1] >= 3 for _, name in readers):  # others read no colours: nothing is asked of surfaces
         surfaces = [prim for prim, name in zip(prims, ids, strict=True) if name in SURFACE_SHADERS]
         colors |= _fed(surfaces, COLOR_INPUTS, silent)
         for name in sorted((colors - {SHOWN_COLOR}) & _fed(surfaces, ("normal",), silent)):
@@ -47,9 +56,14 @@ def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[
     return names, frozenset(colors)
 
 
+def _primvar(prim: Usd.Prim, kind: str, ctx: Context) -> str:
+    """The primvar that a reader reads, "" for none."""
+    return text(Node(prim, "", kind), _READERS[kind][0], "", ctx)
+
+
 def _fed(surfaces: list[Usd.Prim], inputs: Iterable[str], ctx: Context) -> set[str]:
     """The primvars that feed these inputs."""
     attributes = [a for surface in surfaces for name in inputs if (a := surface.GetAttribute(f"inputs:{name}"))]
     sources = [find_source(attribute, ctx) for attribute in attributes if attribute.HasAuthoredConnections()]
-    nodes = [source for source in sources if isinstance(source, Node) and is_reader(source.id)]
-    return {f"primvars:{name}" for node in nodes if (name := primvar_name(node, ctx))}
+    nodes = [source for source in sources if isinstance(source, Node) and source.id in _READERS]
+    return {f"primvars:{name}" for node in nodes if (name := _primvar(node.prim, node.id, ctx))}

@@ -9,24 +9,32 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from ...description import Input, NodeOutput, Operand, PatternInput, PatternNode, PrimvarInput, TextureFile, TextureInput, Wrap
 from ...description.pattern_reads import primvar_of_set
-from .network_nodes import IDENTITY, NO_PRIMVAR, Affine, affine_product
+from ...description.patterns import TRANSFORM_2D, UV_TEXTURE
+from .usd_nodes import channels_of
 
 Numbers = tuple[float, ...]
+Affine = tuple[float, float, float, float, float, float]  # 2 x 3, by rows
+IDENTITY: Affine = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+NO_PRIMVAR = ""  # no shape has a primvar of this name: a PrimvarInput of it is its fallback
 _WRAPS = {"periodic": Wrap.REPEAT, "clamp": Wrap.CLAMP, "mirror": Wrap.MIRROR}
+_PLAIN = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
 _WIDTHS = {"float": 1, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
 
 
 @dataclass(frozen=True)
 class _Scaled:
-    """Channels of an image node's texels ("r", "rgb", "rgba" ...) times a scale, plus a bias: a number for each channel."""
+    """Channels of an image node's texels ("r", "rgb", "rgba" ...) times a scale, plus a bias: a number for each channel.
+    `default`: what it is where there is no image."""
 
     image: int
     channels: str
     scale: Numbers
     bias: Numbers
+    default: Numbers
 
 
 class Reducer:
@@ -41,8 +49,10 @@ class Reducer:
             name, default = inputs.get("geomprop"), inputs.get("default")
             if isinstance(name, str) and name and isinstance(default, tuple) and len(default) == width:
                 return PrimvarInput(name, default)
-        found = self._scaled(value)
-        made = self._texture(found, width) if found is not None else None
+        made = self._plain(node, width) if node.category == UV_TEXTURE else None
+        if made is None:
+            found = self._scaled(value)
+            made = self._texture(found, width) if found is not None else None
         return made or PatternInput(value, self.stand_in(value, width))
 
     def normal(self, value: NodeOutput) -> Input | None:
@@ -64,7 +74,8 @@ class Reducer:
                 by = (2.0 * x, 2.0 * y, 2.0)
                 scales = tuple(a * b for a, b in zip(found.scale, by, strict=True))
                 biases = tuple(a * b - c for a, b, c in zip(found.bias, by, (x, y, 1.0), strict=True))
-                made = self._texture(_Scaled(found.image, found.channels, scales, biases), 3)
+                coded = tuple(d * a - c for d, a, c in zip(found.default, by, (x, y, 1.0), strict=True))
+                made = self._texture(_Scaled(found.image, found.channels, scales, biases, coded), 3)
                 if made is not None:
                     return made
         return PatternInput(value, (0.0, 0.0, 1.0))
@@ -74,37 +85,53 @@ class Reducer:
         found = self._scaled(value)
         if found is None:
             return (0.5,) * width
-        default = self._default(found)
-        return default if len(default) == width else (default * width)[:width]
+        return found.default if len(found.default) == width else (found.default * width)[:width]
 
-    def _default(self, found: _Scaled) -> Numbers:
-        default = dict(self._nodes[found.image].inputs).get("default", (0.0,))
-        assert isinstance(default, tuple)
-        places = ["rgba".index(channel) for channel in found.channels]
-        full = (*default, *(0.0,) * 3, 1.0) if len(default) == 1 else (*default, 0.0, 0.0, 1.0)
-        return tuple(full[p] * s + b for p, s, b in zip(places, found.scale, found.bias, strict=True))
+    def _plain(self, node: PatternNode, width: int) -> TextureInput | None:
+        """What a UsdUVTexture gives: the shorter way to the same, as most textures are read."""
+        inputs: dict[str, Any] = dict(node.inputs)
+        channels, st = inputs["channels"], self._coordinates(inputs["st"])
+        if st is None or len(channels) != width:
+            return None
+        wraps = Wrap(inputs["wrapS"]), Wrap(inputs["wrapT"])
+        return TextureInput(inputs["file"], channels, *st, *wraps, inputs["fallback"], inputs["scale"], inputs["bias"])
 
     def _texture(self, found: _Scaled, width: int) -> TextureInput | None:
-        inputs = dict(self._nodes[found.image].inputs)
-        file, default = inputs["file"], inputs["default"]
+        node = self._nodes[found.image]
+        inputs = dict(node.inputs)
+        file = inputs["file"]
         same = len(set(found.channels)) == 1
         channels = "rgb" if found.channels == "rgb" else found.channels[0] if same else ""
-        if not isinstance(file, TextureFile) or not channels or len(found.channels) != width or not isinstance(default, tuple):
+        if not isinstance(file, TextureFile) or not channels or len(found.channels) != width:
             return None
         if channels != "rgb" and (len(set(found.scale)) > 1 or len(set(found.bias)) > 1):
             return None
-        wraps = [self._wrap(inputs.get(name), default) for name in ("uaddressmode", "vaddressmode")]
-        st = self._coordinates(inputs["texcoord"])
-        if None in wraps or st is None or inputs.get("filtertype") == "closest" or inputs.get("layer", "") != "":
+        wraps = self._wraps(node, inputs)
+        st = self._coordinates(inputs["st" if node.category == UV_TEXTURE else "texcoord"])
+        if wraps is None or st is None or inputs.get("filtertype") == "closest":
             return None
-        scale, bias, fallback = [1.0] * 4, [0.0] * 4, [0.0, 0.0, 0.0, 1.0]
-        for place, s, b, d in zip(found.channels, found.scale, found.bias, self._default(found), strict=True):
+        scale, bias, fallback = ([*self._four(inputs, name)] for name in ("scale", "bias", "fallback"))
+        for place, s, b, d in zip(found.channels, found.scale, found.bias, found.default, strict=True):
             index = "rgba".index(place)
             scale[index], bias[index], fallback[index] = s, b, d
         return TextureInput(
-            file, channels, st[0], st[1], wraps[0], wraps[1],  # type: ignore[arg-type]
+            file, channels, st[0], st[1], wraps[0], wraps[1],
             tuple(fallback), tuple(scale), tuple(bias),  # type: ignore[arg-type]
         )  # fmt: skip
+
+    def _four(self, inputs: dict[str, Operand], name: str) -> Numbers:
+        """Of the channels that nobody reads: UsdUVTexture's own numbers."""
+        value = inputs.get(name)
+        return value if isinstance(value, tuple) and len(value) == 4 else _PLAIN[name]
+
+    def _wraps(self, node: PatternNode, inputs: dict[str, Operand]) -> tuple[Wrap, Wrap] | None:
+        if node.category == UV_TEXTURE:
+            return Wrap(inputs["wrapS"]), Wrap(inputs["wrapT"])
+        default = inputs["default"]
+        if not isinstance(default, tuple):
+            return None
+        u, v = (self._wrap(inputs.get(name), default) for name in ("uaddressmode", "vaddressmode"))
+        return (u, v) if u is not None and v is not None else None
 
     def _wrap(self, mode: Operand | None, default: Numbers) -> Wrap | None:
         """None where outside of the image there is another colour than black."""
@@ -117,10 +144,15 @@ class Reducer:
         node = self._nodes[value.node]
         inputs = dict(node.inputs)
         if node.category == "image":
-            width = _WIDTHS.get(node.type)
-            return _Scaled(value.node, "rgba"[:width], (1.0,) * width, (0.0,) * width) if width else None
+            return self._image(value.node, node, inputs)
+        if node.category == UV_TEXTURE:
+            channels = str(inputs["channels"])
+            scale, bias, fallback = (channels_of(self._four(inputs, n), channels) for n in ("scale", "bias", "fallback"))
+            return _Scaled(value.node, channels, scale, bias, fallback)
         if node.category in ("extract", "convert"):
             return self._channels(node, inputs)
+        if node.category == "combine3":
+            return self._combined(inputs)
         rule = _SCALES.get(node.category)
         varying = [name for name, operand in inputs.items() if isinstance(operand, NodeOutput)]
         if rule is None or len(varying) != 1 or not all(isinstance(v, tuple) for k, v in inputs.items() if k != varying[0]):
@@ -128,6 +160,12 @@ class Reducer:
         source = inputs[varying[0]]
         found = self._scaled(source) if isinstance(source, NodeOutput) else None
         return rule(found, varying[0], inputs) if found else None
+
+    def _image(self, number: int, node: PatternNode, inputs: dict[str, Operand]) -> _Scaled | None:
+        width, default = _WIDTHS.get(node.type), inputs.get("default", (0.0,))
+        if not width or not isinstance(default, tuple):
+            return None
+        return _Scaled(number, "rgba"[:width], (1.0,) * width, (0.0,) * width, default)
 
     def _channels(self, node: PatternNode, inputs: dict[str, Operand]) -> _Scaled | None:
         source = inputs["in"]
@@ -148,6 +186,22 @@ class Reducer:
             "".join(found.channels[p] for p in places),
             tuple(found.scale[p] for p in places),
             tuple(found.bias[p] for p in places),
+            tuple(found.default[p] for p in places),
+        )
+
+    def _combined(self, inputs: dict[str, Operand]) -> _Scaled | None:
+        """Channels of one image put together again."""
+        parts = [self._scaled(v) if isinstance(v, NodeOutput) else None for v in (inputs[f"in{i}"] for i in (1, 2, 3))]
+        first = parts[0]
+        if first is None or any(p is None or p.image != first.image or len(p.channels) != 1 for p in parts):
+            return None
+        found = [p for p in parts if p is not None]
+        return _Scaled(
+            first.image,
+            "".join(p.channels for p in found),
+            tuple(p.scale[0] for p in found),
+            tuple(p.bias[0] for p in found),
+            tuple(p.default[0] for p in found),
         )
 
     def _coordinates(self, value: Operand) -> tuple[PrimvarInput, Affine] | None:
@@ -173,6 +227,9 @@ class Reducer:
         return self._moved(node, inputs)
 
     def _moved(self, node: PatternNode, inputs: dict[str, Operand]) -> tuple[PrimvarInput, Affine] | None:
+        if node.category == TRANSFORM_2D:
+            inner = self._coordinates(inputs["in"])
+            return (inner[0], affine_product(transform_2d(inputs), inner[1])) if inner else None
         rule = _MOVES.get(node.category)
         name = next((n for n in ("in", "in1") if n in inputs), "")
         if node.category in ("add", "multiply") and isinstance(inputs.get("in1"), tuple):
@@ -184,6 +241,28 @@ class Reducer:
         other = next((v for v in others if isinstance(v, tuple)), (0.0, 0.0))
         moved = rule((other * 2)[:2]) if inner else None
         return (inner[0], affine_product(moved, inner[1])) if inner and moved else None
+
+
+def transform_2d(inputs: dict[str, Operand]) -> Affine:
+    """UsdTransform2d: in * scale, then rotated counter-clockwise by degrees, then translated."""
+    (sx, sy), (tx, ty), (degrees,) = (_numbers(inputs[name]) for name in ("scale", "translation", "rotation"))
+    turns, rest = divmod(degrees, 90.0)
+    c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    for _ in range(int(turns) % 4):  # right angles exactly
+        c, s = -s, c
+    return (c * sx, 0.0 - s * sy, tx, s * sx, c * sy, ty)
+
+
+def _numbers(value: Operand) -> Numbers:
+    assert isinstance(value, tuple)
+    return value
+
+
+def affine_product(outer: Affine, inner: Affine) -> Affine:
+    """outer * inner."""
+    a, b, c, d, e, f = outer
+    g, h, i, j, k, m = inner
+    return (a * g + b * j, a * h + b * k, a * i + b * m + c, d * g + e * j, d * h + e * k, d * i + e * m + f)
 
 
 def _turned(amount: Numbers) -> Affine:
@@ -215,6 +294,7 @@ def _linear(found: _Scaled, scale: Numbers, bias: Numbers) -> _Scaled | None:
         found.channels,
         tuple(a * b for a, b in zip(found.scale, scale, strict=True)),
         tuple(a * b + c for a, b, c in zip(found.bias, scale, bias, strict=True)),
+        tuple(a * b + c for a, b, c in zip(found.default, scale, bias, strict=True)),
     )
 
 

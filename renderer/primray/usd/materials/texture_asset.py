@@ -1,4 +1,4 @@
-"""A shader's file parameter as a TextureFile: resolved by Ar, <UDIM> sets tile by tile, with its colour space.
+"""A shader's file parameter as a TextureFile: resolved by Ar, sets of tiles tile by tile, with its colour space.
 
 What says the space: sourceColorSpace other than auto, then the file attribute's colorSpace metadata, then, for colours, the
 nearest ColorSpaceAPI (which speaks of files too: OpenUSD's Color User's Guide) unless sourceColorSpace says auto itself.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf, Usd
 
 from ...color.color_space import SRGB, ColorSpace, matrix
 from ...description import TextureFile
@@ -16,19 +16,29 @@ from ..querying.guarded import color_space_name
 from ..resolving.color_spaces import authored_space, scope_at, space_named
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
-from .network import Constant, Node, node_path, parameter, text
+from .file_places import Frames, frames_of, is_tiles, names_frame, resolved, tile_paths, with_frame
+from .network import Constant, Node, find_source, node_path, numbers, parameter, text
+
+# Nodes that hand a file's name on, and the input that has it.
+_NAMING = {"ND_constant_filename": "value", "ND_dot_filename": "in"}
+_OF_PRIMVARS = {  # and the input that names the primvar
+    "UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_filename": "varname",
+    "ND_geompropvalueuniform_string": "geomprop", "ND_geompropvalueuniform_filename": "geomprop",
+}  # fmt: skip
+_NAMING |= {reader: "default" if name == "geomprop" else "fallback" for reader, name in _OF_PRIMVARS.items()}
+_MOST_HANDING_ON = 16
 
 
 def texture_file(node: Node, ctx: Context, *, is_color: bool = True, name: str = "file") -> TextureFile:
     """What the node reads by that input, as colours or numbers; its path is "" where there is no file, which is noted."""
-    found = parameter(node, name, ctx)
+    found = _named(node, name, ctx)
     made = _file(node, found, name, ctx)
     return in_space(made, _color_space(node, found, name, is_color, ctx), is_color, ctx)
 
 
 def missing_text(path: str) -> str:
     """Of a texture's file that is not there; of a set, none of its tiles."""
-    if UsdShade.UdimUtils.IsUdimIdentifier(path):
+    if is_tiles(path):
         return f"{path} has no tile from 1001 to 1100: the fallback is used."
     return f"{path} cannot be found: the fallback is used."
 
@@ -51,29 +61,85 @@ def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: 
     return in_space(TextureFile(path, "auto"), "auto" if space is None else space, True, ctx)
 
 
+def _named(node: Node, name: str, ctx: Context) -> Constant | None:
+    """What names the file: the input's own value, that of a node that hands one on, or the fallback of a primvar reader. The
+    primvar itself may differ from shape to shape and is not asked: it is reported with the name that stands in."""
+    attribute = node.prim.GetAttribute(f"inputs:{name}")
+    source = find_source(attribute, ctx) if attribute else None
+    for _ in range(_MOST_HANDING_ON):
+        if not isinstance(source, Node) or source.id not in _NAMING:
+            break
+        own = source.prim.GetAttribute(f"inputs:{_NAMING[source.id]}")
+        handed_on = find_source(own, ctx) if own else None
+        if source.id in _OF_PRIMVARS:
+            _note_primvar(node, source, handed_on, name, ctx)
+        if handed_on is None:
+            return None
+        source = handed_on
+    return source if isinstance(source, Constant) else parameter(node, name, ctx)
+
+
+def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, name: str, ctx: Context) -> None:
+    primvar = text(reader, _OF_PRIMVARS[reader.id], "", ctx)
+    value = fallback.value if isinstance(fallback, Constant) else None
+    shown = value.path if isinstance(value, Sdf.AssetPath) else value
+    instead = f"its fallback {shown!r} is used" if shown else "no file is read"
+    message = f"{name} is the value of the primvar {primvar!r}, which is not read for names of files: {instead}."
+    ctx.warn("shader-ignored", node_path(node, ctx), message, f"inputs:{name}")
+
+
 def _file(node: Node, found: Constant | None, name: str, ctx: Context) -> TextureFile:
-    if found is None or not isinstance(found.value, Sdf.AssetPath) or not found.value.path:
+    asset = found.value if found is not None else None
+    if found is not None and isinstance(asset, str) and asset:  # the fallback of a reader of strings
+        asset = Sdf.AssetPath(asset, resolved(asset, _authoring_layer(found.attribute, ctx)))
+    if found is None or not isinstance(asset, Sdf.AssetPath) or not asset.path:
         ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", f"inputs:{name}")
         return TextureFile("", "auto")
-    asset = found.value
-    if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
-        return _tiles(node, asset, found.attribute, name, ctx)
+    path, layer = asset.path, None
+    if names_frame(path):
+        framed = _at_frame(node, path, ctx)
+        if framed is None:
+            return TextureFile("", "auto")
+        path, layer = framed, _authoring_layer(found.attribute, ctx)
+        asset = Sdf.AssetPath(path, resolved(path, layer))
+    if is_tiles(path):
+        return _tiles(node, path, layer or _authoring_layer(found.attribute, ctx), name, ctx)
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", node_path(node, ctx), missing_text(asset.path), f"inputs:{name}")
+        ctx.warn("asset-missing", node_path(node, ctx), missing_text(path), f"inputs:{name}")
     return TextureFile(str(asset.resolvedPath), "auto")
 
 
-def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, name: str, ctx: Context) -> TextureFile:
-    layer = _authoring_layer(attribute, ctx)
-    found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)  # 1001 to 1100, ten in U and ten in V
-    tiles = [(int(number), str(path)) for path, number in found]
+def _tiles(node: Node, path: str, layer: Sdf.Layer | None, name: str, ctx: Context) -> TextureFile:
+    set_path, tiles = tile_paths(path, layer)
     if not tiles:
-        message = missing_text(asset.path)
-        ctx.warn("asset-missing", node_path(node, ctx), message, f"inputs:{name}")
+        ctx.warn("asset-missing", node_path(node, ctx), missing_text(path), f"inputs:{name}")
         return TextureFile("", "auto")
-    number, first = tiles[0]
-    before, _, after = first.rpartition(str(number))
-    return TextureFile(f"{before}<UDIM>{after}", "auto", tuple(sorted(tiles)))
+    return TextureFile(set_path, "auto", tiles)
+
+
+def _at_frame(node: Node, path: str, ctx: Context) -> str | None:
+    """The path of a sequence's file for the frame; None where the node shows its default instead."""
+    range_text = text(node, "framerange", "", ctx)
+    first, last = (frames_of(range_text) if range_text else None) or (None, None)
+    if range_text and first is None:
+        message = f"framerange = {range_text!r} is no range of frames: it is ignored."
+        ctx.warn("shader-parameter", node_path(node, ctx), message, "inputs:framerange")
+    offset = int(numbers(node, "frameoffset", (0.0,), ctx)[0])
+    number = Frames(first, last, offset, text(node, "frameendaction", "constant", ctx)).number(frame_of(node, ctx))
+    return None if number is None else with_frame(path, number)
+
+
+def frame_of(node: Node, ctx: Context) -> float:
+    """Return the time code that nodes of time and names of files are at; 0, reported, of a render without a frame."""
+    if ctx.when.is_default:
+        ctx.warn(
+            "shader-parameter", node_path(node, ctx), "It depends on the frame, and none is rendered: it is at time code 0."
+        )
+        return 0.0
+    if ctx.timing.is_open:
+        message = "It depends on the time, and the shutter is open: it is at the frame all the while."
+        ctx.warn("material-input", node_path(node, ctx), message)
+    return float(ctx.when.time.GetValue())
 
 
 def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:

@@ -6,11 +6,11 @@ An operand is a tuple of numbers, a text, a file, or the output of a node that i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 from ...description import NodeOutput, Operand, PatternNode, TextureFile
-from .definitions import Definition, FromInterface, FromStep, definition, graph
+from .definitions import WIDTHS, Definition, FromInterface, FromStep, definition, graph
 from .folding import folded
 
 MOST_NODES = 20_000  # of one material
@@ -73,9 +73,12 @@ class Expressions:
     def _primitive(self, found: Definition, names: tuple[str, ...], values: list[Operand | None], path: str) -> Outputs:
         """Its inputs' names and values, in the definition's order."""
         name = found.outputs[0][0]
-        if found.category in _FILES and not _is_file(values[names.index("file")] if "file" in names else None):
-            default = values[names.index("default")] if "default" in names else None
-            return {name: default} if default is not None else {}
+        if found.category in _FILES:
+            if not _is_file(values[names.index("file")] if "file" in names else None):
+                default = values[names.index("default")] if "default" in names else None
+                return {name: default} if default is not None else {}
+            if "layer" in names:
+                values = _of_layer(values, names.index("file"), names.index("layer"))
         simple = _simple(found, names, values)
         if simple is not None:
             return {name: simple}
@@ -90,12 +93,27 @@ class Expressions:
             outputs = self._known[key] = {output: NodeOutput(index, output) for output, _ in found.outputs}
         return outputs
 
+    def primitive(self, category: str, kind: str, signature: str, inputs: Mapping[str, Operand], path: str = "") -> NodeOutput:
+        """The one output of a primitive that needs no definition of the library; nothing of it is folded."""
+        key = (category, kind, *inputs.items())
+        outputs = self._known.get(key)
+        if outputs is None:
+            if len(self.nodes) >= MOST_NODES:
+                raise TooManyNodesError
+            outputs = self._known[key] = {"out": NodeOutput(len(self.nodes))}
+            self.nodes.append(PatternNode(category, kind, signature, tuple(inputs.items()), path))
+        made = outputs["out"]
+        assert isinstance(made, NodeOutput)
+        return made
+
     def width(self, value: Operand) -> int:
         """How many numbers an operand has; 0 of what is none."""
         if isinstance(value, tuple):
             return len(value)
         if not isinstance(value, NodeOutput):
             return 0
+        if value.output == "out":
+            return WIDTHS.get(self.nodes[value.node].type, 0)
         found = definition(self.nodes[value.node].signature)
         return found.output_widths.get(value.output, 0) if found else 0
 
@@ -158,6 +176,16 @@ def _simple(found: Definition, names: tuple[str, ...], values: list[Operand | No
 
 def _is_file(value: object) -> bool:
     return (isinstance(value, TextureFile) and value.path != "") or (isinstance(value, NodeOutput) and value.node == _GIVEN)
+
+
+def _of_layer(values: list[Operand | None], file: int, layer: int) -> list[Operand | None]:
+    """A layer is a property of the file that is read; the input itself is left empty."""
+    name, read = values[layer], values[file]
+    if not isinstance(name, str) or not name or not isinstance(read, TextureFile):
+        return values
+    made = list(values)
+    made[file], made[layer] = replace(read, layer=name), ""
+    return made
 
 
 def _operand(source: object, inputs: Mapping[str, Operand], found: Definition, made: list[Outputs]) -> Operand | None:

@@ -11,7 +11,7 @@ from ...errors import AssetError
 from .documents import MOST_INCLUDES, beside, names_in
 from .stand_ins import is_document
 
-_PLACES = re.compile(r"<(UDIM|UVTILE)>|%28UDIM%29", re.IGNORECASE)
+_PLACES = re.compile(r"<(UDIM|UVTILE)>|%28UDIM%29|\{(0\d+)?frame\}", re.IGNORECASE)
 
 
 def files_of_documents(paths: Iterable[str]) -> tuple[set[str], set[str]]:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pxr import Ar, Sdf, UsdUtils
 
 _MARK = re.compile(r"\.materialx-\d+\.usda")
+_PLACE = re.compile(r"<UDIM>|<UVTILE>|frame\}")  # in names of files that are there under other names
 _numbers = itertools.count(1)
 _DOCUMENT = re.compile(r"\.mtlx$", re.IGNORECASE)
 
@@ -58,7 +59,7 @@ def _whole(path: str) -> Callable[[str], str]:
             return asset
         member = os.path.normpath(os.path.join(folder, asset)).replace(os.sep, "/")
         beside = str(Ar.JoinPackageRelativePath(package, member))
-        if asset.startswith("./") or "<UDIM>" in asset or Ar.GetResolver().Resolve(beside):
+        if asset.startswith("./") or _PLACE.search(asset) or Ar.GetResolver().Resolve(beside):
             return beside
         at_root = str(Ar.JoinPackageRelativePath(package, os.path.normpath(asset)))  # what is not beside it is searched there
         return at_root if Ar.GetResolver().Resolve(at_root) else beside

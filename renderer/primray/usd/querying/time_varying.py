@@ -14,7 +14,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Tf, Usd
 
-from .guarded import authored_attributes, metadatum, value_at
+from .guarded import authored_attributes, default_value, metadatum, value_at
 
 MOST_SAMPLES = 16  # that are compared; what has more in a span is taken to change
 _STEPS = 16  # between which a spline is looked at, besides its knots
@@ -47,7 +47,20 @@ def is_below_clips(prim: Usd.Prim | None) -> bool:
 
 def changing(prims: Iterable[Usd.Prim]) -> set[Sdf.Path]:
     """Their attributes that may have other values at other times."""
-    return {a.GetPath() for prim in prims for a in authored_attributes(prim) if a.ValueMightBeTimeVarying() or has_spline(a)}
+    return {
+        a.GetPath()
+        for prim in prims
+        for a in authored_attributes(prim)
+        if a.ValueMightBeTimeVarying() or has_spline(a) or _names_frame(a)
+    }
+
+
+def _names_frame(attribute: Usd.Attribute) -> bool:
+    """Whether it is the name of a file of a sequence ({frame} or {04frame}: MaterialX, "Filename Substitutions")."""
+    if attribute.GetTypeName() != "asset":
+        return False
+    found = default_value(attribute)
+    return isinstance(found, Sdf.AssetPath) and "frame}" in found.path
 
 
 def is_timed(attribute: Usd.Attribute) -> bool:

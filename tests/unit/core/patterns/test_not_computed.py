@@ -20,7 +20,7 @@ NO_FLOATS = np.zeros(0, np.float32)
 
 
 def outside() -> Outside:
-    return Outside(module(), lambda name: 0, lambda file, channels: None, 0.0)
+    return Outside(module(), lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0)
 
 
 def uploaded(surface: Surface) -> tuple[Any, list[tuple[str, str, str]]]:
@@ -95,5 +95,5 @@ def test_what_is_the_same_is_computed_once() -> None:
         Tape, Wrap, PatternImage = Kept, core.Wrap, core.PatternImage
         pattern_operations, pattern_registers = core.pattern_operations, core.pattern_registers
 
-    tape_of(surface, Outside(Module, lambda name: 0, lambda file, channels: None, 0.0))
+    tape_of(surface, Outside(Module, lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0))
     assert [row[0] for row in rows].count(core.pattern_operations.index("sin")) == 1

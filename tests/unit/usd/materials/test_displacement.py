@@ -9,7 +9,7 @@ from tests.displaced import CUBE, POSITION, QUADS, described, materialx, node, p
 from primray.description import DisplacedMesh, Mesh, PatternInput, PrimvarInput, SubdivisionMesh, Surface, TextureInput
 
 PLANE = QUADS.replace("SCHEME", "none")
-IMAGE = node("t", "UsdUVTexture", "asset inputs:file = @./heights.exr@\n float4 inputs:scale = (2, 2, 2, 2)", "float outputs:r")
+IMAGE = node("t", "UsdUVTexture", "asset inputs:file = @FILE@\n float4 inputs:scale = (2, 2, 2, 2)", "float outputs:r")
 VIEW = node("v", "ND_viewdirection_vector3", "", "float3 outputs:out") + node(
     "z", "ND_extract_vector3", "float3 inputs:in.connect = </m/v.outputs:out>\n int inputs:index = 2", "float outputs:out"
 )
@@ -35,13 +35,15 @@ def test_preview_surfaces_input() -> None:
 
 
 @pytest.mark.conforms("UsdPreviewSurface.inputs:displacement")
-def test_a_texture() -> None:
-    surface, told = found(PLANE + preview("float inputs:displacement.connect = </m/t.outputs:r>", IMAGE))
+def test_a_texture(image: str) -> None:
+    text = PLANE + preview("float inputs:displacement.connect = </m/t.outputs:r>", IMAGE)
+    surface, told = found(text.replace("FILE", image))
     assert surface.displacement is not None
     name, value = surface.displacement
-    assert (name, told) == ("displacement", [("asset-missing", "/m/t")])
+    assert (name, told) == ("displacement", [])
     assert isinstance(value, TextureInput)
     assert (value.channels, value.scale[0]) == ("r", 2)
+    assert found(text.replace("FILE", "none.exr")) == (surface.without_displacement(), [("asset-missing", "/m/t")])
 
 
 @pytest.mark.conforms("Material.outputs:displacement")
@@ -119,9 +121,9 @@ def test_what_is_not_displaced_is_told(text: str, path: str) -> None:
         (materialx("vector3f inputs:displacement = (3, 0, 4)", kind="vector3"), 5),
     ],
 )
-def test_boxes_hold_what_is_displaced(material: str, reach: float) -> None:
+def test_boxes_hold_what_is_displaced(material: str, reach: float, image: str) -> None:
     """As far as it is known, for cameras that look at all there is."""
-    (shape,) = described(PLANE + material)[0].shapes
+    (shape,) = described(PLANE + material.replace("FILE", image))[0].shapes
     low, high = shape.box()
     np.testing.assert_allclose([low, high], [[-reach] * 3, [2 + reach, 2 + reach, reach]])
 

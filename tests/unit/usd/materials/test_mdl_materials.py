@@ -184,3 +184,71 @@ def test_other_modules_leave_the_display_color() -> None:
     surface, told = surface_of(stage("my/own.mdl", ""))
     assert surface.path == ""
     assert told == [("shader-ignored", "/m")]
+
+
+def told_of(module: str, inputs: str) -> str:
+    return described(stage(module, inputs))[1][-1]
+
+
+def test_alpha_of_a_gltf_texture(image: str) -> None:
+    texels = f"asset inputs:base_color_texture = @{image}@\n float inputs:base_alpha = 0.5\n"
+    opaque, _ = surface_of(stage("gltf/pbr.mdl", texels))
+    assert ("opacity" in opaque.varying, opaque.presence, opaque.opacity_threshold) == (False, False, 0.0)
+    masked, told = surface_of(stage("gltf/pbr.mdl", texels + "int inputs:alpha_mode = 1\n float inputs:alpha_cutoff = 0.25"))
+    made = dict(masked.inputs)["opacity"]
+    assert isinstance(made, TextureInput)
+    assert (made.channels, made.scale[3], masked.opacity_threshold, masked.presence) == ("a", 0.5, 0.25, False)
+    assert masked.pattern is None
+    assert [code for code, _ in told] == ["mdl-material"]
+    blended, _ = surface_of(stage("gltf/pbr.mdl", texels + "int inputs:alpha_mode = 2"))
+    assert ("opacity" in blended.varying, blended.presence, blended.opacity_threshold) == (True, True, 0.0)
+    assert dict(blended.inputs)["open_pbr_base_color"] == dict(opaque.inputs)["open_pbr_base_color"]
+    assert "have: alpha_mode." in told_of("gltf/pbr.mdl", "int inputs:alpha_mode = 7")
+
+
+def test_a_texture_is_at_the_coordinates_of_its_set(image: str) -> None:
+    surface, _ = surface_of(stage("OmniPBR.mdl", f"asset inputs:diffuse_texture = @{image}@\n int inputs:uv_space_index = 1"))
+    made = dict(surface.inputs)["open_pbr_base_color"]
+    assert isinstance(made, TextureInput)
+    assert made.st.name == "st1"
+
+
+LOOKUP = """
+        float inputs:roughness_factor.connect = </m/other.outputs:out>
+        asset inputs:base_color_texture.connect = </m/lookup.outputs:out>
+        token outputs:out
+    }
+    def Shader "other"
+    {
+        uniform token info:id = "other"
+        float outputs:out
+    }
+    def Shader "lookup"
+    {
+        asset inputs:texture = @IMAGE@
+        int inputs:tex_coord_index = 1
+        float2 inputs:offset = (0.5, 0)"""
+
+
+def test_a_lookup_has_a_set_and_what_else_it_says_is_reported(image: str) -> None:
+    text = stage("gltf/pbr.mdl", LOOKUP.replace("IMAGE", image))
+    surface, told = described(text)
+    made = dict(surface.inputs)["open_pbr_base_color"]
+    assert isinstance(made, TextureInput)
+    assert made.st.name == "st1"
+    assert "have: base_color_texture.offset, roughness_factor." in told[-1]
+
+
+@pytest.mark.parametrize(
+    ("module", "inputs", "lost"),
+    [
+        ("OmniPBR.mdl", "bool inputs:project_uvw = 1", "project_uvw"),
+        ("OmniPBR.mdl", "bool inputs:project_uvw = 0", ""),
+        ("OmniPBR.mdl", "asset inputs:ao_texture = @a.png@", ""),
+        ("OmniGlass.mdl", "color3f inputs:reflection_color = (1, 0, 0)", "reflection_color"),
+        ("UsdPreviewSurface.mdl", "int inputs:opacityMode = 1", "opacityMode"),
+        ("UsdPreviewSurface.mdl", "float inputs:displacement = 0.5", "displacement"),
+    ],
+)
+def test_inputs_without_effect_are_reported_unless_they_are_at_rest(module: str, inputs: str, lost: str) -> None:
+    assert told_of(module, inputs).endswith(f"have: {lost}." if lost else "not interpreted.")

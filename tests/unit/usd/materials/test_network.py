@@ -48,7 +48,7 @@ def test_a_reader_that_names_nothing() -> None:
         material("float inputs:metallic.connect = </m/r.outputs:result>", node("r", "UsdPrimvarReader_float", ""))
     )
     assert ("primvar-missing", "/m/r") in found
-    assert input_of(description.surfaces[0], "metallic") == PrimvarInput("", (0,))
+    assert (description.surfaces[0].inputs, description.surfaces[0].metallic) == ((), 0)
 
 
 def test_parameters_that_nodes_compute_are_at_their_default() -> None:
@@ -178,10 +178,11 @@ def test_normals(image: str) -> None:
     assert (surface.inputs, found) == ((), [("material-input", "/m/s")])
 
 
-def test_displacement_of_a_sphere_is_told_unless_it_is_zero() -> None:
+def test_displacement_of_a_sphere_is_told_unless_it_is_zero(image: str) -> None:
     assert surface_of(material("float inputs:displacement = 0"))[1] == []
     assert surface_of(material("float inputs:displacement = 1"))[1] == [("displacement", "/ball")]
-    connected = material("float inputs:displacement.connect = </m/t.outputs:r>", node("t", "UsdUVTexture", ""))
+    file = f"asset inputs:file = @{image}@"
+    connected = material("float inputs:displacement.connect = </m/t.outputs:r>", node("t", "UsdUVTexture", file))
     assert ("displacement", "/ball") in surface_of(connected)[1]
 
 

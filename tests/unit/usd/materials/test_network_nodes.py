@@ -236,7 +236,7 @@ def test_transforms_in_a_circle(image: str) -> None:
     nodes = node("t1", "UsdTransform2d", "float2 inputs:in.connect = </m/t2.outputs:result>")
     nodes += node("t2", "UsdTransform2d", "float2 inputs:in.connect = </m/t1.outputs:result>")
     made, found = st_of("float2 inputs:st.connect = </m/t1.outputs:result>", nodes, image)
-    assert (made.st, [code for code, _ in found]) == (PrimvarInput("", (0, 0)), ["shader-ignored"])
+    assert (made.st, [code for code, _ in found]) == (PrimvarInput("", (0, 0)), ["shader-connection", "material-input"])
 
 
 def test_st_from_a_node_that_gives_none(image: str) -> None:

@@ -1,4 +1,4 @@
-"""UsdShadeMaterial to a Surface: UsdPreviewSurface's inputs, each a constant, a primvar or a texture (network_nodes).
+"""UsdShadeMaterial to a Surface: UsdPreviewSurface's inputs, each a constant, a primvar, a texture or a pattern's output.
 
 A material whose surface shader is anything else has no surface of ours: the shape shows its displayColor instead.
 `occlusion` has no effect: what it approximates, a path tracer computes.
@@ -18,9 +18,8 @@ from ....settings import RenderContext
 from ...materials.fed_inputs import FedInputs
 from ...materials.mdl.module import module_of
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
-from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
-from ...materials.node_values import definition_of
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
+from ...materials.reducing import NO_PRIMVAR
 from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context
@@ -217,21 +216,16 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
 def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context) -> None:
     slot = _SLOTS[name]
     source = find_source(shader.prim.GetAttribute(f"inputs:{name}"), ctx)
-    if isinstance(source, Node) and source.id not in NODES and definition_of(source) is not None:
+    if isinstance(source, Node):
         found.nodes = found.nodes or FedInputs(ctx)
-        fed = found.nodes.read(shader, source, name, len(slot.default))
-        if isinstance(fed, tuple) and slot.field != "normal":
-            found.constants[slot.field] = _clamped(fed, slot)
-        elif fed is not None and not isinstance(fed, tuple):
+        fed = found.nodes.read(shader, source, name, len(slot.default), is_color=name in COLOR_INPUTS)
+        if fed is None:
+            return
+        if not isinstance(fed, tuple):
             found.varying[slot.field] = fed
-            if slot.field != "normal":
-                found.constants[slot.field] = _clamped(_stand_in(fed), slot)
-    elif isinstance(source, Node):
-        made = _varying(source, name, slot, path, ctx)
-        if made is not None and _can_vary(made):
-            found.varying[slot.field] = made
-        if made is not None and slot.field != "normal":
-            found.constants[slot.field] = _clamped(_stand_in(made), slot)
+            fed = _stand_in(fed)
+        if slot.field != "normal":
+            found.constants[slot.field] = _clamped(fed, slot)
     elif source is not None:
         constant = _constant(source, name, slot, path, ctx)
         if slot.field != "normal":
@@ -240,29 +234,6 @@ def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context)
             ctx.warn("material-input", path, "normal has no length and is ignored.", "inputs:normal")
         elif constant != slot.default:
             found.varying["normal"] = PrimvarInput(NO_PRIMVAR, constant)
-
-
-def _varying(source: Node, name: str, slot: _Slot, path: str, ctx: Context) -> Input | None:
-    width = len(slot.default)
-    kind = NODES[source.id].kind if source.id in NODES else None
-    made: Input | None = None
-    if kind is NodeKind.READER:
-        made = reader_input(source, width, ctx, is_color=name in COLOR_INPUTS)
-    elif kind in (NodeKind.TEXTURE, NodeKind.IMAGE):
-        made = texture_input(source, width, ctx, is_color=name in COLOR_INPUTS)
-    else:
-        code = "connection-type" if kind else "shader-ignored"
-        message = f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used."
-        ctx.warn(code, path, message, f"inputs:{name}")
-        return None
-    if made is None:
-        ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.", f"inputs:{name}")
-    return made
-
-
-def _can_vary(made: Input) -> bool:
-    """Not what is a constant in disguise: a texture without a file is its fallback."""
-    return not isinstance(made, TextureInput) or made.file.path != ""
 
 
 def _stand_in(made: Input) -> tuple[float, ...]:

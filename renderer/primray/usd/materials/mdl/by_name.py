@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 
 from ....description import Surface
 from ...resolving.context import Context
@@ -11,11 +11,11 @@ from ..known_surfaces.record import KnownSurface
 from ..network import Node, node_path
 from ..node_values import NodeValues
 from . import gltf_material, omni_glass, omni_pbr, omni_surface, preview_surface
-from .inputs import MdlInputs
+from .inputs import AtRest, MdlInputs
 from .module import module_of
 
 _Read = Callable[[MdlInputs], KnownSurface]
-_MODULES: dict[str, tuple[_Read, Collection[str]]] = {
+_MODULES: dict[str, tuple[_Read, AtRest]] = {
     "OmniPBR.mdl": (omni_pbr.read, omni_pbr.AT_REST),
     "OmniPBR_Opacity.mdl": (omni_pbr.read, omni_pbr.AT_REST),
     "OmniPBR_ClearCoat.mdl": (omni_pbr.read, omni_pbr.AT_REST),

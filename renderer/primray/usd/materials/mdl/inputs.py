@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from pxr import Sdf
 
@@ -12,22 +13,29 @@ from ...materialx.definitions import InputDefinition
 from ...materialx.expressions import Expressions
 from ...querying.guarded import property_names
 from ..known_surfaces.record import NORMAL, Reader
-from ..network import Constant, Node, find_source
+from ..network import Constant, Node, as_numbers, find_source
 from ..node_values import NodeValues
 from ..texture_asset import texture_file
 
 _IMAGE = {1: "float", 3: "color3", 4: "color4"}
 _TYPES = {1: "float", 2: "vector2", 3: "color3"}
+_LOOKUP_FILES = ("texture", "tex", "file")  # what functions of MDL that look a texture up call it
+_LOOKUP_SETS = ("tex_coord_index", "uv_space_index")
+
+ANY = object()  # in place of a value at rest: whatever the input says, it has no effect on a picture
+AtRest = Mapping[str, object]  # names of inputs that are not read, and the numbers with which they have no effect
 
 
 @dataclass
 class MdlInputs:
-    """Of one shader. `read`: the names that have been asked for."""
+    """The inputs of one shader. `read`: the names that have been asked for; `lost`: those of what has been asked for, and
+    cannot be read."""
 
     shader: Node
     values: NodeValues
     st: Operand = "UV0"
     read: set[str] = field(default_factory=set)
+    lost: set[str] = field(default_factory=set)
 
     @property
     def expressions(self) -> Expressions:
@@ -49,7 +57,9 @@ class MdlInputs:
         self.read.add(name)
         attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
         found = find_source(attribute, self.values.ctx) if attribute else None
-        if not isinstance(found, Constant):
+        if isinstance(found, Node):
+            self.lost.add(name)
+        if not isinstance(found, Constant) or isinstance(found.value, Sdf.AssetPath):  # a file may be read beside the number
             return default
         made = self.values.constant(found, InputDefinition(name, _TYPES[len(default)], default), self.shader)
         return made if isinstance(made, tuple) else default
@@ -63,22 +73,50 @@ class MdlInputs:
         attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
         found = find_source(attribute, self.values.ctx) if attribute else None
         if isinstance(found, Node):
-            lookup = next((n for n in ("texture", "tex", "file") if found.prim.GetAttribute(f"inputs:{n}")), None)
-            return self._image(found, lookup, width, default, is_color) if lookup else None
+            lookup = next((n for n in _LOOKUP_FILES if found.prim.GetAttribute(f"inputs:{n}")), None)
+            if lookup is None:
+                self.lost.add(name)
+                return None
+            self.lost.discard(name)
+            return self._image(found, lookup, width, default, is_color, self._looked_up_at(found, name, lookup))
         names_file = isinstance(found, Constant) and isinstance(found.value, Sdf.AssetPath)
-        return self._image(self.shader, name, width, default, is_color) if names_file else None
+        return self._image(self.shader, name, width, default, is_color, self.st) if names_file else None
 
-    def _image(self, node: Node, name: str, width: int, default: tuple[float, ...], is_color: bool) -> Operand | None:
+    def _image(
+        self, node: Node, name: str, width: int, default: tuple[float, ...], is_color: bool, st: Operand
+    ) -> Operand | None:
         file = texture_file(node, self.values.ctx, is_color=is_color, name=name)
         if not isinstance(file, TextureFile) or not file.path:
             return None
         kind = _IMAGE[width]
-        return self.expressions.apply(f"ND_image_{kind}", file=file, default=default, texcoord=self.st)
+        return self.expressions.apply(f"ND_image_{kind}", file=file, default=default, texcoord=st)
 
-    def unread(self, at_rest: Collection[str]) -> list[str]:
-        """Names that the shader has, and nothing here has asked for."""
+    def _looked_up_at(self, lookup: Node, name: str, file: str) -> Operand:
+        """Texture coordinates of a lookup that is a node of its own, which may say their set; its other inputs are lost."""
+        own = MdlInputs(lookup, self.values)
+        own.read.add(file)
+        index = next((n for n in _LOOKUP_SETS if own.has(n)), None)
+        own.read -= set(_LOOKUP_SETS) - {index}
+        st = own.set_of(index) if index else self.st
+        self.lost |= {f"{name}.{other}" for other in own.unread({})}
+        return st
+
+    def set_of(self, name: str) -> Operand:
+        """The texture coordinates of the set that an input numbers."""
+        index = self.constant(name, 0.0)
+        return "UV0" if index == (0.0,) else self.expressions.apply("ND_texcoord_vector2", index=index)
+
+    def unread(self, at_rest: AtRest) -> list[str]:
+        """Names that the shader has with an effect that is lost: nothing has asked for them, or they cannot be read."""
         names = {str(n)[7:] for n in property_names(self.shader.prim) if n.startswith("inputs:")}
-        return sorted(names - self.read - set(at_rest))
+        left = {name for name in names - self.read if name not in at_rest or not self._is_at(name, at_rest[name])}
+        return sorted(left | self.lost)
+
+    def _is_at(self, name: str, rest: object) -> bool:
+        if rest is ANY:
+            return True
+        found: Any = find_source(self.shader.prim.GetAttribute(f"inputs:{name}"), self.values.ctx)
+        return found is None or (isinstance(found, Constant) and as_numbers(found.value) == rest)
 
     def normal(self, name: str, strength: float) -> Operand:
         """A tangent-space map in world space."""
@@ -104,7 +142,7 @@ class MdlInputs:
     def place(self, translate: str, rotate: str, scale: str) -> None:
         """Textures from here on are where these say: scaled, turned, moved."""
         e = self.expressions
-        st = e.apply("ND_multiply_vector2", in1="UV0", in2=self.constant(scale, 1.0, 1.0))
+        st = e.apply("ND_multiply_vector2", in1=self.st, in2=self.constant(scale, 1.0, 1.0))
         turn = self.constant(rotate, 0.0)
         st = e.apply("ND_rotate2d_vector2", **{"in": st, "amount": (-turn[0],)}) if turn != (0.0,) else st
         self.st = e.apply("ND_add_vector2", in1=st, in2=self.constant(translate, 0.0, 0.0))

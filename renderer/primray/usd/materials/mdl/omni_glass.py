@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ..known_surfaces.record import ONE, KnownSurface
-from .inputs import MdlInputs
+from .inputs import ANY, MdlInputs
 
-AT_REST = ("depth", "reflection_color", "excludeFromWhiteMode")
+AT_REST = {"depth": ANY, "reflection_color": (1.0, 1.0, 1.0), "excludeFromWhiteMode": ANY}
 
 
 def read(m: MdlInputs) -> KnownSurface:

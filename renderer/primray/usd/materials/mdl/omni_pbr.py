@@ -5,21 +5,20 @@ from __future__ import annotations
 from ....description import Operand
 from ..known_surfaces.record import BLACK, ONE, WHITE, ZERO, KnownSurface
 from ..known_surfaces.reflectivity import ior_of, under_coat
-from .inputs import MdlInputs
+from .inputs import ANY, MdlInputs
 
-AT_REST = (
-    "ao_texture",
-    "ao_to_diffuse",
-    "bump_factor",
-    "project_uvw",
-    "world_or_object",
-    "uv_space_index",
-    "excludeFromWhiteMode",
-)
+AT_REST = {
+    "ao_texture": ANY,
+    "ao_to_diffuse": ANY,
+    "project_uvw": ZERO,
+    "world_or_object": ANY,  # of textures that are projected
+    "excludeFromWhiteMode": ANY,
+}
 _MOST = 0.08  # what is reflected head-on where specular_level is 1
 
 
 def read(m: MdlInputs) -> KnownSurface:
+    m.st = m.set_of("uv_space_index")
     m.place("texture_translate", "texture_rotate", "texture_scale")
     roughness, metalness = _roughness_and_metalness(m)
     emission: Operand = BLACK

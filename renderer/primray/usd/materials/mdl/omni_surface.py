@@ -10,9 +10,9 @@ from dataclasses import replace
 from ....description import Operand
 from ..known_surfaces import standard_surface
 from ..known_surfaces.record import BLACK, ONE, WHITE, ZERO, KnownSurface, Reader
-from .inputs import MdlInputs
+from .inputs import ANY, MdlInputs
 
-AT_REST = ("excludeFromWhiteMode",)
+AT_REST = {"excludeFromWhiteMode": ANY}
 
 # Their names of standard_surface's inputs, and what these are where nothing is said.
 _INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
@@ -57,7 +57,10 @@ _IMAGES = {"base_color": 3, "specular_roughness": 1, "metalness": 1}  # and how 
 
 
 def read(m: MdlInputs) -> KnownSurface:
-    m.place("uvw_translate", "uvw_rotate", "uvw_scale") if m.has("uvw_scale") else None
+    placed = "uvw_translate", "uvw_rotate", "uvw_scale"
+    m.read.update(placed)
+    if any(m.has(name) for name in placed):
+        m.place(*placed)
     inputs: dict[str, Operand] = {name: m.constant(own, *default) for name, (own, default) in _INPUTS.items()}
     for name, width in _IMAGES.items():
         own, default = _INPUTS[name]

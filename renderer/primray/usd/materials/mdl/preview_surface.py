@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..known_surfaces.record import ZERO, KnownSurface
 from ..known_surfaces.reflectivity import under_coat
-from .inputs import MdlInputs
+from .inputs import ANY, MdlInputs
 
-AT_REST = ("occlusion", "displacement", "opacityMode")
+AT_REST = {"occlusion": ANY, "displacement": ZERO, "opacityMode": ZERO}
 
 
 def read(m: MdlInputs) -> KnownSurface:

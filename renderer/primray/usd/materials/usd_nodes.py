@@ -1,0 +1,169 @@
+"""USD's own nodes, UsdUVTexture, UsdTransform2d and UsdPrimvarReader, and MaterialX's versions of them, as nodes of a pattern.
+
+Their definitions are written down here, as UsdPreviewSurface's specification has them: a stage that uses no other nodes needs
+no library of MaterialX. MaterialX's versions differ in their defaults alone (coordinates UV0, repeated images).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+from ...description import Operand, Wrap
+from ...description.patterns import TRANSFORM_2D, UV_TEXTURE
+from ..materialx.definitions import WIDTHS, Definition, InputDefinition
+from ..materialx.expressions import Expressions, Outputs
+from ..querying.guarded import property_names
+from ..resolving.context import Context
+from .network import Node, node_path, numbers, text
+from .texture_asset import texture_file
+
+
+class Values(Protocol):
+    """The network that the nodes are of (node_values.py)."""
+
+    ctx: Context
+    expressions: Expressions
+
+    def given(self, node: Node, found: Definition, name: str) -> Operand: ...
+    def given_as(self, node: Node, wanted: InputDefinition) -> Operand: ...
+
+
+_READER = "UsdPrimvarReader"
+_CHANNELS = {"r": "float", "g": "float", "b": "float", "a": "float", "rgb": "color3", "rgba": "color4"}
+_NUMBERS = {"fallback": (0.0, 0.0, 0.0, 1.0), "scale": (1.0,) * 4, "bias": (0.0,) * 4}
+_USD_WRAPS = {wrap.value: wrap for wrap in Wrap}
+_MATERIALX_WRAPS = {"black": Wrap.BLACK, "clamp": Wrap.CLAMP, "periodic": Wrap.REPEAT, "mirror": Wrap.MIRROR}
+
+
+def _texture(name: str, st: tuple[float, ...] | str, wrap: str, outputs: tuple[str, ...]) -> Definition:
+    inputs = [InputDefinition("file", "filename", None), InputDefinition("st", "vector2", st)]
+    inputs += [InputDefinition(n, "string", wrap) for n in ("wrapS", "wrapT")]
+    inputs += [InputDefinition(n, "vector4", value) for n, value in _NUMBERS.items()]
+    inputs += [InputDefinition("sourceColorSpace", "string", "auto")]
+    return Definition(name, UV_TEXTURE, tuple(inputs), tuple((output, _CHANNELS[output]) for output in outputs))
+
+
+def _transform(name: str, output: str) -> Definition:
+    two = {"in": (0.0, 0.0), "scale": (1.0, 1.0), "translation": (0.0, 0.0)}
+    inputs = [*(InputDefinition(n, "vector2", value) for n, value in two.items()), InputDefinition("rotation", "float", (0.0,))]
+    return Definition(name, TRANSFORM_2D, tuple(inputs), ((output, "vector2"),))
+
+
+def _reader(name: str, kind: str, output: str) -> Definition:
+    inputs = InputDefinition("varname", "string", ""), InputDefinition("fallback", kind, (0.0,) * WIDTHS.get(kind, 0))
+    return Definition(name, _READER, inputs, ((output, kind),))
+
+
+_FIVE = ("r", "g", "b", "a", "rgb")
+_USD_TYPES = {"float": "float", "float2": "vector2", "float3": "vector3", "float4": "vector4", "int": "integer"}
+_USD_TYPES |= {"normal": "vector3", "point": "vector3", "vector": "vector3", "string": "string", "matrix": "matrix44"}
+_DEFINITIONS = (
+    _texture("UsdUVTexture", (0.0, 0.0), Wrap.USE_METADATA.value, _FIVE),
+    _texture("ND_UsdUVTexture", "UV0", "periodic", (*_FIVE, "rgba")),
+    _texture("ND_UsdUVTexture_22", "UV0", "periodic", (*_FIVE, "rgba")),
+    _texture("ND_UsdUVTexture_23", "UV0", "periodic", _FIVE),
+    _transform("UsdTransform2d", "result"),
+    _transform("ND_UsdTransform2d", "out"),
+    *(_reader(f"UsdPrimvarReader_{name}", kind, "result") for name, kind in _USD_TYPES.items()),
+    *(
+        _reader(f"ND_UsdPrimvarReader_{kind}", kind, "out")
+        for kind in ("float", "integer", "vector2", "vector3", "vector4", "string", "filename")
+    ),
+)
+USD_NODES = {found.name: found for found in _DEFINITIONS}
+
+
+def usd_outputs(values: Values, node: Node, width: int, is_color: bool) -> Outputs | None:
+    """Return what the node gives for an input of `width` numbers, a colour if `is_color`: nothing where it has no such output,
+    None, reported, where it cannot give that."""
+    found = USD_NODES[node.id]
+    names = frozenset([str(name)[7:] for name in property_names(node.prim) if name.startswith("inputs:")])
+    if not names <= found.by_name.keys():
+        for name in sorted(names - found.by_name.keys()):
+            values.ctx.warn("unknown-input", node_path(node, values.ctx), f"{node.id} has no {name}.", f"inputs:{name}")
+    if found.category == UV_TEXTURE:
+        if node.output not in found.output_widths:
+            return {}
+        return {node.output: _uv_texture(values, node, found, names, width, is_color)}
+    made = _transformed(values, node, found) if found.category == TRANSFORM_2D else _read(values, node, found, width, is_color)
+    return None if made is None else {found.outputs[0][0]: made}
+
+
+def is_uv_texture(name: str) -> bool:
+    return name in USD_NODES and USD_NODES[name].category == UV_TEXTURE
+
+
+def _uv_texture(values: Values, node: Node, found: Definition, names: frozenset[str], width: int, is_color: bool) -> Operand:
+    ctx, channel = values.ctx, _channel(values, node, width)
+    four = {
+        n: numbers(node, n, default, ctx, is_color=is_color and n == "fallback") if n in names else default
+        for n, default in _NUMBERS.items()
+    }
+    file = texture_file(node, ctx, is_color=is_color and len(channel) > 1)
+    if not file.path:
+        return channels_of(four["fallback"], channel)
+    wraps = [_wrap(values, node, found, n, n in names).value for n in ("wrapS", "wrapT")]
+    inputs = {"file": file, "st": values.given(node, found, "st"), "wrapS": wraps[0], "wrapT": wraps[1], **four}
+    made = values.expressions.primitive(
+        UV_TEXTURE, _CHANNELS[channel], node.id, {**inputs, "channels": channel}, node_path(node, ctx)
+    )
+    if width != 3 or len(channel) != 1:
+        return made
+    return values.expressions.primitive("convert", "color3", "ND_convert_float_color3", {"in": made})
+
+
+def channels_of(rgba: tuple[float, ...], channels: str) -> tuple[float, ...]:
+    return tuple(rgba["rgba".index(channel)] for channel in channels)
+
+
+def _channel(values: Values, node: Node, width: int) -> str:
+    """The channels that are read: of a colour the red one for a number, for a colour one channel thrice; both are reported."""
+    output = node.output
+    if (len(output) > 1) == (width > 1) or width not in (1, 3):
+        return output
+    used, meaning = ("r", "its red channel is used") if width == 1 else (output, "that channel is used for red, green and blue")
+    message = f"{output} feeds an input of {width} numbers: {meaning}."
+    values.ctx.warn("connection-type", node_path(node, values.ctx), message, f"outputs:{output}")
+    return used
+
+
+def _wrap(values: Values, node: Node, found: Definition, name: str, is_said: bool) -> Wrap:
+    default = str(found.defaults[name])
+    known = _USD_WRAPS if default in _USD_WRAPS else _MATERIALX_WRAPS
+    mode = text(node, name, default, values.ctx) if is_said else default
+    if mode not in known:
+        message = f"{name} = {mode!r} is not known: {default} is used."
+        values.ctx.warn("shader-parameter", node_path(node, values.ctx), message, f"inputs:{name}")
+    return known.get(mode, known[default])
+
+
+def _transformed(values: Values, node: Node, found: Definition) -> Operand:
+    """in * scale, then rotated counter-clockwise by degrees, then translated."""
+    inputs = {wanted.name: values.given(node, found, wanted.name) for wanted in found.inputs}
+    if all(isinstance(inputs[n], tuple) for n in ("scale", "rotation", "translation")):
+        return values.expressions.primitive(TRANSFORM_2D, "vector2", node.id, inputs, node_path(node, values.ctx))
+    return values.expressions.apply("ND_UsdTransform2d", **inputs)
+
+
+def _read(values: Values, node: Node, found: Definition, width: int, is_color: bool) -> Operand | None:
+    """The first `width` numbers of a primvar."""
+    kind = found.outputs[0][1]
+    has = WIDTHS.get(kind, 0)
+    if has > 4 or has < width or not has:
+        message = f"{node.id} does not give the {width} numbers that are wanted of it."
+        values.ctx.warn("connection-type", node_path(node, values.ctx), message)
+        return None
+    wanted = found.by_name["fallback"]
+    wanted = replace(wanted, type=wanted.type.replace("vector", "color")) if is_color and has >= 3 else wanted
+    fallback = values.given_as(node, wanted)
+    if isinstance(fallback, tuple) and width < has:
+        fallback, kind = fallback[:width], {1: "float", 2: "vector2", 3: "vector3"}[width]
+    name = text(node, "varname", "", values.ctx)
+    if not name:
+        values.ctx.warn(
+            "primvar-missing", node_path(node, values.ctx), "It names no primvar: its fallback is used.", "inputs:varname"
+        )
+        return fallback
+    inputs = {"geomprop": name, "default": fallback}
+    return values.expressions.primitive("geompropvalue", kind, node.id, inputs, node_path(node, values.ctx))
