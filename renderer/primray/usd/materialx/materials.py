@@ -6,7 +6,7 @@ from typing import Any
 
 from pxr import Sdf
 
-from .node_graphs import NodeGraphs, definition_stack, has_colors, outputs_of, set_id
+from .node_graphs import NodeGraphs, definition_stack, outputs_of, set_id
 from .writing import (
     ROOT,
     SHADERS,
@@ -73,7 +73,7 @@ class _Shader:
                 connect(input_of(shader, element), input_of(material, element).path)
         for element in self._node.getInputs():
             made = input_of(material, element)
-            set_value(made, element, has_colors(element, self._definition))
+            set_value(made, element, self._graphs.has_colors(element, self._definition))
             note_ui(made, element)
             source = self._source(element)
             if source is not None:

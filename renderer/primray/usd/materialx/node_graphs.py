@@ -12,6 +12,7 @@ from pxr import Sdf
 
 from .growth import fault
 from .writing import (
+    RAW,
     ROOT,
     connect,
     define,
@@ -46,9 +47,9 @@ def own(document: Any, category: str) -> list[Any]:
 
 
 def has_colors(element: Any, definition: Any) -> bool:
-    """Whether a value may have a colour space: colours, and the file of an image of colours."""
+    """Return whether a value may have a colour space: colours, and the file of an image of colours."""
     if element.getType() == "filename":
-        return definition is not None and any(o.getType() in _IMAGE_COLORS for o in definition.getOutputs())
+        return any(o.getType() in _IMAGE_COLORS for o in outputs_of(definition))
     return element.getType() in _IMAGE_COLORS
 
 
@@ -113,7 +114,7 @@ class NodeGraphs:
         for interface in (*(definition_stack(definition) if definition is not None else ()), graph):
             for element in interface.getInputs():
                 made = input_of(prim, element)
-                set_value(made, element, has_colors(element, None))
+                set_value(made, element, self._interface_has_colors(element, graph))
                 note_input_ui(made, element)
         nodes = _Nodes(self, path, graph)
         nodes.write(graph.getNodes())
@@ -123,6 +124,22 @@ class NodeGraphs:
             made = typed_attribute(prim, f"outputs:{name_of(output)}", output.getType())
             note_ui(made, output)
             nodes.join(made, output)
+
+    def has_colors(self, element: Any, definition: Any) -> bool:
+        """Return whether a node's input may have a colour space; the file of a node of the document's own is what reads it."""
+        graph = self.implementing(definition) if element.getType() == "filename" else None
+        return has_colors(element, definition) if graph is None else self._interface_has_colors(element, graph)
+
+    def _interface_has_colors(self, element: Any, graph: Any) -> bool:
+        """Return the same of an input of the graph's interface: a file has one where a node of the graph reads colours of it."""
+        if element.getType() != "filename":
+            return has_colors(element, None)
+        return any(
+            self.has_colors(given, node.getNodeDef())
+            for node in graph.getNodes()
+            for given in node.getInputs()
+            if given.getType() == "filename" and given.getAttribute("interfacename") == element.getName()
+        )
 
     def place(self, source: Sdf.Path, below: Sdf.Path) -> Sdf.Path:
         """A prim below another that refers to a graph elsewhere: connections do not lead out of what holds them."""
@@ -138,7 +155,7 @@ class NodeGraphs:
         prim = define(self.layer, path)
         refer(prim, self._definition(definition))
         for element in node.getInputs():
-            set_value(input_of(prim, element), element, has_colors(element, definition))
+            set_value(input_of(prim, element), element, self.has_colors(element, definition))
         return True
 
 
@@ -170,7 +187,10 @@ class _Nodes:
             set_id(prim, definition)
         for element in node.getInputs():
             made = input_of(prim, element)
-            set_value(made, element, has_colors(element, definition))
+            colors = has_colors(element, definition)
+            set_value(made, element, colors)
+            if element.getType() == "filename" and not colors:  # whatever else reads the file by the graph's interface
+                made.SetInfo("colorSpace", RAW)
             note_input_ui(made, element)
         for output in outputs_of(definition):
             note_ui(typed_attribute(prim, f"outputs:{name_of(output)}", output.getType()), output)

@@ -35,6 +35,7 @@ _TYPES = {
     "stringarray": _T.StringArray,
     "geomnamearray": _T.StringArray,
 }
+RAW = "raw"  # the colour space of numbers that nothing converts
 SHADERS = ("surfaceshader", "displacementshader", "volumeshader", "lightshader")
 _VECTORS = {"color3": Gf.Vec3f, "color4": Gf.Vec4f, "vector2": Gf.Vec2f, "vector3": Gf.Vec3f, "vector4": Gf.Vec4f}
 _ARRAYS = {"booleanarray": Vt.BoolArray, "integerarray": Vt.IntArray, "floatarray": Vt.FloatArray}
@@ -104,13 +105,26 @@ def connect(spec: Sdf.AttributeSpec, source: Sdf.Path) -> None:
 
 
 def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool) -> None:
-    """An element's value, and its colour space where it says one that its document does not; `colors`: it may have one."""
+    """Write an element's value, and the colour space that it is in; `colors`: it may have one.
+
+    The space is written whatever the document's is: what a layer leaves unsaid is the stage's to say, which a document is not
+    to depend on. An element without a value says its space only where it says one itself.
+    """
     value = value_of(element)
     if value is not None:
         spec.default = value
-    space = element.getActiveColorSpace()
-    if colors and space and space != element.getDocument().getActiveColorSpace():
-        spec.SetInfo("colorSpace", space)
+    if colors and (value is not None or element.hasColorSpace()):
+        spec.SetInfo("colorSpace", space_of(element))
+
+
+def space_of(element: Any) -> str:
+    """Return the space of an element's colours: that of the nearest scope which names one.
+
+    "none" means that nothing is converted, and is what a document without a colour space has (specification of MaterialX,
+    "MTLX File Format Definition"): USD's word for it is raw.
+    """
+    space = str(element.getActiveColorSpace())
+    return space if space and space != "none" else RAW
 
 
 def value_of(element: Any) -> Any:
