@@ -131,7 +131,7 @@ class NodeGraphs:
         return has_colors(element, definition) if graph is None else self._interface_has_colors(element, graph)
 
     def _interface_has_colors(self, element: Any, graph: Any) -> bool:
-        """Return the same of an input of the graph's interface: a file has one where a node of the graph reads colours of it."""
+        """Return whether an input of a graph's interface may have one: a file, where a node of the graph reads its colours."""
         if element.getType() != "filename":
             return has_colors(element, None)
         return any(
