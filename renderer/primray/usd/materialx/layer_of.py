@@ -12,13 +12,13 @@ from .node_graphs import NodeGraphs, own
 from .writing import ROOT
 
 
-def write_layer(document: Any, layer: Sdf.Layer) -> None:
-    """Write a document of the MaterialX package to an empty layer."""
+def write_layer(document: Any, layer: Sdf.Layer, meters_per_unit: float) -> None:
+    """Write a document of the MaterialX package to an empty layer, for a stage whose unit is as long as that."""
     with Sdf.ChangeBlock():
         space = document.getActiveColorSpace()
         if space:
             layer.pseudoRoot.SetInfo("customLayerData", {"colorSpace": space})
-        graphs = NodeGraphs(layer, document)
+        graphs = NodeGraphs(layer, document, meters_per_unit)
         graphs.of_definitions()
         write_materials(layer, document, graphs)
         if own(document, "look"):

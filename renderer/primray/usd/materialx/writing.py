@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from pxr import Gf, Sdf, Vt
@@ -35,6 +35,7 @@ _TYPES = {
     "stringarray": _T.StringArray,
     "geomnamearray": _T.StringArray,
 }
+NOTES = "primray:materialx:notes"
 RAW = "raw"  # the colour space of numbers that nothing converts
 SHADERS = ("surfaceshader", "displacementshader", "volumeshader", "lightshader")
 _VECTORS = {"color3": Gf.Vec3f, "color4": Gf.Vec4f, "vector2": Gf.Vec2f, "vector3": Gf.Vec3f, "vector4": Gf.Vec4f}
@@ -104,15 +105,15 @@ def connect(spec: Sdf.AttributeSpec, source: Sdf.Path) -> None:
     spec.connectionPathList.explicitItems = [source]
 
 
-def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool) -> None:
-    """Write an element's value, and the colour space that it is in; `colors`: it may have one.
+def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool, factor: float = 1.0) -> None:
+    """Write an element's value times a factor, and the colour space that it is in; `colors`: it may have one.
 
     The space is written whatever the document's is: what a layer leaves unsaid is the stage's to say, which a document is not
     to depend on. An element without a value says its space only where it says one itself.
     """
     value = value_of(element)
     if value is not None:
-        spec.default = value
+        spec.default = value if factor == 1.0 or element.getType() == "filename" else value * factor
     if colors and (value is not None or element.hasColorSpace()):
         spec.SetInfo("colorSpace", space_of(element))
 
@@ -160,6 +161,12 @@ def _array(values: Sequence[Any], kind: str) -> Any:
     if kind in _ARRAYS:
         return _ARRAYS[kind](list(values))
     return None
+
+
+def note(prim: Sdf.PrimSpec, messages: Iterable[str]) -> None:
+    """Leave messages on a prim, for whoever translates what it becomes part of: what its document says and nothing does."""
+    if lines := list(dict.fromkeys(messages)):
+        attribute(prim, NOTES, _T.StringArray, uniform=True).default = Vt.StringArray(lines)
 
 
 def note_ui(spec: Sdf.Spec, element: Any) -> None:
