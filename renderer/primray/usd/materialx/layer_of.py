@@ -6,14 +6,19 @@ from typing import Any
 
 from pxr import Sdf
 
+from .look_effects import Effects, mark
 from .looks import write_looks
 from .materials import write_materials
 from .node_graphs import NodeGraphs, own
 from .writing import ROOT
 
 
-def write_layer(document: Any, layer: Sdf.Layer, meters_per_unit: float) -> None:
-    """Write a document of the MaterialX package to an empty layer, for a stage whose unit is as long as that."""
+def write_layer(document: Any, layer: Sdf.Layer, meters_per_unit: float) -> dict[Sdf.Path, Effects]:
+    """Write a document of the MaterialX package to an empty layer, for a stage whose unit is as long as that.
+
+    What its looks do to prims beside binding materials is returned, by the paths of their variants.
+    """
+    effects: dict[Sdf.Path, Effects] = {}
     with Sdf.ChangeBlock():
         space = document.getActiveColorSpace()
         if space:
@@ -22,6 +27,8 @@ def write_layer(document: Any, layer: Sdf.Layer, meters_per_unit: float) -> None
         graphs.of_definitions()
         write_materials(layer, document, graphs)
         if own(document, "look"):
-            write_looks(layer, document)
+            effects = write_looks(layer, document, graphs)
+            mark(layer, effects)
         if layer.GetPrimAtPath(ROOT):
             layer.pseudoRoot.SetInfo("defaultPrim", ROOT.name)
+    return effects

@@ -1,4 +1,8 @@
-"""A document's looks and collections: /MaterialX/Looks, /MaterialX/Collections, and /ModelRoot with a variant for each look."""
+"""A document's looks and collections: /MaterialX/Looks, /MaterialX/Collections, and /ModelRoot with a variant for each look.
+
+A look binds its materials by collections of its own, in the order in which assignments.py says that they are to be asked. What
+of a look has no effect lies as a message in its variant, so that only those hear of it who choose the look.
+"""
 
 from __future__ import annotations
 
@@ -6,164 +10,171 @@ from typing import Any
 
 from pxr import Sdf
 
+from .assignments import Assignment, Bound, Share, bindings, shares_of
+from .geometry_names import GeometryName, geometry_names, is_prim_name
+from .look_effects import Effects, effects_of
+from .look_variants import apply_variants
 from .materials import MATERIALS
-from .node_graphs import own
-from .writing import ROOT, apply, define, identifier, input_of, name_of, note_ui, refer, set_value
+from .node_graphs import NodeGraphs, own
+from .writing import ROOT, apply, define, identifier, name_of, note, note_ui, refer
 
 _LOOKS = ROOT.AppendChild("Looks")
 _COLLECTIONS = ROOT.AppendChild("Collections")
 _MODEL = Sdf.Path("/ModelRoot")
 _VARIANT = "LookVariant"
+_WHOLE = Share(GeometryName(()))
+_T = Sdf.ValueTypeNames
 
 
-def write_looks(layer: Sdf.Layer, document: Any) -> None:
-    collections = _Collections(layer, document)
+def write_looks(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> dict[Sdf.Path, Effects]:
+    """Write all looks; what else than binding materials they do to prims, by the paths of their variants."""
+    collections = _write_collections(layer, document)
     looks = own(document, "look")
-    for look in looks:
-        for assign in look.getMaterialAssigns():
-            collections.of_assign(assign)
-    for look in looks:
-        _Look(layer, document, collections, look).write()
-    _write_variants(layer, document, looks)
     model = define(layer, _MODEL)
     variants = Sdf.VariantSetSpec(model, _VARIANT)
     model.variantSetNameList.prependedItems.append(_VARIANT)
+    found: dict[Sdf.Path, Effects] = {}
     for look in looks:
-        variant = Sdf.VariantSpec(variants, name_of(look))
-        variant.primSpec.referenceList.prependedItems.append(Sdf.Reference("", _LOOKS.AppendChild(name_of(look))))
+        made = _Look(layer, graphs, look, collections)
+        made.write()
+        effects = effects_of(made.chain, document, made.wrong)
+        variant = Sdf.VariantSpec(variants, name_of(look)).primSpec
+        variant.referenceList.prependedItems.append(Sdf.Reference("", made.path))
+        note(variant, [f"Look {look.getName()}: {message}." for message in made.wrong])
+        if effects:
+            found[variant.path] = effects
+    if chosen := _default_look(document, [look.getName() for look in looks]):
+        model.variantSelections[_VARIANT] = identifier(chosen)
+    return found
 
 
-class _Collections:
-    """Of the document, and of the geometry that assignments name."""
+def _default_look(document: Any, looks: list[str]) -> str:
+    """Return the look that the first group with a default says is used, "" where none does."""
+    groups = {group.getName(): group for group in own(document, "lookgroup")}
+    for first in groups.values():
+        name, passed = first.getName(), set[str]()
+        while name in groups and name not in passed:
+            passed.add(name)
+            name = groups[name].getAttribute("default") or groups[name].getAttribute("active")
+        if name in looks:
+            return name
+    return ""
 
-    def __init__(self, layer: Sdf.Layer, document: Any) -> None:
-        self._layer, self._document = layer, document
-        self._of_geometry: dict[str, str] = {}
-        self._schemas: dict[str, None] = {}
-        self.any = bool(own(document, "collection"))
-        for collection in own(document, "collection"):
-            self._write(collection)
 
-    def _write(self, collection: Any) -> None:
-        name = name_of(collection)
-        includes = self._relationship(name, "includes")
-        for other in _listed(collection, "includecollection"):
-            if self._document.getCollection(other) is not None:
-                includes.targetPathList.prependedItems.append(_COLLECTIONS.AppendProperty(f"collection:{identifier(other)}"))
-        prefix = collection.getActiveGeomPrefix()
-        for attribute_name, kind in (("includegeom", "includes"), ("excludegeom", "excludes")):
-            for path in _listed(collection, attribute_name):
-                self._add(name, kind, prefix + path)
-
-    def of_assign(self, assign: Any) -> str:
-        """The collection that a material is assigned to; "" for none."""
-        if assign.getAttribute("collection"):
-            found = self._document.getCollection(assign.getAttribute("collection"))
-            return name_of(found) if found is not None else ""
-        paths = sorted(set(_listed(assign, "geom")))
-        key = ",".join(paths)
-        if key and key not in self._of_geometry:
-            taken = {name_of(c) for c in own(self._document, "collection")} | set(self._of_geometry.values())
-            number = next(n for n in range(1, len(taken) + 2) if f"geom_{n}" not in taken)
-            self._of_geometry[key] = name = f"geom_{number}"
-            self._relationship(name, "includes")
-            for path in paths:
-                self._add(name, "includes", assign.getActiveGeomPrefix() + path)
-        return self._of_geometry.get(key, "")
-
-    def _add(self, name: str, kind: str, path: str) -> None:
-        if Sdf.Path.IsValidPathString(path):
-            target = Sdf.Path(path).ReplacePrefix(Sdf.Path.absoluteRootPath, _COLLECTIONS)
-            self._relationship(name, kind).targetPathList.prependedItems.append(target)
-
-    def _relationship(self, name: str, kind: str) -> Sdf.RelationshipSpec:
-        prim = define(self._layer, _COLLECTIONS)
-        self._schemas.setdefault(f"CollectionAPI:{name}")
-        apply(prim, list(self._schemas))
-        full = f"collection:{name}:{kind}"
-        found = prim.relationships.get(full)
-        return found if found else Sdf.RelationshipSpec(prim, full, False)
+def _write_collections(layer: Sdf.Layer, document: Any) -> set[str]:
+    """Write the document's own collections for whoever refers to them in USD, as far as they are paths; return their names."""
+    names = {name_of(collection): collection for collection in own(document, "collection")}
+    for name, collection in names.items():
+        prim = define(layer, _COLLECTIONS)
+        apply(prim, [f"CollectionAPI:{known}" for known in names])
+        for attribute, kind in (("includegeom", "includes"), ("excludegeom", "excludes")):
+            found = geometry_names(collection.getAttribute(attribute), collection.getActiveGeomPrefix())
+            targets = [one.path(_COLLECTIONS) for one in found if one.is_literal and is_prim_name(one)]
+            if attribute == "includegeom":
+                others = collection.getAttribute("includecollection").replace(",", " ").split()
+                others = [identifier(other) for other in others if document.getCollection(other) is not None]
+                targets = [_COLLECTIONS.AppendProperty(f"collection:{other}") for other in others] + targets
+            if targets or kind == "includes":
+                rel = Sdf.RelationshipSpec(prim, f"collection:{name}:{kind}", False)
+                rel.targetPathList.prependedItems = targets
+    return set(names)
 
 
 class _Look:
-    """One look: its materials, and what they are bound to."""
+    """One look, with all that it inherits: its materials, and what they are bound to."""
 
-    def __init__(self, layer: Sdf.Layer, document: Any, collections: _Collections, look: Any) -> None:
-        self._layer, self._document, self._collections, self._look = layer, document, collections, look
-        self._path = _LOOKS.AppendChild(name_of(look))
+    def __init__(self, layer: Sdf.Layer, graphs: NodeGraphs, look: Any, collections: set[str]) -> None:
+        self._layer, self._graphs, self._look = layer, graphs, look
+        self._taken = set(collections)  # names of collections
+        self.path = _LOOKS.AppendChild(name_of(look))
+        self.wrong: list[str] = []  # what has no effect, in words
+        self.chain = self._inherited()
+
+    def _inherited(self) -> list[Any]:
+        """Return the looks that this one is made of, itself last."""
+        looks = {look.getName(): look for look in own(self._graphs.document, "look")}
+        found, name = [self._look], self._look.getAttribute("inherit")
+        while name:
+            above = looks.get(name)
+            if above is None or any(above.getName() == known.getName() for known in found):
+                self.wrong.append(f"it inherits {name}, which is no look, or leads back to itself")
+                break
+            found.append(above)
+            name = above.getAttribute("inherit")
+        return found[::-1]
 
     def write(self) -> None:
-        prim = define(self._layer, self._path)
+        prim = define(self._layer, self.path)
         note_ui(prim, self._look)
-        if inherited := self._look.getAttribute("inherit"):
-            refer(prim, _LOOKS.AppendChild(identifier(inherited)))
-        if self._collections.any:
+        if self._taken:
             refer(prim, _COLLECTIONS)
-        define(self._layer, self._path.AppendChild("Materials"))
-        apply(prim, ["MaterialBindingAPI"])
-        order = [name for assign in self._look.getMaterialAssigns() if (name := self._assign(assign, prim))]
-        if order:
-            prim.propertyOrder = list(dict.fromkeys(order))
+        define(self._layer, self.path.AppendChild("Materials"))
+        assignments = [made for look in self.chain for one in look.getMaterialAssigns() if (made := self._assignment(one))]
+        schemas = ["MaterialBindingAPI"]
+        try:
+            order = [name for bound in bindings(assignments) if (name := self._bind(prim, bound, assignments, schemas))]
+        except ValueError as error:
+            self.wrong.append(str(error))
+            order = []
+        apply(prim, schemas)
+        prim.propertyOrder = order
 
-    def _assign(self, assign: Any, prim: Sdf.PrimSpec) -> str:
-        material = MATERIALS.AppendChild(identifier(assign.getAttribute("material")))
-        if not self._layer.GetPrimAtPath(material):
-            return ""
-        name = self._unused(name_of(assign))
-        child = define(self._layer, self._path.AppendChild("Materials").AppendChild(name))
-        note_ui(child, assign)
-        refer(child, material)
-        for chosen in _variants(assign, self._look):
-            child.variantSelections[chosen[0]] = chosen[1]
-        collection = self._collections.of_assign(assign) if self._collections.any else ""  # else usdMtlx has none either
-        relationship = f"material:binding:collection:{name}" if collection else "material:binding"
-        binding = prim.relationships.get(relationship) or Sdf.RelationshipSpec(prim, relationship, False)
-        where = [self._path.AppendProperty(f"collection:{collection}")] if collection else []
-        binding.targetPathList.explicitItems = [*where, child.path]
-        return relationship
+    def _assignment(self, element: Any) -> Assignment | None:
+        """Return an assignment of a copy of its material, None where there is nothing to assign."""
+        name = element.getAttribute("material")
+        material = self._graphs.document.getNode(name)
+        path = MATERIALS.AppendChild(identifier(name))
+        if material is None or not self._layer.GetPrimAtPath(path):
+            self.wrong.append(f"materialassign {element.getName()}: there is no material {name}")
+            return None
+        if element.getAttribute("exclusive") == "false":
+            self.wrong.append(f"materialassign {element.getName()} is not exclusive: it is taken as if it were")
+        child = define(self._layer, self._unused(self.path.AppendChild("Materials"), name_of(element)))
+        note_ui(child, element)
+        refer(child, path)
+        assigned = [variant for holder in (*self.chain, element) for variant in own(holder, "variantassign")]
+        apply_variants(child, material, assigned, self._graphs, self.wrong)
+        document = self._graphs.document
+        is_whole = not element.getAttribute("geom") and not element.getAttribute("collection")  # as usdMtlx takes it
+        return Assignment(child.path, (_WHOLE,) if is_whole else shares_of(element, document, self.wrong))
 
-    def _unused(self, name: str) -> str:
-        below = self._path.AppendChild("Materials")
+    def _unused(self, below: Sdf.Path, name: str) -> Sdf.Path:
         number, made = 1, name
         while self._layer.GetPrimAtPath(below.AppendChild(made)):
             made, number = f"{name}_{number}", number + 1
-        return made
+        return below.AppendChild(made)
 
+    def _bind(self, prim: Sdf.PrimSpec, bound: Bound, assignments: list[Assignment], schemas: list[str]) -> str:
+        """Write a binding and return its name; what is bound to the whole model needs no collection, and is asked for last."""
+        material = assignments[bound.order].what
+        if bound.is_whole:
+            made = Sdf.RelationshipSpec(prim, "material:binding", False)
+            made.targetPathList.explicitItems = [material]
+            return ""
+        number, name = 1, material.name
+        while name in self._taken:
+            number += 1
+            name = f"{material.name}_{number}"
+        self._taken.add(name)
+        schemas.append(f"CollectionAPI:{name}")
+        self._write_collection(prim, name, bound)
+        binding = f"material:binding:collection:{name}"
+        made = Sdf.RelationshipSpec(prim, binding, False)
+        made.targetPathList.explicitItems = [self.path.AppendProperty(f"collection:{name}"), material]
+        return binding
 
-def _write_variants(layer: Sdf.Layer, document: Any, looks: list[Any]) -> None:
-    """The variants of a document's own, on the materials that looks choose them for."""
-    for look in looks:
-        for assign in look.getMaterialAssigns():
-            prim = layer.GetPrimAtPath(MATERIALS.AppendChild(identifier(assign.getAttribute("material"))))
-            for set_name, variant_name in _variants(assign, look) if prim else ():
-                variant_set = document.getVariantSet(set_name)
-                variant = variant_set.getVariant(variant_name) if variant_set is not None else None
-                if variant is not None:
-                    _write_variant(prim, set_name, variant)
-
-
-def _write_variant(prim: Sdf.PrimSpec, set_name: str, variant: Any) -> None:
-    variants = prim.variantSets.get(set_name)
-    if not variants:
-        variants = Sdf.VariantSetSpec(prim, set_name)
-        prim.variantSetNameList.prependedItems.append(set_name)
-    if name_of(variant) in variants.variants:
-        return
-    inside = Sdf.VariantSpec(variants, name_of(variant)).primSpec
-    for element in variant.getChildren():
-        if element.getCategory() == "input":
-            set_value(input_of(inside, element), element, element.getType() in ("color3", "color4"))
-
-
-def _variants(assign: Any, look: Any) -> list[tuple[str, str]]:
-    """Those chosen for an assignment: by itself, else by its look."""
-    chosen: dict[str, str] = {}
-    for holder in (look, assign):
-        for found in holder.getChildren():
-            if found.getCategory() == "variantassign":
-                chosen[identifier(found.getAttribute("variantset"))] = identifier(found.getAttribute("variant"))
-    return list(chosen.items())
-
-
-def _listed(element: Any, name: str) -> list[str]:
-    return [part.strip() for part in element.getAttribute(name).split(",") if part.strip()]
+    def _write_collection(self, prim: Sdf.PrimSpec, name: str, bound: Bound) -> None:
+        """Write what a binding holds for: paths where all names are paths, else an expression."""
+        if all(one.is_literal for one in (*bound.names, *bound.excludes)):
+            for kind, names in (("includes", bound.names), ("excludes", bound.excludes)):
+                if names:
+                    made = Sdf.RelationshipSpec(prim, f"collection:{name}:{kind}", False)
+                    made.targetPathList.explicitItems = [one.path(self.path) for one in names]
+            if not bound.below:
+                rule = Sdf.AttributeSpec(prim, f"collection:{name}:expansionRule", _T.Token, Sdf.VariabilityUniform)
+                rule.default = "explicitOnly"
+            return
+        included = " + ".join(one.expression(self.path, below=bound.below) for one in bound.names)
+        text = " - ".join([included, *(one.expression(self.path) for one in bound.excludes)])
+        made = Sdf.AttributeSpec(prim, f"collection:{name}:membershipExpression", _T.PathExpression, Sdf.VariabilityUniform)
+        made.default = Sdf.PathExpression(text)

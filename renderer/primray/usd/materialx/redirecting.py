@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pxr import Ar, Sdf, Usd
 
@@ -18,6 +18,7 @@ from ..querying.messages import error_text
 from ..querying.stage_values import asset_of_expression, authored_meters_per_unit, usable_length
 from .documents import read_document
 from .layer_of import write_layer
+from .look_effects import Effects, write_effects
 from .stand_ins import anchor, is_document, is_stand_in, new_layer
 
 _held: dict[str, list[Sdf.Layer]] = {}  # by a stage's root: what its other variants and payloads may ask for
@@ -30,6 +31,7 @@ class _Record:
     source: str
     updates: dict[str, str] | None = None  # None: of a document
     meters_per_unit: float = 1.0  # of the stage that a document was read for
+    effects: dict[Sdf.Path, Effects] = field(default_factory=dict)  # of a document's looks
 
 
 _records: dict[str, _Record] = {}  # by stand-ins' identifiers
@@ -77,6 +79,13 @@ class Redirection:
             self._update(layer, named[layer], updates)
         _hold(self.of(stage.GetRootLayer()), [*self._copies.values(), *filter(None, self._documents.values())])
         return True
+
+    def apply_looks(self, stage: Usd.Stage) -> None:
+        """Write what looks do to prims that are on the composed stage."""
+        identifiers = [str(layer.identifier) for layer in self._documents.values() if layer]
+        effects = {name: _records[name].effects for name in identifiers if _records[name].effects}
+        if effects:
+            write_effects(stage, effects)
 
     def _update(self, layer: Sdf.Layer, paths: dict[str, str], documents: dict[str, Sdf.Layer]) -> None:
         copy = self.of(layer)
@@ -138,7 +147,7 @@ def _write_document(layer: Sdf.Layer, record: _Record) -> None:
     path = record.source
     document = read_document(path)
     try:
-        write_layer(document, layer, record.meters_per_unit)
+        record.effects = write_layer(document, layer, record.meters_per_unit)
     except Exception as error:  # of elements that are not what their document says they are: of any class
         raise AssetError(f"it cannot be made a layer: {error}", where=path, code="materialx-document") from None
     anchor(layer, path)
