@@ -6,8 +6,8 @@ from typing import Any
 
 from pxr import Sdf
 
-from .look_effects import Effects, mark
-from .looks import write_looks
+from .look.effects import Effects, mark
+from .look.looks import write_looks
 from .materials import write_materials
 from .node_graphs import NodeGraphs, own
 from .writing import ROOT

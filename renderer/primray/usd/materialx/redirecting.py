@@ -18,7 +18,7 @@ from ..querying.messages import error_text
 from ..querying.stage_values import asset_of_expression, authored_meters_per_unit, usable_length
 from .documents import read_document
 from .layer_of import write_layer
-from .look_effects import Effects, write_effects
+from .look.effects import Effects, write_effects
 from .stand_ins import anchor, is_document, is_stand_in, new_layer
 
 _held: dict[str, list[Sdf.Layer]] = {}  # by a stage's root: what its other variants and payloads may ask for

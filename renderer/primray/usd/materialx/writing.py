@@ -8,6 +8,8 @@ from typing import Any
 
 from pxr import Gf, Sdf, Vt
 
+from ..querying.document_marks import NOTES
+
 ROOT = Sdf.Path("/MaterialX")
 _T = Sdf.ValueTypeNames
 _TYPES = {
@@ -35,7 +37,6 @@ _TYPES = {
     "stringarray": _T.StringArray,
     "geomnamearray": _T.StringArray,
 }
-NOTES = "primray:materialx:notes"
 RAW = "raw"  # the colour space of numbers that nothing converts
 SHADERS = ("surfaceshader", "displacementshader", "volumeshader", "lightshader")
 _VECTORS = {"color3": Gf.Vec3f, "color4": Gf.Vec4f, "vector2": Gf.Vec2f, "vector3": Gf.Vec3f, "vector4": Gf.Vec4f}

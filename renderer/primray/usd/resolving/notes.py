@@ -9,7 +9,7 @@ from functools import cache
 
 from pxr import Usd, UsdGeom
 
-from ..materialx.writing import NOTES
+from ..querying.document_marks import NOTES
 from ..querying.skin_marks import WEIGHTS, has_weights, why_unposed
 from .applied_schemas import IGNORED, PHOTOMETRIC, PHYSICAL, UNDERSTOOD, applied_schemas, foreign_schema, is_without_effect
 from .context import Context

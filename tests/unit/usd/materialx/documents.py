@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from primray.description import Surface
-from primray.diagnostics import Diagnostics, Severity
+from primray.diagnostic_codes import Severity
+from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 

@@ -9,7 +9,8 @@ import pytest
 from pxr import Usd, UsdShade
 
 from primray.description import CameraSight, SceneDescription
-from primray.diagnostics import Diagnostics, Severity
+from primray.diagnostic_codes import Severity
+from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 

@@ -24,8 +24,9 @@ def computed_with(
     surface, messages = surface_of(folder, unlit(nodes, given=given), meters)
     assert messages == []
     assert surface.pattern is not None
-    ((number,),) = [dict(node.inputs)[name] for node in surface.pattern.nodes if node.category == category]
-    return float(number)
+    (value,) = [dict(node.inputs)[name] for node in surface.pattern.nodes if node.category == category]
+    assert isinstance(value, tuple)
+    return value[0]
 
 
 def emitted(folder: Path, nodes: str, meters: float = 1.0, given: str = 'nodename="c"') -> float:

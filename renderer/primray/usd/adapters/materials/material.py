@@ -21,7 +21,7 @@ from ...materials.network import Constant, Node, as_numbers, constant_color, fin
 from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from ...materials.node_values import definition_of
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
-from ...materialx.writing import NOTES
+from ...querying.document_marks import NOTES
 from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context

@@ -107,7 +107,8 @@ def _listed(text: str) -> Iterator[str]:
 
 def _alternatives(text: str) -> list[str]:
     """Return the texts that braces stand for; what is too many, or not closed, stays as it is."""
-    waiting, done = [text], []
+    waiting: list[str] = [text]
+    done: list[str] = []
     while waiting and len(waiting) + len(done) <= _MOST_ALTERNATIVES:
         one = waiting.pop(0)
         found = re.search(r"\{([^{}]*)\}", one)

@@ -10,13 +10,13 @@ from typing import Any
 
 from pxr import Sdf
 
+from ..materials import MATERIALS
+from ..node_graphs import NodeGraphs, own
+from ..writing import ROOT, apply, define, identifier, name_of, note, note_ui, refer
 from .assignments import Assignment, Bound, Share, bindings, shares_of
+from .effects import Effects, effects_of
 from .geometry_names import GeometryName, geometry_names, is_prim_name
-from .look_effects import Effects, effects_of
-from .look_variants import apply_variants
-from .materials import MATERIALS
-from .node_graphs import NodeGraphs, own
-from .writing import ROOT, apply, define, identifier, name_of, note, note_ui, refer
+from .variants import apply_variants
 
 _LOOKS = ROOT.AppendChild("Looks")
 _COLLECTIONS = ROOT.AppendChild("Collections")
@@ -52,10 +52,10 @@ def _default_look(document: Any, looks: list[str]) -> str:
     """Return the look that the first group with a default says is used, "" where none does."""
     groups = {group.getName(): group for group in own(document, "lookgroup")}
     for first in groups.values():
-        name, passed = first.getName(), set[str]()
+        name, passed = str(first.getName()), set[str]()
         while name in groups and name not in passed:
             passed.add(name)
-            name = groups[name].getAttribute("default") or groups[name].getAttribute("active")
+            name = str(groups[name].getAttribute("default") or groups[name].getAttribute("active"))
         if name in looks:
             return name
     return ""

@@ -13,12 +13,13 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
-from ...description import CameraSight
-from ..resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY
+from ....description import CameraSight
+from ...querying.document_marks import LOOK, NOTES
+from ...querying.traversal import THERE_IN_INSTANCES, children, drawn_in_instances
+from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY
+from ..writing import attribute, note
 from .assignments import Assignment, shares_of, strongest
-from .writing import NOTES, attribute, note
 
-LOOK = "primray:materialx:look"
 _KNOWN = ("matte", "twosided")
 _T = Sdf.ValueTypeNames
 
@@ -89,7 +90,7 @@ def mark(layer: Sdf.Layer, effects: Mapping[Sdf.Path, Effects]) -> None:
 def write_effects(stage: Usd.Stage, layers: Mapping[str, Mapping[Sdf.Path, Effects]]) -> None:
     """Write over what each look with effects does to the prims that it is on; `layers`: effects by layers' identifiers."""
     found: list[tuple[Sdf.PrimSpec, Effects, Usd.Prim]] = []
-    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+    for prim in drawn_in_instances(stage.GetPseudoRoot()):
         marked = prim.GetAttribute(LOOK) if prim.HasAttribute(LOOK) else None
         for spec in marked.GetPropertyStack() if marked else ():
             effects = layers.get(str(spec.layer.identifier), {}).get(Sdf.Path(str(spec.default)))
@@ -117,13 +118,13 @@ _Opinion = tuple[Sdf.PrimSpec, Sdf.Path, str, Sdf.ValueTypeName, Any]
 
 def _opinions(variant: Sdf.PrimSpec, effects: Effects, model: Usd.Prim) -> Iterator[_Opinion]:
     """Yield what is to be written for a model's shapes and lights, by their paths below it."""
-    for prim in Usd.PrimRange(model, Usd.TraverseInstanceProxies()):
+    for prim in drawn_in_instances(model):
         is_light = prim.HasAPI(UsdLux.LightAPI)
         if not (is_light or prim.IsA(UsdGeom.Boundable)):
             continue
         path = prim.GetPath().MakeRelativePath(model.GetPath())
         levels = [] if prim == model else [part.name for part in path.GetPrefixes()]
-        is_leaf = not any(child.IsA(UsdGeom.Imageable) for child in prim.GetFilteredChildren(Usd.TraverseInstanceProxies()))
+        is_leaf = not any(child.IsA(UsdGeom.Imageable) for child in children(prim, THERE_IN_INSTANCES))
 
         def holds(of: list[Assignment], default: bool, at: Sequence[str] = levels, leaf: bool = is_leaf) -> bool:
             found = strongest(of, at, is_leaf=leaf)

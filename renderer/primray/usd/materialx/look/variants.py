@@ -11,9 +11,9 @@ from typing import Any
 
 from pxr import Sdf
 
-from .materials import MATERIALS
-from .node_graphs import NodeGraphs
-from .writing import input_of, name_of
+from ..materials import MATERIALS
+from ..node_graphs import NodeGraphs
+from ..writing import input_of, name_of
 
 
 def apply_variants(child: Sdf.PrimSpec, material: Any, assigned: list[Any], graphs: NodeGraphs, wrong: list[str]) -> None:
