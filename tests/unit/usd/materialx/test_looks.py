@@ -184,6 +184,10 @@ REPORTED = {
     "an unknown property": ('<propertyassign name="p" property="glow" type="float" value="1" geom="/"/>', "glow"),
     "a variant that is not there": (variant("v", "gone") + RED, "gone"),
     "several materials at once": ('<materialassign name="m" material="Red" geom="/" exclusive="false"/>', "exclusive"),
+    "wildcards beside letters that USD's expressions lack": (
+        '<materialassign name="m" material="Red" geom="/\u00e9/a*"/>',
+        "/\u00e9/a*",
+    ),
     "names that no prim has": ('<materialassign name="m" material="Red" geom="/a-b"/>', "/a-b"),
 }
 

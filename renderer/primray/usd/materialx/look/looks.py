@@ -176,5 +176,8 @@ class _Look:
             return
         included = " + ".join(one.expression(self.path, below=bound.below) for one in bound.names)
         text = " - ".join([included, *(one.expression(self.path) for one in bound.excludes)])
+        if not text.isascii():
+            self.wrong.append(f"USD has no expression for {text.replace(str(self.path), '')}, which nothing is bound to")
+            return
         made = Sdf.AttributeSpec(prim, f"collection:{name}:membershipExpression", _T.PathExpression, Sdf.VariabilityUniform)
         made.default = Sdf.PathExpression(text)
