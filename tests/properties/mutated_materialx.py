@@ -18,7 +18,8 @@ GOOD = """<?xml version="1.0"?>
       <input name="file" type="filename" value="a.png" colorspace="srgb_texture"/>
       <input name="uvtiling" type="vector2" value="2, 2"/>
     </tiledimage>
-    <noise2d name="noise" type="float"><input name="amplitude" type="float" interfacename="by"/></noise2d>
+    <noise2d name="noise" type="float"><input name="amplitude" type="float" interfacename="by"/>
+      <input name="pivot" type="float" value="2" unittype="distance" unit="inch"/></noise2d>
     <mix name="mixed" type="color3">
       <input name="fg" type="color3" nodename="image"/>
       <input name="mix" type="float" nodename="noise"/>
@@ -36,15 +37,24 @@ GOOD = """<?xml version="1.0"?>
   </open_pbr_surface>
   <fractal3d name="top" type="float"/>
   <surfacematerial name="M" type="material"><input name="surfaceshader" type="surfaceshader" nodename="S"/></surfacematerial>
-  <surfacematerial name="P" type="material"><input name="surfaceshader" type="surfaceshader" nodename="O"/></surfacematerial>
-  <collection name="all" includegeom="/a, /b"/>
-  <look name="L"><materialassign name="x" material="M" collection="all"/>
-    <variantassign name="v" variantset="q" variant="r"/></look>
+  <surfacematerial name="P" type="material"><input name="surfaceshader" type="surfaceshader" nodename="O"/>
+    <input name="backsurfaceshader" type="surfaceshader" nodename="S"/></surfacematerial>
+  <collection name="some" includegeom="/a//c*"/>
+  <collection name="all" includegeom="/a, /b" includecollection="some" excludegeom="/{b,c}/d?"/>
+  <variantset name="q" node="S"><variant name="r"><input name="base" type="float" value="0.5"/></variant></variantset>
+  <propertyset name="p"><property name="matte" type="boolean" value="true"/></propertyset>
+  <look name="base"><materialassign name="y" material="P" geom="/"/></look>
+  <look name="L" inherit="base"><materialassign name="x" material="M" collection="all"/>
+    <variantassign name="v" variantset="q" variant="r"/><propertysetassign name="ps" propertyset="p" geom="/c"/>
+    <visibility name="vi" geom="//*" visible="false"/><visibility name="vj" geom="/c" visible="true"/></look>
+  <lookgroup name="g" looks="base, L" default="L"/>
 </materialx>
 """
 STAGE = """#usda 1.0
 def Scope "Looks" ( references = @looks.mtlx@</MaterialX/Materials> ) {}
-def "Model" ( references = @looks.mtlx@</ModelRoot> ) {}
+def "Model" ( references = @looks.mtlx@</ModelRoot> ) {
+    def Scope "c" {}
+}
 def Sphere "a" ( prepend apiSchemas = ["MaterialBindingAPI"] ) {
     rel material:binding = </Looks/M>
 }

@@ -76,8 +76,20 @@ _NAMED = (
     *(ColorSpace(name, *_XYZ, is_data=True) for name in ("data", "raw", "unknown", "identity")),
 )
 _BY_NAME = {space.name: space for space in _NAMED}
-# UsdUVTexture's token, and what earlier releases of USD called some of them.
-_OTHER_NAMES = {"sRGB": SRGB, "srgb_texture": SRGB, "lin_srgb": REC709, "lin_displayp3_scene": _BY_NAME["lin_p3d65_scene"]}
+# UsdUVTexture's token, what earlier releases of USD called some of them, and MaterialX's names for them ("Color Spaces and
+# Color Management Systems" of its specification, with the curves of its library cmlib).
+_OTHER_NAMES = {
+    "sRGB": SRGB,
+    "srgb_texture": SRGB,
+    "lin_srgb": REC709,
+    "lin_displayp3_scene": _BY_NAME["lin_p3d65_scene"],
+    "lin_displayp3": _BY_NAME["lin_p3d65_scene"],
+    "srgb_displayp3": _BY_NAME["srgb_p3d65_scene"],
+    "adobergb": _BY_NAME["g22_adobergb_scene"],
+    "rec709_display": _BY_NAME["g24_rec709_scene"],
+    "acescg": ACESCG,
+    "g18_ap1": ColorSpace("g18_ap1", *_AP1, 1.8),
+}
 
 
 def named(name: str) -> ColorSpace | None:

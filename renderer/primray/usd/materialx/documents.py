@@ -109,9 +109,40 @@ class _Reader:
     def _include(self, path: str, above: tuple[str, ...]) -> Callable[[Any, Any, Any, Any], None]:
         def read(document: Any, name: Any, _search: Any, _options: Any) -> None:
             self._includes += 1
-            self.read(document, beside(name.asString(), path), above)
+            found = beside(name.asString(), path)
+            self.read(document, found, above)
+            _relocate_files(document, found, path)
 
         return read
+
+
+def _relocate_files(document: Any, path: str, includer: str) -> None:
+    """Make the files that an included document names relative to its includer, which takes its elements over.
+
+    A file that lies beside the includer alone stays as it is named: applications that search for files find it there.
+    """
+    folder, base = (os.path.dirname(_inner(p)) for p in (path, includer))
+    if folder == base:
+        return
+    for element in document.traverseTree():
+        name = element.getResolvedValueString() if element.getAttribute("type") == "filename" else ""
+        if not name or os.path.isabs(name) or (_is_beside(name, includer) and not _is_beside(name, path)):
+            continue
+        moved = os.path.relpath(os.path.join(folder, name), base or ".").replace(os.sep, "/")
+        element.setFilePrefix("")
+        element.setValueString(moved)
+
+
+def _inner(path: str) -> str:
+    """The path of a document in its package, or on the disk."""
+    return str(Ar.SplitPackageRelativePathInner(path)[1]) if Ar.IsPackageRelativePath(path) else path
+
+
+def _is_beside(name: str, path: str) -> bool:
+    try:
+        return bool(Ar.GetResolver().Resolve(beside(name, path)))
+    except AssetError:
+        return False
 
 
 def checked_text(path: str, most_bytes: int, most_elements: int) -> tuple[str, int, int]:

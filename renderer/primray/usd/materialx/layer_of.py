@@ -6,22 +6,29 @@ from typing import Any
 
 from pxr import Sdf
 
-from .looks import write_looks
+from .look.effects import Effects, mark
+from .look.looks import write_looks
 from .materials import write_materials
 from .node_graphs import NodeGraphs, own
 from .writing import ROOT
 
 
-def write_layer(document: Any, layer: Sdf.Layer) -> None:
-    """Write a document of the MaterialX package to an empty layer."""
+def write_layer(document: Any, layer: Sdf.Layer, meters_per_unit: float) -> dict[Sdf.Path, Effects]:
+    """Write a document of the MaterialX package to an empty layer, for a stage whose unit is as long as that.
+
+    What its looks do to prims beside binding materials is returned, by the paths of their variants.
+    """
+    effects: dict[Sdf.Path, Effects] = {}
     with Sdf.ChangeBlock():
         space = document.getActiveColorSpace()
         if space:
             layer.pseudoRoot.SetInfo("customLayerData", {"colorSpace": space})
-        graphs = NodeGraphs(layer, document)
+        graphs = NodeGraphs(layer, document, meters_per_unit)
         graphs.of_definitions()
         write_materials(layer, document, graphs)
         if own(document, "look"):
-            write_looks(layer, document)
+            effects = write_looks(layer, document, graphs)
+            mark(layer, effects)
         if layer.GetPrimAtPath(ROOT):
             layer.pseudoRoot.SetInfo("defaultPrim", ROOT.name)
+    return effects

@@ -1,4 +1,8 @@
-"""A document's materials as prims below /MaterialX/Materials: each with an interface of all its shaders' inputs."""
+"""A document's materials as prims below /MaterialX/Materials: each with an interface of its shaders' inputs.
+
+Shaders of one material have inputs of their own: where two have one of the same name, the first has it in the interface, the
+other by itself. USD has no terminal for the back of a surface.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from typing import Any
 
 from pxr import Sdf
 
-from .node_graphs import NodeGraphs, definition_stack, has_colors, outputs_of, set_id
+from .node_graphs import NodeGraphs, definition_stack, outputs_of, set_identifier
 from .writing import (
     ROOT,
     SHADERS,
@@ -17,33 +21,31 @@ from .writing import (
     identifier,
     input_of,
     name_of,
+    note,
     note_ui,
     refer,
-    set_value,
 )
 
 MATERIALS = ROOT.AppendChild("Materials")
 _SHADERS_AT = ROOT.AppendChild("Shaders")
 _TERMINALS = {
     "surfaceshader": "surface",
-    "displacementshader": "displacement",
     "volumeshader": "volume",
+    "displacementshader": "displacement",
     "lightshader": "light",
 }
+_BACK = "backsurfaceshader"
 
 
 def write_materials(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> None:
-    import MaterialX as mx
-
     materials = document.getMaterialNodes()
     for material in materials:
         prim = define(layer, MATERIALS.AppendChild(name_of(material)), "Material")
         apply(prim, ["MaterialXConfigAPI"])
         attribute(prim, "config:mtlx:version", Sdf.ValueTypeNames.String).default = document.getVersionString()
         note_ui(prim, material)
-        for kind in ("surfaceshader", "volumeshader", "displacementshader", "lightshader"):
-            for shader in mx.getShaderNodes(material, kind):
-                _Shader(layer, document, graphs, prim.path, shader).write()
+        _Material(layer, document, graphs, prim.path, material).write()
+        note(prim, graphs.notes_of(prim.path))
     for material in materials:
         inherited = document.getNode(material.getAttribute("inherit")) if material.getAttribute("inherit") else None
         if inherited is not None and inherited.getName() != material.getName():
@@ -51,16 +53,84 @@ def write_materials(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> None
             prim.specializesList.prependedItems.append(MATERIALS.AppendChild(name_of(inherited)))
 
 
-class _Shader:
-    """One of a material's."""
+class _Material:
+    """One material's shaders, each of which is a terminal of its prim."""
 
-    def __init__(self, layer: Sdf.Layer, document: Any, graphs: NodeGraphs, material: Sdf.Path, node: Any) -> None:
-        self._layer, self._document, self._graphs, self._material, self._node = layer, document, graphs, material, node
-        self._definition = node.getNodeDef()
+    def __init__(self, layer: Sdf.Layer, document: Any, graphs: NodeGraphs, path: Sdf.Path, node: Any) -> None:
+        self._layer, self._document, self._graphs, self._path, self._node = layer, document, graphs, path, node
+        self._interface: set[str] = set()  # names of inputs that a shader has in the material's interface
 
     def write(self) -> None:
-        if self._definition is None:
+        for kind in _TERMINALS:
+            shaders = self._shaders(kind)
+            for shader in shaders[:1]:
+                self._write_shader(shader)
+            for other in shaders[1:]:
+                self._graphs.note(self._path, f"{other.getName()} is another {kind} of the material and has no effect.")
+        self._note_back()
+
+    def _shaders(self, kind: str) -> list[Any]:
+        """Return the material's shaders of a kind: the one that an input of the kind's name leads to, else others."""
+        import MaterialX as mx
+
+        found, named, back = mx.getShaderNodes(self._node, kind), self._connected(kind), self._connected(_BACK)
+        return [s for s in found if _is_same(s, named)] or [s for s in found if not _is_same(s, back)]
+
+    def _connected(self, name: str) -> Any:
+        given = self._node.getInput(name)
+        return given.getConnectedNode() if given is not None else None
+
+    def _note_back(self) -> None:
+        back = self._connected(_BACK)
+        if back is None or _is_same(back, self._connected("surfaceshader")):
             return
+        message = f"{_BACK} = {back.getName()} is not rendered: the backs of its surfaces are as their fronts."
+        self._graphs.note(self._path, message)
+
+    def _write_shader(self, shader: Any) -> None:
+        if shader.getNodeDef() is None:
+            return
+        if shader.getParent().getCategory() == "nodegraph":
+            self._of_graph(shader)
+        else:
+            self._shader(shader).write()
+
+    def _of_graph(self, shader: Any) -> None:
+        """Connect the terminal to a shader in a graph, which has what it is connected to in there.
+
+        The graph may implement the material itself, and then has the material's inputs.
+        """
+        graph = self._graphs.of_name(shader.getParent().getName())
+        if graph is None:
+            return
+        if self._graphs.implementing(self._node.getNodeDef()) is None:
+            place = self._graphs.place(graph, self._path)
+        else:
+            place = self._path.AppendChild(name_of(self._node))
+            if not self._layer.GetPrimAtPath(place):
+                self._shader(self._node).write()
+        at = place.AppendChild(name_of(shader))
+        _connect_terminals(define(self._layer, self._path), shader.getNodeDef(), at, own_outputs=True)
+
+    def _shader(self, node: Any) -> _Shader:
+        return _Shader(self._layer, self._document, self._graphs, self._path, node, self._interface)
+
+
+def _is_same(a: Any, b: Any) -> bool:
+    return a is not None and b is not None and a.getNamePath() == b.getNamePath()
+
+
+class _Shader:
+    """One shader of a material, at the top of the document, or the material itself where a graph implements it."""
+
+    def __init__(
+        self, layer: Sdf.Layer, document: Any, graphs: NodeGraphs, material: Sdf.Path, node: Any, interface: set[str]
+    ) -> None:
+        self._layer, self._document, self._graphs, self._material, self._node = layer, document, graphs, material, node
+        self._definition = node.getNodeDef()
+        self._interface = interface  # what other shaders of the material have in its interface, and then this one too
+
+    def write(self) -> None:
         path = self._material.AppendChild(name_of(self._node))
         custom = self._graphs.implementing(self._definition) is not None
         if custom:
@@ -68,24 +138,37 @@ class _Shader:
         else:
             refer(define(self._layer, path, "Shader"), self._shared())
         shader, material = define(self._layer, path), define(self._layer, self._material)
-        for one in definition_stack(self._definition):
-            for element in one.getInputs():
+        taken = set(self._interface)
+        for element in (i for one in definition_stack(self._definition) for i in one.getInputs()):
+            if element.getName() not in taken:
                 connect(input_of(shader, element), input_of(material, element).path)
+                self._interface.add(element.getName())
         for element in self._node.getInputs():
-            made = input_of(material, element)
-            set_value(made, element, has_colors(element, self._definition))
-            note_ui(made, element)
-            source = self._source(element)
-            if source is not None:
-                connect(input_of(shader, element), source)
-        self._connect_outputs(path, custom)
+            self._write_input(element, shader, shader if element.getName() in taken else material)
+        _connect_terminals(material, self._definition, path, own_outputs=custom)
+
+    def _write_input(self, element: Any, shader: Sdf.PrimSpec, holder: Sdf.PrimSpec) -> None:
+        """Write what the shader is given, where it is held: by the material's interface, or by the shader itself."""
+        made = input_of(holder, element)
+        self._graphs.write_value(made, element, self._definition, self._material)
+        note_ui(made, element)
+        source = self._source(element)
+        if source is not None:
+            connect(input_of(shader, element), self._converted(element, source))
+
+    def _converted(self, element: Any, source: Sdf.Path) -> Sdf.Path:
+        factor = self._graphs.factor(element, self._definition, self._material)
+        if factor == 1.0:
+            return source
+        at = self._material.AppendChild(f"{name_of(self._node)}_{identifier(element.getName())}_in_units")
+        return self._graphs.multiplied(source, at, element.getType(), factor)
 
     def _shared(self) -> Sdf.Path:
         """The shader's kind and outputs, which all materials with it refer to."""
         path = _SHADERS_AT.AppendChild(name_of(self._node))
         if not self._layer.GetPrimAtPath(path):
             prim = define(self._layer, path, "Shader")
-            set_id(prim, self._definition)
+            set_identifier(prim, self._definition.getName())
             note_ui(prim, self._node)
             for output in outputs_of(self._definition):
                 if output.getType() in SHADERS:
@@ -113,12 +196,13 @@ class _Shader:
         chosen = output if output in names else names[0]
         return place.AppendChild(name_of(source)).AppendProperty(f"outputs:{identifier(chosen)}")
 
-    def _connect_outputs(self, path: Sdf.Path, custom: bool) -> None:
-        material = define(self._layer, self._material)
-        for output in outputs_of(self._definition):
-            if output.getType() not in SHADERS:
-                continue
-            terminal = _TERMINALS[output.getType()]
-            name = f"outputs:{terminal}" if terminal == "light" else f"outputs:mtlx:{terminal}"
-            own = name_of(output) if custom else terminal
-            connect(attribute(material, name, Sdf.ValueTypeNames.Token), path.AppendProperty(f"outputs:{own}"))
+
+def _connect_terminals(material: Sdf.PrimSpec, definition: Any, shader: Sdf.Path, *, own_outputs: bool) -> None:
+    """Connect the material's terminals to a shader's outputs; `own_outputs`: they are called as the definition has them."""
+    for output in outputs_of(definition):
+        if output.getType() not in SHADERS:
+            continue
+        terminal = _TERMINALS[output.getType()]
+        name = f"outputs:{terminal}" if terminal == "light" else f"outputs:mtlx:{terminal}"
+        made = attribute(material, name, Sdf.ValueTypeNames.Token)
+        connect(made, shader.AppendProperty(f"outputs:{name_of(output) if own_outputs else terminal}"))

@@ -1,6 +1,7 @@
 """A document's node graphs, and the nodes at its top, as prims below /MaterialX/NodeGraphs.
 
 A node of the file's own that a graph implements is a prim that refers to that graph, so that each has its own inputs.
+A value in another unit than its node expects is written converted; what is connected is multiplied by a node of its own.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ from typing import Any
 from pxr import Sdf
 
 from .growth import fault
+from .units import UnitError, Units
 from .writing import (
+    RAW,
     ROOT,
     connect,
     define,
@@ -27,6 +30,7 @@ from .writing import (
 
 GRAPHS = ROOT.AppendChild("NodeGraphs")
 _IMAGE_COLORS = ("color3", "color4")
+_IN_UNITS = ("float", "vector2", "vector3", "vector4")  # types of what can be converted as it is computed
 
 
 def definition_stack(definition: Any) -> list[Any]:
@@ -40,23 +44,32 @@ def definition_stack(definition: Any) -> list[Any]:
     return found[::-1]
 
 
+def expected_input(definition: Any, name: str) -> Any:
+    """Return the input of a nodedef or of one that it inherits from, None where there is none of that name."""
+    stack = definition_stack(definition) if definition is not None else []
+    return next((found for one in reversed(stack) if (found := one.getInput(name)) is not None), None)
+
+
 def own(document: Any, category: str) -> list[Any]:
     """The document's children of a category, without those of the library."""
     return [child for child in document.getChildren() if child.getCategory() == category]
 
 
 def has_colors(element: Any, definition: Any) -> bool:
-    """Whether a value may have a colour space: colours, and the file of an image of colours."""
+    """Return whether a value may have a colour space: colours, and the file of an image of colours."""
     if element.getType() == "filename":
-        return definition is not None and any(o.getType() in _IMAGE_COLORS for o in definition.getOutputs())
+        return any(o.getType() in _IMAGE_COLORS for o in outputs_of(definition))
     return element.getType() in _IMAGE_COLORS
 
 
 class NodeGraphs:
     """Writes graphs to a layer as they are asked for."""
 
-    def __init__(self, layer: Sdf.Layer, document: Any) -> None:
-        self.layer, self._document = layer, document
+    def __init__(self, layer: Sdf.Layer, document: Any, meters_per_unit: float) -> None:
+        self.layer, self.document = layer, document
+        self._units = Units(document, meters_per_unit)
+        self._notes: dict[Sdf.Path, list[str]] = {}  # by what they concern: a graph or a material
+        self._parts: dict[Sdf.Path, set[Sdf.Path]] = {}  # the graphs that a graph or a material refers to
         self._written: set[str] = set()
         self._graphs = {graph.getName(): graph for graph in own(document, "nodegraph")}
         self._definitions = {definition.getName() for definition in own(document, "nodedef")}
@@ -102,8 +115,8 @@ class NodeGraphs:
         if str(GRAPHS) not in self._written:
             self._written.add(str(GRAPHS))
             define(self.layer, GRAPHS, "NodeGraph")
-            _Nodes(self, GRAPHS, self._document).write(
-                [n for n in self._document.getNodes() if n.getType() not in ("material", "surfaceshader")]
+            _Nodes(self, GRAPHS, self.document).write(
+                [n for n in self.document.getNodes() if n.getType() not in ("material", "surfaceshader")]
             )
         return GRAPHS
 
@@ -113,7 +126,9 @@ class NodeGraphs:
         for interface in (*(definition_stack(definition) if definition is not None else ()), graph):
             for element in interface.getInputs():
                 made = input_of(prim, element)
-                set_value(made, element, has_colors(element, None))
+                # A definition's defaults are in the units that it names itself.
+                factor = self._factor(element, _reader(element, graph), path) if interface is graph else 1.0
+                set_value(made, element, self._interface_has_colors(element, graph), factor)
                 note_input_ui(made, element)
         nodes = _Nodes(self, path, graph)
         nodes.write(graph.getNodes())
@@ -124,8 +139,25 @@ class NodeGraphs:
             note_ui(made, output)
             nodes.join(made, output)
 
+    def has_colors(self, element: Any, definition: Any) -> bool:
+        """Return whether a node's input may have a colour space; the file of a node of the document's own is what reads it."""
+        graph = self.implementing(definition) if element.getType() == "filename" else None
+        return has_colors(element, definition) if graph is None else self._interface_has_colors(element, graph)
+
+    def _interface_has_colors(self, element: Any, graph: Any) -> bool:
+        """Return whether an input of a graph's interface may have one: a file, where a node of the graph reads its colours."""
+        if element.getType() != "filename":
+            return has_colors(element, None)
+        return any(
+            self.has_colors(given, node.getNodeDef())
+            for node in graph.getNodes()
+            for given in node.getInputs()
+            if given.getType() == "filename" and given.getAttribute("interfacename") == element.getName()
+        )
+
     def place(self, source: Sdf.Path, below: Sdf.Path) -> Sdf.Path:
         """A prim below another that refers to a graph elsewhere: connections do not lead out of what holds them."""
+        self._parts.setdefault(below, set()).add(source)
         path = below.AppendChild(source.name)
         refer(define(self.layer, path), source)
         return path
@@ -136,10 +168,55 @@ class NodeGraphs:
         if self.implementing(definition) is None:
             return False
         prim = define(self.layer, path)
-        refer(prim, self._definition(definition))
+        source = self._definition(definition)
+        self._parts.setdefault(path.GetParentPath(), set()).add(source)
+        refer(prim, source)
         for element in node.getInputs():
-            set_value(input_of(prim, element), element, has_colors(element, definition))
+            self.write_value(input_of(prim, element), element, definition, path.GetParentPath())
         return True
+
+    def write_value(self, made: Sdf.AttributeSpec, element: Any, definition: Any, of: Sdf.Path) -> None:
+        """Write the value of a node's input, in the unit that the node expects; `of`: the graph or material it belongs to."""
+        factor = self.factor(element, definition, of)
+        set_value(made, element, self.has_colors(element, definition), factor)
+
+    def factor(self, element: Any, definition: Any, of: Sdf.Path) -> float:
+        """Return what converts a node's input to the unit that the node expects; 1, noted, where that cannot be known."""
+        if not element.hasAttribute("unit"):
+            return 1.0
+        return self._factor(element, expected_input(definition, element.getName()), of)
+
+    def _factor(self, element: Any, expected: Any, of: Sdf.Path) -> float:
+        try:
+            return self._units.factor(element, expected)
+        except UnitError as error:
+            self.note(of, f"{element.getNamePath()}: {error}. No unit is converted.")
+            return 1.0
+
+    def note(self, of: Sdf.Path, message: str) -> None:
+        """Keep what is to be said of each material that holds a graph, or of one material."""
+        self._notes.setdefault(of, []).append(message)
+
+    def notes_of(self, material: Sdf.Path) -> list[str]:
+        """Return what was noted of a material and of all that it refers to."""
+        if not self._notes:
+            return []
+        found, waiting = [material], [material]
+        while waiting:
+            parts = self._parts.get(waiting.pop(), set()).difference(found)
+            found += sorted(parts)
+            waiting += parts
+        return [message for path in found for message in self._notes.get(path, ())]
+
+    def multiplied(self, source: Sdf.Path, path: Sdf.Path, kind: str, factor: float) -> Sdf.Path:
+        """Return the output of a node made at `path` that multiplies floats or vectors by a factor."""
+        prim = define(self.layer, path, "Shader")
+        name = "ND_multiply_float" if kind == "float" else f"ND_multiply_{kind}FA"
+        set_identifier(prim, name)
+        connect(typed_attribute(prim, "inputs:in1", kind), source)
+        typed_attribute(prim, "inputs:in2", "float").default = factor
+        typed_attribute(prim, "outputs:out", kind)
+        return path.AppendProperty("outputs:out")
 
 
 class _Nodes:
@@ -147,7 +224,7 @@ class _Nodes:
 
     def __init__(self, graphs: NodeGraphs, path: Sdf.Path, container: Any) -> None:
         self._graphs, self._path, self._container = graphs, path, container
-        self._names = {node.getName() for node in container.getNodes()}
+        self._prims = {name_of(node) for node in container.getNodes()}
 
     def write(self, nodes: list[Any]) -> None:
         for node in nodes:
@@ -159,24 +236,70 @@ class _Nodes:
         if self._graphs.custom_node(node, path):
             prim = define(self._graphs.layer, path)
         else:
-            prim = define(self._graphs.layer, path, "Shader")
+            read = self._read_factor(node, definition)
+            at = path if read == 1.0 else self._unused(f"{path.name}_as_read")
+            prim = define(self._graphs.layer, at, "Shader")
             self._primitive(node, definition, prim)
+            if read != 1.0:
+                self._graphs.multiplied(at.AppendProperty("outputs:out"), path, node.getType(), read)
         note_ui(prim, node)
         for element in node.getInputs():
-            self.join(input_of(prim, element), element)
+            self.join(input_of(prim, element), element, definition)
+        if prim.path != path and (default := prim.attributes.get("inputs:default")):
+            self._divide(default, node.getType(), read)
 
     def _primitive(self, node: Any, definition: Any, prim: Sdf.PrimSpec) -> None:
         if definition is not None:
-            set_id(prim, definition)
+            set_identifier(prim, definition.getName())
         for element in node.getInputs():
             made = input_of(prim, element)
-            set_value(made, element, has_colors(element, definition))
+            self._graphs.write_value(made, element, definition, self._path)
+            if element.getType() == "filename" and not has_colors(element, definition):
+                made.SetInfo("colorSpace", RAW)  # whatever else reads the file by the graph's interface
             note_input_ui(made, element)
         for output in outputs_of(definition):
             note_ui(typed_attribute(prim, f"outputs:{name_of(output)}", output.getType()), output)
 
-    def join(self, made: Sdf.AttributeSpec, element: Any) -> None:
-        """Connect what an input or output element says that it is connected to."""
+    def _read_factor(self, node: Any, definition: Any) -> float:
+        """Return what converts the numbers that a node reads from a file, or from a geometric property that has a unit."""
+        files = [element for element in node.getInputs() if element.getType() == "filename" and element.hasAttribute("unit")]
+        if files and node.getType() not in _IN_UNITS:
+            self._graphs.note(self._path, f"{files[0].getNamePath()} has a unit, and its node gives no float or vector.")
+            return 1.0
+        if files:
+            return self._graphs.factor(files[0], definition, self._path)
+        named = node.getInput("geomprop") if node.getCategory() == "geompropvalue" else None
+        found = self._graphs.document.getGeomPropDef(named.getValueString()) if named is not None else None
+        return 1.0 if found is None else self._graphs.factor(found, None, self._path)
+
+    def _divide(self, default: Sdf.AttributeSpec, kind: str, factor: float) -> None:
+        """Make up for what multiplies all that a node gives: the default that it has is in the unit of the rest already."""
+        if default.default is not None:
+            default.default = default.default / factor
+        if sources := default.connectionPathList.explicitItems:
+            at = self._unused(f"{default.owner.name}_default")
+            connect(default, self._graphs.multiplied(sources[0], at, kind, 1 / factor))
+
+    def _unused(self, name: str) -> Sdf.Path:
+        """Return a path for a prim that no node of the document has."""
+        while name in self._prims or self._graphs.layer.GetPrimAtPath(self._path.AppendChild(name)):
+            name += "_"
+        return self._path.AppendChild(name)
+
+    def join(self, made: Sdf.AttributeSpec, element: Any, definition: Any = None) -> None:
+        """Connect what an input or output element says that it is connected to, converted from the unit that it names."""
+        self._connect(made, element)
+        if not element.hasAttribute("unit") or element.getType() not in _IN_UNITS or not made.connectionPathList.explicitItems:
+            return
+        factor = self._graphs.factor(element, definition, self._path)
+        if factor != 1.0:
+            source, at = (
+                made.connectionPathList.explicitItems[0],
+                self._unused(f"{made.owner.name}_{element.getName()}_in_units"),
+            )
+            connect(made, self._graphs.multiplied(source, at, element.getType(), factor))
+
+    def _connect(self, made: Sdf.AttributeSpec, element: Any) -> None:
         if interface := element.getAttribute("interfacename"):
             connect(made, self._path.AppendProperty(f"inputs:{identifier(interface)}"))
         elif node := element.getAttribute("nodename"):
@@ -198,8 +321,20 @@ class _Nodes:
         return self._path.AppendChild(name_of(node)).AppendProperty(f"outputs:{chosen}")
 
 
-def set_id(prim: Sdf.PrimSpec, definition: Any) -> None:
-    Sdf.AttributeSpec(prim, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = definition.getName()
+def _reader(element: Any, graph: Any) -> Any:
+    """Return the input that says which unit a value of a graph's interface is read in, None where none of its nodes does."""
+    for node in graph.getNodes():
+        for given in node.getInputs():
+            if given.getAttribute("interfacename") == element.getName():
+                expected = given if given.hasAttribute("unit") else expected_input(node.getNodeDef(), given.getName())
+                if expected is not None and expected.hasAttribute("unit"):
+                    return expected
+    return None
+
+
+def set_identifier(prim: Sdf.PrimSpec, name: str) -> None:
+    """Make a prim a shader of that definition."""
+    Sdf.AttributeSpec(prim, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = name
 
 
 def outputs_of(definition: Any) -> Iterator[Any]:

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pxr import Ar, Sdf, Usd
 
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
 from ..querying.messages import error_text
-from ..querying.stage_values import asset_of_expression
+from ..querying.stage_values import asset_of_expression, authored_meters_per_unit, usable_length
 from .documents import read_document
 from .layer_of import write_layer
+from .look.effects import Effects, write_effects
 from .stand_ins import anchor, is_document, is_stand_in, new_layer
 
 _held: dict[str, list[Sdf.Layer]] = {}  # by a stage's root: what its other variants and payloads may ask for
@@ -29,6 +30,8 @@ class _Record:
 
     source: str
     updates: dict[str, str] | None = None  # None: of a document
+    meters_per_unit: float = 1.0  # of the stage that a document was read for
+    effects: dict[Sdf.Path, Effects] = field(default_factory=dict)  # of a document's looks
 
 
 _records: dict[str, _Record] = {}  # by stand-ins' identifiers
@@ -50,12 +53,14 @@ class Redirection:
     def __init__(self) -> None:
         self._copies: dict[str, Sdf.Layer] = {}  # by the identifiers of what they are copies of
         self._documents: dict[str, Sdf.Layer | None] = {}  # by resolved path; None: cannot be read
+        self._meters_per_unit = 1.0
 
     def of(self, layer: Sdf.Layer) -> Sdf.Layer:
         return self._copies.get(str(layer.identifier), layer)
 
     def redirect(self, stage: Usd.Stage, diagnostics: Diagnostics) -> bool:
         """Lead references to stand-ins; whether there were any, so that the stage is to be composed anew."""
+        self._meters_per_unit = usable_length(authored_meters_per_unit(stage))
         layers = [layer for layer in stage.GetUsedLayers() if layer]
         named = {layer: _dependencies(layer, stage) for layer in layers}
         changes: dict[Sdf.Layer, dict[str, Sdf.Layer]] = {}
@@ -75,6 +80,13 @@ class Redirection:
         _hold(self.of(stage.GetRootLayer()), [*self._copies.values(), *filter(None, self._documents.values())])
         return True
 
+    def apply_looks(self, stage: Usd.Stage) -> None:
+        """Write what looks do to prims that are on the composed stage."""
+        identifiers = [str(layer.identifier) for layer in self._documents.values() if layer]
+        effects = {name: _records[name].effects for name in identifiers if _records[name].effects}
+        if effects:
+            write_effects(stage, effects)
+
     def _update(self, layer: Sdf.Layer, paths: dict[str, str], documents: dict[str, Sdf.Layer]) -> None:
         copy = self.of(layer)
         for authored, path in paths.items():
@@ -93,18 +105,19 @@ class Redirection:
         if resolved not in self._documents:
             try:
                 there = Ar.GetResolver().Resolve(resolved)  # else the stage's error tells
-                self._documents[resolved] = layer_of_document(resolved) if there else None
+                self._documents[resolved] = layer_of_document(resolved, self._meters_per_unit) if there else None
             except AssetError as error:
                 self._documents[resolved] = None
                 diagnostics.add(error.code, "", f"{error.where}: {error.message}.")
         return self._documents[resolved]
 
 
-def layer_of_document(path: str) -> Sdf.Layer:
-    """A stand-in for the document at a resolved path; AssetError where it cannot be read."""
+def layer_of_document(path: str, meters_per_unit: float = 1.0) -> Sdf.Layer:
+    """A stand-in for the document at a resolved path; AssetError where it cannot be read. Lengths are in the stage's unit."""
     layer = new_layer(path)
-    _write_document(layer, path)
-    _records[str(layer.identifier)] = _Record(path)
+    record = _Record(path, meters_per_unit=meters_per_unit)
+    _write_document(layer, record)
+    _records[str(layer.identifier)] = record
     return layer
 
 
@@ -117,7 +130,7 @@ def make_anew(files: Collection[str]) -> None:
             del _records[identifier]
         elif record.updates is None and (any_document or _file(record.source) in files):
             layer.Clear()
-            _write_document(layer, record.source)
+            _write_document(layer, record)
         elif record.updates is not None and _file(record.source) in files:
             layer.TransferContent(Sdf.Layer.FindOrOpen(record.source))
             for authored, target in record.updates.items():
@@ -129,11 +142,12 @@ def _file(path: str) -> str:
     return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0]))
 
 
-def _write_document(layer: Sdf.Layer, path: str) -> None:
+def _write_document(layer: Sdf.Layer, record: _Record) -> None:
     """Give an empty stand-in the document's content."""
+    path = record.source
     document = read_document(path)
     try:
-        write_layer(document, layer)
+        record.effects = write_layer(document, layer, record.meters_per_unit)
     except Exception as error:  # of elements that are not what their document says they are: of any class
         raise AssetError(f"it cannot be made a layer: {error}", where=path, code="materialx-document") from None
     anchor(layer, path)

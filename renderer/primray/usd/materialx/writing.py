@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from pxr import Gf, Sdf, Vt
+
+from ..querying.document_marks import NOTES
 
 ROOT = Sdf.Path("/MaterialX")
 _T = Sdf.ValueTypeNames
@@ -35,6 +37,7 @@ _TYPES = {
     "stringarray": _T.StringArray,
     "geomnamearray": _T.StringArray,
 }
+RAW = "raw"  # the colour space of numbers that nothing converts
 SHADERS = ("surfaceshader", "displacementshader", "volumeshader", "lightshader")
 _VECTORS = {"color3": Gf.Vec3f, "color4": Gf.Vec4f, "vector2": Gf.Vec2f, "vector3": Gf.Vec3f, "vector4": Gf.Vec4f}
 _ARRAYS = {"booleanarray": Vt.BoolArray, "integerarray": Vt.IntArray, "floatarray": Vt.FloatArray}
@@ -103,14 +106,27 @@ def connect(spec: Sdf.AttributeSpec, source: Sdf.Path) -> None:
     spec.connectionPathList.explicitItems = [source]
 
 
-def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool) -> None:
-    """An element's value, and its colour space where it says one that its document does not; `colors`: it may have one."""
+def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool, factor: float = 1.0) -> None:
+    """Write an element's value times a factor, and the colour space that it is in; `colors`: it may have one.
+
+    The space is written whatever the document's is: what a layer leaves unsaid is the stage's to say, which a document is not
+    to depend on. An element without a value says its space only where it says one itself.
+    """
     value = value_of(element)
     if value is not None:
-        spec.default = value
-    space = element.getActiveColorSpace()
-    if colors and space and space != element.getDocument().getActiveColorSpace():
-        spec.SetInfo("colorSpace", space)
+        spec.default = value if factor == 1.0 or element.getType() == "filename" else value * factor
+    if colors and (value is not None or element.hasColorSpace()):
+        spec.SetInfo("colorSpace", space_of(element))
+
+
+def space_of(element: Any) -> str:
+    """Return the space of an element's colours: that of the nearest scope which names one.
+
+    "none" means that nothing is converted, and is what a document without a colour space has (specification of MaterialX,
+    "MTLX File Format Definition"): USD's word for it is raw.
+    """
+    space = str(element.getActiveColorSpace())
+    return space if space and space != "none" else RAW
 
 
 def value_of(element: Any) -> Any:
@@ -146,6 +162,12 @@ def _array(values: Sequence[Any], kind: str) -> Any:
     if kind in _ARRAYS:
         return _ARRAYS[kind](list(values))
     return None
+
+
+def note(prim: Sdf.PrimSpec, messages: Iterable[str]) -> None:
+    """Leave messages on a prim, for whoever translates what it becomes part of: what its document says and nothing does."""
+    if lines := list(dict.fromkeys(messages)):
+        attribute(prim, NOTES, _T.StringArray, uniform=True).default = Vt.StringArray(lines)
 
 
 def note_ui(spec: Sdf.Spec, element: Any) -> None:

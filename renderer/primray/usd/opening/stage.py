@@ -154,6 +154,7 @@ def _compose(
                 break
             stage = _populated(root, base, composition, path, others)
             choose_variants(stage, choices)
+    others.apply_looks(stage)
     check_population(stage, composition)
     return stage
 

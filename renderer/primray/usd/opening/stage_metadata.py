@@ -24,6 +24,7 @@ from ..querying.stage_values import (
     layer_value,
     rate_of,
     shown,
+    usable_length,
     wrong_values,
 )
 from ..querying.time_varying import has_samples
@@ -99,11 +100,10 @@ def up_axis(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> str:
 def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> float:
     """Above 0."""
     value = authored_meters_per_unit(stage)
-    if math.isfinite(value) and value > 0:
-        return value
-    if diagnostics is not None:
+    used = usable_length(value)
+    if used != value and diagnostics is not None:
         diagnostics.add("stage-metadata", "", f"metersPerUnit is {value:g}, no length; 0.01 is used.", "metersPerUnit")
-    return 0.01
+    return used
 
 
 def used_files(paths: Iterable[str]) -> set[str]:

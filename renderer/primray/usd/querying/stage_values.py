@@ -94,6 +94,11 @@ def authored_meters_per_unit(stage: Usd.Stage) -> float:
     return _number(stage, "metersPerUnit", lambda: UsdGeom.GetStageMetersPerUnit(stage), 0.01)
 
 
+def usable_length(meters: float) -> float:
+    """Return a metersPerUnit, USD's default for what is no length."""
+    return meters if math.isfinite(meters) and meters > 0 else 0.01
+
+
 def start_time_code(stage: Usd.Stage) -> float:
     return _number(stage, "startTimeCode", stage.GetStartTimeCode, 0.0)
 

@@ -9,6 +9,7 @@ from functools import cache
 
 from pxr import Usd, UsdGeom
 
+from ..querying.document_marks import NOTES
 from ..querying.skin_marks import WEIGHTS, has_weights, why_unposed
 from .applied_schemas import IGNORED, PHOTOMETRIC, PHYSICAL, UNDERSTOOD, applied_schemas, foreign_schema, is_without_effect
 from .context import Context
@@ -55,6 +56,7 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
     if (
         is_light
         or WEIGHTS in properties
+        or NOTES in properties
         or "MotionAPI" in names
         or "LODRootAPI" in names
         or names & PHYSICAL
@@ -75,6 +77,8 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
         _note_schemas(prim, schemas, kind, ctx)
     if kind == "light" or "LightAPI" in schemas:
         note_light_inputs(prim, applied, ctx)
+    if NOTES in prim.names:
+        note_document(prim.prim, prim.path, ctx)
     if WEIGHTS in prim.names:
         _note_weights(prim, schemas, ctx)
     if not kind and prim.type_name:
@@ -85,6 +89,12 @@ def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
     """Of a prim that the walk does not pass: a shader."""
     for schema in filter(_is_unread, {schema.split(":")[0] for schema in applied_schemas(prim)}):
         _note_unread(schema, path, ctx)
+
+
+def note_document(prim: Usd.Prim, path: str, ctx: Context) -> None:
+    """Report what the MaterialX document of a prim says without effect: materialx/writing.py leaves it on the prim."""
+    for line in read(prim, NOTES, ctx.when) or ():
+        ctx.warn("materialx-part", path, str(line))
 
 
 def _is_unread(schema: str) -> bool:

@@ -105,7 +105,7 @@ def test_looks_are_variants_with_bindings(tmp_path: Path) -> None:
     assert model.GetVariantSet("LookVariant").GetVariantNames() == ["day", "night"]
     binding = stage.GetRelationshipAtPath("/MaterialX/Looks/day.material:binding:collection:as_red")
     assert binding.GetTargets() == [
-        Sdf.Path("/MaterialX/Looks/day.collection:all"),
+        Sdf.Path("/MaterialX/Looks/day.collection:as_red"),
         Sdf.Path("/MaterialX/Looks/day/Materials/as_red"),
     ]
 

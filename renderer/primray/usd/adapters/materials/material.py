@@ -20,10 +20,11 @@ from ...materials.mdl.module import module_of
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
 from ...materials.reducing import NO_PRIMVAR
+from ...querying.document_marks import NOTES
 from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context
-from ...resolving.notes import note_unknown_schemas
+from ...resolving.notes import note_document, note_unknown_schemas
 from ...resolving.read import flag, number
 from ...resolving.resolve import Inherited
 
@@ -108,6 +109,8 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
     round, as the settings say; then others."""
     prim = usd_material.GetPrim()
     names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs says the same, in twenty times as long
+    if NOTES in names:
+        note_document(prim, path, ctx)
     if any(name.endswith(":volume") for name in names):
         _note_volumes(usd_material, path, ctx)
     made, shader = _surface(prim, names, path, ctx)

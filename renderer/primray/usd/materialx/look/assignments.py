@@ -1,0 +1,138 @@
+"""What the assignments of a look come to: for a path the strongest one, and for all paths bindings by collections in order.
+
+MaterialX Geometry Extensions, "Assignment Elements": an assignment holds at its locations and below them, up to where another
+is closer to the leaf; of those at one location the last one wins. A look's own come after those that it inherits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+from .geometry_names import GeometryName, geometry_names, is_prim_name
+
+MOST_PIECES = 1000  # of one look
+_TOLD_APART = 8  # levels down to which names of any depth are told apart by the depth of what they match
+
+
+@dataclass(frozen=True)
+class Share:
+    """Part of what an assignment is made to: what a name covers, without what others do."""
+
+    name: GeometryName
+    excludes: tuple[GeometryName, ...] = ()
+
+    def location(self, path: Sequence[str], is_leaf: bool) -> int | None:
+        if any(name.location(path, is_leaf=is_leaf) is not None for name in self.excludes):
+            return None
+        return self.name.location(path, is_leaf=is_leaf)
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """`what` is assigned to these shares; of a look in order."""
+
+    what: Any
+    shares: tuple[Share, ...]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Shares to which one assignment binds, stronger than all that come after; `below`: with what is below their locations."""
+
+    order: int  # the assignment's
+    below: bool
+    names: tuple[GeometryName, ...]
+    excludes: tuple[GeometryName, ...]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether this holds for all that nothing stronger does."""
+        return self.below and not self.excludes and GeometryName(()) in self.names
+
+
+def strongest(assignments: Sequence[Assignment], path: Sequence[str], *, is_leaf: bool = True) -> Assignment | None:
+    """Return the assignment that holds for a path below what the look is on, None where none does."""
+    found: tuple[int, int] | None = None
+    for order, assignment in enumerate(assignments):
+        depths = [depth for share in assignment.shares if (depth := share.location(path, is_leaf)) is not None]
+        if depths and (found is None or (max(depths), order) >= found):
+            found = max(depths), order
+    return None if found is None else assignments[found[1]]
+
+
+def shares_of(element: Any, document: Any, wrong: list[str]) -> tuple[Share, ...]:
+    """Return what an element's `geom` and `collection` name; `wrong`: what of it has no meaning, in words."""
+    found = [Share(name) for name in _names(element, "geom", wrong)]
+    named = element.getAttribute("collection")
+    return (*found, *(_of_collection(named, document, wrong, ()) if named else ()))
+
+
+def _of_collection(name: str, document: Any, wrong: list[str], above: tuple[str, ...]) -> list[Share]:
+    collection = document.getCollection(name)
+    if collection is None or name in above:
+        wrong.append(f"collection {name} includes itself" if name in above else f"there is no collection {name}")
+        return []
+    found = [Share(made) for made in _names(collection, "includegeom", wrong)]
+    for other in collection.getAttribute("includecollection").replace(",", " ").split():
+        found += _of_collection(other, document, wrong, (*above, name))
+        if len(found) > MOST_PIECES:
+            wrong.append(f"collection {name} has more than {MOST_PIECES:,} parts")
+            return []
+    excludes = tuple(_names(collection, "excludegeom", wrong))
+    return [Share(share.name, (*share.excludes, *excludes)) for share in found]
+
+
+def _names(element: Any, attribute: str, wrong: list[str]) -> list[GeometryName]:
+    text = element.getAttribute(attribute)
+    found = geometry_names(text, element.getActiveGeomPrefix()) if text else []
+    for name in found:
+        if not is_prim_name(name):
+            wrong.append(f"no prim can be named {'/'.join(('', *name.levels))} ({attribute})")
+    return [name for name in found if is_prim_name(name)]
+
+
+def bindings(assignments: Sequence[Assignment]) -> list[Bound]:
+    """Return what is bound to what, the strongest first: names of one depth before those that are less deep.
+
+    A name with any number of levels is taken apart into names of one depth. Below the depth that others have, and
+    _TOLD_APART where there are several such names, the last one wins, however deep.
+    """
+    shares = [(order, share) for order, assignment in enumerate(assignments) for share in assignment.shares]
+    deep = [share.name for _, share in shares if share.name.is_deep and not share.name.is_everywhere]
+    told_apart = max([share.name.depth for _, share in shares if not share.name.is_deep], default=0)
+    told_apart = max(told_apart, _TOLD_APART) if len(set(deep)) > 1 else told_apart
+    everywhere = any(share.name.is_everywhere for _, share in shares)
+    ranked: list[tuple[tuple[float, float, int], bool, Share]] = []
+    for order, share in shares:
+        ranked += _ranked(order, share, told_apart, exactly=everywhere)
+        if len(ranked) > MOST_PIECES:
+            raise ValueError(f"its assignments are more than {MOST_PIECES:,} when they are taken apart")
+    ranked.sort(key=lambda item: item[0], reverse=True)
+    made = []
+    for (rank, below, excludes), group in groupby(ranked, key=lambda item: (item[0], item[1], item[2].excludes)):
+        names = tuple(dict.fromkeys(share.name for _, _, share in group if not any(e.covers(share.name) for e in excludes)))
+        if names:
+            made.append(Bound(rank[2], below, names, excludes))
+        if names and made[-1].is_whole:
+            break
+    return made
+
+
+def _ranked(order: int, share: Share, told_apart: int, *, exactly: bool) -> list[tuple[tuple[float, float, int], bool, Share]]:
+    """Return a share in parts, each with its rank (kind, depth, order) and whether it holds below its locations too.
+
+    What is matched everywhere is a location of its own: it ties with names that match it `exactly`.
+    """
+    name = share.name
+    if name.is_everywhere:
+        return [((2, 0, order), True, share)]
+    found = [((2.0, 0.0, order), False, share)] if exactly else []
+    if not name.is_deep:
+        return [*found, ((0, name.depth, order), True, share)]
+    for depth in range(name.depth, told_apart + 1):
+        found += [((0, depth, order), True, Share(one, share.excludes)) for one in name.exactly(depth - name.depth)]
+    further = name.at_least(max(told_apart + 1 - name.depth, 0))
+    return [*found, *(((1, 0, order), True, Share(one, share.excludes)) for one in further)]

@@ -1,0 +1,183 @@
+"""A document's looks and collections: /MaterialX/Looks, /MaterialX/Collections, and /ModelRoot with a variant for each look.
+
+A look binds its materials by collections of its own, in the order in which assignments.py says that they are to be asked. What
+of a look has no effect lies as a message in its variant, so that only those hear of it who choose the look.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pxr import Sdf
+
+from ..materials import MATERIALS
+from ..node_graphs import NodeGraphs, own
+from ..writing import ROOT, apply, define, identifier, name_of, note, note_ui, refer
+from .assignments import Assignment, Bound, Share, bindings, shares_of
+from .effects import Effects, effects_of
+from .geometry_names import GeometryName, geometry_names, is_prim_name
+from .variants import apply_variants
+
+_LOOKS = ROOT.AppendChild("Looks")
+_COLLECTIONS = ROOT.AppendChild("Collections")
+_MODEL = Sdf.Path("/ModelRoot")
+_VARIANT = "LookVariant"
+_WHOLE = Share(GeometryName(()))
+_T = Sdf.ValueTypeNames
+
+
+def write_looks(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> dict[Sdf.Path, Effects]:
+    """Write all looks; what else than binding materials they do to prims, by the paths of their variants."""
+    collections = _write_collections(layer, document)
+    looks = own(document, "look")
+    model = define(layer, _MODEL)
+    variants = Sdf.VariantSetSpec(model, _VARIANT)
+    model.variantSetNameList.prependedItems.append(_VARIANT)
+    found: dict[Sdf.Path, Effects] = {}
+    for look in looks:
+        made = _Look(layer, graphs, look, collections)
+        made.write()
+        effects = effects_of(made.chain, document, made.wrong)
+        variant = Sdf.VariantSpec(variants, name_of(look)).primSpec
+        variant.referenceList.prependedItems.append(Sdf.Reference("", made.path))
+        note(variant, [f"Look {look.getName()}: {message}." for message in made.wrong])
+        if effects:
+            found[variant.path] = effects
+    if chosen := _default_look(document, [look.getName() for look in looks]):
+        model.variantSelections[_VARIANT] = identifier(chosen)
+    return found
+
+
+def _default_look(document: Any, looks: list[str]) -> str:
+    """Return the look that the first group with a default says is used, "" where none does."""
+    groups = {group.getName(): group for group in own(document, "lookgroup")}
+    for first in groups.values():
+        name, passed = str(first.getName()), set[str]()
+        while name in groups and name not in passed:
+            passed.add(name)
+            name = str(groups[name].getAttribute("default") or groups[name].getAttribute("active"))
+        if name in looks:
+            return name
+    return ""
+
+
+def _write_collections(layer: Sdf.Layer, document: Any) -> set[str]:
+    """Write the document's own collections for whoever refers to them in USD, as far as they are paths; return their names."""
+    names = {name_of(collection): collection for collection in own(document, "collection")}
+    for name, collection in names.items():
+        prim = define(layer, _COLLECTIONS)
+        apply(prim, [f"CollectionAPI:{known}" for known in names])
+        for attribute, kind in (("includegeom", "includes"), ("excludegeom", "excludes")):
+            found = geometry_names(collection.getAttribute(attribute), collection.getActiveGeomPrefix())
+            targets = [one.path(_COLLECTIONS) for one in found if one.is_literal and is_prim_name(one)]
+            if attribute == "includegeom":
+                others = collection.getAttribute("includecollection").replace(",", " ").split()
+                others = [identifier(other) for other in others if document.getCollection(other) is not None]
+                targets = [_COLLECTIONS.AppendProperty(f"collection:{other}") for other in others] + targets
+            if targets or kind == "includes":
+                rel = Sdf.RelationshipSpec(prim, f"collection:{name}:{kind}", False)
+                rel.targetPathList.prependedItems = targets
+    return set(names)
+
+
+class _Look:
+    """One look, with all that it inherits: its materials, and what they are bound to."""
+
+    def __init__(self, layer: Sdf.Layer, graphs: NodeGraphs, look: Any, collections: set[str]) -> None:
+        self._layer, self._graphs, self._look = layer, graphs, look
+        self._taken = set(collections)  # names of collections
+        self.path = _LOOKS.AppendChild(name_of(look))
+        self.wrong: list[str] = []  # what has no effect, in words
+        self.chain = self._inherited()
+
+    def _inherited(self) -> list[Any]:
+        """Return the looks that this one is made of, itself last."""
+        looks = {look.getName(): look for look in own(self._graphs.document, "look")}
+        found, name = [self._look], self._look.getAttribute("inherit")
+        while name:
+            above = looks.get(name)
+            if above is None or any(above.getName() == known.getName() for known in found):
+                self.wrong.append(f"it inherits {name}, which is no look, or leads back to itself")
+                break
+            found.append(above)
+            name = above.getAttribute("inherit")
+        return found[::-1]
+
+    def write(self) -> None:
+        prim = define(self._layer, self.path)
+        note_ui(prim, self._look)
+        if self._taken:
+            refer(prim, _COLLECTIONS)
+        define(self._layer, self.path.AppendChild("Materials"))
+        assignments = [made for look in self.chain for one in look.getMaterialAssigns() if (made := self._assignment(one))]
+        schemas = ["MaterialBindingAPI"]
+        try:
+            order = [name for bound in bindings(assignments) if (name := self._bind(prim, bound, assignments, schemas))]
+        except ValueError as error:
+            self.wrong.append(str(error))
+            order = []
+        apply(prim, schemas)
+        prim.propertyOrder = order
+
+    def _assignment(self, element: Any) -> Assignment | None:
+        """Return an assignment of a copy of its material, None where there is nothing to assign."""
+        name = element.getAttribute("material")
+        material = self._graphs.document.getNode(name)
+        path = MATERIALS.AppendChild(identifier(name))
+        if material is None or not self._layer.GetPrimAtPath(path):
+            self.wrong.append(f"materialassign {element.getName()}: there is no material {name}")
+            return None
+        if element.getAttribute("exclusive") == "false":
+            self.wrong.append(f"materialassign {element.getName()} is not exclusive: it is taken as if it were")
+        child = define(self._layer, self._unused(self.path.AppendChild("Materials"), name_of(element)))
+        note_ui(child, element)
+        refer(child, path)
+        assigned = [variant for holder in (*self.chain, element) for variant in own(holder, "variantassign")]
+        apply_variants(child, material, assigned, self._graphs, self.wrong)
+        document = self._graphs.document
+        is_whole = not element.getAttribute("geom") and not element.getAttribute("collection")  # as usdMtlx takes it
+        return Assignment(child.path, (_WHOLE,) if is_whole else shares_of(element, document, self.wrong))
+
+    def _unused(self, below: Sdf.Path, name: str) -> Sdf.Path:
+        number, made = 1, name
+        while self._layer.GetPrimAtPath(below.AppendChild(made)):
+            made, number = f"{name}_{number}", number + 1
+        return below.AppendChild(made)
+
+    def _bind(self, prim: Sdf.PrimSpec, bound: Bound, assignments: list[Assignment], schemas: list[str]) -> str:
+        """Write a binding and return its name; what is bound to the whole model needs no collection, and is asked for last."""
+        material = assignments[bound.order].what
+        if bound.is_whole:
+            made = Sdf.RelationshipSpec(prim, "material:binding", False)
+            made.targetPathList.explicitItems = [material]
+            return ""
+        number, name = 1, material.name
+        while name in self._taken:
+            number += 1
+            name = f"{material.name}_{number}"
+        self._taken.add(name)
+        schemas.append(f"CollectionAPI:{name}")
+        self._write_collection(prim, name, bound)
+        binding = f"material:binding:collection:{name}"
+        made = Sdf.RelationshipSpec(prim, binding, False)
+        made.targetPathList.explicitItems = [self.path.AppendProperty(f"collection:{name}"), material]
+        return binding
+
+    def _write_collection(self, prim: Sdf.PrimSpec, name: str, bound: Bound) -> None:
+        """Write what a binding holds for: paths where all names are paths, else an expression."""
+        if all(one.is_literal for one in (*bound.names, *bound.excludes)):
+            for kind, names in (("includes", bound.names), ("excludes", bound.excludes)):
+                if names:
+                    made = Sdf.RelationshipSpec(prim, f"collection:{name}:{kind}", False)
+                    made.targetPathList.explicitItems = [one.path(self.path) for one in names]
+            if not bound.below:
+                rule = Sdf.AttributeSpec(prim, f"collection:{name}:expansionRule", _T.Token, Sdf.VariabilityUniform)
+                rule.default = "explicitOnly"
+            return
+        included = " + ".join(one.expression(self.path, below=bound.below) for one in bound.names)
+        text = " - ".join([included, *(one.expression(self.path) for one in bound.excludes)])
+        if not text.isascii():
+            self.wrong.append(f"USD has no expression for {text.replace(str(self.path), '')}, which nothing is bound to")
+            return
+        made = Sdf.AttributeSpec(prim, f"collection:{name}:membershipExpression", _T.PathExpression, Sdf.VariabilityUniform)
+        made.default = Sdf.PathExpression(text)

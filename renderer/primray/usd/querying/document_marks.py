@@ -1,0 +1,6 @@
+"""What MaterialX documents leave on the prims that they become parts of, beside what USD has words for."""
+
+from __future__ import annotations
+
+NOTES = "primray:materialx:notes"  # messages: what the document says of the prim and nothing does
+LOOK = "primray:materialx:look"  # the variant that chose a look which does more than bind materials
