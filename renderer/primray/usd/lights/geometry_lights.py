@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pxr import Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
+from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..opening.taking_out import editable
 from ..querying.guarded import is_invisible, property_names, schemas_applied, targets
@@ -34,6 +35,7 @@ def with_geometry_lights(stage: Usd.Stage, lights: Sequence[Usd.Prim], when: Whe
                     diagnostics.add("light-input", str(path), message, "geometry")
             if shapes:
                 light.SetActive(False)
+    check_reach(made)
     return made
 
 

@@ -16,6 +16,7 @@ from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
 from .notes import is_noted
+from .renderer_attributes import LEFT_OUT
 from .resolve import hands_down
 
 
@@ -30,6 +31,7 @@ class PrimKind(NameSet):
     type_name: str = ""
     schemas: list[str] = field(default_factory=list)  # those applied
     taken_as: str = ""  # what the adapter table takes it for: "shape", "light", or "" for neither
+    left_out: bool = False  # a render pass leaves it out, not what is below it
     has_transform: bool = False
     hands_down: bool = False  # something else than what is above it
     is_noted: bool = False  # diagnostics may have something to say of it
@@ -67,7 +69,8 @@ class PrimKinds:
 
     def _made(self, prim: Usd.Prim, path: str, key: KindKey) -> PrimKind:
         name, (names, schemas) = str(key[0]), (frozenset(map(str, key[1])), list(map(str, key[2])))
-        taken_as, bindings = self._taken_as.get(name, ""), binding_names(names)
+        left_out, bindings = LEFT_OUT in names, binding_names(names)
+        taken_as = "" if left_out else self._taken_as.get(name, "")
         self.by_collection |= any(map(is_collection, bindings))
         return PrimKind(
             names,
@@ -75,6 +78,7 @@ class PrimKinds:
             type_name=name,
             schemas=schemas,
             taken_as=taken_as,
+            left_out=left_out,
             has_transform="xformOpOrder" in names,
             hands_down=hands_down(names, schemas, self._ctx),
             is_noted=is_noted(prim, name, schemas, names, taken_as),

@@ -18,6 +18,7 @@ from ...description import Frame
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
 from ...textures.image_header import read_header
+from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..querying.asset import read_asset
 from ..querying.guarded import schemas_applied, value_at
@@ -83,6 +84,7 @@ def with_back_plates(
             through = looks if path == own else None
             card = _card(plate, None if through is None else through.camera, when)
             _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
+    check_reach(made)
     return made
 
 

@@ -8,16 +8,16 @@ themselves, and end the instances around them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLod
 
 from ...diagnostics import Diagnostics
+from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..opening.taking_out import take_out
 from ..querying.guarded import default_value, schemas_applied, targets, type_name, value_at, world_transform
-from ..querying.traversal import THERE_IN_INSTANCES, children, drawn_in_instances, populated, stands_in_world
+from ..querying.traversal import THERE_IN_INSTANCES, children, drawn, stands_in_world
 from ..resolving.read import When
 
 ROOT, OVERRIDE = "LODRootAPI", "LODOverrideAPI"
@@ -36,27 +36,23 @@ def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, di
     gone: set[Sdf.Path] = set()
     told = 0
     cache = UsdGeom.XformCache(when.time)
-    for root in [*drawn_in_instances(stage.GetPseudoRoot()), *_abstract(stage)]:
+    for root in drawn(stage):
         if ROOT not in schemas_applied(root) or any(path in gone for path in root.GetPath().GetPrefixes()):
             continue
         levels = [child for child in children(root, THERE_IN_INSTANCES) if not child.IsA(UsdLod.Heuristic)]
         choice = _choice(root, camera, when, cache)
-        left_out, drawn = _left_out(levels, choice)
+        left_out, shown = _left_out(levels, choice)
         gone |= left_out
         told += 1
         if told <= MOST_TOLD:
-            message = f"{drawn} of its {len(levels)} levels of detail, {choice.why}."
+            message = f"{shown} of its {len(levels)} levels of detail, {choice.why}."
             diagnostics.add("lod-chosen", str(root.GetPath()), message, "lod:heuristics")
     if told > MOST_TOLD:
         diagnostics.add("lod-chosen", "", f"Levels of {told - MOST_TOLD:,} further prims were chosen likewise.")
     made = scratch_copy(stage)
     take_out(made, gone)
+    check_reach(made)
     return made
-
-
-def _abstract(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """What point instancers may draw from."""
-    return (prim for prim in populated(stage) if not prim.IsInPrototype() and not stands_in_world(prim))
 
 
 def _left_out(levels: list[Usd.Prim], choice: Choice) -> tuple[set[Sdf.Path], str]:

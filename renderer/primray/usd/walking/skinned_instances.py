@@ -13,6 +13,7 @@ from itertools import chain, count
 from pxr import Sdf, Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
+from ..opening.reach import OpinionsLeak, composers, end_instance
 from ..querying.guarded import FAILURES, property_names, targets, type_name, world_transform
 from ..querying.skin_marks import copy_marks
 from ..querying.traversal import everything_in_instances, in_world, instanced_roots, stands_in_world, there_below
@@ -76,16 +77,19 @@ def take_apart(stage: Usd.Stage, most: int, times: Sequence[When], diagnostics: 
             _tell(stage, apart, most, diagnostics)
             continue
         for path in apart:
-            stage.GetPrimAtPath(path).SetInstanceable(False)
+            end_instance(stage.GetPrimAtPath(path))
 
 
 def share_poses(stage: Usd.Stage, crowds: list[Crowd], layers: list[Sdf.Layer]) -> None:
     """Let the others of each crowd have what these layers of the session say below its first, which is an instance again.
 
-    The last crowds come first: they may stand in what earlier ones hand over.
+    The last crowds come first: they may stand in what earlier ones hand over. OpinionsLeak where prims compose one of them.
     """
     for crowd in reversed(crowds):
         others = [path for path in crowd.others if stage.GetPrimAtPath(path).IsInstance()]
+        for path in others:
+            if composed_by := composers(stage, path):
+                raise OpinionsLeak(f"{min(composed_by)} would be posed as {path}")
         if others:
             _share(stage, crowd.first, others, layers)
 

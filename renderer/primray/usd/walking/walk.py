@@ -157,7 +157,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             resolved.own_color = mine.color is not above.inherited.color
             drawn_as = stand_in(resolved, ctx) if mine.draw_mode != "default" else ""
             if drawn_as:
-                if is_drawn(mine, ctx.purposes):
+                if is_drawn(mine, ctx.purposes) and not kind.left_out:
                     place.group.leaves.append(replace(resolved, type_name=drawn_as))
                 continue
             if kind.is_noted:
@@ -170,7 +170,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             if type_name == "PointInstancer":
                 _expand_points(state, group, place.group, resolved)
                 continue
-            if type_name == "Points" and is_drawn(mine, ctx.purposes):
+            if type_name == "Points" and is_drawn(mine, ctx.purposes) and not kind.left_out:
                 _place_spheres(state, group, place.group, resolved)
             if kind.taken_as and is_drawn(mine, ctx.purposes):  # also an instance may itself be a shape
                 _place_leaf(state, places, place, resolved)
