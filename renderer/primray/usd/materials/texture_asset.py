@@ -15,6 +15,7 @@ from ...description import TextureFile
 from ..querying.guarded import color_space_name
 from ..resolving.color_spaces import authored_space, scope_at, space_named
 from ..resolving.context import Context
+from ..resolving.read import time_of
 from ..resolving.resolve import ResolvedPrim
 from .network import Constant, Node, node_path, parameter, text
 
@@ -77,7 +78,7 @@ def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, name: str
 
 
 def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:
-    for spec in attribute.GetPropertyStack(ctx.when.time):
+    for spec in attribute.GetPropertyStack(time_of(attribute, ctx.when)):
         if isinstance(spec, Sdf.AttributeSpec) and (spec.HasDefaultValue() or spec.HasInfo("timeSamples")):
             return spec.layer
     return None

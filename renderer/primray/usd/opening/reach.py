@@ -1,8 +1,8 @@
 """What opinions that a render writes to a copy of a stage reach besides the prims that they are written for.
 
-USD composes a prim's opinions into every prim of the same layer stack that references, inherits or specializes it, or that has it
-as a payload; and what is authored below a native instance, which USD ignores, counts as soon as the prim is an instance no
-more. In both cases the copy is no longer the stage with one edit. Pcp itself is asked who composes what.
+USD composes a prim's opinions into every prim of the same layer stack that references, inherits or specializes it, or has it
+as a payload; and opinions below a native instance, which USD ignores, count as soon as the prim is an instance no more. In both
+cases the copy is no longer the stage with one edit. Pcp itself is asked who composes what.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Prims taken out of a stage that is a render's own, by its session layer; what refers to them stays (reach says if it cannot)."""
+"""Prims taken out of a stage that is a render's own, by its session layer; what refers to them has to stay (reach checks)."""
 
 from __future__ import annotations
 

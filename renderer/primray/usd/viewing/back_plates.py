@@ -18,11 +18,13 @@ from ...description import Frame
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
 from ...textures.image_header import read_header
+from ..adapters.cameras.camera import usd_camera
 from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..querying.asset import read_asset
-from ..querying.guarded import schemas_applied, value_at
-from ..resolving.read import When
+from ..querying.guarded import schemas_applied
+from ..resolving.read import StandIns, When, read
+from ..resolving.resolve import transforms
 from .plate_relief import Card, Relief, depths_of, flat_card, relief
 
 SCHEMA = "BackPlateAPI"
@@ -38,8 +40,7 @@ class Plate:
     name: str
 
     def value(self, what: str, when: When, default: Any) -> Any:
-        attribute = self.camera.GetAttribute(f"backPlate:{self.name}:{what}")
-        found = value_at(attribute, when.time) if attribute else None
+        found = read(self.camera, f"backPlate:{self.name}:{what}", when)
         return default if found is None else found
 
     def file(self, what: str, when: When) -> str:
@@ -89,7 +90,7 @@ def with_back_plates(
 
 
 def _card(plate: Plate, conformed: Camera | None, when: When) -> Card:
-    camera = UsdGeom.Camera(plate.camera).GetCamera(when.time)
+    camera = usd_camera(plate.camera, when, StandIns(when), transforms(when))
     away = float(camera.focusDistance) + UNITS_PER_TENTH * float(camera.focalLength)
     if conformed is None:
         window = camera.frustum.GetWindow()

@@ -44,6 +44,7 @@ from ..resolving.resolve import (
     inner_or_outer,
     is_drawn,
     local_matrix,
+    transforms,
 )
 from ..shapes.instance_primvars import given_per_instance
 from .instances import Group
@@ -107,7 +108,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
     """
     kinds = PrimKinds(ctx, leaf_types)
     has_instances = bool(ctx.stage.GetPrototypes())
-    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time), kinds, has_instances, links)
+    state = _Walk(ctx, leaf_types, expand, transforms(ctx.when), kinds, has_instances, links)
     state.record = ctx.kept.of(Record)
     state.record.begin()
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
