@@ -145,7 +145,7 @@ def one_rule_for_no_frame(path: PurePosixPath, text: str) -> Iterator[str]:
             continue
         of = node.value.attr if isinstance(node.value, ast.Attribute) else getattr(node.value, "id", "")
         if (of, node.attr) == ("when", "time") and str(path) not in TIMES_OF_RENDER:
-            yield f"asks when.time in line {node.lineno}: where there is no frame, resolving/read.py knows at which time to read"
+            yield f"asks when.time in line {node.lineno}: without a frame resolving/read.py knows at which time to read"
         if (of, node.attr) == ("TimeCode", "Default") and str(path) not in DEFAULT_TIMES:
             yield f"reads defaults in line {node.lineno}: resolving/read.py knows what is read where there is none"
 
