@@ -19,7 +19,7 @@ from ...diagnostics import Diagnostics
 from ...errors import AssetError
 from ...textures.image_header import read_header
 from ..adapters.cameras.camera import usd_camera
-from ..opening.reach import check_reach
+from ..opening.reach import check_reach, end_instance
 from ..opening.stage import scratch_copy
 from ..querying.asset import read_asset
 from ..querying.guarded import schemas_applied
@@ -82,6 +82,8 @@ def with_back_plates(
             if plate.camera.IsInstanceProxy():
                 diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate of a camera in an instance is not drawn.")
                 continue
+            if made.GetPrimAtPath(path).IsInstance():  # the card is a child
+                end_instance(made.GetPrimAtPath(path))
             through = looks if path == own else None
             card = _card(plate, None if through is None else through.camera, when)
             _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
