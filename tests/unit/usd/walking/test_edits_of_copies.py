@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from tests.translation.describe import describe
 
 from primray.settings import RenderSettings
 from primray.usd import translate
-from tests.translation.describe import describe
 
 from ..skinned_text import API, character, placed, skin
 from ..usd_text import stage_of
@@ -22,13 +22,11 @@ LOD = 'prepend apiSchemas = ["LODRootAPI"]'
 def drawn(text: str, **settings: object) -> str:
     asked = {"resolution": (8, 8), "time_code": 4.0} | settings
     description, _ = translate(stage_of(text), RenderSettings(**asked))  # type: ignore[arg-type]
-    return describe(description, [], "")
+    return describe(description, [], "no file")
 
 
 def render_pass(body: str) -> str:
     return f'def RenderPass "pass"\n{{\n{body}\n}}\n'
-
-
 
 
 @pytest.mark.parametrize("arc", ARCS)
