@@ -7,13 +7,16 @@ cases the copy is no longer the stage with one edit. Pcp itself is asked who com
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 from pxr import Pcp, Sdf, Usd
+
+from ..querying.traversal import prims_in
 
 # Fields whose opinions are merged with weaker ones, which they do not hide.
 _MERGED = frozenset({"apiSchemas", "connectionPaths", "customData", "inheritPaths", "targetPaths"})
 
+_BY_ARCS = Pcp.DependencyTypeAnyNonVirtual & ~Pcp.DependencyTypeRoot
 Fields = set[tuple[str, str]]
 
 
@@ -27,7 +30,7 @@ def check_reach(stage: Usd.Stage, layers: Iterable[Sdf.Layer] = ()) -> None:
     `layers` are of the stage's session, by default its session layer alone. An opinion that hides the other does no harm.
     """
     written = tuple(layers) or (stage.GetSessionLayer(),)
-    for path in dict.fromkeys(spec.path for layer in written for spec in _prim_specs(layer)):
+    for path in dict.fromkeys(path for layer in written for path in prims_in(layer)):
         if (others := composers(stage, path)) and (fields := _fields(written, path)):
             for other in others:
                 if not _hide(_fields(written, other), fields):
@@ -37,7 +40,7 @@ def check_reach(stage: Usd.Stage, layers: Iterable[Sdf.Layer] = ()) -> None:
 def composers(stage: Usd.Stage, path: Sdf.Path) -> set[Sdf.Path]:
     """The other prims that compose the opinions at a path of the stage's own layers."""
     cache = stage._GetPcpCache()
-    found = cache.FindSiteDependencies(cache.layerStack, path, Pcp.DependencyTypeAnyNonVirtual, False, False, False)
+    found = cache.FindSiteDependencies(cache.layerStack, path, _BY_ARCS, False, False, False)
     return {dependency.indexPath for dependency in found} - {path}
 
 
@@ -64,14 +67,6 @@ def has_ignored_opinions(instance: Usd.Prim) -> bool:
             return True
         nodes += node.children
     return False
-
-
-def _prim_specs(layer: Sdf.Layer) -> Iterator[Sdf.PrimSpec]:
-    specs = list(layer.rootPrims)
-    while specs:
-        spec = specs.pop()
-        yield spec
-        specs += spec.nameChildren
 
 
 def _fields(layers: Sequence[Sdf.Layer], path: Sdf.Path) -> Fields:

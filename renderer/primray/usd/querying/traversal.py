@@ -142,6 +142,13 @@ def _holding(stage: Usd.Stage, wanted: str) -> set[Sdf.Path]:
     return holding
 
 
+def prims_in(layer: Sdf.Layer) -> list[Sdf.Path]:
+    """Paths of the prims that a layer says anything of, outside variants."""
+    found: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, found.append)
+    return [path for path in found if path.IsPrimPath()]
+
+
 def children(prim: Usd.Prim, drawn: Usd._PrimFlagsPredicate) -> list[Usd.Prim]:
     """Those that a policy sees."""
     found: list[Usd.Prim] = prim.GetFilteredChildren(drawn)
