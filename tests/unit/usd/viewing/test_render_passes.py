@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from pxr import Usd
 
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
@@ -283,7 +284,12 @@ def test_prototypes_are_reached_wherever_they_are(how: str, nested: bool) -> Non
 
 def test_instances_without_members_stay_instances(monkeypatch: pytest.MonkeyPatch) -> None:
     ended: list[str] = []
-    monkeypatch.setattr(taking_out, "end_instance", lambda instance: (ended.append(instance.GetName()), end_instance(instance)))
+
+    def noted(instance: Usd.Prim) -> None:
+        ended.append(instance.GetName())
+        end_instance(instance)
+
+    monkeypatch.setattr(taking_out, "end_instance", noted)
     assert total(rendered("rel collection:renderVisibility:excludes = </one>")[0]) == WHOLE - 2
     assert ended == []
     assert total(rendered("rel collection:renderVisibility:excludes = [</one>, </two/leaf>]")[0]) == WHOLE - 3
