@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from .diagnostic_codes import CODES, Severity
 from .errors import UnsupportedError
@@ -62,6 +63,10 @@ class Diagnostics:
     def extend(self, others: Iterable[Diagnostic]) -> None:
         for diagnostic in others:
             self._seen.setdefault(diagnostic)
+
+    def forget_after(self, count: int) -> None:
+        """Keep the first `count` alone: what led to the others is done again."""
+        self._seen = dict.fromkeys(islice(self._seen, count))
 
     def __iter__(self) -> Iterator[Diagnostic]:
         return iter(self._seen)

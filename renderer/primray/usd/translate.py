@@ -45,6 +45,8 @@ from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .moving.foreseen import Foreseen
 from .opening.file_names import file_names
+from .opening.isolated import isolated
+from .opening.reach import OpinionsLeak
 from .opening.stage import usd_messages
 from .paths.point_steps import PointSteps
 from .querying.cameras import cameras_of
@@ -136,6 +138,18 @@ class Assembled:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
+    """What is asked for, by edits of copies of the stage; of an isolated one where edits would change other prims as well."""
+    count = len(diagnostics)
+    try:
+        return _edited(stage, settings, diagnostics, names)
+    except OpinionsLeak:
+        diagnostics.forget_after(count)
+        names.clear()
+        return _edited(isolated(stage), settings, diagnostics, names)
+
+
+def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
+    """OpinionsLeak where the edits of a copy would change prims that they are not for."""
     if settings.render_pass is not None:
         stage = with_render_pass(stage, settings.render_pass, diagnostics)
     found, when = find_by_type(stage, diagnostics, settings.render_pass), when_of(stage, settings.time_code)

@@ -39,6 +39,21 @@ ONE_PLACE = {
     f"{USD}/querying/traversal.py": frozenset(SEARCHES.split()),
     f"{USD}/querying/time_varying.py": frozenset(TIMES.split()),
 }
+# What reads at the time of the render by itself has to know what is read where there is no frame.
+TIMES_OF_RENDER = {
+    f"{USD}/resolving/read.py",
+    f"{USD}/resolving/resolve.py",  # transforms: local_matrix asks read where something has no default
+    f"{USD}/resolving/stage_bounds.py",  # at the earliest time of all
+    f"{USD}/walking/held_values.py",  # values that are held as defaults by then
+}
+DEFAULT_TIMES = {
+    f"{USD}/facts/missing_files.py",  # in which layers a default is authored
+    f"{USD}/keeping/translation.py",  # to make a When
+    f"{USD}/querying/guarded.py",
+    f"{USD}/querying/time_varying.py",
+    f"{USD}/resolving/read.py",
+    f"{USD}/walking/skeleton_bindings.py",  # values that are held as defaults by then
+}
 RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
 OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
@@ -121,6 +136,20 @@ def one_place_for_what_is_asked_of_a_stage(path: PurePosixPath, text: str) -> It
             yield f"asks {', '.join(own)}: {place} does"
 
 
+def one_rule_for_no_frame(path: PurePosixPath, text: str) -> Iterator[str]:
+    """Without a frame a value is read at its earliest time where it has no default (resolving/read.py)."""
+    if path.suffix != ".py" or not is_under(path, USD):
+        return
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Attribute):
+            continue
+        of = node.value.attr if isinstance(node.value, ast.Attribute) else getattr(node.value, "id", "")
+        if (of, node.attr) == ("when", "time") and str(path) not in TIMES_OF_RENDER:
+            yield f"asks when.time in line {node.lineno}: without a frame resolving/read.py knows at which time to read"
+        if (of, node.attr) == ("TimeCode", "Default") and str(path) not in DEFAULT_TIMES:
+            yield f"reads defaults in line {node.lineno}: resolving/read.py knows what is read where there is none"
+
+
 def without_comments(text: str) -> str:
     return re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
 
@@ -154,6 +183,7 @@ GATES: tuple[Gate, ...] = (
     imports_point_one_way,
     one_gate_per_dependency,
     one_place_for_what_is_asked_of_a_stage,
+    one_rule_for_no_frame,
     files_are_short,
     names_say_something,
     files_say_what_they_are,

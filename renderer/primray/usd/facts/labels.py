@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 from pxr import Sdf, Usd
 
-from ..querying.guarded import property_names, value_at
+from ..querying.guarded import property_names
+from ..resolving.read import When, read, when_of_few
 
 NAMESPACE = "semantics:labels:"
 OLD, TYPE, DATA = "semantic:", ":params:semanticType", ":params:semanticData"
@@ -19,22 +20,19 @@ def labels_of(stage: Usd.Stage, path: str, taxonomy: str, time_code: float | Non
     """Inherited labels of the prim at a path in one taxonomy, sorted; none for what is no path."""
     if not Sdf.Path.IsValidPathString(path) or not path.startswith("/"):
         return ()
-    time = Usd.TimeCode.Default() if time_code is None else Usd.TimeCode(time_code)
+    when = when_of_few(time_code)
     found: set[str] = set()
     for prefix in Sdf.Path(path).GetPrimPath().GetPrefixes():
         prim = stage.GetPrimAtPath(prefix)
         if prim:
-            found.update(_own(prim, taxonomy, time))
+            found.update(_own(prim, taxonomy, when))
     return tuple(sorted(found))
 
 
-def _own(prim: Usd.Prim, taxonomy: str, time: Usd.TimeCode) -> Iterator[str]:
-    attribute = prim.GetAttribute(NAMESPACE + taxonomy)
-    if attribute:
-        yield from (str(label) for label in value_at(attribute, time) or ())
+def _own(prim: Usd.Prim, taxonomy: str, when: When) -> Iterator[str]:
+    yield from (str(label) for label in read(prim, NAMESPACE + taxonomy, when) or ())
     for name in property_names(prim):
-        if name.startswith(OLD) and name.endswith(TYPE) and str(value_at(prim.GetAttribute(name), time)) == taxonomy:
-            data = prim.GetAttribute(name.removesuffix(TYPE) + DATA)
-            label = value_at(data, time) if data else None
+        if name.startswith(OLD) and name.endswith(TYPE) and str(read(prim, name, when)) == taxonomy:
+            label = read(prim, name.removesuffix(TYPE) + DATA, when)
             if label:
                 yield str(label)

@@ -8,9 +8,10 @@ from pxr import Usd, UsdGeom
 
 from ...settings import RenderSettings
 from ..adapters.rendering.render_settings import products
-from ..querying.guarded import is_invisible, purpose_of
+from ..querying.guarded import purpose_of
 from ..querying.messages import scene_errors
 from ..querying.traversal import drawn_in_instances, everything, stands_in_world
+from ..resolving.read import When, is_hidden, when_of
 
 MOST_PRIMS = 1_000_000  # looked at: those of instances count each time
 
@@ -25,13 +26,13 @@ def left_out(stage: Usd.Stage, settings: RenderSettings) -> dict[str, int]:
 def shapes_left_out(stage: Usd.Stage, settings: RenderSettings, drawn: bool = False) -> dict[str, list[str]]:
     """Paths of shapes by why they are not drawn; `drawn`: those too for which nothing says so, by ""."""
     purposes = settings.purposes or products(stage, settings)[0].purposes
-    time = Usd.TimeCode.Default() if settings.time_code is None else Usd.TimeCode(settings.time_code)
+    when = when_of(stage, settings.time_code)
     found: dict[str, list[str]] = {}
     any_shape = False
     for prim in islice(drawn_in_instances(stage.GetPseudoRoot()), MOST_PRIMS):
         if prim.IsA(UsdGeom.Gprim):
             any_shape = True
-            why = _why(prim, purposes, time)
+            why = _why(prim, purposes, when)
             if why or drawn:
                 found.setdefault(why, []).append(str(prim.GetPath()))
     if not any_shape:
@@ -42,10 +43,10 @@ def shapes_left_out(stage: Usd.Stage, settings: RenderSettings, drawn: bool = Fa
     return found
 
 
-def _why(prim: Usd.Prim, purposes: tuple[str, ...], time: Usd.TimeCode) -> str:
+def _why(prim: Usd.Prim, purposes: tuple[str, ...], when: When) -> str:
     purpose = purpose_of(prim)
     if purpose not in purposes:
         return f"of purpose {purpose}, which is not rendered (--purposes)"
-    if is_invisible(prim, time):
+    if is_hidden(prim, when):
         return "invisible at this frame"
     return ""

@@ -22,11 +22,11 @@ from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
 from ..opening.stage import open_stage
 from ..querying.cameras import cameras_of
-from ..querying.guarded import default_value, is_invisible, purpose_of, targets, type_name
+from ..querying.guarded import default_value, purpose_of, targets, type_name
 from ..querying.messages import error_text, scene_errors
 from ..querying.traversal import in_world
 from ..resolving.notes import unrendered
-from ..resolving.read import When, when_of
+from ..resolving.read import When, is_hidden, when_of, when_of_few
 from ..translate import LIGHTS, SHAPES
 from .missing_files import note_missing_files
 from .stage_facts import stage_facts
@@ -214,7 +214,7 @@ def _note_unrendered(prims: list[Usd.Prim], purposes: tuple[str, ...], diagnosti
 
 
 def _is_shown(prim: Usd.Prim, purposes: tuple[str, ...]) -> bool:
-    return purpose_of(prim) in purposes and not is_invisible(prim, Usd.TimeCode.Default())
+    return purpose_of(prim) in purposes and not is_hidden(prim, when_of_few(None))
 
 
 def layer_file(identifier: str) -> str:

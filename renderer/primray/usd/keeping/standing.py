@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from pxr import UsdGeom
 
 from ...arrays import Doubles
 from ..querying.guarded import property_names
 from ..resolving.context import Context
-from ..resolving.resolve import local_matrix
+from ..resolving.resolve import local_matrix, transforms
 from ..walking.record import Become, Record
 from .not_known import NotKnownError
 
@@ -24,7 +23,7 @@ def moved_leaves(paths: Iterable[str], record: Record, ctx: Context) -> list[tup
     if any(other is not poses for other, _ in (*record.poses.values(), *record.used)):
         raise NotKnownError
     before = poses.every().copy()
-    cache = UsdGeom.XformCache(ctx.when.time)
+    cache = transforms(ctx.when)
     for path in paths:
         if path not in record.poses:
             raise NotKnownError

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from pxr import Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
+from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..opening.taking_out import editable
-from ..querying.guarded import is_invisible, property_names, schemas_applied, targets
-from ..resolving.read import When
+from ..querying.guarded import property_names, schemas_applied, targets
+from ..resolving.read import When, is_hidden
 
 # Of the light itself, where it stands and what it is.
 _ITS_OWN = ("xformOp", "visibility", "purpose", "geometry", "light:shaderId", "extent")
@@ -24,7 +25,7 @@ def with_geometry_lights(stage: Usd.Stage, lights: Sequence[Usd.Prim], when: Whe
     with Usd.EditContext(made, made.GetSessionLayer()):
         for path in [light.GetPath() for light in lights]:
             light = made.GetPrimAtPath(path)
-            hidden = is_invisible(light, when.time)
+            hidden = is_hidden(light, when)
             shapes = [shape for target in targets(light, "geometry") if (shape := made.GetPrimAtPath(target))]
             for shape in [] if hidden else shapes:
                 if shape.IsA(UsdGeom.Gprim):
@@ -34,6 +35,7 @@ def with_geometry_lights(stage: Usd.Stage, lights: Sequence[Usd.Prim], when: Whe
                     diagnostics.add("light-input", str(path), message, "geometry")
             if shapes:
                 light.SetActive(False)
+    check_reach(made)
     return made
 
 

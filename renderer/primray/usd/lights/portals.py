@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Usd
 
 from ...arrays import Doubles
 from ...description import Portal
@@ -15,7 +15,7 @@ from ..resolving.context import Context
 from ..resolving.convert import matrix
 from ..resolving.notes import PortalsMet
 from ..resolving.read import number
-from ..resolving.resolve import ResolvedPrim, local_matrix
+from ..resolving.resolve import ResolvedPrim, local_matrix, transforms
 
 
 class _Named(set[str]):
@@ -74,7 +74,7 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
 def root_from_prim(prim: Usd.Prim, ctx: Context, offset: float = 0.0) -> Doubles:
     """(4, 4) world, or prototype, from a prim, so many time codes after the frame."""
     when = ctx.when.after(offset) if offset else ctx.when
-    cache = UsdGeom.XformCache(when.time)
+    cache = transforms(when)
     total = Gf.Matrix4d(1.0)
     for each in way_to_root(prim):
         local, resets = local_matrix(each, frozenset(property_names(each)), when, cache)

@@ -15,6 +15,7 @@ from ...description import TextureFile
 from ..querying.guarded import color_space_name
 from ..resolving.color_spaces import authored_space, scope_at, space_named
 from ..resolving.context import Context
+from ..resolving.read import time_of
 from ..resolving.resolve import ResolvedPrim
 from .file_places import Frames, frames_of, is_tiles, names_frame, resolved, tile_paths, with_frame
 from .network import Constant, Node, find_source, node_path, numbers, parameter, text
@@ -143,7 +144,7 @@ def frame_of(node: Node, ctx: Context) -> float:
 
 
 def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:
-    for spec in attribute.GetPropertyStack(ctx.when.time):
+    for spec in attribute.GetPropertyStack(time_of(attribute, ctx.when)):
         if isinstance(spec, Sdf.AttributeSpec) and (spec.HasDefaultValue() or spec.HasInfo("timeSamples")):
             return spec.layer
     return None

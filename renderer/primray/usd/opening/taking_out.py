@@ -1,4 +1,4 @@
-"""Prims taken out of a stage that is a render's own, by its session layer; what refers to them stays."""
+"""Prims taken out of a stage that is a render's own, by its session layer; what refers to them has to stay (reach checks)."""
 
 from __future__ import annotations
 
@@ -6,29 +6,15 @@ from collections.abc import Collection
 
 from pxr import Sdf, Usd
 
-from ..querying.traversal import drawn_in_instances
-
-MOST_ARCS = 8  # references to references
+from .reach import end_instance
 
 
 def take_out(stage: Usd.Stage, paths: Collection[Sdf.Path]) -> None:
     """These prims, with all that is below them; in native instances they are named by their proxies."""
-    gone = topmost(paths)
-    if not gone:
-        return
-    members = frozenset(gone)
-    kept = {path for path in _there(stage) if path not in members and not _has_above(path, members)}
     with Usd.EditContext(stage, stage.GetSessionLayer()):
-        for _ in range(MOST_ARCS):
-            here = _there(stage)
-            there, lost = [path for path in gone if path in here], topmost(kept - here)
-            if not there and not lost:
-                break
-            for path in lost:
-                editable(stage, path).SetActive(True)
-            for path in there:
-                if stage.GetPrimAtPath(path):
-                    editable(stage, path).SetActive(False)
+        for path in topmost(paths):
+            if stage.GetPrimAtPath(path):
+                editable(stage, path).SetActive(False)
 
 
 def editable(stage: Usd.Stage, path: Sdf.Path) -> Usd.Prim:
@@ -38,7 +24,7 @@ def editable(stage: Usd.Stage, path: Sdf.Path) -> Usd.Prim:
         for above in path.GetPrefixes():
             instance = stage.GetPrimAtPath(above)
             if instance.IsInstance() and not instance.IsInstanceProxy():
-                instance.SetInstanceable(False)
+                end_instance(instance)
                 break
         prim = stage.GetPrimAtPath(path)
     return prim
@@ -52,7 +38,3 @@ def topmost(paths: Collection[Sdf.Path]) -> list[Sdf.Path]:
 
 def _has_above(path: Sdf.Path, paths: frozenset[Sdf.Path]) -> bool:
     return any(above in paths for above in path.GetPrefixes()[:-1])
-
-
-def _there(stage: Usd.Stage) -> set[Sdf.Path]:
-    return {prim.GetPath() for prim in drawn_in_instances(stage.GetPseudoRoot())}

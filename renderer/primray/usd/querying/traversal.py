@@ -20,6 +20,8 @@ THERE = _LOADED & Usd.PrimHasDefiningSpecifier
 IN_WORLD = THERE & ~Usd.PrimIsAbstract  # asked of a child of what stands in the world
 IN_PROTOTYPE = THERE & ~Usd.PrimHasClassSpecifier  # of a child in what a point instancer draws, wherever that stands
 THERE_IN_INSTANCES = Usd.TraverseInstanceProxies(THERE)
+_LOADED_IN_INSTANCES = Usd.TraverseInstanceProxies(_LOADED)
+_PROTOTYPE_IN_INSTANCES = Usd.TraverseInstanceProxies(IN_PROTOTYPE)
 
 
 def in_world(stage: Usd.Stage) -> Iterable[Usd.Prim]:
@@ -67,9 +69,37 @@ def everything_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
 
 
 def collected(query: Usd.CollectionMembershipQuery, stage: Usd.Stage) -> frozenset[Sdf.Path]:
-    """Paths of the prims that stand in the world and that a collection holds, in native instances those of their proxies."""
-    found = Usd.CollectionAPI.ComputeIncludedPaths(query, stage, Usd.TraverseInstanceProxies())
+    """Paths of the prims that a collection holds, in native instances those of their proxies.
+
+    Of prims that do not stand in the world only where point instancers draw some of them.
+    """
+    seen = _LOADED_IN_INSTANCES if _draws_elsewhere(stage) else Usd.TraverseInstanceProxies()
+    found = Usd.CollectionAPI.ComputeIncludedPaths(query, stage, seen)
     return frozenset(path.GetPrimPath() for path in found)
+
+
+def drawn(stage: Usd.Stage) -> list[Usd.Prim]:
+    """All that may be drawn, in native instances by its proxies: the world, and what point instancers lead to elsewhere."""
+    found = {prim.GetPath(): prim for prim in drawn_in_instances(stage.GetPseudoRoot())}
+    waiting = list(found.values()) if _draws_elsewhere(stage) else []
+    while waiting:
+        instancers = [prim for prim in waiting if type_name(prim) == "PointInstancer"]
+        roots = map(stage.GetPrimAtPath, dict.fromkeys(path for prim in instancers for path in _prototypes_of(prim)))
+        more = {prim.GetPath(): prim for root in roots if root and root.IsActive() for prim in _below_prototype(root)}
+        waiting = [prim for path, prim in more.items() if path not in found]
+        found |= {prim.GetPath(): prim for prim in waiting}
+    return list(found.values())
+
+
+def _draws_elsewhere(stage: Usd.Stage) -> bool:
+    return not all(map(stands_in_world, instanced_roots(stage)))
+
+
+def _below_prototype(root: Usd.Prim) -> Iterator[Usd.Prim]:
+    """What a point instancer draws of a prototype: the root, whatever its specifier, and what is below it."""
+    yield root
+    for child in root.GetFilteredChildren(_PROTOTYPE_IN_INSTANCES):
+        yield from Usd.PrimRange(child, _PROTOTYPE_IN_INSTANCES)
 
 
 def drawn_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
@@ -110,6 +140,13 @@ def _holding(stage: Usd.Stage, wanted: str) -> set[Sdf.Path]:
         holding |= above
         waiting += above
     return holding
+
+
+def prims_in(layer: Sdf.Layer) -> list[Sdf.Path]:
+    """Paths of the prims that a layer says anything of, outside variants."""
+    found: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, found.append)
+    return [path for path in found if path.IsPrimPath()]
 
 
 def children(prim: Usd.Prim, drawn: Usd._PrimFlagsPredicate) -> list[Usd.Prim]:

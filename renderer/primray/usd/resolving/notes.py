@@ -15,6 +15,7 @@ from .applied_schemas import IGNORED, PHOTOMETRIC, PHYSICAL, UNDERSTOOD, applied
 from .context import Context
 from .foreign_names import note_light_inputs
 from .read import read
+from .renderer_attributes import LEFT_OUT
 from .resolve import ResolvedPrim, is_drawn
 
 _GEOMETRY = "Volume ParticleField ParticleField3DGaussianSplat GenerativeProcedural"
@@ -73,6 +74,8 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
     schemas = [schema.split(":")[0] for schema in applied]
     if "LODRootAPI" in schemas and not ctx.levels_chosen:
         raise LevelsMet(prim.path)
+    if LEFT_OUT in prim.names:
+        return
     if schemas:
         _note_schemas(prim, schemas, kind, ctx)
     if kind == "light" or "LightAPI" in schemas:

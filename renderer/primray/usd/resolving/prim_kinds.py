@@ -16,6 +16,7 @@ from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
 from .notes import is_noted
+from .renderer_attributes import LEFT_OUT
 from .resolve import hands_down, names_that_count
 
 
@@ -30,6 +31,7 @@ class PrimKind(NameSet):
     type_name: str = ""
     schemas: list[str] = field(default_factory=list)  # those applied
     taken_as: str = ""  # what the adapter table takes it for: "shape", "light", or "" for neither
+    left_out: bool = False  # a render pass leaves it out, not what is below it
     has_transform: bool = False
     hands_down: bool = False  # something else than what is above it
     handed_names: frozenset[str] = frozenset()  # properties that count for what it hands down
@@ -69,7 +71,8 @@ class PrimKinds:
 
     def _made(self, prim: Usd.Prim, path: str, key: KindKey) -> PrimKind:
         name, (names, schemas) = str(key[0]), (frozenset(map(str, key[1])), list(map(str, key[2])))
-        taken_as, bindings, handed = self._taken_as.get(name, ""), binding_names(names), names_that_count(prim, names)
+        left_out, bindings, handed = LEFT_OUT in names, binding_names(names), names_that_count(prim, names)
+        taken_as = "" if left_out else self._taken_as.get(name, "")
         self.by_collection |= any(map(is_collection, bindings))
         return PrimKind(
             names,
@@ -77,6 +80,7 @@ class PrimKinds:
             type_name=name,
             schemas=schemas,
             taken_as=taken_as,
+            left_out=left_out,
             has_transform="xformOpOrder" in names,
             hands_down=hands_down(handed, schemas, self._ctx),
             handed_names=handed,

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pxr import Usd
+from pxr import Usd, UsdGeom
 
 from ...arrays import Floats
 from ...diagnostics import Diagnostics
-from ..querying.guarded import value_at
+from ..querying.guarded import authored_attributes, is_invisible, targets, type_name, value_at
 from ..querying.time_varying import earliest_if_unset, has_clips, has_samples, has_spline, number_of
 from ..querying.traversal import populated
 
@@ -42,13 +42,18 @@ class When:
     def __post_init__(self) -> None:
         object.__setattr__(self, "is_default", self.time.IsDefault())
 
+    @property
+    def number(self) -> float:
+        """The frame; to be asked only where there is one."""
+        return float(self.time.GetValue())
+
     def after(self, offset: float) -> When:
         """So many time codes later, which are counted from the earliest value where that stands for the frame."""
         if offset == 0.0:
             return self
         if self.is_default:
             return replace(self, offset=self.offset + offset, remembered=None)
-        return replace(self, time=Usd.TimeCode(self.time.GetValue() + offset), remembered=None)
+        return replace(self, time=Usd.TimeCode(self.number + offset), remembered=None)
 
 
 def when_of(stage: Usd.Stage, time_code: float | None, clips: bool | None = None) -> When:
@@ -56,6 +61,11 @@ def when_of(stage: Usd.Stage, time_code: float | None, clips: bool | None = None
     if time_code is not None:
         return When(Usd.TimeCode(time_code), careful=False)
     return When(Usd.TimeCode.Default(), careful=has_samples_or_clips(stage, clips))
+
+
+def when_of_few(time_code: float | None) -> When:
+    """For prims so few that each attribute may be asked for its times, without a look at the stage's layers."""
+    return When(Usd.TimeCode.Default(), careful=True) if time_code is None else When(Usd.TimeCode(time_code), careful=False)
 
 
 def has_samples_or_clips(stage: Usd.Stage, clips: bool | None = None) -> bool:
@@ -99,6 +109,53 @@ def read(prim: Usd.Prim, name: str, when: When) -> Any:
 def _read(prim: Usd.Prim, name: str, when: When) -> Any:
     attribute = prim.GetAttribute(name)
     return value(attribute, when) if attribute else None
+
+
+def is_hidden(prim: Usd.Prim, when: When) -> bool:
+    """Whether the prim is invisible, by its own opinion or one above it (UsdGeomImageable::ComputeVisibility)."""
+    if not when.careful:
+        return is_invisible(prim, when.time)
+    while prim:
+        if prim.IsA(UsdGeom.Imageable) and read(prim, "visibility", when) == UsdGeom.Tokens.invisible:
+            return True
+        prim = prim.GetParent()
+    return False
+
+
+class StandIns:
+    """Prims for functions of USD that read several attributes at one time: without a frame there is no such time.
+
+    A stand-in is on a stage of its own, with the values that `value` reads as defaults. Where all are defaults it is the prim.
+    """
+
+    def __init__(self, when: When) -> None:
+        self.when = when
+        self.time = when.time  # to ask stand-ins at
+        self._stage: Usd.Stage | None = None
+        self._known: dict[Usd.Prim, Usd.Prim] = {}
+
+    def of(self, prim: Usd.Prim, *relationships: str) -> Usd.Prim:
+        """The prim to ask, with what these relationships lead to."""
+        if not self.when.is_default:
+            return prim
+        if prim not in self._known:
+            led_to = [prim.GetStage().GetPrimAtPath(path) for name in relationships for path in targets(prim, name)]
+            concerned = [prim, *filter(None, led_to)]
+            varies = any(earliest_if_unset(a) is not None for each in concerned for a in authored_attributes(each))
+            self._known[prim] = self._made(concerned, relationships) if varies else prim
+        return self._known[prim]
+
+    def _made(self, concerned: list[Usd.Prim], relationships: tuple[str, ...]) -> Usd.Prim:
+        self._stage = self._stage or Usd.Stage.CreateInMemory()
+        for prim in concerned:
+            made = self._stage.DefinePrim(prim.GetPath(), type_name(prim))
+            for attribute in authored_attributes(prim):
+                found = value(attribute, self.when)
+                if found is not None:
+                    made.CreateAttribute(attribute.GetName(), attribute.GetTypeName()).Set(found)
+        for name in relationships:
+            self._stage.GetPrimAtPath(concerned[0].GetPath()).CreateRelationship(name).SetTargets(targets(concerned[0], name))
+        return self._stage.GetPrimAtPath(concerned[0].GetPath())
 
 
 def array(raw: Any, columns: int, kind: str) -> npt.NDArray[Any] | None:

@@ -17,6 +17,8 @@ CAMERA_VISIBILITY = (
 
 # What the camera sees of a shape, where a render pass says so: one of description.CameraSight.
 CAMERA_SIGHT = "primray:camera"
+# Of a prim that a render pass leaves out though it has members below.
+LEFT_OUT = "primray:leftOut"
 
 ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/rolling_shutter.py
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Hashable
+from collections.abc import Container, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +21,8 @@ from ..querying.guarded import (
     local_transform,
     local_transform_at,
     metadatum,
+    property_names,
+    world_transform,
 )
 from ..querying.time_varying import has_spline, scalar_operations
 from .bindings import BINDING, Subset
@@ -109,6 +111,34 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     if not reads_early(prim, names, when):
         return local_transform(cache, prim)
     return local_transform_at(prim, lambda attribute: time_of(attribute, when))
+
+
+def transforms(when: When) -> UsdGeom.XformCache:
+    """A cache for `local_matrix` and `world_matrix`, of what has defaults where there is no frame."""
+    return UsdGeom.XformCache(when.time)
+
+
+def world_matrix(prim: Usd.Prim, when: When, cache: UsdGeom.XformCache) -> Gf.Matrix4d:
+    """World from a prim, with what has no default read at its earliest value."""
+    upwards = [(each, frozenset(property_names(each))) for each in _upwards(prim)]
+    if not (when.is_default and any(reads_early(each, names, when) for each, names in upwards)):
+        at_once = world_transform(cache, prim)
+        if at_once is not None:
+            return at_once
+    world = Gf.Matrix4d(1.0)
+    for each, names in upwards:
+        local, resets = local_matrix(each, names, when, cache)
+        world = world * local
+        if resets:
+            break
+    return world
+
+
+def _upwards(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    """The prim and what is above it, but for the root."""
+    while prim and not prim.IsPseudoRoot():
+        yield prim
+        prim = prim.GetParent()
 
 
 def reads_early(prim: Usd.Prim, names: frozenset[str], when: When) -> bool:

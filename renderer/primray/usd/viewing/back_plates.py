@@ -18,10 +18,13 @@ from ...description import Frame
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
 from ...textures.image_header import read_header
+from ..adapters.cameras.camera import usd_camera
+from ..opening.reach import check_reach, end_instance
 from ..opening.stage import scratch_copy
 from ..querying.asset import read_asset
-from ..querying.guarded import schemas_applied, value_at
-from ..resolving.read import When
+from ..querying.guarded import schemas_applied
+from ..resolving.read import StandIns, When, read
+from ..resolving.resolve import transforms
 from .plate_relief import Card, Relief, depths_of, flat_card, relief
 
 SCHEMA = "BackPlateAPI"
@@ -37,8 +40,7 @@ class Plate:
     name: str
 
     def value(self, what: str, when: When, default: Any) -> Any:
-        attribute = self.camera.GetAttribute(f"backPlate:{self.name}:{what}")
-        found = value_at(attribute, when.time) if attribute else None
+        found = read(self.camera, f"backPlate:{self.name}:{what}", when)
         return default if found is None else found
 
     def file(self, what: str, when: When) -> str:
@@ -80,14 +82,17 @@ def with_back_plates(
             if plate.camera.IsInstanceProxy():
                 diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate of a camera in an instance is not drawn.")
                 continue
+            if made.GetPrimAtPath(path).IsInstance():  # the card is a child
+                end_instance(made.GetPrimAtPath(path))
             through = looks if path == own else None
             card = _card(plate, None if through is None else through.camera, when)
             _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
+    check_reach(made)
     return made
 
 
 def _card(plate: Plate, conformed: Camera | None, when: When) -> Card:
-    camera = UsdGeom.Camera(plate.camera).GetCamera(when.time)
+    camera = usd_camera(plate.camera, when, StandIns(when), transforms(when))
     away = float(camera.focusDistance) + UNITS_PER_TENTH * float(camera.focalLength)
     if conformed is None:
         window = camera.frustum.GetWindow()

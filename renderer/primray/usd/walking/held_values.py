@@ -61,7 +61,7 @@ def _hold(attribute: Usd.Attribute, when: When, times: PoseTimes | None) -> None
 
 def time_code(when: When, offset: float) -> Usd.TimeCode:
     """Of a pose; at the default time the first one is at the frame."""
-    return Usd.TimeCode(offset if when.is_default else float(when.time.GetValue()) + offset)
+    return Usd.TimeCode(offset if when.is_default else when.number + offset)
 
 
 def leave_to_samples(layer: Sdf.Layer, bindings: list[SkeletonBinding]) -> None:

@@ -8,17 +8,19 @@ themselves, and end the instances around them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLod
+from pxr import Gf, Sdf, Tf, Usd, UsdLod
 
 from ...diagnostics import Diagnostics
+from ..adapters.cameras.camera import usd_camera
+from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..opening.taking_out import take_out
-from ..querying.guarded import default_value, schemas_applied, targets, type_name, value_at, world_transform
-from ..querying.traversal import THERE_IN_INSTANCES, children, drawn_in_instances, populated, stands_in_world
-from ..resolving.read import When
+from ..querying.guarded import schemas_applied, targets, type_name
+from ..querying.traversal import THERE_IN_INSTANCES, children, drawn, stands_in_world
+from ..resolving.read import StandIns, When, read
+from ..resolving.resolve import transforms, world_matrix
 
 ROOT, OVERRIDE = "LODRootAPI", "LODOverrideAPI"
 DOMAIN = "imaging"
@@ -35,28 +37,24 @@ def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, di
     """A copy of the stage with one level of each root."""
     gone: set[Sdf.Path] = set()
     told = 0
-    cache = UsdGeom.XformCache(when.time)
-    for root in [*drawn_in_instances(stage.GetPseudoRoot()), *_abstract(stage)]:
+    looks = _Looks(camera, when)
+    for root in drawn(stage):
         if ROOT not in schemas_applied(root) or any(path in gone for path in root.GetPath().GetPrefixes()):
             continue
         levels = [child for child in children(root, THERE_IN_INSTANCES) if not child.IsA(UsdLod.Heuristic)]
-        choice = _choice(root, camera, when, cache)
-        left_out, drawn = _left_out(levels, choice)
+        choice = _choice(root, looks)
+        left_out, shown = _left_out(levels, choice)
         gone |= left_out
         told += 1
         if told <= MOST_TOLD:
-            message = f"{drawn} of its {len(levels)} levels of detail, {choice.why}."
+            message = f"{shown} of its {len(levels)} levels of detail, {choice.why}."
             diagnostics.add("lod-chosen", str(root.GetPath()), message, "lod:heuristics")
     if told > MOST_TOLD:
         diagnostics.add("lod-chosen", "", f"Levels of {told - MOST_TOLD:,} further prims were chosen likewise.")
     made = scratch_copy(stage)
     take_out(made, gone)
+    check_reach(made)
     return made
-
-
-def _abstract(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """What point instancers may draw from."""
-    return (prim for prim in populated(stage) if not prim.IsInPrototype() and not stands_in_world(prim))
 
 
 def _left_out(levels: list[Usd.Prim], choice: Choice) -> tuple[set[Sdf.Path], str]:
@@ -70,20 +68,45 @@ def _left_out(levels: list[Usd.Prim], choice: Choice) -> tuple[set[Sdf.Path], st
     return others, f"{levels[chosen].GetName()} (number {chosen})"
 
 
-def _choice(root: Usd.Prim, camera: Usd.Prim | None, when: When, cache: UsdGeom.XformCache) -> Choice:
-    override = _override(root, when)
+class _Looks:
+    """What heuristics are asked about: the camera, and prims as they are at the time of the render."""
+
+    def __init__(self, camera: Usd.Prim | None, when: When) -> None:
+        self.camera, self.when = camera, when
+        self._stand_ins, self._transforms = StandIns(when), transforms(when)
+
+    def index(self, heuristic: Usd.Prim, root: Usd.Prim) -> float | None:
+        """The level that a heuristic gives, None where it gives none."""
+        if self.camera is None:
+            return None
+        world = world_matrix(root, self.when, self._transforms)
+        time, asked = self._stand_ins.time, self._stand_ins.of(heuristic, "boundingVolume")
+        try:
+            if asked.IsA(UsdLod.DistanceHeuristic):
+                viewpoint = Gf.Vec3d(world_matrix(self.camera, self.when, self._transforms).ExtractTranslation())
+                return float(UsdLod.DistanceHeuristic(asked).ComputeLOD(viewpoint, world, time))
+            if asked.IsA(UsdLod.ScreenSizeHeuristic):
+                frustum = usd_camera(self.camera, self.when, self._stand_ins, self._transforms).frustum
+                return float(UsdLod.ScreenSizeHeuristic(asked).ComputeLOD(frustum, world, time))
+        except Tf.ErrorException:
+            return None
+        return None
+
+
+def _choice(root: Usd.Prim, looks: _Looks) -> Choice:
+    override = _override(root, looks.when)
     if override is not None:
         return override
     stands = _stands_alone(root)
     for target in targets(root, "lod:heuristics"):
         heuristic = root.GetStage().GetPrimAtPath(target)
-        if camera is None or not stands or not heuristic or default_value(heuristic.GetAttribute("lod:domain")) != DOMAIN:
+        if not stands or not heuristic or read(heuristic, "lod:domain", looks.when) != DOMAIN:
             continue
-        index = _asked(heuristic, root, camera, when, cache)
+        index = looks.index(heuristic, root)
         if index is not None and math.isfinite(index):
             return Choice(index, f"as its heuristic {target} says ({index:g})")
-    index = value_at(root.GetAttribute("lod:default:index"), when.time)
-    why = "its default" if camera is not None else "its default, for no camera of the stage looks"
+    index = read(root, "lod:default:index", looks.when)
+    why = "its default" if looks.camera is not None else "its default, for no camera of the stage looks"
     why = why if stands else "its default, for a point instancer draws it in many places"
     return Choice(float(index) if isinstance(index, int) else 0.0, why)
 
@@ -103,7 +126,7 @@ def _override(root: Usd.Prim, when: When) -> Choice | None:
     prim = root
     while prim and not prim.IsPseudoRoot():
         if OVERRIDE in schemas_applied(prim):
-            mode = value_at(prim.GetAttribute("lod:override:mode"), when.time)
+            mode = read(prim, "lod:override:mode", when)
             why = f"by the override of {prim.GetPath()}"
             if mode == "noOverride":
                 return None
@@ -112,23 +135,7 @@ def _override(root: Usd.Prim, when: When) -> Choice | None:
             if mode == "allLOD":
                 return Choice(None, why)
             if mode == "indexedLOD":
-                index = value_at(prim.GetAttribute("lod:override:index"), when.time)
+                index = read(prim, "lod:override:index", when)
                 return Choice(float(index) if isinstance(index, int | float) and math.isfinite(index) else 0.0, why)
         prim = prim.GetParent()
-    return None
-
-
-def _asked(heuristic: Usd.Prim, root: Usd.Prim, camera: Usd.Prim, when: When, cache: UsdGeom.XformCache) -> float | None:
-    world, stands = world_transform(cache, root), world_transform(cache, camera)
-    if world is None or stands is None:
-        return None
-    try:
-        if heuristic.IsA(UsdLod.DistanceHeuristic):
-            viewpoint = Gf.Vec3d(stands.ExtractTranslation())
-            return float(UsdLod.DistanceHeuristic(heuristic).ComputeLOD(viewpoint, world, when.time))
-        if heuristic.IsA(UsdLod.ScreenSizeHeuristic):
-            frustum = UsdGeom.Camera(camera).GetCamera(when.time).frustum
-            return float(UsdLod.ScreenSizeHeuristic(heuristic).ComputeLOD(frustum, world, when.time))
-    except Tf.ErrorException:
-        return None
     return None

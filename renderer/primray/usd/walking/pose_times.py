@@ -78,7 +78,7 @@ def _steps(first: float, last: float, knots: list[float], meshes: list[PosedMesh
 def _base(moving: list[Usd.Attribute], when: When) -> float:
     """What offsets count from, as errors are estimated: at the default time the first value that there is."""
     if not when.is_default:
-        return float(when.time.GetValue())
+        return when.number
     earliest = ((attribute, earliest_if_unset(attribute)) for attribute in moving)
     firsts = [number_of(time, attribute) for attribute, time in earliest if time is not None]
     return min((first for first in firsts if first is not None), default=0.0)

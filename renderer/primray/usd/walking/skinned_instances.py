@@ -13,10 +13,12 @@ from itertools import chain, count
 from pxr import Sdf, Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
-from ..querying.guarded import FAILURES, property_names, targets, type_name, world_transform
+from ..opening.reach import OpinionsLeak, composers, end_instance
+from ..querying.guarded import FAILURES, property_names, targets, type_name
 from ..querying.skin_marks import copy_marks
 from ..querying.traversal import everything_in_instances, in_world, instanced_roots, stands_in_world, there_below
 from ..resolving.read import When, read
+from ..resolving.resolve import transforms, world_matrix
 from .skeleton_bindings import bindings_below, concerned
 
 _BINDING = ("skel:", "primvars:skel:")
@@ -76,16 +78,19 @@ def take_apart(stage: Usd.Stage, most: int, times: Sequence[When], diagnostics: 
             _tell(stage, apart, most, diagnostics)
             continue
         for path in apart:
-            stage.GetPrimAtPath(path).SetInstanceable(False)
+            end_instance(stage.GetPrimAtPath(path))
 
 
 def share_poses(stage: Usd.Stage, crowds: list[Crowd], layers: list[Sdf.Layer]) -> None:
     """Let the others of each crowd have what these layers of the session say below its first, which is an instance again.
 
-    The last crowds come first: they may stand in what earlier ones hand over.
+    The last crowds come first: they may stand in what earlier ones hand over. OpinionsLeak where prims compose one of them.
     """
     for crowd in reversed(crowds):
         others = [path for path in crowd.others if stage.GetPrimAtPath(path).IsInstance()]
+        for path in others:
+            if composed_by := composers(stage, path):
+                raise OpinionsLeak(f"{min(composed_by)} would be posed as {path}")
         if others:
             _share(stage, crowd.first, others, layers)
 
@@ -141,7 +146,7 @@ def _tell(stage: Usd.Stage, instances: list[Sdf.Path], most: int, diagnostics: D
 
 def _posed_alike(stage: Usd.Stage, instances: list[Sdf.Path], times: Sequence[When]) -> list[list[Sdf.Path]]:
     """The instances by their prototype and what is bound to them from outside it."""
-    places = [UsdGeom.XformCache(when.time) for when in times]
+    places = [(when, transforms(when)) for when in times]
     bound_to = [_Bound(when) for when in times]
     outside = {str(p.GetPath()): _leads_outside(p) for p in stage.GetPrototypes()}
     found: dict[object, list[Sdf.Path]] = {}
@@ -152,15 +157,13 @@ def _posed_alike(stage: Usd.Stage, instances: list[Sdf.Path], times: Sequence[Wh
         is_bound_outside = outside[prototype] or any(
             name == "skel:skeleton" and text.startswith("/") for name, text in bound[0]
         )
-        place = tuple(_place(prim, then) for then in places) if is_bound_outside else ()
+        place = tuple(_place(prim, *then) for then in places) if is_bound_outside else ()
         found.setdefault((prototype, bound, place), []).append(path)
     return list(found.values())
 
 
-def _place(prim: Usd.Prim, places: UsdGeom.XformCache) -> object:
-    """Where one cannot be read, nothing else stands there."""
-    world = world_transform(places, prim)
-    return prim.GetPath() if world is None else tuple(map(tuple, world))
+def _place(prim: Usd.Prim, when: When, places: UsdGeom.XformCache) -> object:
+    return tuple(map(tuple, world_matrix(prim, when, places)))
 
 
 class _Bound:

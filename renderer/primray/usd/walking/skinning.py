@@ -15,6 +15,7 @@ from pxr import Gf, Sdf, Usd
 
 from ...diagnostics import Diagnostics
 from ..moving.foreseen import Foreseen
+from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..querying.guarded import FAILURES, why
 from ..querying.skin_marks import NOT_APPLIED, UNBOUND, has_weights, is_marked, mark
@@ -57,6 +58,7 @@ def posed(stage: Usd.Stage, when: When, seen: Foreseen, diagnostics: Diagnostics
         for path in paths:
             if root := UsdSkel.Root(made.GetPrimAtPath(path)):  # baking makes Xforms of it and of those below
                 _pose(root, posing)
+        check_reach(made, dict.fromkeys([session, layers.held, layers.kept]))
     if layers.held != layers.kept:
         session.subLayerPaths.remove(layers.held.identifier)
     share_poses(made, crowds, [session, layers.kept])

@@ -42,6 +42,7 @@ from ..resolving.resolve import (
     inner_or_outer,
     is_drawn,
     local_matrix,
+    transforms,
 )
 from ..shapes.instance_primvars import given_per_instance
 from .instances import Group
@@ -106,7 +107,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
     """
     kinds = PrimKinds(ctx, leaf_types)
     has_instances = bool(ctx.stage.GetPrototypes())
-    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time), kinds, has_instances, links)
+    state = _Walk(ctx, leaf_types, expand, transforms(ctx.when), kinds, has_instances, links)
     state.record = ctx.kept.of(Record)
     state.record.begin()
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
@@ -156,7 +157,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             resolved.own_color = mine.color is not None and mine.color is not above.inherited.color
             drawn_as = stand_in(resolved, ctx) if mine.draw_mode != "default" else ""
             if drawn_as:
-                if is_drawn(mine, ctx.purposes):
+                if is_drawn(mine, ctx.purposes) and not kind.left_out:
                     place.group.leaves.append(replace(resolved, type_name=drawn_as))
                 continue
             if kind.is_noted:
@@ -170,7 +171,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             if type_name == "PointInstancer":
                 _expand_points(state, group, place.group, resolved, inherited if root.IsPrototype() else inherited.top)
                 continue
-            if type_name == "Points" and is_drawn(mine, ctx.purposes):
+            if type_name == "Points" and is_drawn(mine, ctx.purposes) and not kind.left_out:
                 _place_spheres(state, group, place.group, resolved)
             if kind.taken_as and is_drawn(mine, ctx.purposes):  # also an instance may itself be a shape
                 _place_leaf(state, places, place, resolved)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from pxr import Usd
 
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.adapters.rendering.render_settings import products
+from primray.usd.opening import taking_out
+from primray.usd.opening.reach import end_instance
 
 from ..usd_text import stage_of
 
@@ -192,3 +195,102 @@ def test_a_pass_that_is_not_there(asked: str) -> None:
     with pytest.raises(SettingsError, match="/pass") as error:
         translate(stage_of(SCENE.replace("BODY", "")), RenderSettings(render_pass=asked))
     assert error.value.code == "unknown-render-pass"
+
+
+CUBE = 'def Cube "NAME"\n{\n}\n'
+MEMBERS = CUBE.replace("NAME", "kept") + CUBE.replace("NAME", "lost")
+ONLY_KEPT = """uniform bool collection:renderVisibility:includeRoot = 0
+rel collection:renderVisibility:includes = KEPT
+"""
+
+
+def shown(text: str, body: str) -> tuple[list[str], list[str], list[str]]:
+    """Shapes that are drawn, lights, and codes of warnings."""
+    stage = stage_of(text + f'def RenderPass "pass"\n{{\n{body}\n}}\n')
+    description, diagnostics = translate(stage, RenderSettings(resolution=(8, 8), render_pass="/pass"))
+    lights = [light.path for light in description.lights if not light.path.startswith("primray:")]
+    return sorted(s.path for s in description.shapes), lights, [d.code for d in diagnostics if d.is_strict]
+
+
+@pytest.mark.parametrize(
+    "parent",
+    [
+        "def SkelRoot",
+        "def RectLight",
+        "def DomeLight",
+        "def Mesh",
+        "def Points",
+        "def Volume",
+        "def LightFilter",
+        "def PortalLight",
+        'def Sphere "top" (prepend apiSchemas = ["LightAPI"])',
+        'def Camera "top" (prepend apiSchemas = ["LightAPI"])',
+        'def "top" (prepend apiSchemas = ["LightAPI"])',
+    ],
+)
+@pytest.mark.parametrize("is_instance", [False, True])
+def test_members_stay_whatever_is_above_them(parent: str, is_instance: bool) -> None:
+    head = parent if '"top"' in parent else f'{parent} "top"'
+    text = f"{head}\n{{\n{MEMBERS}}}\n"
+    if is_instance:
+        text = f'class "all"\n{{\n{text}}}\ndef Xform "in" (\ninstanceable = true\nreferences = </all>\n)\n{{\n}}\n'
+    place = "/in/top" if is_instance else "/top"
+    body = ONLY_KEPT.replace("KEPT", f"<{place}/kept>")
+    assert shown(text, body) == ([f"{place}/kept"], [], [])
+
+
+def test_a_model_that_is_no_member_is_not_drawn_as_its_box() -> None:
+    model = 'def Xform "model" (\nkind = "component"\nprepend apiSchemas = ["GeomModelAPI"]\n)\n'
+    model += '{\nuniform token model:drawMode = "bounds"\n' + MEMBERS + "}\n"
+    group = 'def Xform "world" (\nkind = "group"\n)\n{\n' + model + CUBE.replace("NAME", "other") + "}\n"
+    for kept, found in (
+        ("</world/other>", ["/world/other"]),
+        ("</world/model/kept>", []),
+        ("</world/model>", ["/world/model"]),
+    ):
+        assert shown(group, ONLY_KEPT.replace("KEPT", kept))[0] == found
+
+
+INSTANCER = """def PointInstancer "many"
+{
+    point3f[] positions = [(0, 0, 0), (5, 0, 0)]
+    int[] protoIndices = [0, 1]
+    rel prototypes = [</many/of/kept>, </many/of/lost>]
+    HOW "of"
+    {
+        BODY
+    }
+}
+"""
+
+
+@pytest.mark.parametrize("how", ["def Scope", "class", "over"])
+@pytest.mark.parametrize("nested", [False, True])
+def test_prototypes_are_reached_wherever_they_are(how: str, nested: bool) -> None:
+    body = MEMBERS
+    if nested:  # native instances below what keeps the prototypes out of the world
+        body = "".join(f'def "{name}" (\ninstanceable = true\nreferences = </source>\n)\n{{\n}}\n' for name in ("kept", "lost"))
+    text = INSTANCER.replace("HOW", how).replace("BODY", body) + 'class "source"\n{\ndef Cube "c"\n{\n}\n}\n'
+    kept, lost = (f"/many/of/{name}{'/c' if nested else ''}" for name in ("kept", "lost"))
+    assert shown(text, f"rel collection:prune:includes = <{lost}>")[0] == [kept]
+    assert shown(text, ONLY_KEPT.replace("KEPT", f"<{kept}>"))[0] == [kept]
+    assert shown(text, f"rel collection:renderVisibility:excludes = <{lost}>")[0] == [kept]
+    assert shown(text, "rel collection:renderVisibility:excludes = </many>")[0] == []
+    stage = stage_of(text + f'def RenderPass "pass"\n{{\nrel collection:matte:includes = <{lost}>\n}}\n')
+    description, _ = translate(stage, RenderSettings(resolution=(8, 8), render_pass="/pass"))
+    sights = {shape.path: description.surfaces[shape.surface].camera for shape in description.shapes}
+    assert [str(sights[path].value) for path in (kept, lost)] == ["seen", "matte"]
+
+
+def test_instances_without_members_stay_instances(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[str] = []
+
+    def noted(instance: Usd.Prim) -> None:
+        ended.append(instance.GetName())
+        end_instance(instance)
+
+    monkeypatch.setattr(taking_out, "end_instance", noted)
+    assert total(rendered("rel collection:renderVisibility:excludes = </one>")[0]) == WHOLE - 2
+    assert ended == []
+    assert total(rendered("rel collection:renderVisibility:excludes = [</one>, </two/leaf>]")[0]) == WHOLE - 3
+    assert ended == ["two"]

@@ -127,3 +127,21 @@ def test_without_a_camera_it_is_the_default() -> None:
     description, diagnostics = translate(stage, RenderSettings(resolution=(8, 8)))
     assert [shape.path for shape in description.shapes] == ["/tree/fine"]
     assert any("no camera" in d.message for d in diagnostics if d.code == "lod-chosen")
+
+
+@pytest.mark.parametrize("how", ["def Scope", "class", "over"])
+@pytest.mark.parametrize("in_instance", [False, True])
+def test_one_level_of_a_prototype_is_drawn_wherever_it_is(how: str, in_instance: bool) -> None:
+    text = 'def PointInstancer "many"\n{\npoint3f[] positions = [(0, 0, 0)]\nint[] protoIndices = [0]\n'
+    text += f'rel prototypes = <of/tree>\n{how} "of"\n{{\n{tree("int lod:default:index = 1")}}}\n}}\n'
+    if in_instance:
+        text = f'class "all"\n{{\n{text}}}\ndef "in" (\ninstanceable = true\nreferences = </all>\n)\n{{\n}}\n'
+    found, _ = drawn(text)
+    assert found == [f"{'/in' if in_instance else ''}/many/of/tree/coarse"]
+
+
+def test_classes_that_nothing_draws_have_no_levels_to_choose() -> None:
+    inherited = TREE.replace("def Xform", "class", 1).replace('"tree"', '"kind"').replace("BODY", "")
+    found, told = drawn(inherited + 'def Xform "tree" (\ninherits = </kind>\n)\n{\nint lod:default:index = 2\n}\n')
+    assert found == ["coarsest"]
+    assert len(told) == 1

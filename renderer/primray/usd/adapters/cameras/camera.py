@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,10 +11,9 @@ from pxr import Gf, Usd, UsdGeom
 from ....arrays import Doubles
 from ....description import Camera, Projection
 from ....diagnostics import Diagnostics
-from ...querying.guarded import property_names, world_transform
 from ...resolving.convert import matrix
-from ...resolving.read import When, number, token
-from ...resolving.resolve import local_matrix, reads_early
+from ...resolving.read import StandIns, When, number, token
+from ...resolving.resolve import transforms, world_matrix
 from ..rendering.render_product import ProductSettings
 from .clipping import clipping_planes, clipping_range
 from .distortion import Sensor, note_parallel, read_sensor
@@ -210,7 +208,7 @@ def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> flo
 
 def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Doubles:
     """Rigid, as GfFrustum makes it: scale and shear are removed."""
-    gf = _world_matrix(prim, when)
+    gf = world_matrix(prim, when, transforms(when))
     if not np.isfinite(np.array(gf)).all():
         diagnostics.add(
             "invalid-transform", str(prim.GetPath()), "The camera's transform is not finite: it is placed at the origin."
@@ -226,26 +224,13 @@ def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> 
     return after
 
 
-def _world_matrix(prim: Usd.Prim, when: When) -> Gf.Matrix4d:
-    cache = UsdGeom.XformCache(when.time)
-    upwards = [(p, frozenset(property_names(p))) for p in _upwards(prim)]
-    at_once = None if any(reads_early(p, names, when) for p, names in upwards) else world_transform(cache, prim)
-    if at_once is not None:
-        return at_once
-    world = Gf.Matrix4d(1.0)
-    for p, names in upwards:
-        local, resets = local_matrix(p, names, when, cache)
-        world = world * local
-        if resets:
-            break
-    return world
-
-
-def _upwards(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    """The prim and what is above it, but for the root."""
-    while prim and not prim.IsPseudoRoot():
-        yield prim
-        prim = prim.GetParent()
+def usd_camera(prim: Usd.Prim, when: When, stand_ins: StandIns, cache: UsdGeom.XformCache) -> Gf.Camera:
+    """The camera as USD itself reads it (UsdGeomCamera::GetCamera), by the rule of what has no default."""
+    asked = stand_ins.of(prim)
+    found = UsdGeom.Camera(asked).GetCamera(stand_ins.time)
+    if when.is_default:
+        found.transform = world_matrix(prim, when, cache)
+    return found
 
 
 def note_one_eye(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:

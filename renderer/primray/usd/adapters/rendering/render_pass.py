@@ -1,26 +1,25 @@
 """UsdRenderPass: the one that is asked for changes the scene before it is translated; what others say is for the software that
 submits renders.
 
-What `prune` holds is deactivated; geometry and lights that `renderVisibility` leaves out are invisible, those that
-`cameraVisibility` leaves out are not seen by the camera, and shapes that `matte` holds are holes in its picture. All of it is
-written to a session layer of a copy of the stage, so that everything after it sees an ordinary stage; instances that are told
-apart inside are instances no more there.
+What `prune` holds is deactivated; geometry and lights that `renderVisibility` leaves out are not rendered, those that
+`cameraVisibility` leaves out are not seen by the camera, and shapes that `matte` holds are holes in its picture. Members stay
+whatever is above them: a parent that is left out is left out alone. All of it is written to a session layer of a copy of the
+stage, so that everything after it sees an ordinary stage; instances that are told apart inside are instances no more there.
 """
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 from pxr import Kind, Sdf, Usd, UsdGeom, UsdLux
 
 from ....description import CameraSight
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
+from ...opening.reach import check_reach
 from ...opening.stage import scratch_copy
 from ...opening.taking_out import editable, take_out
-from ...querying.guarded import default_value, property_names, targets, type_name
-from ...querying.traversal import collected, drawn_in_instances, in_world
-from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY
+from ...querying.guarded import computed, property_names, targets, type_name
+from ...querying.traversal import collected, drawn, in_world
+from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY, LEFT_OUT
 
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
 COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
@@ -62,16 +61,17 @@ def settings_of_pass(stage: Usd.Stage, asked: str) -> str | None:
 
 
 def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> Usd.Stage:
-    """A copy of the stage as the pass wants it rendered."""
+    """A copy of the stage as the pass wants it rendered; OpinionsLeak where that would change other prims."""
     made = scratch_copy(stage)
     prim = render_pass(made, asked)
     _note_unread(prim, diagnostics)
     collections = {name: _members(prim, name) for name in COLLECTIONS}
-    take_out(made, collections["prune"] or ())
+    take_out(made, _drawn_members(made, collections["prune"]))
     with Usd.EditContext(made, made.GetSessionLayer()):
-        _hide(made, collections["renderVisibility"])
+        _leave_out(made, collections["renderVisibility"])
         _hold_out(made, collections["matte"])
         _hide_from_camera(made, collections["cameraVisibility"])
+    check_reach(made)
     return made
 
 
@@ -92,36 +92,49 @@ def _members(prim: Usd.Prim, name: str) -> frozenset[Sdf.Path] | None:
     return collected(Usd.CollectionAPI(prim, name).ComputeMembershipQuery(), prim.GetStage())
 
 
-def _all(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    return iter(list(drawn_in_instances(stage.GetPseudoRoot())))
+def _drawn_members(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> list[Sdf.Path]:
+    return [path for prim in drawn(stage) if (path := prim.GetPath()) in members] if members else []
 
 
-def _hide(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
-    """Geometry and lights that are no members; nothing that lies between."""
+def _leave_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
+    """Geometry and lights that are no members. Those with members below, which invisible ones would hide, are marked."""
     if members is None:
         return
-    rendered = {prim.GetPath(): _visibility(prim) for prim in _all(stage) if _is_rendered(prim)}
-    for path in rendered:
-        if path not in members:
-            UsdGeom.Imageable(editable(stage, path)).CreateVisibilityAttr("invisible")
-    for path, before in rendered.items():  # what refers to a prim that is hidden is not, if it is a member
-        hidden = _visibility(stage.GetPrimAtPath(path)) == "invisible"
-        if path in members and hidden and before != "invisible":
-            UsdGeom.Imageable(editable(stage, path)).CreateVisibilityAttr(before or "inherited")
+    rendered = [prim.GetPath() for prim in drawn(stage) if _is_rendered(prim)]
+    above = {prefix for path in rendered if path in members for prefix in path.GetPrefixes()}
+    hidden = dict.fromkeys(_hidden_with(stage, path, above) for path in rendered if path not in members)
+    for path in hidden:
+        prim = editable(stage, path)
+        if path in above and type_name(prim) == "PointInstancer":  # of its prototypes, those that are no members are left out
+            continue
+        if path in above or not prim.IsA(UsdGeom.Imageable):
+            prim.CreateAttribute(LEFT_OUT, Sdf.ValueTypeNames.Bool).Set(True)
+        else:
+            UsdGeom.Imageable(prim).CreateVisibilityAttr("invisible")
 
 
-def _visibility(prim: Usd.Prim) -> str:
-    return str(default_value(UsdGeom.Imageable(prim).GetVisibilityAttr()) or "")
+def _hidden_with(stage: Usd.Stage, path: Sdf.Path, above: set[Sdf.Path]) -> Sdf.Path:
+    """The outermost native instance around a prim that has no members below, so that it can stay an instance; or the prim."""
+    prim = stage.GetPrimAtPath(path)
+    if prim.IsInstanceProxy():
+        for prefix in path.GetPrefixes()[:-1]:
+            around = stage.GetPrimAtPath(prefix)
+            if around.IsInstance() and prefix not in above and around.IsA(UsdGeom.Imageable):
+                return prefix
+    return path
 
 
 def _is_rendered(prim: Usd.Prim) -> bool:
-    return bool(prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI)) and bool(prim.IsA(UsdGeom.Imageable))
+    """Geometry, lights and what filters them, and models that are drawn as cards or boxes."""
+    if prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI) or prim.IsA(UsdLux.LightFilter):
+        return True
+    return _may_have_draw_mode(prim) and computed(UsdGeom.ModelAPI(prim).ComputeModelDrawMode, "default") != "default"
 
 
 def _hold_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     if members is None:
         return
-    for path in [prim.GetPath() for prim in _all(stage) if prim.GetPath() in members and _is_shape(prim)]:
+    for path in [prim.GetPath() for prim in drawn(stage) if prim.GetPath() in members and _is_shape(prim)]:
         _tell_camera(stage, path, CameraSight.MATTE)
 
 
@@ -129,19 +142,22 @@ def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> 
     """Shapes and lights that are no members."""
     if members is None:
         return
-    left_out = [prim for prim in _all(stage) if prim.GetPath() not in members]
-    for path, is_shape, is_rendered in [(prim.GetPath(), _is_shape(prim), _is_rendered(prim)) for prim in left_out]:
+    left_out = [prim for prim in drawn(stage) if prim.GetPath() not in members]
+    for path, is_shape, is_light in [(prim.GetPath(), _is_shape(prim), prim.HasAPI(UsdLux.LightAPI)) for prim in left_out]:
         if is_shape:
             _tell_camera(stage, path, CameraSight.HIDDEN)
-        elif is_rendered:
+        elif is_light:
             editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
 
 
 def _is_shape(prim: Usd.Prim) -> bool:
     """Or a model, which may be drawn as cards."""
-    if Usd.ModelAPI(prim).IsKind(Kind.Tokens.component) or "model:applyDrawMode" in property_names(prim):
-        return True
-    return bool(prim.IsA(UsdGeom.Boundable)) and not (prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim))
+    is_light = prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim)
+    return _may_have_draw_mode(prim) or (bool(prim.IsA(UsdGeom.Boundable)) and not is_light)
+
+
+def _may_have_draw_mode(prim: Usd.Prim) -> bool:
+    return bool(Usd.ModelAPI(prim).IsKind(Kind.Tokens.component)) or "model:applyDrawMode" in property_names(prim)
 
 
 def _tell_camera(stage: Usd.Stage, path: Sdf.Path, sight: CameraSight) -> None:
