@@ -74,7 +74,7 @@ CROWD = """def PointInstancer "crowd" { uniform token purpose = "render"
  point3f[] positions = [(0, 0, 0), (2, 0, 0)]
  def Sphere "one" {} }
 """
-BARE = {
+BARE: dict[str, tuple[str, dict[str, Any], str]] = {
     "purposes": ('def Sphere "ball" { uniform token purpose = "render" }\n', {"purposes": ("default",)}, "of purpose render"),
     "a crowd": (CROWD, {"purposes": ("default",)}, "of purpose render"),
     "invisible": ('def Sphere "ball" { token visibility = "invisible" }\n', {}, "invisible at this frame"),

@@ -112,8 +112,8 @@ def _prepare(
     camera, frame, lights = description.camera, description.frame, len(description.lights)
     if description.instances:
         assert scene.record is not None
-        shapes, surfaces = scene.record.shape_paths, scene.record.surface_paths
-        scene.record.names = usd.names_in_instances(stage, shapes, surfaces, description.instances)
+        record = scene.record
+        record.names = usd.names_in_instances(stage, record.shape_paths, record.surface_paths, description.instances)
     assets: dict[str, str] = {}
     if any(request.source == "crypto_asset" for request in description.aovs):
         assert scene.record is not None

@@ -47,7 +47,7 @@ def _definition(stage: Usd.Stage, path: str, files: FileNames, own: Collection[S
     """ "" where the prim is in no instance, or nothing defines it."""
     prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) and path.startswith("/") else None
     instance = instance_above(prim) if prim else None
-    if instance is None:
+    if prim is None or instance is None:
         return ""
     try:
         specs = [spec for spec in prim.GetPrimStack() if spec.specifier == Sdf.SpecifierDef]

@@ -150,7 +150,7 @@ def _faces(mesh: UsdGeom.TetMesh) -> Numbers:
     if len(surface):
         return surface
     tets = integers(mesh.GetTetVertexIndicesAttr(), 4)
-    faces = surface_of(tets).astype(np.int64) if len(tets) else np.zeros((0, 3), np.int64)
+    faces = surface_of(tets.astype(np.int32)).astype(np.int64) if len(tets) else np.zeros((0, 3), np.int64)
     return faces[:, ::-1] if default_value(mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded else faces
 
 

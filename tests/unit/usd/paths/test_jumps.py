@@ -206,7 +206,8 @@ def times_of(d: SceneDescription) -> list[np.ndarray]:
     points = [shape.motion for shape in d.shapes if isinstance(shape, Mesh) and shape.motion is not None]
     lights = [light.motion for light in d.lights if light.motion is not None]
     cameras = [d.camera_motion] if d.camera_motion is not None else []
-    return [np.asarray(moving.times) for moving in (*levels, *points, *lights, *cameras)]
+    found = [*(level.times for level in levels), *(motion.times for motion in points), *(motion.times for motion in lights)]
+    return [np.asarray(times) for times in (*found, *(motion.times for motion in cameras))]
 
 
 @pytest.mark.parametrize("camera", ["still", "rider"])
