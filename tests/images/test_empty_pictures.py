@@ -58,6 +58,72 @@ def test_an_empty_picture_is_told_with_its_reason(name: str, tmp_path: Path) -> 
     assert re.search(reason, message), message
 
 
+SKY = 'def DomeLight "sky" {}\n'
+CARD = """def RectLight "card" { float inputs:width = 40
+ float inputs:height = 40
+ double3 xformOp:translate = (0, 0, -5)
+ double xformOp:rotateY = 180
+ uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"] }
+"""
+PASS = """def RenderPass "p" { uniform bool collection:%s:includeRoot = %s
+ rel collection:%s:%s = [</ball>, </crowd>] }
+"""
+CROWD = """def PointInstancer "crowd" { uniform token purpose = "render"
+ rel prototypes = </crowd/one>
+ int[] protoIndices = [0, 0]
+ point3f[] positions = [(0, 0, 0), (2, 0, 0)]
+ def Sphere "one" {} }
+"""
+BARE: dict[str, tuple[str, dict[str, Any], str]] = {
+    "purposes": ('def Sphere "ball" { uniform token purpose = "render" }\n', {"purposes": ("default",)}, "of purpose render"),
+    "a crowd": (CROWD, {"purposes": ("default",)}, "of purpose render"),
+    "invisible": ('def Sphere "ball" { token visibility = "invisible" }\n', {}, "invisible at this frame"),
+    "class": ('class Sphere "ball" {}\n', {}, "below an abstract prim"),
+    "payload": ('def "far" (payload = @far.usda@</ball>) {}\n', {"load": ()}, r"/far is missing \(payloads-unloaded\)"),
+    "mask": (BALL, {"mask": ("/cam", "/sky", "/card")}, "outside the mask"),
+    "pruned": (BALL + PASS % ("prune", "false", "prune", "includes"), {"render_pass": "/p"}, "left out by the render pass /p"),
+    "hidden": (
+        BALL + PASS % ("renderVisibility", "true", "renderVisibility", "excludes"), {"render_pass": "/p"}, "the render pass /p"
+    ),
+    "unseen": (
+        BALL + PASS % ("cameraVisibility", "true", "cameraVisibility", "excludes"), {"render_pass": "/p"}, "is hidden from it"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("light", [SKY, CARD, SKY + CARD], ids=["sky", "card", "both"])
+@pytest.mark.parametrize("name", BARE)
+def test_lights_alone_are_told_where_there_is_geometry(name: str, light: str, tmp_path: Path) -> None:
+    text, more, reason = BARE[name]
+    (tmp_path / "far.usda").write_text('#usda 1.0\ndef Sphere "ball"\n{\n}\n')
+    lights = light if "mask" not in more or "card" in light else light + 'def Scope "card" {}\n'
+    lights = lights if "mask" not in more or "sky" in light else lights + 'def Scope "sky" {}\n'
+    image = primray.render(written(tmp_path, CAMERA + "}\n" + text + lights), settings(**more))
+    assert image.pixels[..., :3].any()
+    (message,) = said(image)
+    assert re.search(reason, message), message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [SKY, SKY + CARD, BALL + CARD.replace("-5", "5"), SKY + MOVED % "(0, 0, 30)"],
+    ids=["sky", "lights alone", "a light that hides all", "a view of the sky"],
+)
+def test_lights_that_are_meant_to_be_seen_are_not(text: str, tmp_path: Path) -> None:
+    image = primray.render(written(tmp_path, CAMERA + "}\n" + text), settings())
+    assert image.pixels[..., :3].any()
+    assert said(image) == []
+
+
+def test_purposes_of_the_stages_own_settings(tmp_path: Path) -> None:
+    path = written(tmp_path, CAMERA + "}\n" + SKY + CROWD)
+    head = '#usda 1.0\n(\nupAxis = "Y"\nrenderSettingsPrimPath = "/Render/s"\n)\n'
+    render = 'def Scope "Render"\n{\ndef RenderSettings "s"\n{\nuniform token[] includedPurposes = ["default"]\n}\n}\n'
+    path.write_text(head + path.read_text().partition(")\n")[2] + render)
+    (message,) = said(primray.render(path, settings()))
+    assert "of purpose render" in message
+
+
 @pytest.mark.parametrize("lamp", ["", LAMP % 1])
 def test_a_picture_with_something_in_it_is_not(lamp: str, tmp_path: Path) -> None:
     assert said(primray.render(written(tmp_path, CAMERA + "}\n" + BALL + lamp), settings())) == []

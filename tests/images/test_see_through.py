@@ -84,10 +84,11 @@ def test_reflections_cover_too() -> None:
     assert 0.03 < alpha(panes(0, mode="transparent") + SUN) < 0.09
 
 
-def test_before_a_sky_that_is_seen_all_is_as_it_was() -> None:
+def test_before_a_sky_that_is_seen_gaps_are_holes_and_glass_covers() -> None:
     image = shot(panes(0.25) + DOME, max_depth=1)
-    assert (image.pixels[..., 3] == 1).all()
+    assert image.pixels[..., 3].mean() == pytest.approx(0.25, abs=0.02)
     assert image.pixels[..., 0].mean() > 0.75
+    assert (shot(panes(0, mode="transparent") + DOME).pixels[..., 3] == 1).all()
 
 
 def test_few_samples_add_up_to_many() -> None:

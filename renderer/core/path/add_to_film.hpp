@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "film/exact_sum.hpp"
+#include "path/coverage.hpp"
 #include "path/tile_task.hpp"
 
 namespace primray {
@@ -79,7 +80,7 @@ inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int sampl
         film.add(p, 2, exact_sum(w.b + slot, valid));
       }
       film.counts[p] += uint32_t(valid);
-      for (int s = slot; s < slot + valid; ++s) film.covered[p] += int64_t(w.a[s] * float(Film::kCovered));
+      for (int s = slot; s < slot + valid; ++s) film.covered[p] += int64_t(finished_coverage(w.a[s]) * float(Film::kCovered));
       invalid += asked - valid;
     }
   }

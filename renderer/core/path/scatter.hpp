@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "path/coverage.hpp"
 #include "path/emission.hpp"
 #include "path/met_routes.hpp"
 #include "path/rays/path_parts.hpp"
@@ -28,6 +29,30 @@ constexpr float kRouletteKeep = 4;
 // render.
 constexpr int kRouletteDeep = 1024;
 constexpr float kRouletteDeepKeep = 0.999f;
+
+// Camera rays that pass what is not there, or what the camera does not see, before anything else (path/coverage.hpp).
+template <int W>
+PRIMRAY_RARE void note_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) {
+  for (uint32_t b = bits(gaps & (p.vertex == vint<W>(0))); b; b &= b - 1) {
+    float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+    if (a < kThroughGaps) a += kGapMark;
+  }
+}
+
+// Of camera rays that go straight on from `v`: whether there was nothing, or something that light passes.
+template <int W, class Lobes>
+PRIMRAY_RARE void note_straight(Round& round, vbool<W> straight, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
+                                const PathLanes<W>& p) {
+  if constexpr (requires { v.bsdf.presence; }) {
+    const vfloat<W> one(1.0f);
+    const vbool<W> gap = straight & (v.bsdf.presence < one) & (s.weight.x == one) & (s.weight.y == one) & (s.weight.z == one);
+    note_gaps(round, gap, p);
+    for (uint32_t b = bits(straight & !gap); b; b &= b - 1) {
+      float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+      if (a >= kThroughGaps) a -= kGapMark;
+    }
+  }
+}
 
 // A direction by the BSDF, the guide or photons. `splits`: among how many paths each sample is split, photons change it.
 // `own`: where photons are asked, the density without them.
@@ -144,6 +169,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   PathLanes<W> n = p;
   F own(0.0f);
   const BsdfSample<W> s = sample_direction(round, v, p, n.splits, own);
+  if (const B through = scatters & s.straight & (p.depth == I(0)); scene.has_thin && any(through))
+    note_straight(round, through, v, s, p);
   n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
   n.beta = p.beta * s.weight;
   B alive = leave_surface(round, scatters, v, s, p.ray.time, n) & (max_component(n.beta) > F(0.0f));

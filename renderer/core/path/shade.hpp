@@ -27,6 +27,17 @@ PRIMRAY_RARE void see_through(Round& round, vbool<W> seen, const PathLanes<W>& p
   }
 }
 
+// Samples that escape straight: what has passed gaps alone, as through holes, and what brings no light (`nothing`).
+template <int W>
+PRIMRAY_RARE void escape_straight(Round& round, vbool<W> escaped, vbool<W> nothing, const PathLanes<W>& p) {
+  const uint32_t unseen = bits(nothing);
+  for (uint32_t b = bits(escaped); b; b &= b - 1) {
+    const int k = __builtin_ctz(b);
+    float& a = round.worker.a[p.slot[k]];
+    if (a >= kThroughGaps || (unseen >> k & 1)) a -= (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+  }
+}
+
 // Light that comes back along the ray from lights it meets, and from afar. A body that is met leaves nothing of `hit`. `looks`:
 // lanes that have not met lights on their way through a medium (path/cross_media.hpp).
 template <int W>
@@ -49,8 +60,8 @@ PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, vbool<W>
     nothing &= !(max_component(sky) > vfloat<W>(0.0f));
   }
   if (round.scene.has_thin) {
-    nothing &= (p.depth == vint<W>(0)) & (p.vertex > vint<W>(0));
-    if (any(nothing)) see_through(round, nothing, p);
+    const vbool<W> straight = escaped & (p.depth == vint<W>(0)) & (p.vertex > vint<W>(0));
+    if (any(straight)) escape_straight(round, straight, nothing, p);
   }
   for (uint32_t b = bits(active & (p.vertex == vint<W>(0)) & (hit | covered)); b; b &= b - 1)
     round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
@@ -252,6 +263,7 @@ PRIMRAY_RARE void heed_camera(Round& round, int at, const PathLanes<W>& p, const
   const vbool<W> hidden = sights.are(CameraSight::kHidden, looks, it.surface);
   if (!any(hidden)) return;
   hit &= !hidden;
+  note_gaps(round, hidden, p);
   const F side = select(dot(it.ng, p.ray.d) > F(0.0f), F(-1.0f), F(1.0f));
   const vvec3<W> ng = it.ng * side;
   if (round.follows_bodies()) return pass_unseen(round, hidden, p, it, ng, round.worker.inside->pool->template at<W>(at));

@@ -21,6 +21,9 @@ class SceneRecord:
 
     shape_paths: list[str] = field(default_factory=list)
     surface_paths: list[str] = field(default_factory=list)
+    names: dict[str, str] = field(
+        default_factory=dict
+    )  # what shapes and surfaces are called whose path is that of one instance
     # By the core's row: number of the shape, and the instance's name where it stands in the world as the only one.
     meshes: list[tuple[int, str]] = field(default_factory=list)
     curved: list[tuple[int, str]] = field(default_factory=list)

@@ -167,7 +167,8 @@ class Curves:
     """
 
     path: str
-    controls: Floats  # (N, 4): x, y, z and radius, which is not negative
+    # (N, 4): x, y, z and radius. The radius along a segment is not negative; its two inner control values may be.
+    controls: Floats
     segments: Ints  # (C,) of each curve, at least 1
     surface: int | Ints  # index into SceneDescription.surfaces, or one for each segment of all, -1 for those not drawn
     closed: bool = False  # the last control point of each curve is its first
@@ -188,7 +189,7 @@ class Ribbons:
     the width to both sides, across the tangent and the interpolated normal."""
 
     path: str
-    controls: Floats  # (N, 4): x, y, z and half the width, which is not negative
+    controls: Floats  # (N, 4): x, y, z and half the width, as the radii of Curves
     normals: Floats  # (N, 3) control values, of any length
     segments: Ints  # (C,) of each curve, at least 1
     surface: int | Ints  # index into SceneDescription.surfaces, or one for each segment of all, -1 for those not drawn

@@ -58,6 +58,9 @@ class SceneDescription:
     exposure: Exposure | None = None  # None: an instant, at which nothing moves
     camera_motion: CameraMotion | None = None
     motion_steps: tuple[MotionSteps, ...] = ()  # of all that moves
+    instances: tuple[
+        str, ...
+    ] = ()  # the paths of those that shapes in native prototypes are called by, where AOVs are asked for
 
     @property
     def frame(self) -> Frame:

@@ -114,6 +114,8 @@ def examine(scene: str, settings: RenderSettings, seconds: float) -> Examined:
         stage = usd.open_stage(scene, opening, settings.composition)
     prepared = prepare(stage, opening, replace(settings, aovs=SEEN), costs, diagnostics, steps=steps)
     prepared = replace(prepared, aovs=requests_of(SEEN))
+    if prepared.scene.record is not None:
+        prepared.scene.record.names = {}  # findings name prims by paths, which descriptions and diagnostics have
     with costs.stage("render"):
         pilot = run_pilot(prepared.scene, prepared.settings, seconds)
         sampling = pilot.sampling if pilot is not None else _a_few_samples(prepared)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ def aovs_of(
     found |= {f"primvar:{name}": values for name, values in zip(primvars, found["primvars"], strict=True)}
     errors = _errors(scene, requests, found, settings)
     made: dict[str, Aov] = {}
-    ids = Ids(scene, record)
+    ids = Ids(scene, record, record.names)
     for request in requests:
         made[request.name] = _aov(request, found, errors, camera, counts, scene.exposure_scale, ids)
     return made
@@ -91,24 +91,31 @@ def _two(values: Values) -> Values:
 
 
 class Ids:
-    """Numbers from 1 on in place of the core's own, paths in sorted order; and what each number that is seen stands for."""
+    """Numbers from 1 on in place of the core's own, in the order of names; and what each number that is seen stands for.
 
-    def __init__(self, scene: core.CoreScene, record: SceneRecord) -> None:
+    `names`: what prims and materials in native instances are called in place of their path in one of these.
+    """
+
+    def __init__(self, scene: core.CoreScene, record: SceneRecord, names: Mapping[str, str]) -> None:
         self._scene = scene
         self._record = record
+        self._names = names
 
     def prim(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
         record = self._record
-        numbers, paths = _numbered(record.shape_paths)
+        numbers, paths = _numbered(self._named(record.shape_paths))
         ids = _of_rows(found["prim"], *([numbers[shape] for shape, _ in rows] for rows in (record.meshes, record.curved)))
         return ids, _seen(ids, lambda n: paths[n - 1])
 
     def material(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
         rows = found["material"]
-        numbers, paths = _numbered(self._record.surface_paths)
+        numbers, paths = _numbered(self._named(self._record.surface_paths))
         ids = np.zeros(rows.shape, np.uint32)
         ids[rows >= 0] = numbers[rows[rows >= 0]]
         return ids, _seen(ids, lambda n: paths[n - 1])
+
+    def _named(self, paths: Sequence[str]) -> Sequence[str]:
+        return [self._names.get(path, path) for path in paths] if self._names else paths
 
     def instance(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
         """After those that the core has: instances of which there is one alone, whose shapes stand in the world themselves."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,9 +15,8 @@ from .aov import Aov, channel_names
 from .first_hit import Ids
 from .image import exr_matrices
 
-# labels(path, taxonomy): those of a prim, inherited ones too.
-LabelsOf = Callable[[str, str], tuple[str, ...]]
-_INDICES = re.compile(r"\[\d+\]")
+# labels(prim, instance, taxonomy): those of a prim in an instance, inherited ones too.
+LabelsOf = Callable[[str, str, str], tuple[str, ...]]
 
 
 def labels_of_view(
@@ -27,7 +25,7 @@ def labels_of_view(
     """Label AOVs by name, and what a report says: the camera's matrices, and the boxes of labelled things."""
     assert scene.record is not None
     found = core.first_hits(scene, ["prim", "instance"], [], settings)
-    ids = Ids(scene, scene.record)
+    ids = Ids(scene, scene.record, {})  # by their paths, which labels are looked up by
     prims, instances = ids.prim(found), ids.instance(found)
     both = np.stack([prims[0][..., 0].astype(np.int64), instances[0][..., 0].astype(np.int64)], axis=2)
     things, thing = np.unique(both.reshape(-1, 2), axis=0, return_inverse=True)
@@ -45,7 +43,7 @@ def labels_of_view(
     }
     made = {}
     for request in requests:
-        texts = [_label(prim, instance, str(taxonomy_of(request.source)), labels) for prim, instance in names]
+        texts = [",".join(labels(prim, instance, str(taxonomy_of(request.source)))) for prim, instance in names]
         numbers = {text: number for number, text in enumerate(sorted({text for text in texts if text}), start=1)}
         values = np.array([numbers.get(text, 0) for text in texts], np.uint32)[thing][..., None]
         table = {number: text for text, number in numbers.items()}
@@ -59,12 +57,6 @@ def labels_of_view(
         )
         says["boxes"][request.name] = _boxes(thing, names, texts)
     return made, says
-
-
-def _label(prim: str, instance: str, taxonomy: str, labels: LabelsOf) -> str:
-    """Of a prim and of the instances that it is seen in, by commas."""
-    paths = [path for path in (prim, _INDICES.sub("", instance)) if path]
-    return ",".join(sorted({label for path in paths for label in labels(path, taxonomy)}))
 
 
 def _boxes(thing: Any, names: Sequence[tuple[str, str]], texts: Sequence[str]) -> list[dict[str, Any]]:

@@ -30,6 +30,7 @@ class KeptStage(OpenedFrames):
 
         super().__init__(stage, settings)
         self._composition = settings.composition
+        self._is_given = self.opened.stage is stage  # a caller's, whose session layer is the caller's to write to
         self._changes = StageChanges(self.opened.stage)
         self._steps = FrugalSteps() if is_frugal else KeptSteps()
 
@@ -53,6 +54,10 @@ class KeptStage(OpenedFrames):
 
     def _catch_up(self, costs: Costs) -> None:
         """With edits, of which opening may have something else to tell."""
+        if not self._is_given:
+            from ..usd.opening.session_layer import follow_session_layers
+
+            follow_session_layers(self.opened.stage)
         changes = self._changes.take()
         self._steps.changes.add(changes)
         if changes.others:

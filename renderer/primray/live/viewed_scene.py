@@ -5,7 +5,6 @@ A move of the camera is one attribute of the session layer: all that does not de
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
@@ -101,8 +100,12 @@ class ViewedScene:
 
     def files(self) -> set[str]:
         """Absolute paths of those that the picture may change with."""
-        layer = self.settings.session_layer
-        return usd.files_to_watch(self.path) | ({os.path.abspath(layer)} if layer else set())
+        session_layer = self.settings.session_layer
+        found = usd.files_to_watch(self.path) | (usd.files_to_watch(session_layer) if session_layer else set())
+        if self._kept is not None:
+            for layer in usd.layer_files(self._kept.opened.stage) - found:  # what the session's expression variables lead to
+                found |= usd.files_to_watch(layer)
+        return found
 
     def look_through(self, camera: str | None) -> None:
         """A camera of the stage (None: as the settings say), as its author left it."""

@@ -85,7 +85,7 @@ def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape], warnings
     if len(clocks) < 2:
         return placed
     times = np.array(sorted(set().union(*clocks)), np.float64)
-    times = times[np.append(True, np.diff(times) > 1e-9)]
+    times = times[np.append(np.diff(times.astype(np.float32)) > 0, True)]  # as the core takes them
     if len(times) > len(FEWER):
         message = f"{_MANY} {len(times) - 1} steps beside others: it has {MOST_SEGMENTS} even ones."
         warnings.append(("motion", shapes[moving[0].shape].path, message))

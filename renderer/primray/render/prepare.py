@@ -81,6 +81,7 @@ def _prepare(
     steps: Steps,
 ) -> Prepared:
     from .. import usd
+    from ..description import CameraSight
     from ..report.report import resolve_settings
 
     with costs.stage("translate"):
@@ -109,6 +110,10 @@ def _prepare(
         diagnostics.raise_if_strict()
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
+    if description.instances:
+        assert scene.record is not None
+        record = scene.record
+        record.names = usd.names_in_instances(stage, record.shape_paths, record.surface_paths, description.instances)
     assets: dict[str, str] = {}
     if any(request.source == "crypto_asset" for request in description.aovs):
         assert scene.record is not None
@@ -116,8 +121,13 @@ def _prepare(
     prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
     labels = None
     if any(taxonomy_of(request.source) for request in description.aovs):
-        labels = lambda path, taxonomy: usd.labels_of(stage, path, taxonomy, settings.time_code)  # noqa: E731
-    return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage))
+        labels = lambda prim, instance, taxonomy: usd.labels_of(stage, prim, instance, taxonomy, settings.time_code)  # noqa: E731
+    hidden = (
+        scene.bounds is not None
+        and bool(description.surfaces)
+        and all(surface.camera is CameraSight.HIDDEN for surface in description.surfaces)
+    )
+    return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage), hidden_from_camera=hidden)
 
 
 def check_memory(

@@ -204,7 +204,7 @@ def render_opened(
 def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:
     """What a render that has stopped made, with its report; what sampling has to tell goes to `diagnostics`."""
     from ..images.image import Image, pixels_sha256
-    from ..report.emptiness import is_empty, why_empty
+    from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
@@ -213,7 +213,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if film.invalid_samples:
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
-    if film.samples and is_empty(pixels, diagnostics):
+    if film.samples and (is_empty(pixels, diagnostics) or is_bare(prepared, diagnostics)):
         diagnostics.add("empty-picture", prepared.camera.path, why_empty(prepared, pixels, diagnostics))
         if prepared.settings.strict:
             diagnostics.raise_if_strict()

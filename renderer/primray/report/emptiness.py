@@ -24,10 +24,24 @@ def is_empty(pixels: Floats, told: Iterable[Diagnostic]) -> bool:
     return not pixels[..., 3].any() and any(d.code == "default-light" for d in told)
 
 
+def is_bare(prepared: Prepared, told: Iterable[Diagnostic]) -> bool:
+    """Whether there is geometry, or a part is missing that may hold some, and none of it is drawn or shown to the camera,
+    whatever lights are seen. A stage of lights alone is meant to be that."""
+    if prepared.hidden_from_camera:
+        return True
+    return prepared.scene.bounds is None and (bool(prepared.left_out) or bool(_missing(told)))
+
+
+def _missing(told: Iterable[Diagnostic]) -> list[Diagnostic]:
+    return [d for d in told if d.kind is Kind.MISSING and (d.severity is Severity.ERROR or d.code == "payloads-unloaded")]
+
+
 def why_empty(prepared: Prepared, pixels: Floats, told: Iterable[Diagnostic]) -> str:
     """A sentence; `told` is what translation had to say."""
     if prepared.scene.bounds is None:
         return f"Nothing is drawn: {_why_nothing_drawn(prepared.left_out, told)}."
+    if prepared.hidden_from_camera:
+        return "The camera sees nothing: all geometry is hidden from it (cameraVisibility of the render pass)."
     if not pixels[..., 3].any():
         return f"The camera sees nothing: {_why_not_seen(prepared)}."
     dark = "no light reaches it" if prepared.lights else "there is no light"
@@ -36,10 +50,13 @@ def why_empty(prepared: Prepared, pixels: Floats, told: Iterable[Diagnostic]) ->
 
 def _why_nothing_drawn(left_out: dict[str, int], told: Iterable[Diagnostic]) -> str:
     told, left_out = list(told), dict(left_out)
-    missing = [d for d in told if d.kind is Kind.MISSING and (d.severity is Severity.ERROR or d.code == "payloads-unloaded")]
+    missing = _missing(told)
     if missing:
         left_out.pop("", None)
-    reasons = [f"{count} {'shape is' if count == 1 else 'shapes are'} {why or UNKNOWN}" for why, count in left_out.items()]
+    reasons = [
+        f"{count} {'shape is' if count == 1 else 'shapes are'} {why or UNKNOWN}" if count else why
+        for why, count in left_out.items()
+    ]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         reasons.append(f"{missing[0].prim_path or 'a part'}{more} is missing ({missing[0].code})")

@@ -28,6 +28,8 @@ class Prepared:
     lights: int = 0
     motion: dict[str, Any] | None = None  # what the report says of what moves
     left_out: dict[str, int] = field(default_factory=dict)  # where nothing is drawn: shapes by why, "" for unknown
-    labels: Callable[[str, str], tuple[str, ...]] | None = None  # of a prim in a taxonomy, where AOVs ask for them
+    hidden_from_camera: bool = False  # all geometry, though it is there for other rays
+    # Of a prim and of the instance that it is seen in, in a taxonomy, where AOVs ask for them.
+    labels: Callable[[str, str, str], tuple[str, ...]] | None = None
     assets: dict[str, str] = field(default_factory=dict)  # by prim, where Cryptomatte asks for them
     stage: str = ""  # the root layer's file name, without folders

@@ -10,9 +10,10 @@ from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
 from .facts.assets import assets_of
 from .facts.bound import bound_materials
-from .facts.dependencies import Dependencies, dependencies, files_to_watch, write_usdz
+from .facts.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
 from .facts.labels import labels_of
 from .facts.left_out import left_out, shapes_left_out
+from .facts.names_in_instances import names_in_instances
 from .facts.stage_facts import stage_facts
 from .opening.reading_anew import read_anew
 from .opening.stage import open_stage
@@ -33,7 +34,9 @@ __all__ = [
     "has_camera",
     "is_session_camera",
     "labels_of",
+    "layer_files",
     "left_out",
+    "names_in_instances",
     "open_stage",
     "place_camera",
     "products",

@@ -243,7 +243,9 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
     motion, steps = None, list[MotionSteps]()
     if ctx.timing.is_open:
         motion, steps = _timed(scene, camera, frame, begun, ctx)
-    return replace(describe(scene, ctx, camera, motion, frame, begun.aovs), motion_steps=tuple(steps))
+    instances = tuple(sorted(ctx.prototype_names.values())) if begun.aovs else ()
+    described = describe(scene, ctx, camera, motion, frame, begun.aovs)
+    return replace(described, motion_steps=tuple(steps), instances=instances)
 
 
 def _timed(

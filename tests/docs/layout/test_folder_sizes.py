@@ -25,4 +25,4 @@ def test_a_header_and_its_source_are_one_unit_and_what_a_folder_says_of_itself_i
 
 
 def test_one_too_many_is_seen():
-    assert list(size_faults({"x": 17, "y": 16})) == ["x: 17 units, 16 are allowed; make folders in it"]
+    assert list(size_faults({"x": 21, "y": 20})) == ["x: 21 units, 20 are allowed; make folders in it"]

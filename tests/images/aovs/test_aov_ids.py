@@ -65,12 +65,12 @@ def Xform "World"
     }
 }
 """
-# By x: the prim as it is called in the first instance, and the instance within the pair.
+# By x: the prim where it is defined, and the instance within the pair.
 EXPECTED = {
-    0: ("/World/first/row/red", "/row[0]"),
-    1: ("/World/first/row/two/low", "/row[1]"),
-    2: ("/World/first/row/two/high", "/row[1]"),
-    3: ("/World/first/row/red", "/row[2]"),
+    0: ("/_pair/row/red", "/row[0]"),
+    1: ("/_pair/row/two/low", "/row[1]"),
+    2: ("/_pair/row/two/high", "/row[1]"),
+    3: ("/_pair/row/red", "/row[2]"),
 }
 
 

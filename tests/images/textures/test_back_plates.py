@@ -50,9 +50,12 @@ def save(path: Path, values: Any) -> None:
 
 @pytest.fixture
 def seen(tmp_path: Path) -> Any:
-    def picture(image: Any, more: str = "", camera: str = "/c", size: tuple[int, int] = (WIDTH, HEIGHT)) -> Any:
+    def picture(image: Any, more: str = "", camera: str = "/c", size: tuple[int, int] = (WIDTH, HEIGHT), api: str = "") -> Any:
         save(tmp_path / "plate.exr", image)
-        (tmp_path / "shot.usda").write_text(STAGE.replace("MORE", more))
+        stage = STAGE.replace("MORE", more).replace('"BackPlateAPI:b"', f'"BackPlateAPI:b"{api}')
+        if "@plate.png@" in more:
+            stage = stage.replace("asset backPlate:b:image = @plate.exr@", "")
+        (tmp_path / "shot.usda").write_text(stage)
         settings = primray.RenderSettings(camera=camera, resolution=size, spp=16, filter="box", default_light=False)
         return np.asarray(primray.render(str(tmp_path / "shot.usda"), settings).pixels)
 
@@ -147,3 +150,74 @@ def test_without_an_image_it_is_black(tmp_path: Path) -> None:
     found = np.asarray(primray.render(str(tmp_path / "shot.usda"), settings).pixels)
     assert found[..., 3].min() == 1
     assert found[..., :3].max() == 0
+
+
+ENCODED = 188 / 255  # of 0.5 by sRGB's curve, nearly
+DECODED = {
+    "raw": ENCODED,
+    "data": ENCODED,
+    "lin_rec709_scene": ENCODED,
+    "srgb_rec709_scene": ((ENCODED + 0.055) / 1.055) ** 2.4,
+}
+DECODED |= {"g22_rec709_scene": ENCODED**2.2}
+
+
+def save_bytes(path: Path, value: float, channels: int) -> None:
+    file = oiio.ImageOutput.create(str(path))
+    assert file is not None
+    file.open(str(path), oiio.ImageSpec(WIDTH, HEIGHT, channels, "uint8"))
+    file.write_image(np.full((HEIGHT, WIDTH, channels), round(255 * value), np.uint8))
+    file.close()
+
+
+@pytest.mark.parametrize("space", [*DECODED, ""])
+def test_its_image_is_in_the_colour_space_that_its_attribute_says(seen: Any, tmp_path: Path, space: str) -> None:
+    save_bytes(tmp_path / "plate.png", ENCODED, 3)
+    said = f'(colorSpace = "{space}")' if space else ""
+    found = seen(GREY, f"asset backPlate:b:image = @plate.png@ {said}")
+    assert np.allclose(found[..., :3], DECODED[space or "srgb_rec709_scene"], atol=2e-3)
+
+
+@pytest.mark.parametrize("space", DECODED)
+def test_spaces_of_the_camera_and_above_count_too(seen: Any, tmp_path: Path, space: str) -> None:
+    save_bytes(tmp_path / "plate.png", ENCODED, 3)
+    text = f'token colorSpace:name = "{space}"\nasset backPlate:b:image = @plate.png@'
+    found = seen(GREY, text, api=', "ColorSpaceAPI"')
+    assert np.allclose(found[..., :3], DECODED[space], atol=2e-3)
+
+
+def test_a_space_that_the_stage_defines(seen: Any, tmp_path: Path) -> None:
+    save_bytes(tmp_path / "plate.png", ENCODED, 3)
+    own = 'colorSpaceDefinition:mine:name = "mine"\n'
+    defined = f"token {own}" + "".join(
+        f"{kind} colorSpaceDefinition:mine:{name} = {value}\n"
+        for kind, name, value in (
+            ("float2", "redChroma", "(0.64, 0.33)"), ("float2", "greenChroma", "(0.3, 0.6)"),
+            ("float2", "blueChroma", "(0.15, 0.06)"), ("float2", "whitePoint", "(0.3127, 0.329)"), ("float", "gamma", "3"),
+        )
+    )  # fmt: skip
+    text = defined + 'asset backPlate:b:image = @plate.png@ (colorSpace = "mine")'
+    found = seen(GREY, text, api=', "ColorSpaceDefinitionAPI:mine"')
+    assert np.allclose(found[..., :3], ENCODED**3, atol=2e-3)
+
+
+@pytest.mark.parametrize("space", ["", *DECODED])
+def test_opacities_are_numbers_unless_their_attribute_says_otherwise(seen: Any, tmp_path: Path, space: str) -> None:
+    save_bytes(tmp_path / "alpha.png", ENCODED, 1)
+    said = f'(colorSpace = "{space}")' if space else ""
+    found = seen(GREY, f"asset backPlate:b:alpha:image = @alpha.png@ {said}")[..., 3]
+    assert found.mean() == pytest.approx(DECODED[space or "raw"], abs=0.02)
+
+
+@pytest.mark.parametrize("space", ["", *DECODED, "nobody's"])
+def test_depths_are_numbers_unless_their_attribute_says_otherwise(tmp_path: Path, space: str) -> None:
+    save(tmp_path / "plate.exr", GREY)
+    save_bytes(tmp_path / "depth.png", ENCODED, 1)
+    said = f'(colorSpace = "{space}")' if space else ""
+    more = f"asset backPlate:b:depth:image = @depth.png@ {said}\nfloat backPlate:b:depth:normalizingFactor = 10"
+    (tmp_path / "shot.usda").write_text(STAGE.replace("MORE", more))
+    settings = primray.RenderSettings(camera="/c", resolution=(WIDTH, HEIGHT), spp=4, default_light=False, aovs=("depth",))
+    found = primray.render(str(tmp_path / "shot.usda"), settings)
+    depth = np.asarray(found.aovs["depth"])
+    assert np.allclose(depth, 10 * DECODED.get(space, ENCODED), rtol=2e-3)
+    assert ("color-space" in {d["code"] for d in found.report["diagnostics"]}) == (space == "nobody's")

@@ -65,7 +65,7 @@ class _Names:
 
     def __init__(self, scene: core.CoreScene, what: npt.NDArray[np.int32], assets: Mapping[str, str]) -> None:
         assert scene.record is not None
-        self._ids = Ids(scene, scene.record)
+        self._ids = Ids(scene, scene.record, scene.record.names)
         self._assets = assets
         self._rows: dict[str, Any] = {"prim": what[:, 0], "material": what[:, 1], "instance": what[:, 2]}
         if (what[:, 3] >= 0).any():

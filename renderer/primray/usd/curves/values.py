@@ -18,13 +18,15 @@ from ..resolving.resolve import ResolvedPrim
 from ..shapes.authored_mesh import read_normals
 from ..shapes.primvars import Primvar, checked_vectors, note_clamped_color, read_authored
 from ..shapes.surface_primvars import read_primvars
-from .curve_set import CurveSet
+from .basis import Mask
+from .curve_set import EVENLY, CurveSet, Ints
 
 STORMS_WIDTH = 1.0  # where none is authored
 # Nobody means tubes of a unit by lines without widths, tool paths or guides: they are so thin that, where all of a prim's
 # curves fill a picture, they cover a pixel or two.
 THIN = 1 / 500
 DISPLAY_COLOR = "displayColor"
+NO_WIDTH = 1e-6  # of the largest: by rounding
 
 
 def name_of_widths(prim: ResolvedPrim) -> str:
@@ -55,11 +57,51 @@ def read_widths(prim: ResolvedPrim, when: When) -> Primvar | None:
 
 def radii_of(widths: Primvar, curves: CurveSet) -> Floats | None:
     """(3 S + C,) at control points; None where they do not fit."""
+    halves = _halves(widths, curves)
+    return None if halves is None else _not_negative(halves, curves)[0]
+
+
+def _not_negative(halves: Floats, curves: CurveSet) -> tuple[Floats, int]:
+    """The same with 0 where control points make a segment narrower than 0, and the number of such segments."""
+    if not (halves < 0).any():
+        return halves, 0
+    narrow = _narrower_than_0(halves, curves)
+    return np.where(_controls_of(narrow, curves), np.maximum(halves, np.float32(0)), halves), int(narrow.sum())
+
+
+def _halves(widths: Primvar, curves: CurveSet) -> Floats | None:
     at = at_controls(widths, curves)
-    if at is None:
-        return None
-    halves = np.nan_to_num(at[:, 0] * np.float32(0.5), nan=0.0, posinf=0.0, neginf=0.0)
-    return np.asarray(np.maximum(halves, np.float32(0)))
+    return None if at is None else np.nan_to_num(at[:, 0] * np.float32(0.5), nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _narrower_than_0(halves: Floats, curves: CurveSet) -> Mask:
+    """(S,) segments whose radius, a cubic of its four values at control points, is negative anywhere."""
+    a, b, c, d = halves[_first_controls(curves)[:, None] + np.arange(4)].astype(np.float64).T
+    least = np.minimum(a, d)
+    # The derivative's control values are b - a, c - b, d - c: its roots by the quadratic formula, without cancellation.
+    p, q, r = (b - a) - 2 * (c - b) + (d - c), (c - b) - (b - a), b - a
+    root = np.sqrt(np.maximum(q * q - p * r, 0.0))
+    stable = -(q + np.copysign(root, q))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        roots = (stable / p, r / stable)
+    for u in (np.clip(np.nan_to_num(found, nan=0.0), 0.0, 1.0) for found in roots):
+        v = 1.0 - u
+        least = np.minimum(least, a * v**3 + 3 * b * v * v * u + 3 * c * v * u * u + d * u**3)
+    return np.asarray(least < -NO_WIDTH * np.abs(halves).max(initial=0.0))
+
+
+def _first_controls(curves: CurveSet) -> Ints:
+    """(S,) the number of each segment's first control point."""
+    return 3 * np.arange(int(curves.segments.sum())) + np.repeat(np.arange(len(curves.segments)), curves.segments)
+
+
+def _controls_of(segments: Mask, curves: CurveSet) -> Mask:
+    """(3 S + C,) control points of these segments (S,)."""
+    found = np.zeros(_controls(curves), bool)
+    first = _first_controls(curves)
+    for k in range(4):
+        found[first[segments] + k] = True
+    return found
 
 
 def fitting(primvar: Primvar, curves: CurveSet) -> Primvar | None:
@@ -101,13 +143,24 @@ def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) ->
     if fits.interpolation != authored.interpolation and len(authored.values) != 1:
         message = f"{name} ({authored.interpolation}) has as many values as {fits.interpolation} needs, and is read so."
         ctx.warn("curve-widths", prim.path, message, name)
-    if not (np.isfinite(fits.values) & (fits.values >= 0)).all():
-        bad = int((~(np.isfinite(fits.values) & (fits.values >= 0))).sum())
-        ctx.warn("curve-widths", prim.path, f"{name} has {bad} values that are negative or not finite: they are 0.", name)
-        fits = replace(fits, values=np.maximum(np.nan_to_num(fits.values, posinf=0.0), 0.0))
-    found = radii_of(fits, curves)
-    assert found is not None
+    fits = _usable(fits, name, curves, prim, ctx)
+    halves = _halves(fits, curves)
+    assert halves is not None
+    found, narrow = _not_negative(halves, curves)
+    if narrow:
+        ctx.warn("curve-widths", prim.path, f"{name} make {narrow} segments narrower than 0: they end at 0 there.", name)
     return found
+
+
+def _usable(fits: Primvar, name: str, curves: CurveSet, prim: ResolvedPrim, ctx: Context) -> Primvar:
+    """Report what is no width. Of values that a basis is applied to, only what comes of them may not be negative."""
+    is_based = fits.interpolation == "vertex" and curves.to_bezier is not EVENLY
+    bad = ~np.isfinite(fits.values) if is_based else ~(np.isfinite(fits.values) & (fits.values >= 0))
+    if bad.any():
+        message = f"{name} has {int(bad.sum())} values that are {'' if is_based else 'negative or '}not finite: they are 0."
+        ctx.warn("curve-widths", prim.path, message, name)
+        fits = replace(fits, values=np.where(bad, np.float32(0), fits.values))
+    return fits
 
 
 def _thin(points: Floats) -> float:

@@ -88,9 +88,12 @@ def _composed_layers(path: str) -> Iterator[str]:
         stage = Usd.Stage.Open(path)
     except Tf.ErrorException as error:
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
-    for layer in stage.GetUsedLayers():
-        if layer.realPath:
-            yield _file(layer.realPath)
+    yield from layer_files(stage)
+
+
+def layer_files(stage: Usd.Stage) -> set[str]:
+    """Return the absolute paths of the files of the layers that the stage is composed of."""
+    return {_file(layer.realPath) for layer in stage.GetUsedLayers() if layer and layer.realPath}
 
 
 def _fixed_paths(file: str) -> Iterator[tuple[str, str]]:

@@ -29,10 +29,11 @@ def shapes_left_out(stage: Usd.Stage, settings: RenderSettings, drawn: bool = Fa
     when = when_of(stage, settings.time_code)
     found: dict[str, list[str]] = {}
     any_shape = False
+    in_pass = "" if settings.render_pass is None or not drawn else f"left out by the render pass {settings.render_pass}"
     for prim in islice(drawn_in_instances(stage.GetPseudoRoot()), MOST_PRIMS):
         if prim.IsA(UsdGeom.Gprim):
             any_shape = True
-            why = _why(prim, purposes, when)
+            why = _why(prim, purposes, when) or in_pass
             if why or drawn:
                 found.setdefault(why, []).append(str(prim.GetPath()))
     if not any_shape:
@@ -40,6 +41,8 @@ def shapes_left_out(stage: Usd.Stage, settings: RenderSettings, drawn: bool = Fa
         if absent:
             why = "inactive, or below an abstract prim (class or over) that nothing refers to"
             found[why] = [str(prim.GetPath()) for prim in absent]
+        elif drawn and stage.GetPopulationMask() != Usd.StagePopulationMask.All():
+            found["what is outside the mask (--mask) is not populated"] = []
     return found
 
 

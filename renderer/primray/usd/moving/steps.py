@@ -2,13 +2,16 @@
 
 Times are fractions of the exposure's span. A path may bend at samples; those on the line between others are left out. What is
 between two of them that are kept is cut into equal parts until the error is small enough.
+
+Paths may jump, as those of value clips, held values and splines do. The seam has no jumps and the core takes times in single
+precision, so a path jumps within JUMP of the span, which ends when the jump is.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +25,8 @@ MOST_UNIFORM = 32  # equal segments are found faster than others: as many are ta
 PROBED_FIRST = (0.5, 0.2113, 0.7887, 0.1127, 0.3871, 0.6306, 0.9039)
 PROBED = (0.5, 0.2113, 0.7887)
 SAME_TIME = 1e-9
+JUMP = 2.0**-22  # of the span: a few units in the last place of the latest times
+JUMP_NO_ERROR = 1e-3  # pixels
 FEW = 8  # parts, of which there are first twice as many: turns need no more than to be told apart
 
 Error = Callable[[float, float, float], float]  # of the seam's path between two times, at a third
@@ -47,7 +52,7 @@ def steps_of(error: Error, bends: Sequence[float], most: float, none: float, lim
 
     There are no more than `limit` segments, unless there are more samples.
     """
-    kept = _kept(error, [0.0, *_inside(bends), 1.0], none)
+    kept = _kept(error, [0.0, *_inside(error, bends, max(none, JUMP_NO_ERROR)), 1.0], none)
     needed = [_needed(error, a, b, most, limit) for a, b in itertools.pairwise(kept)]
     counts = _within_limit([count for count, _ in needed], limit)
     times = _uniform(kept, counts, limit) or _divided(kept, counts)
@@ -55,13 +60,38 @@ def steps_of(error: Error, bends: Sequence[float], most: float, none: float, lim
     return Steps(tuple(times), left, any(count > 1 for count, _ in needed))
 
 
-def _inside(bends: Sequence[float]) -> list[float]:
-    """Those between 0 and 1, each once."""
+def _inside(error: Error, bends: Sequence[float], none: float) -> list[float]:
+    """Those between 0 and 1, each once; where the path jumps, also the time at which the jump begins."""
     found: list[float] = []
-    for time in sorted(bends):
-        if time - (found[-1] if found else 0.0) > SAME_TIME and time < 1.0 - SAME_TIME:
-            found.append(time)
+    for cluster in _clusters(time for time in sorted(bends) if -JUMP < time < 1.0 + JUMP):
+        if cluster[-1] < JUMP:
+            found += [JUMP] if _jumps(error, JUMP, none) else []
+        elif cluster[-1] > 1.0 - JUMP:
+            found += [1.0 - JUMP] if _jumps(error, 1.0, none) else []
+        elif len(cluster) > 1 and _jumps(error, cluster[-1], none):
+            found += [cluster[-1] - JUMP, cluster[-1]]
+        else:
+            found.append(cluster[0])
     return found
+
+
+def _clusters(times: Iterable[float]) -> Iterator[list[float]]:
+    """Ascending times, together where they are too close to be told apart."""
+    cluster: list[float] = []
+    for time in times:
+        if cluster and time - cluster[-1] > 1.5 * JUMP:
+            yield cluster
+            cluster = []
+        cluster.append(time)
+    if cluster:
+        yield cluster
+
+
+def _jumps(error: Error, end: float, none: float) -> bool:
+    """Whether the path jumps within JUMP before this time: what does not is as good as straight over twice as long."""
+    if end < 2.0 * JUMP:  # what is before belongs to no picture
+        return error(end - JUMP, end + JUMP, end) > none
+    return error(end - 2.0 * JUMP, end, end - JUMP) > none
 
 
 def _kept(error: Error, times: list[float], none: float) -> list[float]:
@@ -77,6 +107,8 @@ def _kept(error: Error, times: list[float], none: float) -> list[float]:
 def _needed(error: Error, start: float, end: float, most: float, limit: int) -> tuple[int, float]:
     """How many equal parts, and the error that is left; of a smooth path it falls by their square."""
     count = 1
+    if _is_jump(start, end):
+        return 1, 0.0
     while True:
         probed = PROBED_FIRST if count == 1 else PROBED
         edges = [start + (end - start) * k / count for k in range(count)] + [end]
@@ -112,7 +144,12 @@ def _divided(kept: list[float], counts: list[int]) -> list[float]:
 
 
 def _largest(error: Error, times: Sequence[float]) -> float:
-    return max(error(a, b, a + (b - a) * u) for a, b in itertools.pairwise(times) for u in PROBED)
+    segments = [(a, b) for a, b in itertools.pairwise(times) if not _is_jump(a, b)]
+    return max(error(a, b, a + (b - a) * u) for a, b in segments for u in PROBED)
+
+
+def _is_jump(start: float, end: float) -> bool:
+    return end - start < 1.5 * JUMP
 
 
 def fractions(offsets: Sequence[float], span: tuple[float, float], blur_scale: float) -> list[float]:

@@ -24,6 +24,7 @@ from ..querying.messages import error_text, scene_errors, tf_message
 from ..querying.stage_values import wrong_rate
 from .file_names import FileNames, file_names
 from .select_prims import add_load_rules, check_population, choose_variants, note_unloaded, populate
+from .session_layer import session_over
 from .stage_metadata import check_rates, note_units, note_wrong_types
 
 USD_DEFAULTS = Composition()
@@ -124,7 +125,8 @@ def _names_of(source: str | os.PathLike[str] | Usd.Stage) -> FileNames:
 
 def scratch_copy(stage: Usd.Stage) -> Usd.Stage:
     """Another stage on the same layers, whose session layer is its own to write to, above the first one's."""
-    made = populate(stage.GetRootLayer(), _session(stage.GetSessionLayer().identifier), stage.GetPathResolverContext(), None)
+    session = session_over(_layers_of_session(stage), stage.GetMutedLayers())
+    made = populate(stage.GetRootLayer(), session, stage.GetPathResolverContext(), None)
     _follow(made, stage)
     return made
 
@@ -160,7 +162,7 @@ def _compose(
 
 
 def _populated(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str, others: Redirection) -> Usd.Stage:
-    session = _session(*_session_layers(base, composition, others))
+    session = session_over(_session_layers(base, composition, others), base.GetMutedLayers() if base is not None else ())
     context = base.GetPathResolverContext() if base is not None else None
     try:
         stage = populate(others.of(root), session, context, composition)
@@ -184,21 +186,16 @@ def _follow(stage: Usd.Stage, base: Usd.Stage) -> None:
     stage.MuteAndUnmuteLayers(base.GetMutedLayers(), [])
 
 
-def _session(*weaker: str) -> Sdf.Layer:
-    """An empty session layer over these."""
-    session = Sdf.Layer.CreateAnonymous("session.usda")
-    session.subLayerPaths = list(weaker)
-    return session
+def _session_layers(base: Usd.Stage | None, composition: Composition, others: Redirection) -> list[Sdf.Layer]:
+    """What the stage is to have as its session layer, strongest first."""
+    found = [] if composition.session_layer is None else [open_layer(composition.session_layer)]
+    return [others.of(layer) for layer in (*found, *(_layers_of_session(base) if base is not None else ()))]
 
 
-def _session_layers(base: Usd.Stage | None, composition: Composition, others: Redirection) -> list[str]:
-    """Identifiers, strongest first, of what stands in the session."""
-    found = []
-    if composition.session_layer is not None:
-        found.append(open_layer(composition.session_layer))
-    if base is not None:
-        found.append(base.GetSessionLayer())
-    return [str(others.of(layer).identifier) for layer in found]
+def _layers_of_session(stage: Usd.Stage) -> list[Sdf.Layer]:
+    """The stage's session layer; a caller's stage may be without one."""
+    session = stage.GetSessionLayer()
+    return [session] if session else []
 
 
 def _root_layer(path: str) -> Sdf.Layer:

@@ -177,12 +177,17 @@ def has_expression_variables(layer: Sdf.Layer) -> bool:
 
 
 def asset_of_expression(path: str, layer: Sdf.Layer, stage: Usd.Stage) -> str:
-    """An asset path as authored in a layer of the stage; of an expression, its value, "" where it has none."""
+    """Return an asset path as authored in a layer of the stage; of an expression, its value, "" where it has none."""
     if not path.startswith("`"):
         return path
-    variables = {**(layer_value(layer, "expressionVariables") or {}), **(stage_value(stage, "expressionVariables") or {})}
     try:
-        value = Sdf.VariableExpression(path).Evaluate(variables).value
+        value = Sdf.VariableExpression(path).Evaluate(_variables(layer, stage)).value
     except FAILURES:
         return ""
     return value if isinstance(value, str) else ""
+
+
+def _variables(layer: Sdf.Layer, stage: Usd.Stage) -> dict[str, Any]:
+    """Return the expression variables that USD has composed for the layer: those of the first layer stack that it is in."""
+    stacks = stage._GetPcpCache().FindAllLayerStacksUsingLayer(layer)
+    return dict(stacks[0].expressionVariables.GetVariables()) if stacks else {}

@@ -141,11 +141,22 @@ def changes(attribute: Usd.Attribute, opens: float, closes: float) -> bool:
 
 
 def times_between(attribute: Usd.Attribute, opens: float, closes: float) -> list[float]:
-    """Times within a span at which its path may bend: those of samples, of clips' and of a spline's knots, in order."""
-    times = list(attribute.GetTimeSamplesInInterval(Gf.Interval(opens, closes, False, False)))
-    if attribute.HasSpline():
-        times += [time for time in _knot_times(attribute) if opens < time < closes]
-    return sorted(set(map(float, times)))
+    """Times within a span at which its path may bend: those of samples, of clips' and of a spline's knots, in order. Before one
+    at which the value may jump is the time just before it; of a jump as the span ends there is that time alone."""
+    samples = list(map(float, attribute.GetTimeSamplesInInterval(Gf.Interval(opens, closes, False, True))))
+    knots = [time for time in _knot_times(attribute) if opens < time <= closes] if attribute.HasSpline() else []
+    before = [math.nextafter(time, -math.inf) for time in (*_jumping(attribute, samples, opens), *knots)]
+    return sorted({time for time in (*samples, *knots, *before) if opens < time < closes})
+
+
+def _jumping(attribute: Usd.Attribute, samples: list[float], opens: float) -> list[float]:
+    """Those of the samples that the value before does not go to: clips have values of their own, and blocks none."""
+    if not samples or not is_linear(attribute, samples[0]):
+        return samples
+    if attribute.GetTypeName().isArray:
+        return []
+    there = [value_at(attribute, time) is not None for time in (opens, *samples)]
+    return [time for time, before, now in zip(samples, there, there[1:], strict=False) if not (before and now)]
 
 
 def bracket(attribute: Usd.Attribute, time: float) -> tuple[float, float] | None:

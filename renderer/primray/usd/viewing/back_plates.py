@@ -14,6 +14,8 @@ from typing import Any
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from ...camera import Camera, Projection
+from ...color.color_space import ColorSpace
+from ...color.ocio import space_named
 from ...description import Frame
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
@@ -22,7 +24,7 @@ from ..adapters.cameras.camera import usd_camera
 from ..opening.reach import check_reach, end_instance
 from ..opening.stage import scratch_copy
 from ..querying.asset import read_asset
-from ..querying.guarded import schemas_applied
+from ..querying.guarded import color_space_name, schemas_applied
 from ..resolving.read import StandIns, When, read
 from ..resolving.resolve import transforms
 from .plate_relief import Card, Relief, depths_of, flat_card, relief
@@ -46,6 +48,11 @@ class Plate:
     def file(self, what: str, when: When) -> str:
         found = self.value(what, when, None)
         return str(found.resolvedPath or found.path) if isinstance(found, Sdf.AssetPath) else ""
+
+    def color_space(self, what: str) -> str:
+        """Return the name of the colour space that the attribute itself says that its image is in, "" where it does not."""
+        attribute = self.camera.GetAttribute(f"backPlate:{self.name}:{what}")
+        return color_space_name(attribute) if attribute else ""
 
 
 @dataclass(frozen=True)
@@ -115,11 +122,21 @@ def _shape(plate: Plate, card: Card, when: When, diagnostics: Diagnostics) -> Re
         for name, default in (("minOffset", 0.0), ("normalizingFactor", 1.0), ("cameraSpaceOffset", 0.0))
     )
     try:
-        return relief(card, depths_of(file, least, factor, offset))
+        return relief(card, depths_of(file, _depth_space(plate, diagnostics), least, factor, offset))
     except AssetError as error:
         message = f"The plate {plate.name} is flat, its depth image cannot be read: {error.message}."
         diagnostics.add("asset-missing", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
         return flat_card(card)
+
+
+def _depth_space(plate: Plate, diagnostics: Diagnostics) -> str | ColorSpace:
+    """Return what the depths are decoded by: they are numbers as they are stored unless the attribute says otherwise."""
+    name = plate.color_space("depth:image")
+    space = space_named(name) if name else None
+    if name and space is None:
+        message = f"No colour space {name!r} is known: the depths are taken as they are stored."
+        diagnostics.add("color-space", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
+    return "raw" if space is None or (isinstance(space, ColorSpace) and space.is_data) else space
 
 
 def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: Looks | None, when: When) -> None:
@@ -147,7 +164,7 @@ def _wear(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: Loo
     image = plate.file("image", when)
     color: UsdShade.Output | Gf.Vec3f = Gf.Vec3f(0)
     if image and _channels(image):
-        color = nodes.image("color", "color3", image, whole=_is_as_fine(image, through))
+        color = nodes.image("color", "color3", image, plate.color_space("image"), whole=_is_as_fine(image, through))
     slope, offset, power = (
         plate.value(f"luma:{name}", when, Gf.Vec3f(k)) for name, k in (("slope", 1), ("offset", 0), ("power", 1))
     )
@@ -159,7 +176,8 @@ def _wear(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: Loo
     alpha = plate.file("alpha:image", when)
     kind, number = _ALPHA.get(_channels(alpha) if alpha else 0, (None, None))
     if kind is not None:
-        found = nodes.image("opacity", kind, alpha, raw=True, whole=_is_as_fine(alpha, through))
+        space = plate.color_space("alpha:image") or "raw"
+        found = nodes.image("opacity", kind, alpha, space, whole=_is_as_fine(alpha, through))
         nodes.set(unlit, "opacity", "float", found if number is None else nodes.extract(kind, found, number))
 
 
@@ -201,14 +219,15 @@ class _Nodes:
         else:
             made.Set(value)
 
-    def image(self, name: str, kind: str, file: str, *, raw: bool = False, whole: bool = False) -> UsdShade.Output:
+    def image(self, name: str, kind: str, file: str, space: str, *, whole: bool = False) -> UsdShade.Output:
+        """`space`: the colour space that the file is in; "": what USD and the file say."""
         place = self.node(f"{name}_st", "ND_geompropvalue_vector2")
         place.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
         made = self.node(name, f"ND_image_{kind}")
         found = made.CreateInput("file", Sdf.ValueTypeNames.Asset)
         found.Set(Sdf.AssetPath(file))
-        if raw:
-            found.GetAttr().SetColorSpace("raw")
+        if space:
+            found.GetAttr().SetColorSpace(space)
         self.set(made, "texcoord", "vector2", place.CreateOutput("out", Sdf.ValueTypeNames.Float2))
         if whole:
             made.CreateInput("filtertype", Sdf.ValueTypeNames.String).Set("closest")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Doubles, Floats, Ints
+from ...color.color_space import ColorSpace
 from ...description import TextureFile
 from ...textures.texture import load_texture
 from ..querying.asset import read_asset
@@ -45,9 +46,9 @@ def flat_card(card: Card) -> Relief:
     return Relief(points, np.array([[0, 1, 2, 3]], np.int32), st)
 
 
-def depths_of(path: str, least: float, factor: float, offset: float) -> Doubles:
-    """(H, W), the lowest row first. AssetError where the image cannot be read."""
-    texels = load_texture(TextureFile(path, "raw", is_color=False), read_asset).channels(0, 1)[::-1, :, 0]
+def depths_of(path: str, space: str | ColorSpace, least: float, factor: float, offset: float) -> Doubles:
+    """(H, W), the lowest row first; `space`: that of the texels. AssetError where the image cannot be read."""
+    texels = load_texture(TextureFile(path, space, is_color=False), read_asset).channels(0, 1)[::-1, :, 0]
     step = int(np.ceil(np.sqrt(texels.size / MOST_TEXELS)))
     return (texels[::step, ::step].astype(np.float64) - least) * factor + offset
 

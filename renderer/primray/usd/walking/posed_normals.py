@@ -1,7 +1,7 @@
-"""Normals of meshes that are about to be posed, in the one form that USD's baking turns with the joints.
+"""Normals of shapes that are about to be posed, in the one form that USD's baking turns with the joints.
 
-That is `normals`, given per point or per corner. It leaves as they were authored: `primvars:normals` (which win where both are
-there), and `normals` per face or for a whole mesh.
+That is `normals`, given per point or, of meshes, per corner. Baking leaves as they were authored: `primvars:normals` (which win
+where both are there), and `normals` per face or for a whole shape. What has no such form is turned_normals.py's.
 """
 
 from __future__ import annotations
@@ -19,34 +19,45 @@ _MANY = (Vt.Vec3hArray, Vt.Vec3fArray, Vt.Vec3dArray)
 
 
 def make_bakeable(prim: Usd.Prim) -> None:
-    """Author a mesh's normals anew where they would stay behind, at the stage's edit target; by now none vary over time.
+    """Author a shape's normals in that form where they would stay behind, at the stage's edit target; none vary over time now.
 
-    Those that do not fit the mesh stay as they are: whoever reads it says so.
+    Those that do not fit the shape stay as they are: whoever reads it reports them.
     """
-    mesh = UsdGeom.Mesh(prim)
-    if not mesh or default_value(mesh.GetSubdivisionSchemeAttr()) != UsdGeom.Tokens.none:  # limit surfaces have their own
+    shape = UsdGeom.PointBased(prim)
+    if not shape or _has_limit_surface(prim):
         return
+    values, given, attribute = authored_normals(prim)
+    if attribute.GetName() == "normals" and given not in (UsdGeom.Tokens.uniform, UsdGeom.Tokens.constant):
+        return
+    if _author(shape, values, given) and attribute.GetName() != "normals":
+        attribute.Block()
+
+
+def _has_limit_surface(prim: Usd.Prim) -> bool:
+    """Whether a mesh's normals are those of its limit surface."""
+    mesh = UsdGeom.Mesh(prim)
+    return bool(mesh) and default_value(mesh.GetSubdivisionSchemeAttr()) != UsdGeom.Tokens.none
+
+
+def authored_normals(prim: Usd.Prim) -> tuple[Vectors | None, str, Usd.Attribute]:
+    """Return the normals that count, without indices, their interpolation, and the attribute that has them."""
     primvar = UsdGeom.Primvar(prim.GetAttribute("primvars:normals"))
     if primvar and primvar.HasAuthoredValue():
-        if _author(mesh, _flattened(primvar), interpolation(primvar)):
-            primvar.GetAttr().Block()
-        return
-    given = normals_interpolation(mesh)
-    values = _vectors(mesh.GetNormalsAttr())
-    if values is not None and given in (UsdGeom.Tokens.uniform, UsdGeom.Tokens.constant):
-        _author(mesh, values, given)
+        return _flattened(primvar), interpolation(primvar), primvar.GetAttr()
+    shape = UsdGeom.PointBased(prim)
+    return vectors(shape.GetNormalsAttr()), normals_interpolation(shape), shape.GetNormalsAttr()
 
 
 def _flattened(primvar: UsdGeom.Primvar) -> Vectors | None:
     """Values without indices; None where these lead nowhere: USD would say so in words of its own."""
-    values = _vectors(primvar.GetAttr())
+    values = vectors(primvar.GetAttr())
     if values is None or not primvar.IsIndexed():
         return values
-    indices = _integers(primvar.GetIndicesAttr())
+    indices = integers(primvar.GetIndicesAttr())
     return values[indices] if ((indices >= 0) & (indices < len(values))).all() else None
 
 
-def _vectors(attribute: Usd.Attribute) -> Vectors | None:
+def vectors(attribute: Usd.Attribute) -> Vectors | None:
     """(N, 3), None for a value of another kind."""
     values = default_value(attribute)
     if isinstance(values, _ONE):
@@ -56,26 +67,47 @@ def _vectors(attribute: Usd.Attribute) -> Vectors | None:
     return np.asarray(values, np.float32).reshape(-1, 3)
 
 
-def _integers(attribute: Usd.Attribute) -> npt.NDArray[np.int64]:
-    """(N,), none for a value of another kind."""
-    values = array(default_value(attribute), 1, "i")
-    return np.zeros(0, np.int64) if values is None else values.astype(np.int64)
+def integers(attribute: Usd.Attribute, columns: int = 1) -> npt.NDArray[np.int64]:
+    """(N,) or (N, columns), none for a value of another kind."""
+    values = array(default_value(attribute), columns, "i")
+    none = np.zeros(0 if columns == 1 else (0, columns), np.int64)
+    return none if values is None else values.astype(np.int64)
 
 
-def _author(mesh: UsdGeom.Mesh, values: Vectors | None, given: str) -> bool:
-    made = None if values is None else _spread(mesh, values, given)
+def rows(values: Vectors | None) -> Vectors:
+    return np.zeros((0, 3), np.float32) if values is None else values
+
+
+def _author(shape: UsdGeom.PointBased, values: Vectors | None, given: str) -> bool:
+    mesh = UsdGeom.Mesh(shape)
+    made = None if values is None else _spread(mesh, values, given) if mesh else _per_point(shape, values, given)
     if made is None:
         return False
-    mesh.CreateNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(made))
-    per_corner = given in (UsdGeom.Tokens.uniform, UsdGeom.Tokens.faceVarying)
-    mesh.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying if per_corner else UsdGeom.Tokens.vertex)
+    shape.CreateNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(made))
+    per_corner = mesh and given in (UsdGeom.Tokens.uniform, UsdGeom.Tokens.faceVarying)
+    per_end = not mesh and given == UsdGeom.Tokens.varying  # of curves: linear from end to end, whatever the basis
+    kind = UsdGeom.Tokens.varying if per_end else UsdGeom.Tokens.vertex
+    shape.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying if per_corner else kind)
     return True
+
+
+def _per_point(shape: UsdGeom.PointBased, values: Vectors, given: str) -> Vectors | None:
+    """(N, 3) of a shape that is no mesh; None where its normals cannot be given per point, or do not fit."""
+    count = len(rows(vectors(shape.GetPointsAttr())))
+    if given == UsdGeom.Tokens.constant:
+        return np.repeat(values, count, axis=0) if len(values) == 1 else None
+    if given == UsdGeom.Tokens.uniform:
+        curves = UsdGeom.Curves(shape)
+        sizes = integers(curves.GetCurveVertexCountsAttr()) if curves else np.zeros(0, np.int64)
+        fits = len(values) == len(sizes) and (sizes >= 0).all() and sizes.sum() == count
+        return np.repeat(values, sizes, axis=0) if fits else None
+    return values if given in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying) and len(values) == count else None
 
 
 def _spread(mesh: UsdGeom.Mesh, values: Vectors, given: str) -> Vectors | None:
     """(N, 3), one per point or, of normals per face or corner, per corner; None where their number is not the mesh's."""
-    points, corners = _vectors(mesh.GetPointsAttr()), len(_integers(mesh.GetFaceVertexIndicesAttr()))
-    sizes, count = _integers(mesh.GetFaceVertexCountsAttr()), 0 if points is None else len(points)
+    points, corners = vectors(mesh.GetPointsAttr()), len(integers(mesh.GetFaceVertexIndicesAttr()))
+    sizes, count = integers(mesh.GetFaceVertexCountsAttr()), 0 if points is None else len(points)
     expected = {UsdGeom.Tokens.constant: 1, UsdGeom.Tokens.uniform: len(sizes), UsdGeom.Tokens.faceVarying: corners}
     if len(values) != expected.get(given, count):
         return None

@@ -27,6 +27,7 @@ from .pose_times import PoseTimes, pose_times
 from .posed_normals import make_bakeable
 from .skeleton_bindings import SkeletonBinding, bindings_below, lacks_animation
 from .skinned_instances import drawn, has_root, instanced_elsewhere, is_root, share_poses, take_apart
+from .turned_normals import author_turned, take_loose, turned_normals
 
 if TYPE_CHECKING:
     from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
@@ -145,14 +146,20 @@ def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], posing: _Posing) 
     stage, when, times = root.GetPrim().GetStage(), posing.when, posing.times.get(str(root.GetPath()))
     with Usd.EditContext(stage, posing.layers.held):
         hold(root.GetPrim(), bindings, posing.layers.held, when, times)
+    loose = []
     with Usd.EditContext(stage, posing.layers.kept):
-        for query in (query for binding in bindings for query in binding.targets):
+        for of, query in ((binding, query) for binding in bindings for query in binding.targets):
             is_bent = query.HasBlendShapes() or (query.HasJointInfluences() and not query.IsRigidlyDeformed())
             if is_bent and not query.GetPrim().IsInstanceProxy():
                 make_bakeable(query.GetPrim())
+                loose.append(take_loose(of, query))
+    times_of_poses = [time_code(when, offset) for offset in times.offsets] if times else [Usd.TimeCode.Default()]
+    turned = [turned_normals(each, times_of_poses) for each in loose if each is not None]
     span = [time_code(when, offset).GetValue() for offset in (times.offsets[0], times.offsets[-1])] if times else (0, 0)
     if not UsdSkel.BakeSkinning(root, Gf.Interval(*span)):
         return "USD cannot pose it."
+    for normals in turned:
+        author_turned(normals)
     if times and when.is_default:
         leave_to_samples(stage.GetSessionLayer(), bindings)
     return ""

@@ -11,7 +11,8 @@ from primray.description import Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.adapters.shapes.mesh import is_closed
-from primray.usd.adapters.shapes.tet_mesh import Tetrahedra, surface_of
+from primray.usd.adapters.shapes.tet_mesh import Tetrahedra
+from primray.usd.shapes.tetrahedra import surface_of
 
 from ..usd_text import stage_of, translate_text
 

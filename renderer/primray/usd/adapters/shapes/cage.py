@@ -6,6 +6,7 @@ Authored normals do not count: the limit surface has its own.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from ...shapes.subdivision import Cage, is_closed_cage, on_cage
 from ...shapes.surface_primvars import cage_primvars
 from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
 from .face_parts import FaceParts, face_parts
+from .inside_out import fans, note_inside_out
 
 
 def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | None = None) -> SubdivisionMesh | None:
@@ -65,7 +67,16 @@ def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage, path: st
     """By part, of those that are drawn."""
     worn = [0] if len(parts) == 1 else np.unique(part_of_face).tolist()
     used = [part for part in worn if not is_hidden(parts[part])]
-    return {part: make_surface(parts[part], lambda: is_closed_cage(found), path, ctx) for part in used}
+    is_body = cache(lambda: _is_body(found, path, ctx))
+    return {part: make_surface(parts[part], is_body, path, ctx) for part in used}
+
+
+def _is_body(found: Cage, path: str, ctx: Context) -> bool:
+    """Whether the cage is closed, so that light can enter it; reported where its inside is outside."""
+    if not is_closed_cage(found):
+        return False
+    note_inside_out(found.points, fans(found.face_counts, found.face_points), path, ctx)
+    return True
 
 
 def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> int | Ints:

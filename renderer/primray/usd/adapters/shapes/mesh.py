@@ -7,6 +7,7 @@ triangles, surfaces assigned.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,7 @@ from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, displ
 from .cage import cage
 from .displaced import displaced_polygons
 from .face_parts import FaceParts, face_parts
+from .inside_out import note_inside_out
 from .tet_mesh import read_tet_mesh
 
 
@@ -62,7 +64,7 @@ def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: 
     colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
     if appearance.varying_color and colors is None:
         appearance = replace(appearance, color=FALLBACK_COLOR)
-    surface = make_surface(appearance, lambda: is_closed(geometry.points, geometry.triangles.points), prim.path, ctx)
+    surface = make_surface(appearance, lambda: _is_body(geometry, prim.path, ctx), prim.path, ctx)
     return seam_mesh(
         prim.path,
         geometry.points,
@@ -112,9 +114,9 @@ def _with_subsets(prim: ResolvedPrim, geometry: Polygons, found: FaceParts, ctx:
     visible = np.logical_not(np.take(hidden, of_triangle))
     if not visible.any():
         return None
-    closed = is_closed(geometry.points, geometry.triangles.points)
     used = np.unique(of_triangle[visible])
-    surfaces = {int(part): make_surface(parts[part], lambda: closed, prim.path, ctx) for part in used}
+    is_body = cache(lambda: _is_body(geometry, prim.path, ctx))
+    surfaces = {int(part): make_surface(parts[part], is_body, prim.path, ctx) for part in used}
     index_of_part = np.full(len(parts), -1, np.int32)
     for part, surface in surfaces.items():
         index_of_part[part] = ctx.surfaces.index_of(surface)
@@ -147,6 +149,15 @@ def _subset_colors(
     colors = per_corner(primvar, geometry.triangles).copy()
     colors[np.repeat(~varying, 3)] = 1.0
     return Values(colors, "corner")
+
+
+def _is_body(geometry: Polygons, path: str, ctx: Context) -> bool:
+    """Whether the mesh is closed, so that light can enter it; reported where its inside is outside."""
+    points, triangles = geometry.points, geometry.triangles.points
+    if not is_closed(points, triangles):
+        return False
+    note_inside_out(points, triangles, path, ctx)
+    return True
 
 
 def is_closed(points: Floats, triangles: Ints) -> bool:

@@ -22,6 +22,7 @@ from ...resolving.resolve import ResolvedPrim
 from ...shapes.primvars import Primvar, Sizes, read_display_color
 from ...shapes.surface_primvars import TANGENT_ST, read_primvars
 from ..materials.surface import FALLBACK_COLOR, appearance_of, is_hidden, make_surface, undisplaced
+from .inside_out import note_inside_out
 from .mesh import is_closed
 
 INTERPOLATIONS = {
@@ -60,7 +61,7 @@ def nurbs_patch(prim: ResolvedPrim, ctx: Context) -> NurbsPatch | None:
         is_flipped=authored.is_left_handed,
         motion=None if path is None else moving_points(points, path, ctx),
     )
-    surface = undisplaced(make_surface(appearance, lambda: _is_closed(made), prim.path, ctx), prim.path, ctx)
+    surface = undisplaced(make_surface(appearance, lambda: _is_body(made, prim.path, ctx), prim.path, ctx), prim.path, ctx)
     return replace(made, surface=ctx.surfaces.index_of(surface), primvars=_primvars(prim, (surface,), authored, sizes, ctx))
 
 
@@ -70,9 +71,13 @@ def _sizes(patch: AuthoredPatch) -> Sizes:
     return Sizes(u * v, patch.u.count * patch.v.count, crossings, ends=crossings)
 
 
-def _is_closed(patch: NurbsPatch) -> bool:
+def _is_body(patch: NurbsPatch, path: str, ctx: Context) -> bool:
+    """Whether the patch is closed, so that light can enter it; reported where its inside is outside."""
     mesh = coarse_mesh(patch)
-    return not patch.loops and is_closed(mesh.points, mesh.triangles)
+    if patch.loops or not is_closed(mesh.points, mesh.triangles):
+        return False
+    note_inside_out(mesh.points, mesh.triangles, path, ctx)
+    return True
 
 
 def _primvars(

@@ -9,18 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from ....arrays import Ints
 from ...resolving.context import Context
 from ...resolving.read import array, read, token
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.authored_mesh import AuthoredMesh, read_normals
+from ...shapes.tetrahedra import FACES, sorted_rows, surface_of
 
 TETS, SURFACE = "tetVertexIndices", "surfaceFaceVertexIndices"
-# UsdGeomTetMesh, tetVertexIndices: they run counter-clockwise seen from outside. A left-handed tetrahedron's are these the
-# other way round, which is outside by the other hand: the surface is the same.
-FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +29,8 @@ class Tetrahedra:
 
     def owners(self) -> Ints:
         """(F,) the tetrahedron that has each face of the surface, the first of several; -1 where none has."""
-        faces = _sorted_rows(self.points[:, FACES].reshape(-1, 3))
-        both = np.concatenate([faces, _sorted_rows(self.surface)])
+        faces = sorted_rows(self.points[:, FACES].reshape(-1, 3))
+        both = np.concatenate([faces, sorted_rows(self.surface)])
         _, alike = np.unique(both, axis=0, return_inverse=True)
         alike = alike.reshape(-1)
         first = np.full(int(alike.max(initial=-1)) + 1, -1, np.int64)
@@ -76,23 +73,6 @@ def read_tet_mesh(prim: ResolvedPrim, ctx: Context) -> AuthoredMesh | None:
         face_indices=TETS if from_tets else SURFACE,
         tets=None if tets is None else Tetrahedra(tets, surface),
     )
-
-
-def surface_of(tets: Ints) -> Ints:
-    """(F, 3) the faces that belong to one tetrahedron alone, which run round their outside, in lexicographic order."""
-    faces = tets[:, FACES].reshape(-1, 3)
-    key = _sorted_rows(faces)
-    order = np.lexsort(key.T[::-1])
-    again = (key[order[1:]] == key[order[:-1]]).all(axis=1)
-    alone = np.ones(len(faces), bool)
-    alone[order[1:][again]] = False
-    alone[order[:-1][again]] = False
-    found = faces[alone]
-    return np.asarray(found[np.lexsort(found.T[::-1])], np.int32)
-
-
-def _sorted_rows(rows: Ints) -> npt.NDArray[np.int64]:
-    return np.sort(rows, axis=1).astype(np.int64)
 
 
 def _indices(prim: ResolvedPrim, name: str, width: int, ctx: Context) -> Ints | None:

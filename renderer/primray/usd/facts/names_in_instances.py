@@ -1,0 +1,62 @@
+"""What prims in native instances are called where all their instances share them: by where they are defined.
+
+An instance's prims have a path of their own in each instance, and none of these is better than another: which of them a
+prototype is made from depends on the order of prims and on what a mask leaves. Where a prim is defined does not: `/kind/ball`
+in the stage's own layers, else `tree.usda</tree/leaf>`; with the instance's variants, as `tree.usda</tree/leaf>{size=big}`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from pxr import Sdf, Usd
+
+from ..opening.file_names import FileNames, file_names
+from ..querying.guarded import FAILURES
+
+
+def names_in_instances(
+    stage: Usd.Stage, shapes: Iterable[str], materials: Iterable[str], instances: Collection[str]
+) -> dict[str, str]:
+    """Return such names by path, of what has one; `instances` are the paths by which a translation called prototypes.
+
+    A shape that is below none of these is a prim of its own, though it may be in an instance of the stage as it was opened.
+    """
+    files, own = file_names(stage), frozenset(stage.GetLayerStack())
+    roots = frozenset(Sdf.Path(path) for path in instances if Sdf.Path.IsValidPathString(path))
+    asked = [*(path for path in dict.fromkeys(shapes) if _is_below(path, roots)), *dict.fromkeys(materials)]
+    found = ((path, _definition(stage, path, files, own)) for path in dict.fromkeys(asked))
+    return {path: name for path, name in found if name}
+
+
+def instance_above(prim: Usd.Prim) -> Usd.Prim | None:
+    """Return the nearest native instance that holds the prim, if any does."""
+    if not prim.IsInstanceProxy():
+        return None
+    above = prim.GetParent()
+    while above and not above.IsInstance():
+        above = above.GetParent()
+    return above if above else None
+
+
+def _is_below(path: str, roots: Collection[Sdf.Path]) -> bool:
+    return Sdf.Path.IsValidPathString(path) and any(prefix in roots for prefix in Sdf.Path(path).GetPrefixes()[:-1])
+
+
+def _definition(stage: Usd.Stage, path: str, files: FileNames, own: Collection[Sdf.Layer]) -> str:
+    """ "" where the prim is in no instance, or nothing defines it."""
+    prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) and path.startswith("/") else None
+    instance = instance_above(prim) if prim else None
+    if prim is None or instance is None:
+        return ""
+    try:
+        specs = [spec for spec in prim.GetPrimStack() if spec.specifier == Sdf.SpecifierDef]
+        sets = instance.GetVariantSets()
+        chosen = ", ".join(f"{name}={sets.GetVariantSelection(name)}" for name in sorted(sets.GetNames()))
+    except FAILURES:
+        return ""
+    if not specs:
+        return ""
+    place = str(specs[0].path.StripAllVariantSelections())
+    name = place if specs[0].layer in own else f"{files.in_text(str(specs[0].layer.identifier))}<{place}>"
+    return name + (f"{{{chosen}}}" if chosen else "")
