@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -140,12 +141,11 @@ class Assembled:
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
     """What is asked for, by edits of copies of the stage; of an isolated one where edits would change other prims as well."""
     count = len(diagnostics)
-    try:
+    with suppress(OpinionsLeak):
         return _edited(stage, settings, diagnostics, names)
-    except OpinionsLeak:
-        diagnostics.forget_after(count)
-        names.clear()
-        return _edited(isolated(stage), settings, diagnostics, names)
+    diagnostics.forget_after(count)
+    names.clear()
+    return _edited(isolated(stage), settings, diagnostics, names)
 
 
 def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:

@@ -11,19 +11,47 @@ from collections.abc import Callable
 from pxr import Sdf, Usd, UsdShade
 
 from ..querying.guarded import authored_attributes, default_value, type_name
+from ..querying.stage_values import (
+    authored_meters_per_unit,
+    authored_up_axis,
+    end_time_code,
+    frames_per_second,
+    render_settings_path,
+    stage_value,
+    start_time_code,
+    time_codes_per_second,
+)
 from ..querying.traversal import populated
 from .select_prims import populate
 
+_METADATA: dict[str, Callable[[Usd.Stage], float | str]] = {
+    "metersPerUnit": authored_meters_per_unit,
+    "upAxis": authored_up_axis,
+    "timeCodesPerSecond": time_codes_per_second,
+    "framesPerSecond": frames_per_second,
+    "startTimeCode": start_time_code,
+    "endTimeCode": end_time_code,
+}
 _MAY_NAME_TILES = frozenset({"Shader", "Material", "NodeGraph"})
 
 
 def isolated(stage: Usd.Stage) -> Usd.Stage:
     layer = stage.Flatten(addSourceFileComment=False)
+    _keep_metadata(stage, layer)
     _anchor_tiles(stage, layer)
     session = Sdf.Layer.CreateAnonymous("session.usda")
     made = populate(layer, session, stage.GetPathResolverContext(), None)
     made.SetInterpolationType(stage.GetInterpolationType())
     return made
+
+
+def _keep_metadata(stage: Usd.Stage, flat: Sdf.Layer) -> None:
+    """Write what a render takes a stage's metadata for where they are of wrong types: UsdStage::Flatten drops those."""
+    for name, taken_as in _METADATA.items():
+        if stage_value(stage, name) is not None:
+            flat.pseudoRoot.SetInfo(name, taken_as(stage))
+    if (settings := render_settings_path(stage)) is not None:
+        flat.pseudoRoot.SetInfo("renderSettingsPrimPath", settings)
 
 
 def _anchor_tiles(stage: Usd.Stage, flat: Sdf.Layer) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from tests.unit.usd.materialx.documents import surface_of, unlit
 
+from primray.description import TextureInput
 from primray.usd.materialx.documents import library
 
 GREY = '<convert name="c" type="color3"><input name="in" type="float" nodename="v"/></convert>'
@@ -125,7 +126,11 @@ def test_numbers_of_a_file_are_converted_and_the_default_has_its_own_unit(tmp_pa
     (tmp_path / "a.png").write_bytes(b"")
     named = file.replace('value=""', 'value="a.png"')
     nodes = f'<image name="v" type="float">{named}</image>{GREY}'
-    assert computed_with(tmp_path, nodes, "multiply", "in2") == pytest.approx(0.01)
+    surface, messages = surface_of(tmp_path, unlit(nodes))
+    assert messages == []
+    ((_, reads),) = surface.inputs
+    assert isinstance(reads, TextureInput)
+    assert reads.scale[0] == pytest.approx(0.01)
 
 
 def test_geometric_properties_have_units(tmp_path: Path) -> None:
