@@ -114,23 +114,23 @@ def _purpose(prim: Usd.Prim, placed: Placed | None) -> str:
 
 def _is_visible(prim: Usd.Prim, purpose: str, placed: Placed) -> bool:
     """From the leaf up to the prototype's root, then from its instancer."""
-    opinion = "inherited"
+    opinion = ""
     while True:
         imageable = UsdGeom.Imageable(prim)
         if imageable and imageable.GetVisibilityAttr().Get() == UsdGeom.Tokens.invisible:
             return False
-        if opinion == "inherited" and purpose == "render" and imageable and prim.HasAPI(UsdGeom.VisibilityAPI):
-            opinion = str(UsdGeom.VisibilityAPI(prim).GetRenderVisibilityAttr().Get())
+        if not opinion and purpose == "render" and imageable and prim.HasAPI(UsdGeom.VisibilityAPI):
+            attribute = UsdGeom.VisibilityAPI(prim).GetRenderVisibilityAttr()
+            opinion = str(attribute.Get()) if attribute.HasAuthoredValue() else ""
         if prim == placed.root:
             break
         prim = prim.GetParent()
-    ends = purpose if opinion == "inherited" else "default"  # whose opinion on the purpose is none above
     if opinion == "invisible":
         return False
+    left = "default" if opinion else purpose  # an opinion further up does not count any more
     if placed.around is None:
-        visibility = UsdGeom.Imageable(placed.instancer).ComputeEffectiveVisibility(ends)
-        return bool(visibility != UsdGeom.Tokens.invisible)
-    return _is_visible(placed.instancer, ends, placed.around)
+        return bool(UsdGeom.Imageable(placed.instancer).ComputeEffectiveVisibility(left) != UsdGeom.Tokens.invisible)
+    return _is_visible(placed.instancer, left, placed.around)
 
 
 def _is_replaced(prim: Usd.Prim) -> bool:

@@ -10,7 +10,8 @@ import pytest
 from primray.usd.adapters.materials.material import Materials
 from primray.usd.adapters.shapes import implicit, mesh
 from primray.usd.lights import illuminant, photometric
-from primray.usd.materials.primvars_read import ShaderIds
+from primray.usd.materials.leaf_materials import bind_leaves, bindings_of
+from primray.usd.materials.network import ShaderIds
 from primray.usd.resolving import bindings, color_spaces, resolve
 from primray.usd.resolving.kept import Kept
 from primray.usd.shapes.topology import SharedFaces
@@ -24,7 +25,7 @@ CACHES = frozenset({
 
 
 def without_caches(monkeypatch: pytest.MonkeyPatch) -> None:
-    of, group, bound, instances_bound = Kept.of, walk._Walk.group, walk.bind_leaves, walk.bindings_of
+    of, group = Kept.of, walk._Walk.group
 
     def forgetful(kept: Kept, kind: type[Any]) -> Any:
         return kind() if kind in CACHES else of(kept, kind)
@@ -36,5 +37,5 @@ def without_caches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Kept, "of", forgetful)
     monkeypatch.setattr(walk._Walk, "group", its_own)
     monkeypatch.setattr(walk, "differ_by_material", lambda instances, ctx: [True] * len(instances))
-    monkeypatch.setattr(walk, "bindings_of", lambda instances, by, ctx: instances_bound(instances, True, ctx))
-    monkeypatch.setattr(walk, "bind_leaves", lambda shapes, by, ctx: bound(shapes, True, ctx))
+    monkeypatch.setattr(walk, "bindings_of", lambda instances, by, ctx: bindings_of(instances, True, ctx))
+    monkeypatch.setattr(walk, "bind_leaves", lambda shapes, by, ctx: bind_leaves(shapes, True, ctx))

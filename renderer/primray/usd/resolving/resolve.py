@@ -228,16 +228,17 @@ def _blur_scale(prim: Usd.Prim, ctx: Context) -> float:
 
 
 def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset[str]) -> Inherited:
-    """UsdGeomVisibilityAPI: "visible" below overrides "invisible" above. Without an opinion a purpose that is asked for is
-    visible, guides too: the schema leaves that to the "calling context" for the others, and nobody asks for guides in vain."""
+    """UsdGeomVisibilityAPI: the nearest authored opinion counts, and "inherited" hides nothing (ComputeEffectiveVisibility).
+    Without an opinion a purpose that is asked for is visible, guides too: the schema leaves that to the "calling context" for
+    the others, and nobody asks for guides in vain."""
     if not prim.HasAPI(UsdGeom.VisibilityAPI):
         return parent
     invisible = set(parent.invisible)
     for name, purpose in _PURPOSE_VISIBILITY.items():
-        opinion = default_value(prim.GetAttribute(name)) if name in names else "inherited"
+        opinion = default_value(prim.GetAttribute(name)) if name in names else None
         if opinion == "invisible":
             invisible.add(purpose)
-        elif opinion == "visible":
+        elif opinion is not None:
             invisible.discard(purpose)
     return replace(parent, invisible=frozenset(invisible))
 
