@@ -49,6 +49,17 @@ CODES: dict[str, Code] = {
     "view-exposure": Code(Severity.WARNING, Kind.NOTE,
         "A PNG or JPEG shows almost only white, or almost only black: the picture is out of the view's range.",
         "Say `--exposure auto`, or the stops that the message names; the EXR has the picture as it is."),
+    "view-space-assumed": Code(Severity.WARNING, Kind.NOTE,
+        "The OpenColorIO configuration has no colour space that is known here: its scene_linear role is taken for the space that "
+        "the picture is rendered in. PNG, JPEG and TIFF rest on that; an EXR does not.",
+        "Say `--rendering-color-space` with the space that the role means, or give the configuration an `aces_interchange` role."),
+    "display-error-unknown": Code(Severity.INFO, Kind.NOTE,
+        "The error on a display is not measured, as the OpenColorIO configuration cannot make the default view.",
+        "Nothing, if no display is meant; `primray doctor` lists the views of the configuration that fail."),
+    "picture-unfinished": Code(Severity.ERROR, Kind.MISSING,
+        "Something that is made after the samples failed: an AOV, the denoised or the diffused picture is missing. The rest is "
+        "written.",
+        "Act on what the message says, and render again from a checkpoint, if there is one."),
     "half-channels": Code(Severity.WARNING, Kind.NOTE,
         "`--half` names what the EXR does not have, or channels with values that halves cannot hold: these are infinite there.",
         "Leave the channel in floats, or name one that there is."),

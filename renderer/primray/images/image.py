@@ -134,8 +134,8 @@ class Image:
         chosen, encoding = View(view, display, look, self.color_space), Encoding(bit_depth, tuple(half))
         if shows_view(path, encoding):
             exposure = self._stops(chosen, exposure)
-            fault = view_fault(self.shown.pixels, chosen, exposure)
-            Announcer(path).tell([] if fault is None else [fault])
+            faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, exposure))
+            Announcer(path).tell([fault for fault in faults if fault is not None])
         if path.suffix.lower() == ".exr" and encoding.half:
             Announcer(path).tell(half_faults(exr_parts(self), encoding))
         return self.write(path, chosen, 0.0 if exposure == "auto" else exposure, encoding)
