@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Floats
 from ..description import Frame, PixelWindow
 from ..errors import SettingsError
-from ..textures.image_error import last_error
+from ..textures.image_error import fault_of_pixels, last_error
 from .opened_picture import open_picture
 
 COLORS = ("R", "G", "B")
@@ -87,8 +87,9 @@ def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
             why = "is deep" if spec.deep else f"has no channel {', '.join(missing)}; it has {', '.join(channels)}"
             raise SettingsError(f"the picture {why}", where=name, code="image-channels")
         values = file.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
-        if values is None:
-            raise SettingsError(f"the picture is damaged: {last_error(file)}", where=name, code="image-unreadable")
+        fault = last_error(file) if values is None else fault_of_pixels(file, name)
+        if fault or values is None:
+            raise SettingsError(f"the picture is damaged: {fault}", where=name, code="image-unreadable")
         values = np.asarray(values).reshape(spec.height, spec.width, spec.nchannels)
         metadata = {
             attribute.name.removeprefix(HEADER_PREFIX): attribute.value
