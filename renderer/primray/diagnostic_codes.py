@@ -50,9 +50,9 @@ CODES: dict[str, Code] = {
         "A PNG or JPEG shows almost only white, or almost only black: the picture is out of the view's range.",
         "Say `--exposure auto`, or the stops that the message names; the EXR has the picture as it is."),
     "view-space-assumed": Code(Severity.WARNING, Kind.NOTE,
-        "The OpenColorIO configuration has no colour space that is known here: its scene_linear role is taken for the space that "
-        "the picture is rendered in. PNG, JPEG and TIFF rest on that; an EXR does not.",
-        "Say `--rendering-color-space` with the space that the role means, or give the configuration an `aces_interchange` role."),
+        "The OpenColorIO configuration has no colour space that is known here: its scene_linear role is taken for the space "
+        "that the picture is rendered in. PNG, JPEG and TIFF rest on that; an EXR does not.",
+        "Say `--rendering-color-space` with the space that the role means, or give the configuration an `aces_interchange`."),
     "display-error-unknown": Code(Severity.INFO, Kind.NOTE,
         "The error on a display is not measured, as the OpenColorIO configuration cannot make the default view.",
         "Nothing, if no display is meant; `primray doctor` lists the views of the configuration that fail."),
@@ -271,6 +271,9 @@ CODES: dict[str, Code] = {
     "render-var": Code(Severity.WARNING, Kind.IGNORED,
         "A render variable cannot be had, or not as it asks: it is left out, or fitted.",
         "Name an output that there is (docs/aovs.md) and a type of numbers, or remove it."),
+    "output-parameter": Code(Severity.INFO, Kind.NOTE,
+        "A product or a variable asks its driver for something that files here do not have, or have in one way alone.",
+        "Nothing, if the file serves as it is; docs/files.md lists what is read."),
     "aov-empty": Code(Severity.INFO, Kind.NOTE,
         "An output beside the picture (AOV) reads a primvar that nothing has: it is 0.",
         "Correct the primvar's name, or author it on a shape of the picture."),

@@ -96,7 +96,7 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     report |= {"labels": dict(kept.labels)} if kept is not None and kept.labels else {}
     report |= {"frame": asdict(about.frame), "motion": about.motion} | dict(says) | {"sample_ranges": ranges}
     camera, frame, space = about.camera, about.frame, about.rendering_space
-    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space, file=about.file)
     after = Diagnostics()
     if denoises and kept is not None and kept.guides is not None:
         with kept_without("the denoised picture", after):

@@ -217,15 +217,14 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
 
 def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[str, str]]:
     from ..images.exposure import view_fault
-    from ..images.files.encoding import half_faults
-    from ..images.image import exr_parts, shows_view
+    from ..images.image import faults_of_exr, shows_view
 
     names = [Path(f"picture{suffix_of(file)}") for file in files if not is_tev(file)]
     faults, view = [], looks.view_of(image)
     if looks.exposure != "auto" and any(shows_view(name, looks.encoding) for name in names):
         faults += [None if looks.names_space else view.assumption(), view_fault(image.shown.pixels, view, looks.exposure)]
-    if looks.encoding.half and any(name.suffix.lower() == ".exr" for name in names):
-        faults += half_faults(exr_parts(image), looks.encoding)
+    if any(name.suffix.lower() == ".exr" for name in names):
+        faults += faults_of_exr(image, looks.encoding)
     return [fault.as_json() for fault in faults if fault is not None]
 
 

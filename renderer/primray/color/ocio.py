@@ -132,7 +132,7 @@ def to_display(
 
 
 def check_display(view: str | None, display: str | None = None, look: str | None = None, space: ColorSpace = REC709) -> None:
-    """Build what `to_display` applies; SettingsError where the configuration cannot: names, LUTs that are missing or damaged."""
+    """Build what `to_display` applies; SettingsError where that cannot be: unknown names, LUTs that are missing or damaged."""
     _display_processor(view, display, look, space)
 
 

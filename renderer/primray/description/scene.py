@@ -12,6 +12,7 @@ from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, Linked
 from .motion import CameraMotion, Exposure, MotionSteps
+from .picture_file import PLAIN, PictureFile
 from .placement import Placement
 from .shading import Surface
 
@@ -58,6 +59,7 @@ class SceneDescription:
     exposure: Exposure | None = None  # None: an instant, at which nothing moves
     camera_motion: CameraMotion | None = None
     motion_steps: tuple[MotionSteps, ...] = ()  # of all that moves
+    file: PictureFile = PLAIN  # what the stage's product asks of the EXR
 
     @property
     def frame(self) -> Frame:

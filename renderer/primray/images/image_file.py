@@ -100,6 +100,9 @@ def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
         primaries = tuple(map(float, said)) if said is not None and len(said) == 8 else None
     finally:
         file.close()
+    if str(spec.getattribute("compression") or "").startswith("dwa"):  # which rings about 0
+        errors = [channels.index(channel) for channel in ERROR_CHANNELS if channel in channels]
+        values[..., errors] = np.maximum(values[..., errors], 0)
     return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries)
 
 

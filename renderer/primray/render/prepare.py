@@ -81,6 +81,7 @@ def _prepare(
     steps: Steps,
 ) -> Prepared:
     from .. import usd
+    from ..description.picture_file import PLAIN
     from ..report.report import resolve_settings
 
     with costs.stage("translate"):
@@ -116,6 +117,8 @@ def _prepare(
         assert scene.record is not None
         assets = usd.assets_of(stage, scene.record.shape_paths)
     prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
+    if description.file != PLAIN:
+        prepared = replace(prepared, file=description.file)
     labels = None
     if any(taxonomy_of(request.source) for request in description.aovs):
         labels = lambda path, taxonomy: usd.labels_of(stage, path, taxonomy, settings.time_code)  # noqa: E731

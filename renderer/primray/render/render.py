@@ -231,6 +231,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
     image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    image = replace(image, file=prepared.file) if prepared.file is not None else image
     if prepared.settings.denoises:
         with kept_without("the denoised picture", diagnostics):
             image = _denoised(image, prepared, sampling, costs)

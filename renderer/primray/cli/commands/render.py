@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from ...errors import PrimrayError, SettingsError
+from ...errors import SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
 from ...settings import (
     DEFAULT_DICING_RATE,
