@@ -18,6 +18,7 @@ from .opened_picture import open_picture
 COLORS = ("R", "G", "B")
 ERROR_CHANNELS = tuple(f"stderr.{name}" for name in COLORS)
 HEADER_PREFIX = "primray:"
+FLOATS = ("half", "float", "double")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,12 @@ class MeasuredImage:
     name: str = ""
     chromaticities: tuple[float, ...] | None = None  # x, y of red, green, blue and white; None: the file does not say
     frame: Frame | None = None  # where the pixels lie; None: they are the whole
+    stored: str = "float"  # OpenImageIO's name of the numbers' type in the file
+
+    @property
+    def is_display(self) -> bool:
+        """Whether its numbers are display values: whole numbers, as PNG and JPEG hold them."""
+        return self.stored not in FLOATS
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -96,6 +103,7 @@ def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
             for attribute in spec.extra_attribs
             if attribute.name.startswith(HEADER_PREFIX)
         }
+        stored = str(spec.channelformat(channels.index("R")))
         said = spec.getattribute("chromaticities")
         primaries = tuple(map(float, said)) if said is not None and len(said) == 8 else None
     finally:
@@ -103,7 +111,7 @@ def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
     if str(spec.getattribute("compression") or "").startswith("dwa"):  # which rings about 0
         errors = [channels.index(channel) for channel in ERROR_CHANNELS if channel in channels]
         values[..., errors] = np.maximum(values[..., errors], 0)
-    return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries)
+    return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries, stored=stored)
 
 
 def _frame(spec: Any) -> Frame:

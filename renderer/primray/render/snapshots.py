@@ -65,5 +65,12 @@ def picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
     }
     space = prepared.scene.rendering_space
     return Image(
-        pixels, {}, metadata, prepared.camera, errors=errors, frame=prepared.frame, color_space=space, file=prepared.file or PLAIN
+        pixels,
+        {},
+        metadata,
+        prepared.camera,
+        errors=errors,
+        frame=prepared.frame,
+        color_space=space,
+        file=prepared.file or PLAIN,
     )

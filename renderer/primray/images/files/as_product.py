@@ -29,7 +29,9 @@ def _add(spec: object, name: str, value: HeaderValue) -> None:
 
     assert isinstance(spec, oiio.ImageSpec)
     if isinstance(value, tuple):
-        is_whole = len(value) < 4 and all(isinstance(number, int) for number in value)  # OpenEXR has no vectors of four integers
+        is_whole = len(value) < 4 and all(
+            isinstance(number, int) for number in value
+        )  # OpenEXR has no vectors of four integers
         spec.attribute(name, oiio.TypeDesc(f"{'int' if is_whole else 'float'}[{len(value)}]"), value)
     else:
         spec.attribute(name, value)
