@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ..errors import PrimrayError, SettingsError
+from ..errors import SettingsError
 from ..images.files.encoding import Encoding
 from .standard_output import check_standard, is_standard, suffix_of, write_standard
 from .tev_outputs import TevOutputs, is_tev

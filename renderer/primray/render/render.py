@@ -20,6 +20,7 @@ from .prepare import OpenedStage, composing_settings, open_once, prepare
 from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
+    from ..aov_names import AovRequest
     from ..checkpoints.checkpointing import Checkpointing
     from ..core import CoreScene
     from ..diagnostics import Diagnostics
@@ -276,7 +277,10 @@ def find_aovs(
     plain = [request for request in prepared.aovs if request not in (*mattes, *labels, *routed)]
     says: dict[str, Any] = {}
     found: dict[str, Aov] = {}
-    kept = lambda requests: kept_without(", ".join(request.name for request in requests), diagnostics)  # noqa: E731
+
+    def kept(requests: Sequence[AovRequest]) -> AbstractContextManager[None]:
+        return kept_without(", ".join(request.name for request in requests), diagnostics)
+
     with costs.stage("aovs"):
         with kept(plain):
             found |= aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}

@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
-
-def _as_whole(value: object) -> object:
-    """JSON has one kind of number, and JSON Schema calls 16.0 an integer: what many languages write for 16."""
-    if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
-        return int(value)
-    return value
-
-
-Whole = Annotated[int, BeforeValidator(_as_whole)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[^\x00-\x1f\x7f]+$")]
 
 
-Parallel = Annotated[Whole, Field(ge=1, le=1024)] | Literal["auto"]
+Parallel = Annotated[int, Field(ge=1, le=1024)] | Literal["auto"]
 OF_PARALLEL = "The most places that each frame is rendered in at a time, by ranges of its samples; auto: all there are."
 
 
@@ -39,7 +30,7 @@ class StopRules(Sent):
 
     target_error: float | None = Field(None, gt=0, description="Stop when the estimate of the error is not above this.")
     metric: Literal["relmse", "rmse", "display"] = "relmse"
-    max_samples: Whole | None = Field(None, ge=1, description="Samples a pixel.")
+    max_samples: int | None = Field(None, ge=1, description="Samples a pixel.")
     max_seconds: float | None = Field(None, gt=0, description="Seconds of sampling, a frame.")
 
 
@@ -67,10 +58,10 @@ class Settings(Sent):
     frames: str | None = Field(
         None, max_length=4096, description='"1", "1:10", "1-10x2" or "1,5"; not given: the default time.'
     )
-    resolution: tuple[Whole, Whole] | None = Field(None, description="Width and height; one of them 0: by the camera's aspect.")
+    resolution: tuple[int, int] | None = Field(None, description="Width and height; one of them 0: by the camera's aspect.")
     stop: StopRules = StopRules()
-    seed: Whole = Field(0, ge=0, lt=2**32)
-    max_depth: Whole | None = Field(None, ge=1, le=2**20, description="Scatterings; 1: direct light only.")
+    seed: int = Field(0, ge=0, lt=2**32)
+    max_depth: int | None = Field(None, ge=1, le=2**20, description="Scatterings; 1: direct light only.")
     adaptive: bool | None = None
     filter: Literal["box", "gaussian", "blackman-harris"] = "box"
     filter_width: float | None = Field(None, gt=0, le=64)
@@ -130,7 +121,7 @@ class JobRequest(Sent):
     settings: Settings = Settings()
     name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
     parallel: Parallel | None = Field(None, description=OF_PARALLEL)
-    priority: Whole = Field(50, ge=0, le=100, description="Larger goes first.")
+    priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
     labels: dict[str, str] = Field(default={}, description="To find jobs by.")
     ttl_s: float | None = Field(
         None, gt=0, description="Kept so long after its end; expired if not finished so long after it was made."
@@ -151,7 +142,7 @@ class FormJob(Sent):
     settings: Settings = Settings()
     name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
     parallel: Parallel | None = Field(None, description=OF_PARALLEL)
-    priority: Whole = Field(50, ge=0, le=100, description="Larger goes first.")
+    priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
     labels: dict[str, str] = Field(default={}, description="To find jobs by.")
     ttl_s: float | None = Field(None, gt=0, description="As in JobRequest.")
     webhook: Webhook | None = None
@@ -173,7 +164,7 @@ class JobPatch(Sent):
     """Only what is to change."""
 
     name: Name = Field("", description="Instead of the one that there was.")
-    priority: Whole = Field(50, ge=0, le=100)
+    priority: int = Field(50, ge=0, le=100)
     labels: dict[str, str] = Field(default={}, description="Instead of all labels that there were.")
     ttl_s: float | None = Field(None, gt=0, description="null: this server's default.")
 
@@ -183,7 +174,7 @@ class ContinuedRules(Sent):
 
     target_error: float | None = Field(None, gt=0)
     metric: Literal["relmse", "rmse", "display"] = "relmse"
-    max_samples: Whole | None = Field(None, ge=1, description="In all, those of earlier attempts with them.")
+    max_samples: int | None = Field(None, ge=1, description="In all, those of earlier attempts with them.")
     max_seconds: float | None = Field(None, gt=0, description="In all, those of earlier attempts with them.")
 
 

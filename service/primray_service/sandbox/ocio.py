@@ -11,10 +11,8 @@ from pathlib import Path
 
 OCIO = "OCIO"
 BUILTIN = "ocio://"
-LUTS = frozenset(
-    """.3dl .cc .ccc .cdl .clf .csp .ctf .cub .cube .hdl .icc .icm .itx .look .lut .m3d .mga .spi1d .spi3d .spimtx
-    .vf""".split()
-)
+_LUTS = """3dl cc ccc cdl clf csp ctf cub cube hdl icc icm itx look lut m3d mga spi1d spi3d spimtx vf"""
+LUTS = frozenset(f".{name}" for name in _LUTS.split())
 MOST_FILES = 4000
 
 

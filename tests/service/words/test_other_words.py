@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 import json
-from typing import Annotated, Any
+from typing import Any
 
 import pytest
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel
 
 from primray.cli.quick import TABLE
 from primray.settings import RenderSettings
-from primray_service.api.models import JobRequest, Sent, Settings, StopRules
+from primray_service.api.models import JobRequest, Settings, StopRules
 from primray_service.api.words import STOP_WORDS, WORDS, in_own_words
 from primray_service.http.bodies import parsed
 from primray_service.problems import Problem
@@ -80,37 +80,41 @@ def test_the_command_line_understands_the_apis_words() -> None:
     assert {f"--{word.replace('_', '-')}" for word in own} <= flags
 
 
-def whole_numbers() -> list[Any]:
-    """All members of what clients send that hold whole numbers, alone or in a list of two, by what validates them."""
-    found = []
-    for model in Sent.__subclasses__():
-        for name, field in model.model_fields.items():
-            kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-            if isinstance(kind, type) and issubclass(kind, BaseModel):
-                continue
-            reads = TypeAdapter(kind, config=ConfigDict(strict=True))
-            schema = json.dumps(reads.json_schema())
-            if '"integer"' in schema and "properties" not in schema:
-                text = "[{0}, {0}]" if "prefixItems" in schema else "{0}"
-                found.append(pytest.param(reads, text, id=f"{model.__name__}.{name}"))
+def whole_numbers() -> list[tuple[tuple[str, ...], str]]:
+    """The members of a request that hold whole numbers: each one's path, and a value with "N" for the number."""
+    found: list[tuple[tuple[str, ...], str]] = []
+
+    def look(model: type[BaseModel], path: tuple[str, ...]) -> None:
+        for name, member in model.model_json_schema()["properties"].items():
+            inner = model.model_fields[name].annotation
+            if isinstance(inner, type) and issubclass(inner, BaseModel):
+                look(inner, (*path, name))
+            elif '"integer"' in (text := json.dumps(member)):
+                found.append(((*path, name), "[N, N]" if "prefixItems" in text else "N"))
+
+    look(JobRequest, ())
     return found
 
 
-@pytest.mark.parametrize(("reads", "text"), whole_numbers())
-def test_a_whole_number_may_be_written_with_a_point(reads: TypeAdapter[Any], text: str) -> None:
+@pytest.mark.parametrize(("path", "value"), whole_numbers(), ids=str)
+def test_a_whole_number_may_be_written_with_a_point(path: tuple[str, ...], value: str) -> None:
     """JSON has one kind of number; JSON Schema's integers are those without a fraction."""
-    assert (
-        reads.validate_json(text.format("16.0"))
-        == reads.validate_json(text.format("1.6e1"))
-        == reads.validate_json(text.format("16"))
-    )
+
+    def request(number: str) -> JobRequest:
+        text = value.replace("N", number)
+        for name in reversed(path):
+            text = f'{{"{name}": {text}}}'
+        return parsed(JobRequest, f'{{"scene": {json.dumps(SCENE)}, {text[1:]}'.encode())
+
+    assert request("16.0") == request("1.6e1") == request("16")
     for wrong in ("16.5", '"16.0"', "true", "1e300"):
-        with pytest.raises(ValidationError):
-            reads.validate_json(text.format(wrong))
+        with pytest.raises(Problem):
+            request(wrong)
 
 
 def test_whole_numbers_of_all_settings_are_found() -> None:
-    assert len(whole_numbers()) >= 10
-    stop = understood({"spp": 16.0, "resolution": [64.0, 0], "seed": 3.0})
-    assert (stop.stop.max_samples, stop.resolution, stop.seed) == (16, (64, 0), 3)
-    assert type(stop.stop.max_samples) is int
+    names = {path[-1] for path, _ in whole_numbers()}
+    assert names >= {"max_samples", "seed", "max_depth", "resolution", "priority", "parallel"}
+    found = understood({"spp": 16.0, "shutter": [0.0, 0.5], "diffusion": 1.0})
+    assert (found.stop.max_samples, found.shutter, found.diffusion) == (16, (0.0, 0.5), 1.0)
+    assert type(found.stop.max_samples) is int

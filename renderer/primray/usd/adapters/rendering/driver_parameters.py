@@ -19,6 +19,7 @@ from pxr import Usd
 from ....aov_data_types import data_type_of
 from ....description.picture_file import COMPRESSIONS, LOSSY, HeaderValue, PictureFile
 from ....diagnostics import Diagnostics
+from ...querying.guarded import authored_attributes
 from ...resolving.read import When, value
 
 PREFIXES = ("driver:parameters:openexr:", "driver:parameters:", "arnold:driver_exr:", "arnold:")
@@ -44,7 +45,7 @@ class _Reader:
 
     def parameters(self, prefixes: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
         """The attribute's name, the parameter's and its value, of those that have one."""
-        for attribute in self.prim.GetAuthoredAttributes():
+        for attribute in authored_attributes(self.prim):
             name = attribute.GetName()
             prefix = next((p for p in prefixes if name.lower().startswith(p)), None)
             if prefix is not None and (found := value(attribute, self.when)) is not None:
@@ -61,7 +62,7 @@ class _Reader:
 def product_file(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> PictureFile:
     """What the product's driver is told."""
     reader = _Reader(product, when, diagnostics)
-    compression, level, half, header = "", None, (), dict[str, HeaderValue]()
+    compression, level, half, header = "", None, tuple[str, ...](), dict[str, HeaderValue]()
     for attribute, name, found in reader.parameters(PREFIXES):
         key = name.lower()
         if key == "compression":

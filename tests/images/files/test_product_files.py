@@ -68,7 +68,8 @@ def parts_of(path: Path) -> dict[str, Any]:
     """The specs of a file's parts by their names."""
     import OpenImageIO as oiio
 
-    file, found = oiio.ImageInput.open(str(path)), {}
+    file, found = oiio.ImageInput.open(str(path)), dict[str, Any]()
+    assert file is not None
     while file.seek_subimage(len(found), 0):
         spec = file.spec()
         found[spec.get_string_attribute("oiio:subimagename", "rgba")] = spec

@@ -13,6 +13,7 @@ import pytest
 import primray
 from primray.cli import run
 from primray.color import ocio as color
+from primray.color.color_space import REC709
 from primray.errors import SettingsError
 from primray.images.exposure import View
 from primray.images.image import Image
@@ -100,7 +101,7 @@ def test_a_scene_linear_role_is_an_assumption(stage: Path, monkeypatch: pytest.M
     assert run([*command, "--strict", "--rendering-color-space", "lin_ap1"]) == 0
     assert "view-space-assumed" not in codes()
     with pytest.raises(SettingsError, match="no linear space"):  # textures are not converted by a guess
-        color.convert(np.ones((1, 1, 3), np.float32), "graded", color.REC709)
+        color.convert(np.ones((1, 1, 3), np.float32), "graded", REC709)
     with pytest.warns(primray.RenderWarning, match="view-space-assumed"):
         Image(np.full((4, 4, 4), 0.5, np.float32)).save("b.png")
 
