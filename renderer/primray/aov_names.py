@@ -89,6 +89,7 @@ class AovRequest:
     source: str
     data_type: str = ""
     errors: bool = False
+    prefix: str | None = None  # of its channels in a file, in place of the name
 
 
 def check_names(names: Iterable[str]) -> None:

@@ -117,6 +117,7 @@ class FakeSampling:
         self.stop: Stop | None = None
         self.splits, self.lane_occupancy, self.seconds, self.earlier_rays = Splits(), 0.97, 0.5, 0
         self.rows: list[Row] = []
+        self.view_fault = ""
 
     def run(self, progress: Any, pause: Any = None) -> bool:
         stopped = progress(0.5, 100, 300) is False

@@ -21,6 +21,7 @@ from .. import core
 from ..camera import Camera, camera_as_json, camera_of
 from ..color.color_space import REC709, ColorSpace, is_gamut
 from ..description import Frame
+from ..description.picture_file import PLAIN, PictureFile, picture_file_of_json
 from ..errors import CheckpointError
 from ..report.report import settings_as_json
 from ..sampling.adaptive import DOUBLINGS, Plan
@@ -85,6 +86,7 @@ class About:
     stage: str = ""  # the root layer's file name
     light_paths: LightPaths | None = None  # what the film holds of light path expressions
     beside: KeptBeside | None = None  # what a part keeps for outputs beside the picture
+    file: PictureFile = PLAIN  # what the stage's product asks of the EXR
 
 
 @dataclass(frozen=True)
@@ -164,6 +166,8 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         arrays["tiles"] = np.stack([row.error.tiles for row in sampling.rows[_last_anchor(sampling.rows) :]])
     if plan is not None:
         arrays |= {f"plan.{name}": getattr(plan, name) for name in PLAN_ARRAYS}
+    if about.file != PLAIN:
+        header["file"] = about.file.as_json()
     if about.beside is not None:
         header["beside"], kept = contents_of(about.beside)
         arrays |= {f"{BESIDE}{name}": array for name, array in kept.items()}
@@ -231,6 +235,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             stage=_text_of(header["stage"]),
             light_paths=light_paths,
             beside=beside,
+            file=PLAIN if header.get("file") is None else picture_file_of_json(header["file"]),
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),

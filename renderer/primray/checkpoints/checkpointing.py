@@ -92,6 +92,7 @@ class Checkpointing:
 def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, About]:
     """The sampling of a scene, from a checkpoint where one is given, and what its checkpoints are to say of it."""
     from ..denoising.target import denoised_target
+    from ..description.picture_file import PLAIN
     from ..report.report import settings_as_json
     from ..sampling.sampling import Sampling
     from . import checkpoint
@@ -114,6 +115,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         motion=prepared.motion,
         stage=prepared.stage,
         light_paths=light_paths,
+        file=prepared.file or PLAIN,
     )
     if held is None:
         sampling = Sampling.begin(prepared.scene, settings)

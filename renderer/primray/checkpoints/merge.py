@@ -17,6 +17,8 @@ from ..images.aov import Aov
 from ..images.image import Image, pixels_sha256
 from ..images.light_paths.outputs import light_paths_of
 from ..report.report import Costs, header_of, make_report, settings_as_json, subject_of
+from ..report.unfinished import CODE as PICTURE_UNFINISHED
+from ..report.unfinished import kept_without
 from ..sampling.sampling import Sampling
 from .checkpoint import Range, check, contents, gaps
 from .checkpoint_file import write_checkpoint
@@ -24,7 +26,7 @@ from .gathering import Gathering
 from .kept_beside import aovs_of_parts
 
 # What is told of the samples that are merged, anew each time.
-OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged")
+OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged", "display-error-unknown", PICTURE_UNFINISHED)
 
 
 @dataclass(frozen=True)
@@ -74,12 +76,17 @@ def all_of(ranges: tuple[Range, ...]) -> dict[str, Any]:
 def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, says: Mapping[str, Any]) -> Merged:
     """Of a sampling of the parts that has stopped; the report says `says` as well."""
     pixels, errors = sampling.film.image()
-    kept = gathering.beside
+    kept, own, found = gathering.beside, Diagnostics(), dict[str, Aov]()
+    if sampling.view_fault:
+        own.add("display-error-unknown", "", sampling.view_fault)
     with costs.stage("aovs"):
-        found = ({} if kept is None else aovs_of_parts(kept, sampling.film)) | light_paths(gathering, sampling)
+        with kept_without("what the parts hold beside the picture", own):
+            found |= {} if kept is None else aovs_of_parts(kept, sampling.film)
+        with kept_without("what goes by light paths", own):
+            found |= light_paths(gathering, sampling)
         aovs = {name: found[name] for name in gathering.held[0].about.aovs if name in found}
     denoises = sampling.settings.denoises and kept is not None and kept.guides is not None and has_denoiser()
-    diagnostics = _diagnostics(sampling, gathering, {*aovs, *(["denoised"] if denoises else [])})
+    diagnostics = _diagnostics(sampling, gathering, {*aovs, *(["denoised"] if denoises else [])}, own)
     about = replace(gathering.held[0].about, diagnostics=diagnostics, settings=settings_as_json(sampling.settings), beside=kept)
     ranges = [list(r) for r in gathering.ranges]
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": about.features}
@@ -89,14 +96,18 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     report |= {"labels": dict(kept.labels)} if kept is not None and kept.labels else {}
     report |= {"frame": asdict(about.frame), "motion": about.motion} | dict(says) | {"sample_ranges": ranges}
     camera, frame, space = about.camera, about.frame, about.rendering_space
-    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space, file=about.file)
+    after = Diagnostics()
     if denoises and kept is not None and kept.guides is not None:
-        image = _denoised(image, kept.guides, sampling, costs)
+        with kept_without("the denoised picture", after):
+            image = _denoised(image, kept.guides, sampling, costs)
     header, arrays = contents(sampling, about)
     if about.camera.diffusion.strength > 0:
         from ..diffusing.diffuse import with_diffusion
 
-        image = with_diffusion(image)
+        with kept_without("the diffused picture", after):
+            image = with_diffusion(image)
+    diagnostics += [diagnostic.as_json() for diagnostic in after]
     return Merged(image, header | {"ranges": ranges}, arrays)
 
 
@@ -116,8 +127,9 @@ def _denoised(image: Image, guides: Guides, sampling: Sampling, costs: Costs) ->
         return with_denoised(image, Denoising(guides, image.camera.exposure_scale, sampling.settings).of(sampling.film))
 
 
-def _diagnostics(sampling: Sampling, gathering: Gathering, made: Container[str]) -> list[dict[str, str]]:
-    own, held, ranges = Diagnostics(), gathering.held, gathering.ranges
+def _diagnostics(sampling: Sampling, gathering: Gathering, made: Container[str], own: Diagnostics) -> list[dict[str, str]]:
+    """What the parts say, and `own`, to which what is found here is added."""
+    held, ranges = gathering.held, gathering.ranges
     missing = ([(0, ranges[0][0])] if ranges[0][0] > 0 else []) + gaps(ranges)
     if missing:
         spans = ", ".join(f"{a}:{b}" for a, b in missing)

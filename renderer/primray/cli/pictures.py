@@ -7,20 +7,26 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ..errors import PrimrayError
+from ..errors import SettingsError
 from ..images.files.encoding import Encoding
 from .standard_output import check_standard, is_standard, suffix_of, write_standard
 from .tev_outputs import TevOutputs, is_tev
 
 if TYPE_CHECKING:
+    from ..color.color_space import ColorSpace
     from ..images.exposure import View
     from ..images.image import Image
+    from ..settings import RenderSettings
+    from .shots import Shot
+
+UNFINISHED = "picture-unfinished"
 
 
 @dataclass(frozen=True)
@@ -37,6 +43,7 @@ class Looks:
     chose_exposure: bool = False
     tev: TevOutputs = field(default_factory=TevOutputs)
     encoding: Encoding = field(default_factory=Encoding)
+    names_space: bool = False  # --rendering-color-space was given, so that views rest on no assumption about it
 
     @property
     def is_chosen(self) -> bool:
@@ -50,17 +57,45 @@ class Looks:
 
         return replace(self, exposure=exposure_that_serves(image.shown.pixels, self.view_of(image)), chose_exposure=True)
 
+    def settled_if_it_can_be(self, image: Image) -> Looks:
+        """`settled`; or as it is where the view fails, which is reported where a file needs it."""
+        try:
+            return self.settled(image)
+        except Exception:
+            return self
+
     def view_of(self, image: Image) -> View:
+        return self.view_from(image.color_space)
+
+    def view_from(self, space: ColorSpace) -> View:
         from ..images.exposure import View
 
-        return View(self.view, self.display, self.look, image.color_space)
+        return View(self.view, self.display, self.look, space)
 
 
-def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
-    """Find out before rendering what cannot be written after it."""
-    from ..color.ocio import check_look, check_view
+def check_shots(shots: Sequence[Shot], looks: Looks) -> None:
+    """`check_outputs` of the first picture, and the places of all others: a name may have the frame in its folder."""
+    from ..images.image import check_output_path
+    from ..images.output_path import check_folder, make_folder
+
+    first = shots[0]
+    check_outputs(first.files, first.report, looks, first.settings)
+    for shot in shots[1:]:
+        files = [file for file in shot.files if not is_tev(file) and not is_standard(file)]
+        reports = [] if shot.report is None else [shot.report]
+        if looks.make_folders:
+            for name in [*files, *reports]:
+                make_folder(Path(name))
+        for file in files:
+            check_output_path(file)
+        for name in reports:
+            check_folder(Path(name))
+
+
+def check_outputs(files: list[str], report: str | None, looks: Looks, settings: RenderSettings | None = None) -> None:
+    """Find out before rendering what cannot be written after it. `settings`: of the render, where one follows."""
     from ..images.files.encoding import check_bit_depth, check_half
-    from ..images.image import VIEW_EXTENSIONS, check_output_path
+    from ..images.image import check_output_path, shows_view
     from ..images.output_path import check_folder, make_folder
 
     in_files = [file for file in files if not is_tev(file) and not is_standard(file)]
@@ -75,12 +110,23 @@ def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
         check_output_path(file)
     if report is not None:
         check_folder(Path(report))
-    if looks.is_chosen or any(suffix.lower() in VIEW_EXTENSIONS for suffix in suffixes):
-        check_view(looks.view, looks.display)
-        check_look(looks.look)
+    if looks.is_chosen or any(shows_view(Path(f"picture{suffix}"), looks.encoding) for suffix in suffixes):
+        _check_view(looks, settings)
     for output in files:
         if is_tev(output):
             looks.tev.check(output)
+
+
+def _check_view(looks: Looks, settings: RenderSettings | None) -> None:
+    """From the space that is asked for. One that the stage names is known later: what fails then keeps the record."""
+    from ..color.color_space import REC709
+    from ..color.ocio import rendering_space
+
+    asked = None if settings is None else settings.rendering_color_space
+    view = looks.view_from(REC709 if asked is None else rendering_space(asked))
+    view.check()
+    if settings is not None and settings.strict and asked is None and (assumed := view.assumption()) is not None:
+        raise SettingsError(f"--strict: {assumed.message}", where="rendering_color_space", code=assumed.code)
 
 
 def save(image: Image, file: str, looks: Looks) -> None:
@@ -88,29 +134,66 @@ def save(image: Image, file: str, looks: Looks) -> None:
 
     if is_tev(file):
         return looks.tev.show(image, file)
-    looks = looks.settled(image)
-    assert looks.exposure != "auto"
+    from ..images.image import shows_view
+
+    if shows_view(Path(f"picture{suffix_of(file)}"), looks.encoding):
+        looks = looks.settled(image)
+    exposure = 0.0 if looks.exposure == "auto" else looks.exposure
     if is_standard(file):
-        exposure = looks.exposure
         return write_standard(lambda path: image.write(path, looks.view_of(image), exposure, looks.encoding), file)
-    image.write(check_output_path(file), looks.view_of(image), looks.exposure, looks.encoding)
+    image.write(check_output_path(file), looks.view_of(image), exposure, looks.encoding)
 
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
     """Write and tell what came of a render; False if a file could not be written, which is told, and the others were."""
-    start, looks = time.perf_counter(), looks.settled(image)
-    written = [file for file in files if is_written(partial(save, image, file, looks), looks)]
-    report = finished_report(image, written, time.perf_counter() - start, looks)
+    start = time.perf_counter()
+    written, looks = save_all(files, partial(save, image), looks, image)
+    kept = _keep_record(image, [file for file in files if file not in written], written, looks)
+    report = finished_report(image, written + kept, time.perf_counter() - start, looks)
     whole = report_file is None or write_report(report, report_file, looks)
     tell(image, report, looks)
-    return whole and written == files
+    return whole and written == files and is_finished(image)
+
+
+def save_all(files: list[str], saving: Callable[[str, Looks], None], looks: Looks, image: Image) -> tuple[list[str], Looks]:
+    """Those that could be written, and how they look. Records come first: a view that fails, or a reader of standard output
+    that is gone, costs none of them."""
+    records = [file for file in files if is_record(file)]
+    written = {file for file in records if is_written(partial(saving, file, looks), looks)}
+    looks = looks.settled_if_it_can_be(image)
+    written |= {file for file in files if file not in records and is_written(partial(saving, file, looks), looks)}
+    return [file for file in files if file in written], looks
+
+
+def is_record(file: str) -> bool:
+    """Whether the file holds all of the picture, as an EXR on disk does."""
+    return not is_tev(file) and not is_standard(file) and file.lower().endswith(".exr")
+
+
+def is_finished(image: Image) -> bool:
+    """Whether all that is made after the samples is there."""
+    return all(row["code"] != UNFINISHED for row in image.report["diagnostics"])
+
+
+def _keep_record(image: Image, lost: list[str], written: list[str], looks: Looks) -> list[str]:
+    """The EXR that is written in place of a picture which could not be, so that its samples are not lost: no output has them,
+    and nothing else has its name. None of all that is there is overwritten."""
+    places = [Path(file).with_suffix(".exr") for file in lost if not is_tev(file) and not is_standard(file)]
+    free = [place for place in places if str(place) not in lost and not place.exists()]
+    if any(map(is_record, written)) or not free:
+        return []
+    if not is_written(partial(save, image, str(free[0]), looks), looks):
+        return []
+    print(f"the picture was kept as {free[0]}, scene-linear", file=sys.stderr)
+    return [str(free[0])]
 
 
 def finished_report(image: Image, written: list[str], seconds: float, looks: Looks) -> dict[str, Any]:
     """With the files, what writing them took, and what views of them do not show."""
     stages_s = {**image.report["stages_s"], "write": seconds}
     report = {**image.report, "outputs": written, "stages_s": stages_s}
-    report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks)]
+    with suppress(Exception):  # what fails here has failed, and was reported, where the file was written
+        report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks)]
     if looks.chose_exposure:
         report["view_exposure"] = looks.exposure
     return report
@@ -138,15 +221,14 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
 
 def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[str, str]]:
     from ..images.exposure import view_fault
-    from ..images.files.encoding import half_faults
-    from ..images.image import exr_parts, shows_view
+    from ..images.image import faults_of_exr, shows_view
 
     names = [Path(f"picture{suffix_of(file)}") for file in files if not is_tev(file)]
-    faults = []
+    faults, view = [], looks.view_of(image)
     if looks.exposure != "auto" and any(shows_view(name, looks.encoding) for name in names):
-        faults.append(view_fault(image.shown.pixels, looks.view_of(image), looks.exposure))
-    if looks.encoding.half and any(name.suffix.lower() == ".exr" for name in names):
-        faults += half_faults(exr_parts(image), looks.encoding)
+        faults += [None if looks.names_space else view.assumption(), view_fault(image.shown.pixels, view, looks.exposure)]
+    if any(name.suffix.lower() == ".exr" for name in names):
+        faults += faults_of_exr(image, looks.encoding)
     return [fault.as_json() for fault in faults if fault is not None]
 
 
@@ -155,9 +237,7 @@ def is_written(writing: Callable[[], None], looks: Looks) -> bool:
 
     try:
         writing()
-    except PrimrayError as error:
-        if error.code != "write-failed":
-            raise
+    except Exception as error:  # whatever it is, what was rendered is worth more: other files follow
         print_error(error, looks.as_json)
         return False
     return True

@@ -5,14 +5,15 @@ Nothing of Typer is imported here (see quick.py).
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ..errors import SettingsError
+from ..errors import PrimrayError, SettingsError
 from ..settings import Eye
-from .pictures import Looks, finished_report, is_written, save, tell, write_report
+from .pictures import Looks, finished_report, is_finished, is_written, save, save_all, tell, write_report
 from .standard_output import is_standard
 from .tev_outputs import is_tev
 
@@ -52,23 +53,38 @@ def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoIma
     for eye in Eye:
         with showing(f"{shot.files[0]} ({eye.value})", looks.as_json) as show:
             showing_now.append(show)
-            found.append(eyes.noted(next(images)))
+            try:
+                found.append(eyes.noted(next(images)))
+            except PrimrayError:
+                if found:
+                    _keep_left(found[0], shot, looks)
+                raise
         if found[-1].report["interrupted"] and eye is Eye.LEFT:
             return None
     return StereoImage(*found)
+
+
+def _keep_left(image: Image, shot: Shot, looks: Looks) -> None:
+    """The left eye's picture alone, under its own name, where the right one's has failed."""
+    from ..images.stereo import name_of_eye
+
+    own = [name_of_eye(file, Eye.LEFT) for file in shot.files if not is_tev(file)]
+    written, _ = save_all(own, partial(save, image), looks, image)
+    print(f"the left eye alone was saved: {', '.join(written) or 'nothing'}", file=sys.stderr)
 
 
 def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
     """Write and tell both; False if a file could not be written, which is told, and the others were."""
     from ..images.stereo import is_joint, name_of_eye
 
-    start, looks = time.perf_counter(), looks.settled(pair.left)
+    start = time.perf_counter()
     joint = [file for file in shot.files if is_joint(file) and not is_tev(file)]
     kept = [file for file in joint if is_written(partial(_write_joint, pair, file, looks), looks)]
-    whole, reports = kept == joint, {}
+    looks = looks.settled_if_it_can_be(pair.left)
+    whole, reports = kept == joint and all(map(is_finished, pair.views.values())), {}
     for eye, image in pair.views.items():
         own = [name_of_eye(file, eye) for file in shot.files if file not in joint]
-        written = [file for file in own if is_written(partial(save, image, file, looks), looks)]
+        written, _ = save_all(own, partial(save, image), looks, image)
         whole = whole and written == own
         reports[eye.value] = finished_report(image, [*kept, *written], time.perf_counter() - start, looks)
     if shot.report is not None:

@@ -8,8 +8,9 @@ imported when a colour needs it, so that the command line starts quickly.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -21,6 +22,7 @@ from . import color_space
 from .color_space import REC709, ColorSpace
 
 BUILTIN_CONFIG = "ocio://default"
+SCENE_LINEAR = "scene_linear"  # OpenColorIO's role of the space that a studio renders in
 # Under which names configurations know linear spaces, beside the interop id: ACES configs of 2.x and 1.x, older ones. In
 # the order in which they are tried to reach a space that the configuration lacks.
 CONFIG_NAMES = {
@@ -36,24 +38,41 @@ CONFIG_NAMES = {
 Source = ColorSpace | str
 
 
+@contextmanager
+def _refused(sentence: str, where: str = "") -> Iterator[None]:
+    """Turn every exception of OpenColorIO into a SettingsError that begins with `sentence`.
+
+    ExceptionMissingFile (a LUT that is not there) is no OpenColorIO Exception in Python, and pybind11 passes C++'s own on as
+    built-in ones: a LUT's numbers that do not parse, names that are no UTF-8.
+    """
+    import PyOpenColorIO as ocio
+
+    try:
+        yield
+    except (ocio.Exception, ocio.ExceptionMissingFile, RuntimeError, ValueError, IndexError, TypeError) as error:
+        told = "; ".join(line.strip(" ;") for line in str(error).splitlines() if line.strip(" ;"))
+        raise SettingsError(f"{sentence}: {told}", where=where, code="ocio-config") from error
+
+
 @lru_cache(maxsize=4)
 def _load_config(source: str) -> Any:
     import PyOpenColorIO as ocio
 
-    try:
+    with _refused("the OCIO configuration cannot be read", source):
         return ocio.Config.CreateFromFile(source)
-    except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        raise SettingsError(f"the OCIO configuration cannot be read: {error}", where=source, code="ocio-config") from error
+
+
+def _source() -> str:
+    return os.environ.get("OCIO") or BUILTIN_CONFIG
 
 
 def _config() -> Any:
-    return _load_config(os.environ.get("OCIO") or BUILTIN_CONFIG)
+    return _load_config(_source())
 
 
 def config_name() -> str:
     """The configuration in use, as its file says it is called."""
-    source = os.environ.get("OCIO") or BUILTIN_CONFIG
-    return str(_config().getName()) or source
+    return str(_config().getName()) or _source()
 
 
 def displays() -> list[str]:
@@ -75,6 +94,10 @@ def check_view(view: str | None, display: str | None = None) -> tuple[str, str]:
     if display is not None and display not in displays():
         raise SettingsError(f"no display {display!r}; {config_name()} has: {', '.join(displays())}", code="unknown-display")
     chosen = display or config.getDefaultDisplay()
+    if not chosen or not views(chosen):
+        raise SettingsError(
+            f"{config_name()} has no {'view' if chosen else 'display'}, so no picture can be shown", code="ocio-config"
+        )
     if view is not None and view not in views(chosen):
         raise SettingsError(f"no view {view!r} on {chosen!r}; there are: {', '.join(views(chosen))}", code="unknown-view")
     return chosen, view or config.getDefaultView(chosen)
@@ -104,20 +127,54 @@ def to_display(
 
     A look takes the place of those that the view has.
     """
+    processor, by = _display_processor(view, display, look, space)
+    return _applied(processor, color_space.transformed(rgb * np.float32(2.0**exposure), by))
+
+
+def check_display(view: str | None, display: str | None = None, look: str | None = None, space: ColorSpace = REC709) -> None:
+    """Build what `to_display` applies; SettingsError where that cannot be: unknown names, LUTs that are missing or damaged."""
+    _display_processor(view, display, look, space)
+
+
+def failing_views(space: ColorSpace = REC709) -> list[tuple[str, str, str]]:
+    """Display, view and reason of all that the configuration lists and cannot show."""
+    found = []
+    for display in displays():
+        for view in views(display):
+            try:
+                check_display(view, display, None, space)
+            except SettingsError as error:
+                found.append((display, view, error.message))
+    return found
+
+
+def _display_processor(
+    view: str | None, display: str | None, look: str | None, space: ColorSpace
+) -> tuple[Any, Doubles | None]:
+    """On the CPU, and the matrix that leads to what it takes. A look takes the place of those that the view has."""
     import PyOpenColorIO as ocio
 
     display, view = check_view(view, display)
     check_look(look)
-    known_as, by = _in_config(space)
+    known_as, by = _in_config(space, assumes=True)
     transform = ocio.DisplayViewTransform(src=known_as, display=display, view=view)
-    scaled = color_space.transformed(rgb * np.float32(2.0**exposure), by)
     if look is None:
-        return _apply(lambda config: config.getProcessor(transform), scaled)
+        return _processor(lambda config: config.getProcessor(transform), f"show the view {view!r} of {display!r}"), by
     pipeline = ocio.LegacyViewingPipeline()
     pipeline.setDisplayViewTransform(transform)
     pipeline.setLooksOverrideEnabled(True)
     pipeline.setLooksOverride(look)
-    return _apply(pipeline.getProcessor, scaled)
+    return _processor(pipeline.getProcessor, f"show the view {view!r} of {display!r} with the look {look!r}"), by
+
+
+def assumed_space(space: ColorSpace = REC709) -> str | None:
+    """What views rest on that the configuration does not say: that its scene_linear role is `space`. None where it says."""
+    if _known_in_config(space) is not None or (role := _find(SCENE_LINEAR)) is None:
+        return None
+    return (
+        f"{config_name()} has no linear space that is known here: its scene_linear role ({role}) is taken to be {space.name}, "
+        "the space that the picture is rendered in; --rendering-color-space names the one that it is"
+    )
 
 
 def space_named(name: str) -> Source | None:
@@ -161,7 +218,8 @@ def convert(rgb: Floats, source: Source, target: ColorSpace) -> Floats:
         raise SettingsError(f"{config_name()} has no colour space {source!r}", code="unknown-color-space")
     known_as, by = _in_config(target)
     rows = np.asarray(rgb, np.float32).reshape(-1, 1, 3) if np.ndim(rgb) != 3 else np.asarray(rgb, np.float32)
-    made = _apply(lambda config: config.getProcessor(ocio.ColorSpaceTransform(src=source, dst=known_as)), rows)
+    transform = ocio.ColorSpaceTransform(src=source, dst=known_as)
+    made = _applied(_processor(lambda config: config.getProcessor(transform), f"convert {source!r} to {known_as!r}"), rows)
     back: Doubles | None = None if by is None else np.asarray(np.linalg.inv(by), np.float64)
     return color_space.transformed(made, back).reshape(np.shape(rgb))
 
@@ -170,15 +228,29 @@ def _interop_id(space: Any) -> str:
     return str(space.getInteropID()) if hasattr(space, "getInteropID") else ""
 
 
-def _in_config(space: ColorSpace) -> tuple[str, Doubles | None]:
-    """What the configuration calls the space; or another linear one that it has, and the matrix that leads there."""
+def _in_config(space: ColorSpace, *, assumes: bool = False) -> tuple[str, Doubles | None]:
+    """What the configuration calls the space; or another linear one that it has, and the matrix that leads there.
+
+    `assumes`: where it has none that is known here (configurations of OpenColorIO 1 name them as they like), its scene_linear
+    role is taken for the space; `assumed_space` says so.
+    """
+    known = _known_in_config(space)
+    if known is not None:
+        return known
+    role = _find(SCENE_LINEAR) if assumes else None
+    if role is not None:
+        return role, None
+    names = ", ".join(CONFIG_NAMES)
+    raise SettingsError(f"{config_name()} has no linear space that is known here (looked for {names})", code="ocio-config")
+
+
+def _known_in_config(space: ColorSpace) -> tuple[str, Doubles | None] | None:
     for name in (space.name, *CONFIG_NAMES):
         found = _find(name)
         other = space if name == space.name else color_space.named(name)
         if found is not None and other is not None:
             return found, color_space.matrix(space, other)
-    known = ", ".join(CONFIG_NAMES)
-    raise SettingsError(f"{config_name()} has no linear space that is known here (looked for {known})", code="ocio-config")
+    return None
 
 
 def _find(name: str) -> str | None:
@@ -210,14 +282,14 @@ def _measured(name: str) -> ColorSpace | None:
     return ColorSpace(name, corners[0], corners[1], corners[2], corners[3])
 
 
-def _apply(processor_of: Callable[[Any], Any], rgb: Floats) -> Floats:
-    import PyOpenColorIO as ocio
+def _processor(made: Callable[[Any], Any], what: str) -> Any:
+    """On the CPU; `what` it does, for the error. LUTs are read here, so that their faults are known before pixels are there."""
+    with _refused(f"the OCIO configuration cannot {what}", _source()):
+        return made(_config()).getDefaultCPUProcessor()
 
+
+def _applied(processor: Any, rgb: Floats) -> Floats:
     out = np.array(rgb, np.float32, order="C")
-    try:
-        processor = processor_of(_config()).getDefaultCPUProcessor()
-    except ocio.Exception as error:
-        raise SettingsError(f"the OCIO configuration cannot convert this: {error}", code="ocio-config") from error
     # Pixels are independent, and an ACES view costs 0.6 microseconds for each: share the rows among the cores.
     with ThreadPoolExecutor(min(8, len(os.sched_getaffinity(0)))) as threads:
         list(threads.map(processor.applyRGB, np.array_split(out, min(out.shape[0], 64))))

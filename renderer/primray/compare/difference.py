@@ -23,6 +23,7 @@ WINDOW = 3  # radius in pixels of the neighbourhoods that local means are taken 
 _FLOOR = 0.1  # of the image's median brightness: darker differences count in proportion to this
 _FINEST = 0.003  # relative noise of a pixel below which precision gives it no more weight
 _HALF_ULP = 2.0**-24  # of a float channel: noise that the error channels do not hold
+_HALF_ULP_OF_HALF = 2.0**-11  # of a channel of halves, which have 10 bits of mantissa
 
 
 class Relation(Enum):
@@ -101,6 +102,13 @@ def _shown(frame: Frame) -> str:
 
 def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
     """SettingsError where the two cannot be compared."""
+    if a.is_display != b.is_display:
+        shown, linear = (a, b) if a.is_display else (b, a)
+        sentence = (
+            f"{_called(shown)} has display values ({shown.stored}), {_called(linear)} scene-linear ones ({linear.stored}): "
+            "they are not of one kind. Compare the EXRs of both renders"
+        )
+        raise SettingsError(sentence, where=shown.name, code="image-display")
     if a.resolution != b.resolution:
         sizes = " and ".join(f"{width} x {height}" for width, height in (a.resolution, b.resolution))
         raise SettingsError(f"the pictures differ in size: {sizes}", where=b.name, code="image-size")
@@ -112,8 +120,13 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
         raise SettingsError(sentence, where=b.name, code="image-size")
     if a.stderr is None and b.stderr is None and not _same_bits(a, b):
         sentence = "neither picture has error channels (stderr.R, stderr.G, stderr.B), so no difference can be judged"
+        if a.is_display:
+            sentence += ": both have display values; the EXRs of their renders have errors"
         raise SettingsError(sentence, where=b.name, code="no-error-channels")
-    notes = [f"{which} has no error channels: it is taken as exact" for which, i in (("A", a), ("B", b)) if i.stderr is None]
+    notes = []
+    if a.stored != b.stored:
+        notes.append(f"A is stored as {a.stored}, B as {b.stored}: they differ by rounding, at least")
+    notes += [f"{which} has no error channels: it is taken as exact" for which, i in (("A", a), ("B", b)) if i.stderr is None]
 
     channels, pixels_a, pixels_b = _channels(a, b, notes)
     finite_a, finite_b = np.isfinite(pixels_a).all(axis=0), np.isfinite(pixels_b).all(axis=0)
@@ -123,9 +136,9 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
     samples = a.samples, b.samples
     mean = _weighted_mean(pixels_a, pixels_b, samples)
     d = pixels_b - pixels_a
-    rounding = (_HALF_ULP * np.maximum(np.abs(pixels_a), np.abs(pixels_b))) ** 2
-    variance_a = _variance(a, judged, mean, channels) + rounding * (a.stderr is not None)
-    variance_b = _variance(b, judged, mean, channels) + rounding * (b.stderr is not None)
+    largest = np.maximum(np.abs(pixels_a), np.abs(pixels_b))
+    variance_a = _variance(a, judged, mean, channels) + _rounding(a, largest)
+    variance_b = _variance(b, judged, mean, channels) + _rounding(b, largest)
     variance_a[:, ~judged] = variance_b[:, ~judged] = 0.0
     colors = slice(0, 3)
     level = np.abs(mean[colors]).mean(axis=0)[judged]
@@ -145,6 +158,17 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
         tuple(notes),
         a.frame,
     )
+
+
+def _called(picture: MeasuredImage) -> str:
+    return picture.name or "the picture"
+
+
+def _rounding(picture: MeasuredImage, largest: Doubles) -> Doubles:
+    """The variance of what storing has rounded; 0 of pictures that are taken as exact."""
+    half_ulp = _HALF_ULP_OF_HALF if picture.stored == "half" else _HALF_ULP
+    found: Doubles = (half_ulp * largest) ** 2 * (picture.stderr is not None)
+    return found
 
 
 def _same_bits(a: MeasuredImage, b: MeasuredImage) -> bool:

@@ -28,6 +28,7 @@ from .difference import difference
 from .flip import Flip, flip, has_flip
 
 MOST_PIXELS = 1600  # across; larger pictures are shown as means of their pixels
+NOISE_CAPTION = "difference in its noise: blue darker, red brighter; yellow frames: changed tiles"
 FULL_DIFFERENCE = 0.5  # relative, of the map's brightest colour
 Bytes = npt.NDArray[np.uint8]
 
@@ -113,16 +114,16 @@ def _percent(value: float) -> str:
 
 def _pictures(evidence: Path) -> tuple[str, Flip | None]:
     """The figures of a comparison, and FLIP where its package is there."""
-    reference, made = read_image(evidence / "reference.exr"), read_image(evidence / "render.exr")
+    shown = next(evidence.glob("reference.*"), evidence / "reference.exr")
+    if shown.suffix != ".exr":
+        return _views(evidence, shown.suffix), None
+    reference, made = read_image(shown), read_image(evidence / "render.exr")
     before, after = _shown(reference, made)
     seen = flip(reference, made) if has_flip() else None
     figures = [
         _figure("reference", [before]),
         _figure("picture; the reference while it is pointed at", [after, before]),
-        _figure(
-            "difference in its noise: blue darker, red brighter; yellow frames: changed tiles",
-            [_file(evidence / "difference.png")],
-        ),
+        _figure(NOISE_CAPTION, [_file(evidence / "difference.png")]),
         _figure(
             f"relative difference, white {FULL_DIFFERENCE:.0%} and more",
             [_png(_heat(_relative(reference, made) / FULL_DIFFERENCE))],
@@ -131,6 +132,19 @@ def _pictures(evidence: Path) -> tuple[str, Flip | None]:
     if seen is not None:
         figures.append(_figure("FLIP, white 1", [_png(_heat(seen.errors))]))
     return "".join(figures), seen
+
+
+def _views(evidence: Path, suffix: str) -> str:
+    """The figures of a comparison of display pictures, as they are."""
+    reference, made = (read_image(next(evidence.glob(f"{name}{suffix}"))) for name in ("reference", "render"))
+    before, after = (_png((np.clip(i.pixels, 0, 1) * 255 + 0.5).astype(np.uint8)) for i in (reference, made))
+    return "".join(
+        [
+            _figure("reference", [before]),
+            _figure("picture; the reference while it is pointed at", [after, before]),
+            _figure(NOISE_CAPTION, [_file(evidence / "difference.png")]),
+        ]
+    )
 
 
 def _shown(reference: MeasuredImage, made: MeasuredImage) -> tuple[str, str]:

@@ -12,20 +12,22 @@ from typing import Any
 
 import pytest
 
-from ..errors import PrimrayError
+from ..errors import PrimrayError, SettingsError
 from ..images.image_file import read_image
 from ..settings import RenderSettings
 from .aov_tests import aovs_in, compare_with_aovs
 from .comparison import DEFAULT_ALPHA, DEFAULT_TILE, DEFAULT_TOLERANCE, Comparison, Verdict, compare
 from .comparison_report import as_json, lines
+from .display_pictures import NOTE, with_noise
 
 
-def render_file(stage: Any, settings: RenderSettings, path: Path) -> int:
-    """Render a stage to an EXR with error channels; its samples a pixel, rounded up."""
+def render_file(stage: Any, settings: RenderSettings, *paths: Path) -> int:
+    """Render a stage to files, EXRs with error channels; its samples a pixel, rounded up."""
     from ..render import render
 
     image = render(stage, settings)
-    image.save(path)
+    for path in paths:
+        image.save(path)
     width, height = image.resolution
     return -(-int(image.report["samples"]) // (width * height))
 
@@ -41,6 +43,7 @@ class ImageCheck:
         self.evidence = evidence
         self.written = written
         self.failed = failed
+        self._folders: dict[str, Path] = {}  # by reference
 
     def __call__(
         self,
@@ -80,7 +83,7 @@ class ImageCheck:
                 pytest.fail(f"there is no reference {path}; `pytest --primray-update` renders it", pytrace=False)
             # Two looks share the false alarms.
             criteria: dict[str, Any] = {"alpha": alpha / 2, "tolerance": tolerance, "tile": tile, "aovs": list(aovs)}
-            return self._check(stage, path, settings, max_spp, criteria, allow_undecided)
+            return self._check(stage, path, settings, max_spp, criteria, allow_undecided, reference_spp)
         except PrimrayError as error:
             pytest.fail(f"{reference}: {error}", pytrace=False)
 
@@ -99,11 +102,18 @@ class ImageCheck:
         max_spp: int | None,
         criteria: dict[str, Any],
         allow_undecided: bool,
+        reference_spp: int | None,
     ) -> Comparison:
         __tracebackhide__ = True
-        kept = self.evidence / path.stem
+        kept = self._folder_of(path)
         kept.mkdir(parents=True, exist_ok=True)
         rendered = kept / "render.exr"
+        if path.suffix.lower() != ".exr" and read_image(path).is_display:
+            shown = kept / f"render{path.suffix}"
+            first = cap = render_file(stage, settings, rendered, shown)
+            share = first / reference_spp if reference_spp else 1.0
+            result = _compared_as_shown(path, shown, rendered, share**0.5, **criteria)
+            return self._judged(result, path, kept, cap, allow_undecided)
         first = render_file(stage, settings, rendered)
         cap = 4 * first if max_spp is None else max_spp
         result = _compared(path, rendered, **criteria)
@@ -111,6 +121,16 @@ class ImageCheck:
         if spp > first:
             render_file(stage, replace(settings, spp=spp, target_error=None, time_limit_s=None), rendered)
             result = _compared(path, rendered, **criteria)
+        return self._judged(result, path, kept, cap, allow_undecided)
+
+    def _folder_of(self, path: Path) -> Path:
+        """One for each reference of the test: two may have one name in different folders, or as another format."""
+        taken = set(self._folders.values())
+        named = [self.evidence / path.stem, *(self.evidence / f"{path.stem}-{n}" for n in range(2, len(taken) + 3))]
+        return self._folders.setdefault(str(path), next(folder for folder in named if folder not in taken))
+
+    def _judged(self, result: Comparison, path: Path, kept: Path, cap: int, allow_undecided: bool) -> Comparison:
+        __tracebackhide__ = True
         if result.verdict is Verdict.UNCHANGED or (result.verdict is Verdict.UNDECIDED and allow_undecided):
             shutil.rmtree(kept)
             return result
@@ -122,7 +142,7 @@ class ImageCheck:
         from ..images.image import write_text
         from .difference_picture import save_difference
 
-        shutil.copyfile(path, kept / "reference.exr")
+        shutil.copyfile(path, kept / f"reference{path.suffix.lower()}")
         save_difference(result, kept / "difference.png")
         facts = {"a": str(path), "b": str(kept / "render.exr"), **as_json(result)}
         facts["words"] = list(lines(result, path.name, "the picture rendered now"))
@@ -133,6 +153,18 @@ def _compared(a: Path, b: Path, *, aovs: Sequence[str] = (), **criteria: Any) ->
     if not aovs:
         return compare(read_image(a), read_image(b), **criteria)
     return compare_with_aovs((read_image(a), read_image(b)), (aovs_in(a), aovs_in(b)), aovs, **criteria)
+
+
+def _compared_as_shown(
+    path: Path, shown: Path, record: Path, of_reference: float, *, aovs: Sequence[str] = (), **criteria: Any
+) -> Comparison:
+    if aovs:
+        raise SettingsError(
+            "a display picture has no outputs beside it: AOVs need an EXR", where=str(path), code="image-display"
+        )
+    reference, now = with_noise(read_image(path), read_image(shown), read_image(record), of_reference)
+    result = compare(reference, now, **criteria)
+    return result if result.identical else replace(result, notes=(*result.notes, NOTE))
 
 
 def _spp_that_decides(result: Comparison, spp: int, cap: int) -> int:
@@ -151,4 +183,5 @@ def _message(result: Comparison, path: Path, kept: Path, cap: int) -> str:
         advice = "the reference is too noisy: write it with a larger reference_spp, or ask for a larger tolerance"
     else:
         advice = f"more than max_spp={cap} would be needed: raise it, ask for a larger tolerance, or allow_undecided=True"
-    return f"{said}\n  evidence: {kept} (render.exr, reference.exr, difference.png, report.json)\n  {advice}"
+    files = ", ".join(sorted(file.name for file in kept.iterdir()))
+    return f"{said}\n  evidence: {kept} ({files})\n  {advice}"

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _WRITTEN = pytest.StashKey[list[str]]()
 _PAGE = "--primray-html"
+_PLAIN = re.compile(r"[a-z0-9_.-]{1,80}\.py::[a-z0-9_]{1,80}")
+_LONGEST = 120
 _EVIDENCE = "primray-evidence"  # a test's property: where the evidence of a failure is
 
 
@@ -64,6 +66,20 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
         terminalreporter.write_line(f"primray: wrote the reference {path}")
 
 
+def _folder_of(test: str, config: pytest.Config) -> str:
+    """A folder's name for a test and for no other: what names of tests may hold and folders not is replaced, upper and lower
+    case are one on some systems, and names end after 255 bytes. So all but the plainest end in a digest of the test's name."""
+    name = re.sub(r"[^\w.-]+", "_", test).strip("_")
+    if not _PLAIN.fullmatch(test):
+        import hashlib
+
+        digest = hashlib.sha256(test.encode("utf-8", "surrogatepass")).hexdigest()[:10]
+        name = f"{name.encode('ascii', 'replace').decode().replace('?', '_')[:_LONGEST]}-{digest}"
+    worker = getattr(config, "workerinput", {}).get("workerid", "")
+    each = worker and config.getoption("dist", None) == "each"  # pytest-xdist: every worker runs every test
+    return f"{name}-{worker}" if each else name
+
+
 @pytest.fixture
 def primray_image(request: pytest.FixtureRequest, tmp_path: Path) -> ImageCheck:
     """Called with a stage and a reference, fails the test if the rendered picture has changed. See ImageCheck.__call__."""
@@ -71,8 +87,7 @@ def primray_image(request: pytest.FixtureRequest, tmp_path: Path) -> ImageCheck:
 
     config = request.config
     below = config.getoption("--primray-evidence")
-    name = re.sub(r"[^\w.-]+", "_", request.node.nodeid).strip("_")
-    evidence = Path(below).absolute() / name if below else tmp_path / "primray"
+    evidence = Path(below).absolute() / _folder_of(request.node.nodeid, config) if below else tmp_path / "primray"
     update = bool(config.getoption("--primray-update"))
     written = config.stash.setdefault(_WRITTEN, []) if update else None
     failed: list[tuple[str, object]] = request.node.user_properties

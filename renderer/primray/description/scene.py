@@ -12,6 +12,7 @@ from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, Linked
 from .motion import CameraMotion, Exposure, MotionSteps
+from .picture_file import PLAIN, PictureFile
 from .placement import Placement
 from .shading import Surface
 
@@ -58,9 +59,8 @@ class SceneDescription:
     exposure: Exposure | None = None  # None: an instant, at which nothing moves
     camera_motion: CameraMotion | None = None
     motion_steps: tuple[MotionSteps, ...] = ()  # of all that moves
-    instances: tuple[
-        str, ...
-    ] = ()  # the paths of those that shapes in native prototypes are called by, where AOVs are asked for
+    instances: tuple[str, ...] = ()  # those that shapes in native prototypes are named by, where AOVs are asked for
+    file: PictureFile = PLAIN  # what the stage's product asks of the EXR
 
     @property
     def frame(self) -> Frame:

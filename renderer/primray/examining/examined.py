@@ -120,7 +120,7 @@ def examine(scene: str, settings: RenderSettings, seconds: float) -> Examined:
         pilot = run_pilot(prepared.scene, prepared.settings, seconds)
         sampling = pilot.sampling if pilot is not None else _a_few_samples(prepared)
     pixels, errors = sampling.film.image()
-    aovs, _ = find_aovs(prepared, sampling, costs)
+    aovs, _ = find_aovs(prepared, sampling, costs, diagnostics)
     space = prepared.scene.rendering_space
     image = Image(pixels, camera=prepared.camera, errors=errors, frame=prepared.frame, aovs=aovs, color_space=space)
     hidden = usd.shapes_left_out(stage, settings)

@@ -98,19 +98,22 @@ def make_aov(
         letters = kind.channels if kind is not None else (("",), UV, RGB, ("R", "G", "B", "A"))[width - 1]
         stored: Stored = "uint" if values.dtype == np.uint32 else "float"
         name = request.name if kind is not None else str(primvar)
-        return Aov(values, channel_names(name, letters), request.source, meaning, stored, ids or {}, {}, errors, samples)
+        name = name if request.prefix is None else request.prefix
+        return Aov(
+            values, channel_names(name, letters, request.name), request.source, meaning, stored, ids or {}, {}, errors, samples
+        )
     if errors is not None:
         errors = None if wanted.stored == "uint" else _with_components(errors, wanted.components)
     values = _as_type(_with_components(values, wanted.components), wanted.stored)
-    channels = channel_names(request.name, wanted.letters)
+    channels = channel_names(request.name if request.prefix is None else request.prefix, wanted.letters, request.name)
     return Aov(values, channels, request.source, meaning, wanted.stored, ids or {}, {}, errors, samples)
 
 
-def channel_names(name: str, letters: tuple[str, ...]) -> tuple[str, ...]:
-    """Layers as OpenEXR has them, NAME.X; a channel alone bears its own name."""
+def channel_names(name: str, letters: tuple[str, ...], alone: str = "") -> tuple[str, ...]:
+    """Layers as OpenEXR has them, NAME.X; a channel alone bears its own name, or `alone` where that is empty."""
     if len(letters) == 1:
-        return (letters[0] or name,)
-    return tuple(f"{name}.{letter}" for letter in letters)
+        return (letters[0] or name or alone,)
+    return tuple(f"{name}.{letter}" if name else letter for letter in letters)
 
 
 def _with_components(values: Values, count: int) -> Values:

@@ -16,7 +16,7 @@ from ..diagnostic_codes import CODES
 from ..diagnostics import Diagnostic
 
 AUTO = "auto"
-CODE = "view-exposure"
+CODE, ASSUMED = "view-exposure", "view-space-assumed"
 MOST_PIXELS = 1 << 14
 # As display values, nominally 0 to 1, of a pixel's darkest (or brightest) channel.
 WHITE, BLACK = 0.95, 0.05
@@ -38,6 +38,15 @@ class View:
     def shown(self, rgb: Floats, exposure: float = 0.0) -> Floats:
         """(H, W, 3) to display values, nominally 0 to 1; `exposure` in stops."""
         return color.to_display(rgb, self.view, self.display, exposure, look=self.look, space=self.space)
+
+    def check(self) -> None:
+        """SettingsError where the OpenColorIO configuration cannot make it: ask before sampling."""
+        color.check_display(self.view, self.display, self.look, self.space)
+
+    def assumption(self) -> Diagnostic | None:
+        """What it rests on that the configuration does not say."""
+        assumed = color.assumed_space(self.space)
+        return None if assumed is None else Diagnostic(CODES[ASSUMED].severity, ASSUMED, "", assumed)
 
 
 def as_viewed(pixels: Floats, *, keep_alpha: bool = True) -> tuple[Floats, Floats | None]:

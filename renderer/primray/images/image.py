@@ -7,7 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,12 +17,15 @@ import numpy.typing as npt
 from ..arrays import Doubles, Floats
 from ..color.color_space import REC709, ColorSpace, named
 from ..description import Camera, Frame, Projection
+from ..description.picture_file import PLAIN, PictureFile
+from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
 from .exposure import View, as_viewed, exposure_that_serves, view_fault
+from .files.as_product import store_as_product
 from .files.encoding import LINEAR_BITS, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
 from .output_path import check_folder, through_links
@@ -74,6 +77,7 @@ class Image:
     denoised: Image | None = None  # without errors of its own: a part of an EXR, and what is shown
     # As the camera's lens diffuses it, with the errors of that, where it does: a part of an EXR as well, and what is shown.
     diffused: Image | None = None
+    file: PictureFile = PLAIN  # what the stage's product asks of an EXR
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -134,10 +138,10 @@ class Image:
         chosen, encoding = View(view, display, look, self.color_space), Encoding(bit_depth, tuple(half))
         if shows_view(path, encoding):
             exposure = self._stops(chosen, exposure)
-            fault = view_fault(self.shown.pixels, chosen, exposure)
-            Announcer(path).tell([] if fault is None else [fault])
-        if path.suffix.lower() == ".exr" and encoding.half:
-            Announcer(path).tell(half_faults(exr_parts(self), encoding))
+            faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, exposure))
+            Announcer(path).tell([fault for fault in faults if fault is not None])
+        if path.suffix.lower() == ".exr":
+            Announcer(path).tell(faults_of_exr(self, encoding))
         return self.write(path, chosen, 0.0 if exposure == "auto" else exposure, encoding)
 
     def write(self, path: Path, view: View, exposure: float, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
@@ -306,9 +310,28 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _write_exr(image: Image, path: str, encoding: Encoding) -> None:
+    write_parts_of(path, stored_parts(image, encoding))
+
+
+def stored_parts(image: Image, encoding: Encoding) -> Parts:
+    """The parts of its EXR as they are stored: halves as the product and `encoding` ask, compression and header likewise."""
     parts = exr_parts(image)
-    store_halves(parts, encoding)
-    write_parts_of(path, parts)
+    store_halves(parts, _with_halves_of_product(image, encoding))
+    if image.file != PLAIN:
+        store_as_product(parts, image.file)
+    return parts
+
+
+def faults_of_exr(image: Image, encoding: Encoding) -> list[Diagnostic]:
+    """What an EXR loses of its numbers; nothing is looked at where nothing is stored as halves."""
+    asked = _with_halves_of_product(image, encoding)
+    if not asked.half and all(aov.stored != "half" for aov in image.aovs.values()):
+        return []
+    return half_faults(exr_parts(image), asked, encoding.half)
+
+
+def _with_halves_of_product(image: Image, encoding: Encoding) -> Encoding:
+    return replace(encoding, half=(*encoding.half, *image.file.half)) if image.file.half else encoding
 
 
 def exr_parts(image: Image) -> Parts:

@@ -12,12 +12,13 @@ import numpy as np
 from ..arrays import Floats
 from ..description import Frame, PixelWindow
 from ..errors import SettingsError
-from ..textures.image_error import last_error
+from ..textures.image_error import fault_of_pixels, last_error
 from .opened_picture import open_picture
 
 COLORS = ("R", "G", "B")
 ERROR_CHANNELS = tuple(f"stderr.{name}" for name in COLORS)
 HEADER_PREFIX = "primray:"
+FLOATS = ("half", "float", "double")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,12 @@ class MeasuredImage:
     name: str = ""
     chromaticities: tuple[float, ...] | None = None  # x, y of red, green, blue and white; None: the file does not say
     frame: Frame | None = None  # where the pixels lie; None: they are the whole
+    stored: str = "float"  # OpenImageIO's name of the numbers' type in the file
+
+    @property
+    def is_display(self) -> bool:
+        """Whether its numbers are display values: whole numbers, as PNG and JPEG hold them."""
+        return self.stored not in FLOATS
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -87,19 +94,24 @@ def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
             why = "is deep" if spec.deep else f"has no channel {', '.join(missing)}; it has {', '.join(channels)}"
             raise SettingsError(f"the picture {why}", where=name, code="image-channels")
         values = file.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
-        if values is None:
-            raise SettingsError(f"the picture is damaged: {last_error(file)}", where=name, code="image-unreadable")
+        fault = last_error(file) if values is None else fault_of_pixels(file, name)
+        if fault or values is None:
+            raise SettingsError(f"the picture is damaged: {fault}", where=name, code="image-unreadable")
         values = np.asarray(values).reshape(spec.height, spec.width, spec.nchannels)
         metadata = {
             attribute.name.removeprefix(HEADER_PREFIX): attribute.value
             for attribute in spec.extra_attribs
             if attribute.name.startswith(HEADER_PREFIX)
         }
+        stored = str(spec.channelformat(channels.index("R")))
         said = spec.getattribute("chromaticities")
         primaries = tuple(map(float, said)) if said is not None and len(said) == 8 else None
     finally:
         file.close()
-    return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries)
+    if str(spec.getattribute("compression") or "").startswith("dwa"):  # which rings about 0
+        errors = [channels.index(channel) for channel in ERROR_CHANNELS if channel in channels]
+        values[..., errors] = np.maximum(values[..., errors], 0)
+    return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries, stored=stored)
 
 
 def _frame(spec: Any) -> Frame:

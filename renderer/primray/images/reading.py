@@ -15,11 +15,11 @@ from ..settings import Eye
 from .aov import Aov
 from .aov_parts import VIEW, read_aovs
 from .image import CHANNELS, Image, chromaticities_of
+from .image_file import FLOATS
 from .image_file import read_image as read_measured
 from .opened_picture import open_picture
 from .pictures_beside import DENOISED, DIFFUSED
 
-FLOATS = ("half", "float", "double")
 SAME = 1e-4  # files have floats, and some programs write few digits
 
 

@@ -17,8 +17,8 @@ from ..errors import SettingsError
 from ..settings import Eye
 from .aov_parts import PICTURE_PART, VIEW, Parts
 from .exposure import View
-from .files.encoding import Encoding, store_halves
-from .image import Image, check_output_path, exr_parts, write_parts
+from .files.encoding import Encoding
+from .image import Image, check_output_path, stored_parts, write_parts
 
 NAME = "oiio:subimagename"
 _PLACE = re.compile(r"%[Vv]")
@@ -66,9 +66,7 @@ class StereoImage:
         """Both as one EXR, to a path that has been checked."""
         parts = []
         for eye, image in self.views.items():
-            own = exr_parts(image)
-            store_halves(own, encoding)
-            parts += named_by_view(own, eye)
+            parts += named_by_view(stored_parts(image, encoding), eye)
         return write_parts(path, parts)
 
 

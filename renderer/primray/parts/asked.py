@@ -7,7 +7,7 @@ from typing import Any
 
 from ..denoising.denoiser import check_denoiser
 from ..errors import SettingsError
-from ..settings import RenderSettings, StopAt
+from ..settings import Metric, RenderSettings, StopAt
 from .board import Range
 
 
@@ -24,6 +24,10 @@ def check(asked: RenderSettings) -> None:
             raise SettingsError(fault, where=name, code="parts-setting")
     if asked.denoise:
         check_denoiser()
+    if asked.error_metric is Metric.DISPLAY:  # measured here, of what comes from elsewhere
+        from ..sampling.error import DisplayView
+
+        DisplayView().check()
 
 
 def part_settings(asked: RenderSettings, part: Range) -> RenderSettings:

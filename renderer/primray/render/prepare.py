@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..aov_names import taxonomy_of
-from ..errors import LimitError
+from ..errors import LimitError, SettingsError
 from ..garbage import without_collection
 from ..report.prepared import Prepared
-from ..settings import RenderSettings
+from ..settings import Metric, RenderSettings
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -82,6 +82,7 @@ def _prepare(
 ) -> Prepared:
     from .. import usd
     from ..description import CameraSight
+    from ..description.picture_file import PLAIN
     from ..report.report import resolve_settings
 
     with costs.stage("translate"):
@@ -99,6 +100,8 @@ def _prepare(
     for code, path, message in limits:
         diagnostics.add(code, path, message)
 
+    if settings.error_metric is Metric.DISPLAY:
+        _check_view(description, diagnostics, settings)
     settings = resolve_settings(settings, description)
     counted, motion = steps.count(description, settings, images)
     shapes, description = list(description.shapes), replace(description, shapes=())
@@ -119,6 +122,8 @@ def _prepare(
         assert scene.record is not None
         assets = usd.assets_of(stage, scene.record.shape_paths)
     prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
+    if description.file != PLAIN:
+        prepared = replace(prepared, file=description.file)
     labels = None
     if any(taxonomy_of(request.source) for request in description.aovs):
         labels = lambda prim, instance, taxonomy: usd.labels_of(stage, prim, instance, taxonomy, settings.time_code)  # noqa: E731
@@ -128,6 +133,18 @@ def _prepare(
         and all(surface.camera is CameraSight.HIDDEN for surface in description.surfaces)
     )
     return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage), hidden_from_camera=hidden)
+
+
+def _check_view(description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings) -> None:
+    """SettingsError where a render that is judged on a display has no view, before it samples."""
+    from ..sampling.error import DisplayView
+
+    view = DisplayView(space=description.rendering_space)
+    view.check()
+    if settings.rendering_color_space is None and (assumed := view.assumed()) is not None:
+        if settings.strict:
+            raise SettingsError(f"--strict: {assumed}", where="rendering_color_space", code="view-space-assumed")
+        diagnostics.add("view-space-assumed", "", assumed)
 
 
 def check_memory(

@@ -20,6 +20,7 @@ from .prepare import OpenedStage, composing_settings, open_once, prepare
 from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
+    from ..aov_names import AovRequest
     from ..checkpoints.checkpointing import Checkpointing
     from ..core import CoreScene
     from ..diagnostics import Diagnostics
@@ -206,6 +207,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     from ..images.image import Image, pixels_sha256
     from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
+    from ..report.unfinished import kept_without
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
     if failed:
@@ -217,8 +219,10 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
         diagnostics.add("empty-picture", prepared.camera.path, why_empty(prepared, pixels, diagnostics))
         if prepared.settings.strict:
             diagnostics.raise_if_strict()
+    if sampling.view_fault:
+        diagnostics.add("display-error-unknown", "", sampling.view_fault)
     space = prepared.scene.rendering_space
-    aovs, of_labels = find_aovs(prepared, sampling, costs)
+    aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
@@ -228,14 +232,17 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
     image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    image = replace(image, file=prepared.file) if prepared.file is not None else image
     if prepared.settings.denoises:
-        image = _denoised(image, prepared, sampling, costs)
-    if camera.diffusion.strength == 0:
-        return image
-    from ..diffusing.diffuse import with_diffusion
+        with kept_without("the denoised picture", diagnostics):
+            image = _denoised(image, prepared, sampling, costs)
+    if camera.diffusion.strength != 0:
+        from ..diffusing.diffuse import with_diffusion
 
-    with costs.stage("diffusion"):
-        return with_diffusion(image)
+        with kept_without("the diffused picture", diagnostics), costs.stage("diffusion"):
+            image = with_diffusion(image)
+    as_json += [diagnostic.as_json() for diagnostic in list(diagnostics)[len(as_json) :]]
+    return image
 
 
 def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:
@@ -251,8 +258,10 @@ def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs
         return with_denoised(image, Denoising(guides_of(scene, settings), scene.exposure_scale, settings).of(sampling.film))
 
 
-def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> tuple[dict[str, Aov], dict[str, Any]]:
-    """The outputs beside the picture, by name, and what a report says of labelled things."""
+def find_aovs(
+    prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics
+) -> tuple[dict[str, Aov], dict[str, Any]]:
+    """The outputs beside the picture, by name, and what a report says of labelled things; what fails goes to `diagnostics`."""
     if not prepared.aovs:
         return {}, {}
     from ..aov_names import CRYPTOMATTES, light_path_of, taxonomy_of
@@ -260,20 +269,30 @@ def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> tuple[dic
     from ..images.labels import labels_of_view
     from ..images.light_paths.outputs import light_paths_of_film
     from ..images.mattes.film_mattes import mattes_of
+    from ..report.unfinished import kept_without
 
     mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
     labels = [request for request in prepared.aovs if taxonomy_of(request.source)]
     routed = [request for request in prepared.aovs if light_path_of(request.source) is not None]
     plain = [request for request in prepared.aovs if request not in (*mattes, *labels, *routed)]
     says: dict[str, Any] = {}
+    found: dict[str, Aov] = {}
+
+    def kept(requests: Sequence[AovRequest]) -> AbstractContextManager[None]:
+        return kept_without(", ".join(request.name for request in requests), diagnostics)
+
     with costs.stage("aovs"):
-        found = aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}
-        found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
-        found |= light_paths_of_film(prepared.scene, routed, sampling.film) if routed else {}
-        if labels and prepared.labels is not None:
-            made, says = labels_of_view(prepared.scene, labels, prepared.camera, prepared.settings, prepared.labels)
-            found |= made
-        return {request.name: found[request.name] for request in prepared.aovs}, says
+        with kept(plain):
+            found |= aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}
+        with kept(mattes):
+            found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
+        with kept(routed):
+            found |= light_paths_of_film(prepared.scene, routed, sampling.film) if routed else {}
+        with kept(labels):
+            if labels and prepared.labels is not None:
+                made, says = labels_of_view(prepared.scene, labels, prepared.camera, prepared.settings, prepared.labels)
+                found |= made
+    return {request.name: found[request.name] for request in prepared.aovs if request.name in found}, says
 
 
 def core_says(scene: CoreScene) -> dict[str, Any]:

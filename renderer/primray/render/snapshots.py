@@ -53,6 +53,7 @@ class FrameSnapshots:
 
 def picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
     """Without AOVs and report; pixels that have no samples yet are black."""
+    from ..description.picture_file import PLAIN
     from ..images.image import Image
 
     pixels, errors = sampling.film.image()
@@ -63,4 +64,13 @@ def picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
         "samples_per_pixel": f"{low} {high}",
     }
     space = prepared.scene.rendering_space
-    return Image(pixels, {}, metadata, prepared.camera, errors=errors, frame=prepared.frame, color_space=space)
+    return Image(
+        pixels,
+        {},
+        metadata,
+        prepared.camera,
+        errors=errors,
+        frame=prepared.frame,
+        color_space=space,
+        file=prepared.file or PLAIN,
+    )

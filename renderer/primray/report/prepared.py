@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ..aov_names import AovRequest
     from ..core import CoreScene
     from ..description import Camera, Frame
+    from ..description.picture_file import PictureFile
 
 
 @dataclass(frozen=True)
@@ -33,3 +34,4 @@ class Prepared:
     labels: Callable[[str, str, str], tuple[str, ...]] | None = None
     assets: dict[str, str] = field(default_factory=dict)  # by prim, where Cryptomatte asks for them
     stage: str = ""  # the root layer's file name, without folders
+    file: PictureFile | None = None  # what the stage's product asks of the EXR

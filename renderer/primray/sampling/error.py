@@ -66,7 +66,14 @@ class FrameError:
         return found
 
     def as_json(self) -> dict[str, Any]:
-        return {metric.value: self.of(metric).as_json() for metric in Metric}
+        """Estimates by metric; None on a display whose view cannot be made."""
+        shown = None if self.display is None else self.display.as_json()
+        return {Metric.RELMSE.value: self.relmse.as_json(), Metric.RMSE.value: self.rmse.as_json(), Metric.DISPLAY.value: shown}
+
+
+def is_measurable(film: Film) -> bool:
+    """Whether any pixel may have samples of both replicates."""
+    return film.samples_per_pixel[1] >= 2
 
 
 def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixels: int = ALL_PIXELS) -> FrameError | None:
@@ -74,7 +81,7 @@ def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixe
 
     `view` asks for the error on a display too.
     """
-    if film.samples_per_pixel[1] < 2:
+    if not is_measurable(film):
         return None
     sums = film.error_sums(most_pixels, threads)
     values = int(sums["values"])
@@ -117,6 +124,14 @@ class DisplayView:
     view: str | None = None
     exposure: float = 0.0
     space: ColorSpace = REC709  # what the film's colours are in
+
+    def check(self) -> None:
+        """SettingsError where the OpenColorIO configuration cannot make the view."""
+        color.check_display(self.view, self.display, None, self.space)
+
+    def assumed(self) -> str | None:
+        """What the view rests on that the configuration does not say."""
+        return color.assumed_space(self.space)
 
 
 def _display(film: Film, view: DisplayView) -> Estimate:

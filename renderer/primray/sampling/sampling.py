@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
+from ..errors import SettingsError
 from ..settings import SAMPLE_BLOCK, Metric, RenderSettings
 from .adaptive import Plan, make_plan
-from .error import ALL_PIXELS, DisplayView, FrameError, measure
+from .error import ALL_PIXELS, DisplayView, FrameError, is_measurable, measure
 from .error_curve import ErrorCurve, Row
 from .schedule import Measurement, Schedule, Stop
 
@@ -59,6 +60,8 @@ class Sampling:
     stop: Stop | None = None
     most_fraction: float = 0.0
     judge_by: Judge | None = None
+    view_fault: str = ""  # why there is no error on a display, which is measured wherever the configuration has a view
+    _view: DisplayView | None = None
 
     def __post_init__(self) -> None:
         self.curve = ErrorCurve(self.settings.error_metric)
@@ -183,7 +186,7 @@ class Sampling:
     def _measure_at_end(self) -> None:
         """The last row has the whole picture's error, in every measure."""
         here = self._row_here()
-        if here is None or here.error.display is None:
+        if here is None or (here.error.display is None and not self.view_fault):
             error = self._error(shown=True)
             if here is None:
                 self._add(error)
@@ -207,10 +210,25 @@ class Sampling:
     def _error(self, *, shown: bool, most_pixels: int = ALL_PIXELS) -> FrameError | None:
         """Measured now, on a display too if `shown`; what that takes counts as sampling."""
         start = time.perf_counter()
-        view = DisplayView(space=self.scene.rendering_space) if shown else None
+        view = self._display_view() if shown and is_measurable(self.film) else None
         error = measure(self.film, core.threads(self.settings), view, most_pixels)
         self.seconds += time.perf_counter() - start
         return error
+
+    def _display_view(self) -> DisplayView | None:
+        """The view that errors on a display are of; None where it cannot be made, or rests on an assumption that nobody asked
+        for. SettingsError where the render is judged by it."""
+        if self._view is None and not self.view_fault:
+            view = DisplayView(space=self.scene.rendering_space)
+            try:
+                view.check()
+                self.view_fault = "" if self._is_of_display() else view.assumed() or ""
+                self._view = None if self.view_fault else view
+            except SettingsError as error:
+                if self._is_of_display():
+                    raise
+                self.view_fault = error.message
+        return self._view
 
     def _is_of_display(self) -> bool:
         return self.settings.error_metric is Metric.DISPLAY

@@ -24,7 +24,7 @@ from ..color.color_space import REC709, SRGB, ColorSpace, linear, matrix, transf
 from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
 from ..lfs_pointer import WHAT_IT_IS, is_pointer_file
-from .image_error import last_error
+from .image_error import fault_of_pixels, last_error
 from .layers import choose_layer
 from .texture_format import Layout, environment_of, is_srgb, wraps_of
 from .windows import Windows, windows_of
@@ -133,7 +133,7 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsa
         windows = windows_of(spec, image.format_name())
         for size in (windows.stored, windows.picture):
             _check_size(size, layout, shown)
-        stored = _read(image, spec, layout, shown)
+        stored = _read(image, spec, layout, path, shown)
         if windows.differ:
             stored = _pictured(stored, windows, layout, wanted)
         space = _space_of(file, is_srgb(spec, path))
@@ -182,7 +182,7 @@ def _check_size(size: tuple[int, int], layout: Layout, shown: str) -> None:
         )
 
 
-def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]:
+def _read(image: Any, spec: Any, layout: Layout, path: str, shown: str) -> npt.NDArray[Any]:
     """(H, W, C) as stored: uint8, uint16 or float32."""
     import OpenImageIO as oiio
 
@@ -191,6 +191,8 @@ def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]
     pixels: Any = image.read_image(part, 0, 0, max(layout.channels) + 1, kinds.get(spec.format.basetype, oiio.FLOAT))
     if pixels is None:
         raise AssetError(f"the texture is damaged: {last_error(image)}", where=shown, code="texture-unreadable")
+    if fault := fault_of_pixels(image, path):
+        raise AssetError(f"the texture is damaged: {fault}", where=shown, code="texture-unreadable")
     found: npt.NDArray[Any] = pixels.reshape(spec.height, spec.width, -1)
     if layout.channels == tuple(range(found.shape[2])):
         return found

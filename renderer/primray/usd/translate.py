@@ -26,7 +26,7 @@ from .adapters.lights.light import light
 from .adapters.rendering.render_pass import with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
-from .adapters.rendering.render_var import aovs_of_variables
+from .adapters.rendering.render_var import aovs_of_variables, halves_of_picture
 from .adapters.shapes.curves import basis_curves_of, hermite_curves_of, nurbs_curves_of
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
@@ -201,6 +201,9 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     asked = settings.aovs
     aovs = requests_of(asked) if asked is not None else aovs_of_variables(product.variables, ctx.diagnostics)
+    if asked is None and product.variables:
+        halves = halves_of_picture(product.variables, ctx.diagnostics)
+        product = replace(product, file=replace(product.file, half=(*product.file.half, *halves)))
     if settings.aov_errors:
         aovs = tuple(replace(request, errors=True) for request in aovs)
     has_names = any(names_instances(request.source) for request in aovs)
@@ -245,7 +248,7 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
         motion, steps = _timed(scene, camera, frame, begun, ctx)
     instances = tuple(sorted(ctx.prototype_names.values())) if begun.aovs else ()
     described = describe(scene, ctx, camera, motion, frame, begun.aovs)
-    return replace(described, motion_steps=tuple(steps), instances=instances)
+    return replace(described, motion_steps=tuple(steps), instances=instances, file=product.file)
 
 
 def _timed(

@@ -17,6 +17,7 @@ from .callers import service_of
 Model = TypeVar("Model", bound=BaseModel)
 MORE_BYTES = 2**20
 AS_IT_IS = {"accept-encoding": "identity"}
+MOST_EXACT = 2**53  # below which doubles hold every whole number
 MAX_DIGITS = 40  # of a whole number: more is refused before it is converted
 
 
@@ -74,11 +75,25 @@ async def read(request: Request, most_bytes: int) -> bytes:
 def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
     """Problem with the member that is at fault, below `where`."""
     document = check_json(body)
-    meant = in_own_words(document)
+    meant = _with_whole_numbers(in_own_words(document))
     try:
         return model.model_validate_json(body if meant is document else json.dumps(meant))
     except ValidationError as error:
         raise invalid(error, where) from None
+
+
+def _with_whole_numbers(value: Any) -> Any:
+    """16 for 16.0, the same object where there is none: JSON has one kind of number, and JSON Schema calls those integers that
+    have no fraction. Where numbers need not be whole, 16 is as good."""
+    if isinstance(value, float):
+        return int(value) if value.is_integer() and abs(value) < MOST_EXACT else value
+    if isinstance(value, dict):
+        members = {name: _with_whole_numbers(member) for name, member in value.items()}
+        return members if any(members[name] is not member for name, member in value.items()) else value
+    if isinstance(value, list):
+        items = [_with_whole_numbers(item) for item in value]
+        return items if any(a is not b for a, b in zip(items, value, strict=True)) else value
+    return value
 
 
 def check_json(body: bytes) -> Any:

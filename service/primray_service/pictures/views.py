@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import numpy.typing as npt
 
 from primray.color.color_space import LUMINANCE_WEIGHTS
+from primray.color.ocio import check_view
 from primray.images.image import encode
 
 from ..worker.preview import Preview
@@ -31,8 +33,14 @@ def picture(preview: Preview, request: PictureRequest) -> tuple[Values, dict[str
     """(H, W, 1, 3 or 4) uint8, and what the answer's headers say of it."""
     if request.view == "beauty":
         values = _beauty(_narrowed(preview.rgb, request), _narrowed(preview.alpha[..., None], request), request)
-        return values, {}
+        return values, {} if request.channel == "a" else {"preview-view": _view_in_header()}
     return _error_map(preview, request)
+
+
+def _view_in_header() -> str:
+    """VIEW (DISPLAY), percent-encoded where a header cannot hold it."""
+    display, view = check_view(None)
+    return quote(f"{view} ({display})", safe=" ()-.,:/+")
 
 
 def _beauty(rgb: Values, alpha: Values, request: PictureRequest) -> Values:

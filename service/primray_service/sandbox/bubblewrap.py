@@ -19,12 +19,13 @@ JOB, OUT = "/job", "/out"
 _TRY_S = 20.0
 
 
-def wrap(slot: Path, environment: Mapping[str, str], command: Sequence[str]) -> list[str]:
-    """The argument list that runs a command with slot/job at /job (read-only) and slot/out at /out."""
+def wrap(slot: Path, environment: Mapping[str, str], command: Sequence[str], beside: Sequence[str] = ()) -> list[str]:
+    """The argument list that runs a command with slot/job at /job (read-only) and slot/out at /out; `beside` can be read."""
     program = shutil.which("bwrap")
     if program is None:
         raise FileNotFoundError("bwrap")
-    return [program, *_root(_with_proc()), *_folders(slot), *_environment(environment), "--chdir", OUT, "--", *command]
+    shown = [word for path in beside for word in ("--ro-bind", path, path)]
+    return [program, *_root(_with_proc()), *shown, *_folders(slot), *_environment(environment), "--chdir", OUT, "--", *command]
 
 
 def missing() -> str | None:

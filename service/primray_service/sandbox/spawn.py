@@ -19,6 +19,7 @@ from pathlib import Path
 from . import bubblewrap
 from .layers import usable_layers
 from .limits import Budget, limits_of
+from .ocio import OCIO, configuration, readable_files
 from .readable import DEVICES, machine_paths, readable_paths
 
 WORKER = ("-m", "primray_service.worker")
@@ -43,25 +44,28 @@ def worker_spawn(slot: Path, budget: Budget, program: Sequence[str] = WORKER, la
     wrapped = "bubblewrap" in on
     slot = slot.resolve()
     job, out = (bubblewrap.JOB, bubblewrap.OUT) if wrapped else (str(slot / "job"), str(slot / "out"))
+    colors = configuration()
+    luts = () if colors is None else readable_files(colors, slot)
     plan = {
         "job": job,
         "out": out,
         "layers": sorted(on),
         "limits": limits_of(budget),
-        "readable": [*readable_paths(), *machine_paths(), job],
+        "readable": [*readable_paths(), *machine_paths(), *luts, job],
         "devices": list(DEVICES),
         "parent": None if wrapped else os.getpid(),
     }
-    env = {**_environment(out, budget.threads), PLAN: json.dumps(plan)}
+    env = {**_environment(out, budget.threads), **({} if colors is None else {OCIO: colors}), PLAN: json.dumps(plan)}
     # Isolated: no PYTHON* variables, no user's site-packages, not the current folder. No .pyc files are written.
     command = [sys.executable, "-I", "-B", *program]
-    argv = bubblewrap.wrap(slot, env, command) if wrapped else command
+    argv = bubblewrap.wrap(slot, env, command, luts) if wrapped else command
     # bubblewrap's own environment is empty: what is not there cannot be read from /proc.
     return Spawn(argv, {} if wrapped else env, "/", job, out, wrapped)
 
 
 def _environment(out: str, threads: int) -> dict[str, str]:
-    """All of it: the core's class of CPUs is inherited, and no plug-in path, search path, OCIO configuration or token."""
+    """All of it, but for the OpenColorIO configuration (ocio.py): the core's class of CPUs is inherited, and no plug-in path,
+    search path or token."""
     chosen = {name: os.environ[name] for name in INHERITED if name in os.environ}
     return chosen | {
         "HOME": f"{out}/tmp",

@@ -33,6 +33,9 @@ def unpack(file: BinaryIO, members: list[Member], folder: Path, limits: Limits, 
     packed = sum(member.packed_bytes for member in members)
     files = [member for member in members if not member.is_folder]
     try:
+        for member in members:
+            if member.is_folder and any(_content(file, member)):
+                raise unsafe("The member is a folder with content.", member.name)
         for member in files:
             target = folder / member.name
             target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -8,8 +8,11 @@ import unicodedata
 from collections.abc import Sequence
 
 from ..limits import Limits
-from .zip_directory import Member, unsafe
+from .zip_directory import DEFLATED, Member, unsafe
 
+# Bytes of a deflated folder, which holds nothing: the smallest stream of no bytes has two (RFC 1951, an empty block of fixed
+# codes), as Java and Python write it; an empty stored block has five, and a flush before it as many again.
+MOST_OF_NOTHING = 12
 DOS_FOLDER = 0x10
 # Reserved on Windows whatever the suffix; packages travel, and nobody needs them.
 DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
@@ -70,7 +73,7 @@ def _wrong_with_kind(member: Member) -> str | None:
     is_folder = kind == stat.S_IFDIR or (kind == 0 and bool(member.dos_attributes & DOS_FOLDER))
     if is_folder != member.is_folder and (kind or is_folder):
         return "The member's name and its attributes disagree on whether it is a folder."
-    if member.is_folder and (member.bytes or member.packed_bytes):
+    if member.is_folder and (member.bytes or member.packed_bytes > (MOST_OF_NOTHING if member.method == DEFLATED else 0)):
         return "The member is a folder with content."
     return None
 

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from primray.images.files.encoding import Encoding
+
 from .channel import finite
 
 if TYPE_CHECKING:
@@ -20,15 +22,22 @@ DEFAULT_NAMES = ("beauty.exr", "beauty.png", "report.json")
 
 
 def write_pictures(image: Image, names: Sequence[str], folder: Path, diagnostics: Diagnostics) -> dict[str, Any]:
-    """The report, with what writing took; what a view does not show well goes to `diagnostics`."""
+    """The report, with what writing took; what a view does not show well goes to `diagnostics`. Records come first: of a view
+    that fails nothing else is lost."""
     from primray.images.exposure import View, view_fault
+    from primray.images.image import faults_of_exr
+    from primray.report.unfinished import kept_without
 
     start, view = time.perf_counter(), View(space=image.color_space)
-    for name in names:
-        if not name.endswith(".json"):
+    for name in sorted(names, key=lambda name: not name.endswith(".exr")):
+        if name.endswith(".exr"):
             image.write(folder / name, view, 0.0)
-        if name.endswith(".png") and (fault := view_fault(image.shown.pixels, view)) is not None:
-            diagnostics.extend([fault])
+            diagnostics.extend(faults_of_exr(image, Encoding()))
+        elif not name.endswith(".json"):
+            with kept_without(name, diagnostics):
+                image.write(folder / name, view, 0.0)
+                faults = (view.assumption(), view_fault(image.shown.pixels, view))
+                diagnostics.extend(fault for fault in faults if fault is not None)
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     return {**image.report, "outputs": list(names), "stages_s": stages_s}
 

@@ -6,7 +6,7 @@ frame's pixels are does not depend on how often that happened.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,8 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
     costs.on_stage = phases
     prepared = _prepare(command, job, stages, costs, diagnostics)
     warned.send(diagnostics)
+    files = command.get("outputs") or DEFAULT_NAMES
+    check_view_of(files, prepared, bool(command.get("part")))
     with costs.stage("render"):
         sampling, about = begin(prepared, list(diagnostics), _checkpoint(command, job))
         sampling.count_as_spent(float(command.get("spent_s") or 0.0))
@@ -66,7 +68,6 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
         said = {"stop": sampling.stop.as_json(), "samples": int(sampling.film.samples), "rays": int(sampling.film.rays)}
         return channel.done(stay=bool(command.get("stay")), outputs=[], report=said)
     phases("write")
-    files = command.get("outputs") or DEFAULT_NAMES
     image = picture_of(prepared, sampling, costs, diagnostics)
     report = write_pictures(replace(image, metadata=channel.text.in_json(image.metadata)), files, out, diagnostics)
     saver.wait()
@@ -76,8 +77,16 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
     warned.send(diagnostics)
     report["diagnostics"] = [diagnostic.as_json() for diagnostic in diagnostics]
     write_report(channel.text.in_json(report), files, out)
-    outputs = [described(out / file) for file in files]
+    outputs = [described(out / file) for file in files if (out / file).exists()]
     channel.done(stay=bool(command.get("stay")), outputs=outputs, report=to_send(report, REPORT_BYTES))
+
+
+def check_view_of(files: Sequence[str], prepared: Prepared, is_part: bool) -> None:
+    """SettingsError before sampling where a PNG is to be written and the configuration cannot make its view."""
+    if not is_part and any(file.endswith(".png") for file in files):
+        from primray.images.exposure import View
+
+        View(space=prepared.scene.rendering_space).check()
 
 
 def _prepare(command: Mapping[str, Any], job: Path, stages: StageOfFrames, costs: Costs, diagnostics: Diagnostics) -> Prepared:

@@ -225,3 +225,37 @@ def test_the_worker_s_own_process_is_found(tmp_path: Path) -> None:
         finally:
             child.stdin.close()
             child.wait(30)
+
+
+@BOTH
+def test_the_servers_colours_can_be_read_and_no_more_of_their_folder(
+    walls: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layers, house = needs(*walls), tmp_path / "house"
+    (house / "luts").mkdir(parents=True)
+    lut = "Version 1\nFrom 0.0 1.0\nLength 2\nComponents 1\n{\n0.0\n1.0\n}\n"
+    for place in ("luts/graded.spi1d", "beside.spi1d"):
+        (house / place).write_text(lut)
+    (house / "secret.txt").write_text("secret")
+    views = "\n".join(f"    - !<View> {{name: {name}, colorspace: {name}}}" for name in ("graded", "beside"))
+    spaces = "\n".join(
+        f"  - !<ColorSpace> {{name: {name}, from_scene_reference: !<FileTransform> {{src: {name}.spi1d}}}}"
+        for name in ("graded", "beside")
+    )
+    (house / "config.ocio").write_text(
+        f"ocio_profile_version: 2\nsearch_path: [luts, .]\nroles: {{default: lin_rec709}}\n"
+        f"displays:\n  wall:\n{views}\nactive_displays: []\nactive_views: []\n"
+        f"colorspaces:\n  - !<ColorSpace> {{name: lin_rec709}}\n{spaces}\n"
+    )
+    monkeypatch.setenv("OCIO", str(house / "config.ocio"))
+    program = """
+from primray.color.ocio import failing_views, views
+from pathlib import Path
+say({"views": views(), "failing": failing_views(), "secret": attempt(lambda: open(sys.argv[1]).read())})
+"""
+    program = program.replace("sys.argv[1]", repr(str(house / "secret.txt")))
+    ended = run_inside(make_slot(tmp_path), program, layers)
+    assert ended.said is not None, ended.errors
+    assert ended.said["views"] == ["graded", "beside"]
+    assert ended.said["failing"] == []
+    assert ended.said["secret"] in ("EACCES", "ENOENT")

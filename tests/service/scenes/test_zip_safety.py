@@ -61,6 +61,8 @@ UNSAFE = {
     "symlink said by no Unix": (package(Entry("link.png", b"/etc/passwd", mode=LINK, made_by=0)), "link.png"),
     "folder that is a file": (package(Entry("tex/", b"", mode=stat.S_IFREG | 0o644)), "tex/"),
     "folder with content": (package(Entry("tex/", b"abc", mode=stat.S_IFDIR | 0o755)), "tex/"),
+    "deflated folder with content": (package(Entry("tex/", b"abc", True, size=0, crc=0, mode=stat.S_IFDIR | 0o755)), "tex/"),
+    "deflated folder that is cut off": (package(Entry("tex/", packed=b"\3", method=8, mode=stat.S_IFDIR | 0o755)), "tex/"),
     "duplicate": (package(Entry("a.png", b"x"), Entry("a.png", b"y")), "a.png"),
     "case clash": (package(Entry("a.png", b"x"), Entry("A.png", b"y")), "A.png"),
     "case clash of folders": (package(Entry("tex/a.png", b"x"), Entry("Tex/b.png", b"y")), "Tex/b.png"),
@@ -209,6 +211,27 @@ def test_a_stream_written_zip_with_sizes_after_the_data_is_read(post: Any) -> No
         file.writestr("streamed.usda", LAYER)
         file.writestr("a.png", b"x" * 1000)
     answer = post(buffer.getvalue())
+    assert answer.status_code == 201, answer.text
+
+
+ZIP64_FOLDER = struct.pack("<HHQQ", 1, 16, 0, 2)
+
+
+@pytest.mark.parametrize(
+    "folder",
+    [
+        Entry("tex/", deflate=True, mode=stat.S_IFDIR | 0o755),  # as Python and Java write it: two bytes of no bytes
+        Entry("tex/", packed=b"\1\0\0\xff\xff", method=8, mode=stat.S_IFDIR | 0o755),  # an empty stored block
+        Entry("tex/", deflate=True, flags=8, mode=0, made_by=0),  # sizes in a descriptor
+        Entry("tex/", deflate=True, size=0xFFFFFFFF, packed_size=0xFFFFFFFF, extra=ZIP64_FOLDER, mode=stat.S_IFDIR | 0o755),
+    ],
+    ids=["fixed", "stored", "descriptor", "zip64"],
+)
+def test_a_deflated_folder_holds_nothing(folder: Entry, post: Any) -> None:
+    another = Entry(
+        f"of_{len(folder.body)}_{folder.flags}_{len(folder.extra)}.png", b"y"
+    )  # else the scene is one that is there
+    answer = post(package(folder, Entry("tex/a.png", b"x"), another))
     assert answer.status_code == 201, answer.text
 
 

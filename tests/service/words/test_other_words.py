@@ -7,6 +7,7 @@ import json
 from typing import Any
 
 import pytest
+from pydantic import BaseModel
 
 from primray.cli.quick import TABLE
 from primray.settings import RenderSettings
@@ -77,3 +78,43 @@ def test_the_command_line_understands_the_apis_words() -> None:
     flags = {flag for _, names in TABLE.values() for flag in names}
     own = [*STOP_WORDS, *(word for word in WORDS if word != "default_light")]
     assert {f"--{word.replace('_', '-')}" for word in own} <= flags
+
+
+def whole_numbers() -> list[tuple[tuple[str, ...], str]]:
+    """The members of a request that hold whole numbers: each one's path, and a value with "N" for the number."""
+    found: list[tuple[tuple[str, ...], str]] = []
+
+    def look(model: type[BaseModel], path: tuple[str, ...]) -> None:
+        for name, member in model.model_json_schema()["properties"].items():
+            inner = model.model_fields[name].annotation
+            if isinstance(inner, type) and issubclass(inner, BaseModel):
+                look(inner, (*path, name))
+            elif '"integer"' in (text := json.dumps(member)):
+                found.append(((*path, name), "[N, N]" if "prefixItems" in text else "N"))
+
+    look(JobRequest, ())
+    return found
+
+
+@pytest.mark.parametrize(("path", "value"), whole_numbers(), ids=str)
+def test_a_whole_number_may_be_written_with_a_point(path: tuple[str, ...], value: str) -> None:
+    """JSON has one kind of number; JSON Schema's integers are those without a fraction."""
+
+    def request(number: str) -> JobRequest:
+        text = value.replace("N", number)
+        for name in reversed(path):
+            text = f'{{"{name}": {text}}}'
+        return parsed(JobRequest, f'{{"scene": {json.dumps(SCENE)}, {text[1:]}'.encode())
+
+    assert request("16.0") == request("1.6e1") == request("16")
+    for wrong in ("16.5", '"16.0"', "true", "1e300"):
+        with pytest.raises(Problem):
+            request(wrong)
+
+
+def test_whole_numbers_of_all_settings_are_found() -> None:
+    names = {path[-1] for path, _ in whole_numbers()}
+    assert names >= {"max_samples", "seed", "max_depth", "resolution", "priority", "parallel"}
+    found = understood({"spp": 16.0, "shutter": [0.0, 0.5], "diffusion": 1.0})
+    assert (found.stop.max_samples, found.shutter, found.diffusion) == (16, (0.0, 0.5), 1.0)
+    assert type(found.stop.max_samples) is int

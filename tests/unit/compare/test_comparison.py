@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from tests.measured import Sample, gaussian, log_normal, spikes, synthetic
 
+import primray
 from primray.compare.comparison import Comparison, Verdict, compare
 from primray.compare.difference import Relation, difference
 from primray.compare.difference_tests import blocks, log_p_of, threshold, tiles
 from primray.errors import SettingsError
+from primray.images.image import Image
 from primray.images.image_file import MeasuredImage
 
 RAMP = np.ones((48, 64, 3)) * np.linspace(0.2, 1, 64)[None, :, None]
@@ -360,3 +364,26 @@ def test_images_that_cannot_be_compared() -> None:
     with pytest.raises(SettingsError, match="neither picture has error channels"):
         compare(replace(a, stderr=None), replace(b, stderr=None))
     assert compare(replace(a, stderr=None), replace(a, stderr=None)).verdict is Verdict.UNCHANGED
+
+
+def test_pictures_of_two_kinds_are_named_as_what_they_are(tmp_path: Path) -> None:
+    """A view is no scene-linear picture, whichever comes first; halves and floats are one kind."""
+    pixels = np.random.default_rng(0).random((16, 24, 4), np.float32)
+    pixels[..., 3] = 1
+    image = Image(pixels, errors=np.full((16, 24, 3), 1e-3, np.float32))
+    files = {name: image.save(tmp_path / f"a.{name}") for name in ("exr", "png", "jpg", "tif", "hdr")}
+    for name in ("png", "jpg", "tif"):
+        for pair in ((files["exr"], files[name]), (files[name], files["exr"])):
+            with pytest.raises(SettingsError, match="display values") as refused:
+                primray.compare(*pair)
+            assert refused.value.code == "image-display"
+            assert refused.value.where == str(files[name])
+    with pytest.raises(SettingsError, match="both have display values"):
+        primray.compare(files["png"], files["jpg"])
+    half = image.save(tmp_path / "half.exr", half=["rgba"])
+    found = primray.compare(files["exr"], half)
+    assert found.verdict is Verdict.UNCHANGED
+    assert any("stored as float" in note for note in found.notes)
+    opaque = oiio.ImageBuf(str(files["exr"]))
+    assert oiio.ImageBufAlgo.channels(opaque, ("R", "G", "B")).write(str(tmp_path / "rgb.exr"))
+    assert any("alpha is not compared" in note for note in primray.compare(files["exr"], tmp_path / "rgb.exr").notes)

@@ -21,7 +21,7 @@ from tests.compared_scenes import CHANGES, PLAIN, ROOM
 from tests.measured import BuiltScene, save
 
 from primray import RenderSettings
-from primray.compare import image_check
+from primray.compare import image_check, pytest_plugin
 from primray.compare.comparison import compare
 from primray.compare.difference_picture import save_difference
 from primray.compare.failure_page import write_page
@@ -62,9 +62,9 @@ def renders(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     render_file = image_check.render_file
 
-    def counted(stage: Any, settings: RenderSettings, path: Path) -> int:
+    def counted(stage: Any, settings: RenderSettings, *paths: Path) -> int:
         made.append(settings.most_samples)
-        return render_file(stage, settings, path)
+        return render_file(stage, settings, *paths)
 
     monkeypatch.setattr(image_check, "render_file", counted)
     return made
@@ -217,3 +217,67 @@ def test_the_plugin_costs_nothing_where_it_is_not_used(tmp_path: Path) -> None:
 def test_the_entry_point_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["entry-points"]["pytest11"] == {"primray": "primray.compare.pytest_plugin"}
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg", "tif"])
+def test_a_reference_may_be_a_view(suffix: str, pytester: pytest.Pytester, run: Run) -> None:
+    write_room(pytester.path)
+    pytester.makepyfile(test_views=TEST.format(arguments="spp=64, resolution=(48, 32)").replace("shot.exr", f"shot.{suffix}"))
+
+    def run_views(*flags: str) -> pytest.RunResult:
+        return pytester.runpytest_inprocess(*PLUGIN, "-p", "no:cacheprovider", "test_views.py", *flags)
+
+    run_views("--primray-update").assert_outcomes(passed=1)
+    run_views().assert_outcomes(passed=1)
+    write_room(pytester.path, **CHANGES["small box removed"])
+    result = run_views("--primray-evidence", "kept", "--primray-html", "page.html")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([f"changed: shot.{suffix} (A)*", "*note: the reference is a display picture*"])
+    kept = pytester.path / "kept" / "test_views.py_test_shot" / "shot"
+    names = ["difference.png", f"reference.{suffix}", "render.exr", f"render.{suffix}", "report.json"]
+    assert sorted(path.name for path in kept.iterdir()) == names
+    assert (pytester.path / "page.html").read_text().count("<figure>") == 3
+
+
+def test_noise_does_not_change_a_view(pytester: pytest.Pytester, run: Run) -> None:
+    """Another seed: other bits, the same picture."""
+    write_room(pytester.path)
+    pytester.makepyfile(
+        test_views="""
+        from primray import RenderSettings
+        def test_shot(primray_image, seed=0):
+            primray_image("shot.usda", reference="shot.png", spp=64, resolution=(48, 32), settings=RenderSettings(seed=0),
+                          tolerance=0.3, allow_undecided=True)
+    """
+    )
+    flags = (*PLUGIN, "-p", "no:cacheprovider", "test_views.py")
+    pytester.runpytest_inprocess(*flags, "--primray-update").assert_outcomes(passed=1)
+    text = (pytester.path / "test_views.py").read_text().replace("RenderSettings(seed=0)", "RenderSettings(seed=5)")
+    (pytester.path / "test_views.py").write_text(text)
+    pytester.runpytest_inprocess(*flags).assert_outcomes(passed=1)
+
+
+def test_every_test_has_a_folder_of_its_own(pytestconfig: pytest.Config) -> None:
+    """For every name that a test can have, also where case does not tell files apart."""
+    names = ["a.py::t", "a.py::t[a/b]", "a.py::t[a_b]", "a.py::t[a b]", "a.py::t[A_b]", "a/a.py::t", "a_a.py::t", "a.py::T::t"]
+    names += [
+        "a.py::T_t",
+        f"a.py::t[{'x' * 400}]",
+        f"a.py::t[{'x' * 401}]",
+        "a.py::t[é]",
+        "a.py::t[e\u0301]",
+        "a.py::t[\ud800]",
+    ]
+    names += ["a.py::t[..]", "a.py::t[a\\b]", "a.py::t[a:b]"]
+    folders = [pytest_plugin._folder_of(name, pytestconfig) for name in names]
+    assert len({folder.casefold() for folder in folders}) == len(names)
+    assert folders[0] == "a.py_t"  # the plainest keep their names
+    assert all(re.fullmatch(r"[\w.-]{1,160}", folder) and folder.isascii() for folder in folders)
+
+
+def test_references_of_one_name_in_a_test_have_folders_of_their_own(tmp_path: Path) -> None:
+    check = image_check.ImageCheck(tmp_path, tmp_path / "kept", None)
+    names = ["a/x.exr", "b/x.exr", "a/x.png", "a/x.exr"]
+    folders = [check._folder_of(tmp_path / name) for name in names]
+    assert len(set(folders)) == 3
+    assert folders[0] == folders[3] == tmp_path / "kept" / "x"

@@ -10,7 +10,7 @@ import typer
 from .. import output_flags
 from ..flag_defaults import with_own_default
 from ..option_values import encoding_of, exposure_of
-from ..pictures import Looks, check_outputs, write
+from ..pictures import Looks, check_outputs, is_written, write
 
 
 def merge(
@@ -51,8 +51,7 @@ def merge(
     saved = None if checkpoint is None else Path(name_of_frame(checkpoint, frame))
     if saved is not None:
         Checkpointing(saved).check()
-    whole = write(merged.image, files, name_of_frame(report, frame) if report else None, looks)
-    if saved is not None:
-        merged.save_checkpoint(saved)
+    whole = saved is None or is_written(lambda: merged.save_checkpoint(saved), looks)
+    whole = write(merged.image, files, name_of_frame(report, frame) if report else None, looks) and whole
     if not whole:
         raise typer.Exit(1)

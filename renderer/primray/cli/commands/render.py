@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from ...errors import PrimrayError, SettingsError
+from ...errors import SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
 from ...settings import (
     DEFAULT_DICING_RATE,
@@ -27,7 +27,7 @@ from ...settings import (
 )
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
-from ..pictures import Looks, check_outputs, save, write
+from ..pictures import Looks, check_outputs, check_shots, save, write
 from ..shots import Shot, moments, product_shots
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
@@ -181,6 +181,7 @@ def render(
         option_values.exposure_of(exposure),
         make_output_path,
         encoding=option_values.encoding_of(bit_depth, half),
+        names_space=rendering_color_space is not None,
     )
     if stereo:
         require_files([str(name) for name in names])
@@ -193,7 +194,7 @@ def render(
         _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo, ray)
     else:
         shots = _shots_of(settings, time_codes, names, report, resume if checkpoint is None else checkpoint)
-        check_outputs(shots[0].files, shots[0].report, looks)
+        check_shots(shots, looks)
         if stereo:
             return _render_pairs(scene, shots, looks)
         if ray is not None:
@@ -214,7 +215,7 @@ def _render_products(
     ray: str | None,
 ) -> None:
     opened, shots = product_shots(scene, settings, asked, folder, time_codes)
-    check_outputs([file for shot in shots for file in shot.files], None, looks)
+    check_outputs([file for shot in shots for file in shot.files], None, looks, settings)
     if stereo:
         return _render_pairs(opened, shots, looks)
     if ray is not None:
@@ -348,8 +349,8 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
         with showing(shot.files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
-        looks = looks.settled(image)  # the first frame's: a sequence does not flicker
         unsaved = not write(image, shot.files, shot.report, looks) or unsaved
+        looks = looks.settled_if_it_can_be(image)  # the first frame's: a sequence does not flicker
         if image.report["interrupted"]:
             print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
             raise SystemExit(130)
@@ -374,8 +375,8 @@ def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> 
         if pair is None:
             print("interrupted: no picture was saved, as there was none of both eyes yet", file=sys.stderr)
             raise SystemExit(130)
-        looks = looks.settled(pair.left)
         unsaved = not write_pair(pair, shot, looks) or unsaved
+        looks = looks.settled_if_it_can_be(pair.left)
         if pair.right.report["interrupted"]:
             print("interrupted: the pictures so far were saved", file=sys.stderr)
             raise SystemExit(130)
@@ -396,7 +397,7 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
                 continue
             try:
                 save(image, file, looks)
-            except PrimrayError as error:
+            except Exception as error:  # the render continues
                 print(f"warning: the picture so far is not saved: {error}", file=sys.stderr)
 
     def show_so_far(image: Image) -> None:

@@ -6,6 +6,7 @@ import platform
 from collections.abc import Callable
 from pathlib import Path
 
+from ...errors import SettingsError
 from ...report.report import package_versions, usable_threads
 
 
@@ -58,8 +59,14 @@ def _images(version: str) -> str:
 
 
 def _color() -> str:
-    from ...color.ocio import check_view, config_name, displays, looks, views
+    from ...color.ocio import assumed_space, check_view, config_name, displays, failing_views, looks, views
 
     display, view = check_view(None)
     listed = {"displays": displays(), f"views of {display}": views(), "looks": looks() or ["none"]}
-    return "\n".join([f"{config_name()}: {display}, {view}", *(f"{k}: {', '.join(v)}" for k, v in listed.items())])
+    lines = [f"{config_name()}: {display}, {view}", *(f"{k}: {', '.join(v)}" for k, v in listed.items())]
+    if (assumed := assumed_space()) is not None:
+        lines.append(assumed)
+    failing = [f"{view} of {display} fails: {reason}" for display, view, reason in failing_views()]
+    if failing:
+        raise SettingsError("\n".join([*failing, *lines]), code="ocio-config")
+    return "\n".join(lines)

@@ -84,25 +84,26 @@ def store_halves(parts: Sequence[Part], encoding: Encoding) -> None:
                 spec.channelformats = tuple(kinds)
 
 
-def half_faults(parts: Sequence[Part], encoding: Encoding) -> list[Diagnostic]:
-    """Names that nothing bears, and finite values that a half cannot hold."""
-    return [Diagnostic(CODES[CODE].severity, CODE, "", message) for message in _half_faults(parts, encoding)]
+def half_faults(parts: Sequence[Part], encoding: Encoding, asked: Sequence[str] | None = None) -> list[Diagnostic]:
+    """Names that nothing bears among those `asked` for by the user, and finite values that a half cannot hold."""
+    asked = encoding.half if asked is None else asked
+    return [Diagnostic(CODES[CODE].severity, CODE, "", message) for message in _half_faults(parts, encoding, asked)]
 
 
-def _half_faults(parts: Sequence[Part], encoding: Encoding) -> Iterator[str]:
+def _half_faults(parts: Sequence[Part], encoding: Encoding, asked: Sequence[str]) -> Iterator[str]:
     import numpy as np
 
-    if not encoding.half:
-        return
     met = {ALL}
     for spec, values in parts:
         for number, channel in enumerate(spec.channelnames):
             met.update(_names(_name(spec), channel))
-            if _may_be_half(spec, values) and encoding.is_half(_name(spec), channel):
+            is_half = str(spec.channelformat(number)) == "half" or encoding.is_half(_name(spec), channel)
+            if _may_be_half(spec, values) and is_half:
                 beyond = np.isfinite(values[..., number]) & (np.abs(values[..., number]) > LARGEST_HALF)
                 if count := beyond.sum():
-                    yield f"{channel}: {count} values are beyond {LARGEST_HALF:.0f}, the largest half, and infinite there"
-    for name in encoding.half:
+                    of = "" if _name(spec) == PICTURE else f" of {_name(spec)}"
+                    yield f"{channel}{of}: {count} values are beyond {LARGEST_HALF:.0f}, the largest half, and infinite there"
+    for name in asked:
         if name not in met:
             yield f"no channel, layer or part is called {name}"
 

@@ -37,4 +37,5 @@ def _aov(request: AovRequest, values: Floats, errors: Floats | None) -> Aov:
     meaning = f"light of paths that are {light_path_of(request.source)}"
     if request.data_type:
         return replace(make_aov(request, values, errors=errors), meaning=meaning)
-    return Aov(values, channel_names(request.name, ("R", "G", "B")), request.source, meaning, errors=errors)
+    name = request.name if request.prefix is None else request.prefix
+    return Aov(values, channel_names(name, ("R", "G", "B")), request.source, meaning, errors=errors)

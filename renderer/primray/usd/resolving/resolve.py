@@ -67,6 +67,7 @@ class Inherited:
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
+    many: frozenset[tuple[str, int]] = frozenset()  # constant primvars above with many values, and how many: the first counts
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
     hidden: frozenset[str] = frozenset()  # such primvars whose values a nearer one of no use hides
     colors: ColorScope = NOWHERE
@@ -197,16 +198,17 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mine = replace(mine, card_visibility=shown) if isinstance(shown, str) and shown != "inherited" else mine
     if "primvars:displayColor" in names:
         attribute = prim.GetAttribute("primvars:displayColor")
-        color = constant_of(attribute, 3, names, when)
+        color, count = constant_of(attribute, 3, names, when)
         if color is not None:
+            mine = _with_count(mine, "primvars:displayColor", count)
             mine = _colored(mine, color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx), ctx)
         elif (mine.color is not None or "displayColor" in mine.per_instance) and is_nearest(attribute):
             mine = _colored(mine, None, ctx)
     if "primvars:displayOpacity" in names:
         attribute = prim.GetAttribute("primvars:displayOpacity")
-        opacity = constant_of(attribute, 1, names, when)
+        opacity, count = constant_of(attribute, 1, names, when)
         if opacity is not None:
-            mine = replace(mine, opacity=opacity[0])
+            mine = replace(_with_count(mine, "primvars:displayOpacity", count), opacity=opacity[0])
         elif (mine.opacity is not None or "displayOpacity" in mine.per_instance) and is_nearest(attribute):
             mine = _hiding(replace(mine, opacity=None), "displayOpacity")
     read_names = ctx.primvars_read
@@ -253,7 +255,9 @@ def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx
     handed, mine = dict(parent.primvars), parent
     for name in names:
         short = name.removeprefix("primvars:")
-        if (values := constant_numbers(prim, name, ctx.when)) is not None:
+        values, count = constant_numbers(prim, name, ctx.when)
+        if values is not None:
+            mine = _with_count(mine, name, count)
             if name in ctx.color_primvars and len(values) >= 3:
                 rgb = in_rendering_space(np.array(values[:3]), prim.GetAttribute(name), parent.colors, ctx)
                 values = (*rgb.tolist(), *values[3:])
@@ -271,26 +275,40 @@ def _hiding(mine: Inherited, name: str) -> Inherited:
     return replace(mine, per_instance=mine.per_instance - {name}, hidden=mine.hidden | {name})
 
 
-def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
-    """A constant primvar of one to four finite numbers; None where it is no such thing."""
+def _with_count(mine: Inherited, name: str, count: int) -> Inherited:
+    """With the number of elements of the constant primvar that it hands down, where that is not one."""
+    if count == 1 and not mine.many:
+        return mine
+    others = frozenset(item for item in mine.many if item[0] != name)
+    return replace(mine, many=others if count == 1 else others | {(name, count)})
+
+
+def many_values(inherited: Inherited, name: str) -> int:
+    """How many elements the constant primvar has that is handed down: of more than one the first counts."""
+    return next((count for of, count in inherited.many if of == name), 1)
+
+
+def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[tuple[float, ...] | None, int]:
+    """A constant primvar of one to four finite numbers, and how many elements it has; None where it is no such thing."""
     primvar = UsdGeom.Primvar(prim.GetAttribute(name))
     if interpolation(primvar) != UsdGeom.Tokens.constant:
-        return None
+        return None, 0
     raw = value(primvar.GetAttr(), when)
     if raw is None:
-        return None
+        return None, 0
     values = as_columns([raw] if is_single(raw) else raw, element_size(primvar))
     if values is None or len(values) == 0:
-        return None
-    at = _first_index(primvar, when)
-    return tuple(values[at].tolist()) if 0 <= at < len(values) and np.isfinite(values[at]).all() else None
+        return None, 0
+    at, count = _first_index(primvar, len(values), when)
+    return tuple(values[at].tolist()) if 0 <= at < len(values) and np.isfinite(values[at]).all() else None, count
 
 
-def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
+def _first_index(primvar: UsdGeom.Primvar, values: int, when: When) -> tuple[int, int]:
+    """Which value counts, and how many elements there are: as many as indices, where it has these."""
     if not primvar.IsIndexed():
-        return 0
+        return 0, values
     indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
-    return int(indices[0]) if indices is not None and len(indices) else 0
+    return (int(indices[0]), len(indices)) if indices is not None and len(indices) else (0, values)
 
 
 class _Colored(dict[tuple[int, tuple[float, float, float] | None], tuple[Inherited, Inherited]]):
@@ -308,19 +326,22 @@ def _colored(mine: Inherited, rgb: tuple[float, float, float] | None, ctx: Conte
     return known[1]
 
 
-def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> list[float] | None:
-    """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
+def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> tuple[list[float] | None, int]:
+    """A constant primvar's value, and how many elements it has: only constant ones are inherited (UsdGeomPrimvarsAPI). None
+    where it has none to use."""
     if not attribute or metadatum(attribute, "interpolation") not in _CONSTANT:
-        return None
+        return None, 0
     values = array(value(attribute, when), columns, "f")
     if values is None or len(values) == 0:
-        return None
-    at = _first_index(UsdGeom.Primvar(attribute), when) if f"{attribute.GetName()}:indices" in names else 0
+        return None, 0
+    at, count = 0, len(values)
+    if f"{attribute.GetName()}:indices" in names:
+        at, count = _first_index(UsdGeom.Primvar(attribute), count, when)
     if not 0 <= at < len(values):
-        return None
+        return None, 0
     row = values[at].tolist()
     numbers = [row] if columns == 1 else row
-    return numbers if all(map(math.isfinite, numbers)) else None
+    return (numbers if all(map(math.isfinite, numbers)) else None), count
 
 
 def as_bound(prim: Usd.Prim, inherited: Inherited) -> Usd.Prim:

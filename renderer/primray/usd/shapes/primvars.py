@@ -145,12 +145,19 @@ def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -
     needed = sizes.of(interpolation)
     count = len(values) if indices is None else len(indices)
     if interpolation == "constant" and count > 1:
+        note_many_values(name, count, path, ctx)
         values, indices = values[:1] if indices is None else values[indices[:1]], None
         count = 1
     if count != needed:
         ctx.warn("invalid-primvar", path, f"{name} ({interpolation}) has {count} values where {needed} are needed.", name)
         return None
     return Primvar(values, interpolation, indices)
+
+
+def note_many_values(name: str, count: int, path: str, ctx: Context) -> None:
+    """A constant primvar has one element (UsdGeomPrimvar: elementSize values). Often its interpolation was forgotten."""
+    if count > 1:
+        ctx.warn("invalid-primvar", path, f"{name} (constant) has {count} values where 1 is needed: the first is used.", name)
 
 
 def finite(values: Floats, name: str, prim: ResolvedPrim, ctx: Context) -> Floats:

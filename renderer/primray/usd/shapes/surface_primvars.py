@@ -18,8 +18,8 @@ from ...description import Interpolation, PatternInput, PrimvarInput, Surface, T
 from ...description import Primvar as SeamPrimvar
 from ...description.pattern_reads import pattern_fallbacks, pattern_primvars
 from ..resolving.context import Context
-from ..resolving.resolve import ResolvedPrim
-from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, per_corner, read_raw_primvar
+from ..resolving.resolve import ResolvedPrim, many_values
+from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, note_many_values, per_corner, read_raw_primvar
 from .subdivision import Cage, on_cage
 from .triangulate import Triangles
 
@@ -84,7 +84,7 @@ def read_primvars(
 
     @cache
     def read(name: str) -> Primvar | None:
-        found = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        found = _own(prim, name, sizes, ctx) or _handed_down(prim, name, ctx)
         return found if found is not None or name in prim.inherited.per_instance else instead.get(name)
 
     found = []
@@ -145,10 +145,11 @@ def _own(prim: ResolvedPrim, name: str, sizes: Sizes, ctx: Context) -> Primvar |
     return as_colors(found, attribute, prim, ctx) if found is not None and is_color else found
 
 
-def _handed_down(prim: ResolvedPrim, name: str) -> Primvar | None:
+def _handed_down(prim: ResolvedPrim, name: str, ctx: Context) -> Primvar | None:
     """Only constant primvars are inherited (UsdGeomPrimvarsAPI)."""
     for handed, values in prim.inherited.primvars:
         if handed == name:
+            note_many_values(f"primvars:{name}", many_values(prim.inherited, f"primvars:{name}"), prim.path, ctx)
             return Primvar(np.array([values], np.float32), "constant")
     return None
 

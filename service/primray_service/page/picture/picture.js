@@ -2,15 +2,16 @@
 
 import { call, jobPath } from "../base/api.js";
 
-// {tag, scale, image, size}; `image` is null where the server still has what `before` names; `size` is of the whole picture, of
+// {tag, scale, seen, image, size}; `seen` names the view that a picture is seen through; `image` is null where the server still has what `before` names; `size` is of the whole picture, of
 // which a large one's image has fewer pixels.
 export async function fetchPicture(job, query, before) {
   const source = new URLSearchParams(Object.entries(query).filter(([, value]) => value !== null)).toString();
   const response = await call("GET", jobPath(job, `/preview?${source}`), { accept: "image/png,image/jpeg,*/*" });
   const tag = `${source} ${response.headers.get("etag")}`;
   const scale = response.headers.get("preview-scale");
+  const seen = decodeURIComponent(response.headers.get("preview-view") ?? "");
   const size = response.headers.get("preview-resolution")?.split("x").map(Number);
-  if (tag === before) return { tag, scale, image: null };
+  if (tag === before) return { tag, scale, seen, image: null };
   const image = new Image();
   image.alt = "";
   image.draggable = false;
@@ -19,9 +20,9 @@ export async function fetchPicture(job, query, before) {
     await image.decode();
   } catch {
     drop(image);
-    return { tag: "", scale, image: null };
+    return { tag: "", scale, seen, image: null };
   }
-  return { tag, scale, image, size: size ?? [image.naturalWidth, image.naturalHeight] };
+  return { tag, scale, seen, image, size: size ?? [image.naturalWidth, image.naturalHeight] };
 }
 
 export function drop(image) {

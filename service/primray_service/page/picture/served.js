@@ -7,7 +7,7 @@ const ASK_S = 4; // a worker writes pictures only while somebody asks; it forget
 
 // `onImage(image, before, size)`: the next <img>, the one that it takes the place of, the whole picture's size; `onScale` and
 // `onTrouble` tell the rest.
-export function served(job, { onImage, onScale, onTrouble }) {
+export function served(job, { onImage, onScale, onTrouble, onSeen = () => {} }) {
   let state = {};
   let front = null; // the <img> that is seen
   let [isThere, isLive, isWanted, isLoading, isPaused, closed] = [false, true, false, false, false, false];
@@ -34,6 +34,7 @@ export function served(job, { onImage, onScale, onTrouble }) {
       if (found.image) swap(found.image, found.size);
       [tag, shownAs] = [found.tag, source];
       if (!isPaused) onScale(found.scale);
+      if (!isPaused) onSeen(found.seen);
       onTrouble("");
     } catch (failure) {
       if (!failure.problem) throw failure;

@@ -46,7 +46,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const [note, meaning] = [element("p", { class: "note", role: "status" }), element("p", { class: "note" })];
   const [colors, counts] = [legend(), histogram()];
   const values = pixelValues(job, shown, layerOfIds);
-  const pictures = served(job, { onImage, onScale: (scale) => !layer && colors.show(scale), onTrouble: (text) => write(note, text) });
+  const pictures = served(job, { onImage, onScale: (scale) => !layer && colors.show(scale), onTrouble: (text) => write(note, text), onSeen: (seen) => !layer && write(meaning, seen ? `Seen through “${seen}”` : "") });
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "exposure") }, "Exposure, stops"), exposure, stops, reset);
   const mark = region(board, onRegion);
   const [channelField, lookField] = [field("Channel", channel), field("Look", look)];

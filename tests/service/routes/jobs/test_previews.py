@@ -13,12 +13,14 @@ import time
 import zlib
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 from tests.service.routes.jobs.finished import queued_job
 from tests.service.serving import RunningServer
 
+from primray.color.ocio import check_view
 from primray.images.image import encode
 from primray_service.worker.preview import decode_preview, preview_of, write_preview
 
@@ -102,6 +104,13 @@ def test_a_channel_alone_is_grey(channel: str, weights: tuple[float, ...], job: 
     grey = np.concatenate([np.repeat(one[..., None], 3, axis=2), np.ones_like(one)[..., None]], axis=2)
     np.testing.assert_array_equal(shown, encode(grey))
     assert (shown[..., 0] == shown[..., 1]).mean() > 0.99
+
+
+def test_the_view_is_named(job: str, client: Any) -> None:
+    display, view = check_view(None)
+    response = client.get(f"/v1/jobs/{job}/preview")
+    assert unquote(response.headers["preview-view"]) == f"{view} ({display})"
+    assert "preview-view" not in client.get(f"/v1/jobs/{job}/preview", params={"view": "error"}).headers
 
 
 def test_coverage_is_linear(job: str, client: Any) -> None:

@@ -162,7 +162,7 @@ def test_primvars(interpolation: str, count: int, kind: Interpolation) -> None:
     (primvar,) = shape.primvars
     assert (primvar.name, primvar.interpolation, len(primvar.values)) == ("k", kind, count)
     bad = more.replace("[0.0", "[0.0, 0.0, 0.5", 1)
-    read(textured(patch(SPHERE, bad)), () if interpolation == "constant" else ("invalid-primvar", "primvar-missing"))
+    read(textured(patch(SPHERE, bad)), ("invalid-primvar", *(() if interpolation == "constant" else ("primvar-missing",))))
 
 
 def test_colors() -> None:

@@ -16,8 +16,8 @@ from ...querying.guarded import interpolation
 from ...resolving.context import Context
 from ...resolving.read import read, token
 from ...resolving.renderer_attributes import CAMERA_SIGHT
-from ...resolving.resolve import ResolvedPrim
-from ...shapes.primvars import note_clamped_color
+from ...resolving.resolve import ResolvedPrim, many_values
+from ...shapes.primvars import note_clamped_color, note_many_values
 from .material import Material, material
 
 # UsdGeomGprim's displayColor has no fallback; 0.18 is UsdPreviewSurface's diffuseColor and what Storm draws.
@@ -69,7 +69,10 @@ def _appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> 
         inputs.append(("diffuse_color", PrimvarInput(_COLOR, FALLBACK_COLOR)))
     else:
         color = _constant_color(prim, ctx)
-    opacity = 1.0 if prim.inherited.opacity is None else min(max(prim.inherited.opacity, 0.0), 1.0)
+    opacity = 1.0
+    if prim.inherited.opacity is not None:
+        note_many_values("primvars:displayOpacity", many_values(prim.inherited, "primvars:displayOpacity"), prim.path, ctx)
+        opacity = min(max(prim.inherited.opacity, 0.0), 1.0)
     if _varies(prim, _OPACITY) or (prim.inherited.opacity is None and _OPACITY in prim.inherited.per_instance):
         inputs.append(("opacity", PrimvarInput(_OPACITY, (1.0,))))
         opacity = 1.0
@@ -138,6 +141,7 @@ def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, flo
             message = "primvars:displayColor is not a usable colour: the fallback grey is used."
             ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         return FALLBACK_COLOR
+    note_many_values("primvars:displayColor", many_values(prim.inherited, "primvars:displayColor"), prim.path, ctx)
     r, g, b = prim.inherited.color
     if 0.0 <= r <= 1.0 and 0.0 <= g <= 1.0 and 0.0 <= b <= 1.0:
         return prim.inherited.color

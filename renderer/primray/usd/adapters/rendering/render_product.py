@@ -9,10 +9,12 @@ from typing import Any
 
 from pxr import Usd
 
+from ....description.picture_file import PLAIN, PictureFile
 from ....diagnostics import Diagnostics
 from ....settings import PURPOSES
 from ...querying.guarded import targets, type_name
 from ...resolving.read import When, value
+from .driver_parameters import product_file, variable_parameters
 
 Window = tuple[float, float, float, float]
 WHOLE: Window = (0.0, 0.0, 1.0, 1.0)
@@ -26,11 +28,12 @@ class RenderVariable:
     """A UsdRenderVar: a channel group that a product is to hold; the defaults are the schema's."""
 
     path: str
-    name: str  # the prim's: "drives the name of the data variable that the renderer will produce"
+    name: str  # the driver's, else the prim's: "drives the name of the data variable that the renderer will produce"
     data_type: str = "color3f"
     source_name: str = ""
     source_type: str = "raw"
     errors: bool = False  # primray:errors
+    prefix: str | None = None  # of its channels, in place of its name
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class ProductSettings:
     material_purposes: tuple[str, ...] = ("full", "")
     rendering_color_space: str | None = None
     variables: tuple[RenderVariable, ...] = ()  # in order; none: colour alone
+    file: PictureFile = PLAIN
 
 
 def settings_alone(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
@@ -72,6 +76,7 @@ def product_of(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: D
         name=name if isinstance(name, str) else "",
         type="raster",
         variables=tuple(_variables(product, when, diagnostics)),
+        file=product_file(product, when, diagnostics),
     )
 
 
@@ -192,7 +197,9 @@ def variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> RenderVari
         diagnostics.add("render-settings-input", str(prim.GetPath()), message, "sourceType")
         kind = "raw"
     source, errors = text("sourceName", ""), _get(prim, "primray:errors", when) is True
-    return RenderVariable(str(prim.GetPath()), prim.GetName(), text("dataType", "color3f"), source, kind, errors)
+    own = variable_parameters(prim, when, diagnostics)
+    name, data_type = own.get("name", prim.GetName()), own.get("format") or text("dataType", "color3f")
+    return RenderVariable(str(prim.GetPath()), name, data_type, source, kind, errors, own.get("channel_prefix"))
 
 
 def _get(prim: Usd.Prim, name: str, when: When) -> Any:

@@ -28,6 +28,7 @@ from .render_product import RenderVariable
 
 # In the picture's own part, whatever they are called.
 BEAUTY = frozenset({"Ci", "C", "C.*", "color", "rgb", "rgba", "RGB", "RGBA", "beauty", "Beauty", "LdrColor", "HdrColor"})
+PICTURE = ("R", "G", "B", "A")
 ALPHA = frozenset({"a", "A", "alpha", "Alpha"})
 ERRORS = frozenset({"stderr", "standardError"})
 COMMON: dict[str, tuple[str, ...]] = {
@@ -94,7 +95,46 @@ def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> 
                 message = f"dataType = {data_type!r} is no type that a picture's channels hold: the source's own is used."
                 diagnostics.add("render-var", var.path, message, "dataType")
                 data_type = ""
-            yield AovRequest(var.name, source, data_type, var.errors), var.path
+            _note_double(var, diagnostics)
+            yield AovRequest(var.name, source, data_type, var.errors, var.prefix), var.path
+
+
+def _note_double(var: RenderVariable, diagnostics: Diagnostics) -> None:
+    if "double" in var.data_type or var.data_type.endswith("d"):
+        message = f"dataType = {var.data_type!r}: an EXR has no doubles, floats are stored."
+        diagnostics.add("output-parameter", var.path, message, "dataType")
+
+
+def halves_of_picture(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> tuple[str, ...]:
+    """The picture's channels that its variables want as halves. Of several for one channel the first decides."""
+    found: dict[str, str] = {}
+    for var in variables:
+        channels = _channels_in_picture(var)
+        wanted = data_type_of(var.data_type)
+        if not channels:
+            continue
+        _note_double(var, diagnostics)
+        if wanted is None or wanted.stored == "uint":
+            message = f"dataType = {var.data_type!r}: the picture's channels are floats or halves, floats are stored."
+            diagnostics.add("render-var", var.path, message, "dataType")
+            continue
+        if var.prefix:
+            message = f"channel_prefix = {var.prefix!r}: the picture's channels are R, G, B and A."
+            diagnostics.add("output-parameter", var.path, message, "driver:parameters:aov:channel_prefix")
+        for channel in channels if channels != PICTURE or wanted.components > 3 else channels[:3]:
+            if found.setdefault(channel, wanted.stored) != wanted.stored:
+                message = f"Another variable has the picture's {channel} stored as {found[channel]}: so it is."
+                diagnostics.add("render-var", var.path, message, "dataType")
+    return tuple(channel for channel, stored in found.items() if stored == "half")
+
+
+def _channels_in_picture(var: RenderVariable) -> tuple[str, ...]:
+    name = var.source_name or var.name
+    if var.source_type == "primvar":
+        return ()
+    if var.source_type == "lpe" or name.lower().startswith(("lpe:", "color lpe:")):
+        return PICTURE if without_prefix(name) in LPE_BEAUTY else ()
+    return PICTURE if name in BEAUTY else ("A",) if name in ALPHA else ("stderr",) if name in ERRORS else ()
 
 
 def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from ....arrays import Doubles
 from ....description import MatrixInstances, Shape, Sphere
 from ....description.instance_names import Names
+from ...curves.values import read_widths
 from ...moving.levels import moving_level
 from ...paths.arrays import ArrayPath
 from ...paths.changes import moves
@@ -88,14 +89,16 @@ def _name_of_widths(prim: ResolvedPrim) -> str:
 
 def _widths(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.floating]:
     """Of every point."""
-    name = _name_of_widths(prim)
-    raw = read(prim.prim, name, ctx.when)
-    if raw is None:
+    name, authored = _name_of_widths(prim), read_widths(prim, ctx.when)
+    if read(prim.prim, name, ctx.when) is None:
         return np.full(count, DEFAULT_WIDTH)
-    widths = array(raw, 1, "f")
-    if widths is not None and len(widths) == 1:
+    widths = np.zeros(0) if authored is None else authored.values[:, 0]
+    if authored is not None and len(widths) == count > 1 and authored.interpolation == "constant":
+        message = f"{name} (constant) has as many values as vertex needs, and is read so."
+        ctx.warn("invalid-primvar", prim.path, message, name)
+    if len(widths) == 1:
         return np.full(count, widths[0])
-    if widths is None or len(widths) != count:
+    if len(widths) != count:
         ctx.warn(
             "invalid-primvar", prim.path, f"{name} does not fit {count} points: a width of {DEFAULT_WIDTH:g} is used.", name
         )

@@ -1,0 +1,157 @@
+"""Parameters of products' and variables' drivers, which no schema of USD's defines: what an EXR has of them is honoured.
+
+Houdini writes driver:parameters:OpenEXR:NAME and driver:parameters:NAME (husk's manual, "Image output"), and of variables
+driver:parameters:aov:NAME; RenderMan reads driver:parameters:openexr:NAME (hdPrman), Arnold arnold:driver_exr:NAME and
+arnold:NAME (arnold-usd, driver_exr). Names that no writer of EXRs has a meaning for are attributes of the header, there and
+here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pxr import Usd
+
+from ....aov_data_types import data_type_of
+from ....description.picture_file import COMPRESSIONS, LOSSY, HeaderValue, PictureFile
+from ....diagnostics import Diagnostics
+from ...querying.guarded import authored_attributes
+from ...resolving.read import When, value
+
+PREFIXES = ("driver:parameters:openexr:", "driver:parameters:", "arnold:driver_exr:", "arnold:")
+OF_VARIABLES = ("driver:parameters:aov:husk:", "driver:parameters:aov:")
+NOT_HERE = "output-parameter"
+LEVELS = frozenset({"dwa_compression_level", "dwacompressionlevel", "compressionlevel", "compression_level"})
+PIXEL_TYPES = frozenset({"pixeltype", "pixel_type", "exrpixeltype", "type"})
+HALF_PRECISION = "half_precision"
+# Said by files here as it is, whoever asks: true of multipart, asrgba and scanlines alone.
+ALWAYS = {"multipart": True, "asrgba": True, "tiled": False, "autocrop": False, "storage": "scanline", "append": False}
+# Of a header: what OpenEXR itself decides by (ImfStandardAttributes.h, "Required"), and what is said here.
+_RESERVED = """channels compression datawindow displaywindow lineorder pixelaspectratio screenwindowcenter screenwindowwidth
+    tiles type name view multiview version chunkcount maxsamplesperpixel chromaticities colorinteropid worldtocamera
+    worldtondc"""
+RESERVED = frozenset(_RESERVED.split())
+_NAME = re.compile(r"[A-Za-z_][\w.:/ -]{0,254}")
+_SILENT = frozenset({"multisampled"})  # of variables: a file holds pixels, however they were sampled
+
+
+class _Reader:
+    def __init__(self, prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+        self.prim, self.when, self.diagnostics = prim, when, diagnostics
+
+    def parameters(self, prefixes: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
+        """The attribute's name, the parameter's and its value, of those that have one."""
+        for attribute in authored_attributes(self.prim):
+            name = attribute.GetName()
+            prefix = next((p for p in prefixes if name.lower().startswith(p)), None)
+            if prefix is not None and (found := value(attribute, self.when)) is not None:
+                yield name, name[len(prefix) :], found
+
+    def refuse(self, attribute: str, found: object, why: str) -> None:
+        message = f"{attribute} = {found!r} {why}."
+        self.diagnostics.add("render-settings-input", str(self.prim.GetPath()), message, attribute)
+
+    def leave(self, attribute: str, found: object, why: str) -> None:
+        self.diagnostics.add(NOT_HERE, str(self.prim.GetPath()), f"{attribute} = {found!r}: {why}.", attribute)
+
+
+def product_file(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> PictureFile:
+    """What the product's driver is told."""
+    reader = _Reader(product, when, diagnostics)
+    compression, level, half, header = "", None, tuple[str, ...](), dict[str, HeaderValue]()
+    for attribute, name, found in reader.parameters(PREFIXES):
+        key = name.lower()
+        if key == "compression":
+            compression = _compression(reader, attribute, found) or compression
+        elif key in LEVELS:
+            level = _level(reader, attribute, found, level)
+        elif key in PIXEL_TYPES or key == HALF_PRECISION:
+            half = ("all",) if _is_half(reader, attribute, key, found) else half
+        elif key in ALWAYS:
+            if found != ALWAYS[key]:
+                reader.leave(attribute, found, f"files here always have {ALWAYS[key]}")
+        elif attribute.lower().startswith("arnold:"):
+            reader.leave(attribute, found, "it speaks to Arnold alone")
+        else:
+            _add_to_header(reader, attribute, name, found, header)
+    return PictureFile(half, compression, level, tuple(header.items()))
+
+
+def _compression(reader: _Reader, attribute: str, found: object) -> str:
+    name = str(found).lower().removesuffix("_compression")
+    if name not in COMPRESSIONS:
+        reader.refuse(attribute, found, f"is no compression ({', '.join(COMPRESSIONS)}): zip is used")
+        return ""
+    if name in LOSSY:
+        reader.leave(attribute, found, "it is lossy, so ids and Cryptomatte are stored by zip all the same")
+    return name
+
+
+def _level(reader: _Reader, attribute: str, found: object, before: float | None) -> float | None:
+    if isinstance(found, int | float) and math.isfinite(found) and 0 <= found <= 1e6:
+        return float(found)
+    reader.refuse(attribute, found, "is no level of compression: the usual one is used")
+    return before
+
+
+def _is_half(reader: _Reader, attribute: str, key: str, found: object) -> bool:
+    if key == HALF_PRECISION and isinstance(found, bool | int):
+        return bool(found)
+    if found in ("half", "float"):
+        return bool(found == "half")
+    reader.leave(attribute, found, "numbers are halves or floats: the variables' own types are used")
+    return False
+
+
+def _add_to_header(reader: _Reader, attribute: str, name: str, found: object, header: dict[str, HeaderValue]) -> None:
+    made = _header_value(found)
+    plain = name.replace(":", "").lower()
+    if not _NAME.fullmatch(name) or plain in RESERVED or name.lower().startswith(("primray:", "cryptomatte")):
+        reader.leave(attribute, found, "the header says this of the picture itself")
+    elif made is None:
+        reader.leave(attribute, found, "headers here hold text, numbers and vectors of two to four")
+    else:
+        header[name] = made
+
+
+def _header_value(found: Any) -> HeaderValue | None:
+    if isinstance(found, str):
+        return found
+    if isinstance(found, bool | int):
+        return int(found) if -(2**31) <= found < 2**31 else None
+    if isinstance(found, float):
+        return found if math.isfinite(found) else None
+    try:
+        numbers = np.asarray(found)
+    except (TypeError, ValueError):
+        return None
+    if numbers.ndim != 1 or not 2 <= len(numbers) <= 4 or numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():
+        return None
+    kind = int if numbers.dtype.kind in "iu" else float
+    return tuple(kind(number) for number in numbers.tolist())
+
+
+def variable_parameters(variable: Usd.Prim, when: When, diagnostics: Diagnostics) -> dict[str, str]:
+    """name, channel_prefix and format of a variable, where they are usable; the rest that it says is reported."""
+    reader, found = _Reader(variable, when, diagnostics), dict[str, str]()
+    for attribute, name, given in reader.parameters(OF_VARIABLES):
+        key = name.lower()
+        if key in ("name", "channel_prefix", "format"):
+            if not isinstance(given, str) or (key == "format" and given and data_type_of(given) is None) or not _is_text(given):
+                reader.refuse(attribute, given, "cannot be used: what the variable itself says is")
+            elif given or key == "channel_prefix":
+                found.setdefault(key, given)
+        elif key == "clearvalue":
+            if np.any(np.asarray(given, dtype=object) != 0):
+                reader.leave(attribute, given, "where nothing is, depths are infinite and all else is 0")
+        elif key not in _SILENT:
+            reader.leave(attribute, given, "it means nothing to files here")
+    return found
+
+
+def _is_text(given: str) -> bool:
+    return len(given) <= 255 and given.isprintable()
