@@ -127,5 +127,5 @@ def test_why_nothing_is_drawn() -> None:
 def test_labels() -> None:
     head = 'def Cube "box" (\nprepend apiSchemas = ["SemanticsLabelsAPI:kind"]\n)\n'
     stage = stage_of(head + '{\ntoken[] semantics:labels:kind.timeSamples = {0: ["tree"], 5: ["car"]}\n}\n')
-    assert labels_of(stage, "/box", "kind", None) == ("tree",)
-    assert labels_of(stage, "/box", "kind", 5.0) == ("car",)
+    assert labels_of(stage, "/box", "", "kind", None) == ("tree",)
+    assert labels_of(stage, "/box", "", "kind", 5.0) == ("car",)
