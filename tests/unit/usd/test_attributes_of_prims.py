@@ -77,7 +77,7 @@ PURPOSES = """def Xform "a" (prepend apiSchemas = ["VisibilityAPI"])
 @pytest.mark.parametrize(
     ("above", "below", "visible"),
     [
-        ("invisible", "inherited", False),
+        ("invisible", "inherited", True),  # ComputeEffectiveVisibility: an authored "inherited" ends the search
         ("inherited", "invisible", False),
         ("invisible", "visible", True),  # the nearest opinion holds
         ("visible", "invisible", False),
