@@ -236,6 +236,7 @@ def test_unknown_inputs_of_nodes() -> None:
     def Shader "t"
     {
         uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @t.png@
         float inputs:sharpness = 1
         float2 inputs:st.connect = </m/x.outputs:result>
         float outputs:r
