@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import OpenImageIO as oiio
 import pytest
 from pxr import Sdf, Tf, Usd, Vt
 from tests.translation.describe import describe
@@ -222,7 +224,7 @@ def test_inputs_of_lights(authored_text: str, told: list[tuple[str, str]]) -> No
     assert [(d.code, d.attribute) for d in found] == told
 
 
-def test_unknown_inputs_of_nodes() -> None:
+def test_unknown_inputs_of_nodes(tmp_path: Path) -> None:
     text = """def Material "m"
 {
     token outputs:surface.connect = </m/s.outputs:surface>
@@ -261,7 +263,9 @@ def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])
     rel material:binding = </m>
 }
 """
-    found = {(d.prim_path, d.attribute) for d in said(stage_of(text)) if d.code == "unknown-input"}
+    assert oiio.ImageBuf(oiio.ImageSpec(2, 2, 3, "uint8")).write(f"{tmp_path}/t.png")
+    stage = stage_of(text.replace("@t.png@", f"@{tmp_path}/t.png@"))
+    found = {(d.prim_path, d.attribute) for d in said(stage) if d.code == "unknown-input"}
     assert found == {("/m/s", "inputs:shine"), ("/m/t", "inputs:sharpness"), ("/m/x", "inputs:skew"), ("/m/r", "inputs:name")}
 
 
