@@ -101,10 +101,11 @@ def _uv_texture(values: Values, node: Node, found: Definition, names: frozenset[
         for n, default in _NUMBERS.items()
     }
     file = texture_file(node, ctx, is_color=is_color and len(channel) > 1)
-    if not file.path:
-        return channels_of(four["fallback"], channel)
+    st = values.given(node, found, "st")
     wraps = [_wrap(values, node, found, n, n in names).value for n in ("wrapS", "wrapT")]
-    inputs = {"file": file, "st": values.given(node, found, "st"), "wrapS": wraps[0], "wrapT": wraps[1], **four}
+    if not file.path:  # what is wrong with its other inputs has been reported
+        return channels_of(four["fallback"], channel)
+    inputs = {"file": file, "st": st, "wrapS": wraps[0], "wrapT": wraps[1], **four}
     made = values.expressions.primitive(
         UV_TEXTURE, _CHANNELS[channel], node.id, {**inputs, "channels": channel}, node_path(node, ctx)
     )
