@@ -166,7 +166,8 @@ void SceneBuilder::place_controls(std::span<const float> points, std::span<const
       const Longer& longer = variants[closed || s > 0][closed || s + 1 < count];
       dvec3 own[4];
       for (int k = 0; k < 4; ++k) own[k] = to_group(group_from_object.point({p[4 * k], p[4 * k + 1], p[4 * k + 2]}));
-      // Radii between the ends may be controlled by negative values; else 0 is only passed where the segment is longer than given.
+      // Radii between the ends may be controlled by negative values; else 0 is only passed where the segment is longer than
+      // given.
       const bool dips = std::min(p[7], p[11]) < 0;
       for (int k = 0; k < 4; ++k, to += 4) {
         const double* m = longer.of[k];
@@ -174,7 +175,8 @@ void SceneBuilder::place_controls(std::span<const float> points, std::span<const
         const dvec3 q =
             own[k] + (own[0] - own[k]) * m[0] + (own[1] - own[k]) * m[1] + (own[2] - own[k]) * m[2] + (own[3] - own[k]) * m[3];
         const double r = p[3] * m[0] + p[7] * m[1] + p[11] * m[2] + p[15] * m[3];
-        to[0] = float(q.x), to[1] = float(q.y), to[2] = float(q.z), to[3] = float(dips && k % 3 ? r * size : std::max(r * size, 0.0));
+        to[0] = float(q.x), to[1] = float(q.y), to[2] = float(q.z),
+        to[3] = float(dips && k % 3 ? r * size : std::max(r * size, 0.0));
       }
     }
     p += 4;

@@ -1,4 +1,5 @@
-// Coverage of samples while their paths are followed: 1 for what the camera meets, less what comes to nothing straight through it.
+// Coverage of samples while their paths are followed: 1 for what the camera meets, less what comes to nothing straight through
+// it.
 #pragma once
 
 namespace primray {
