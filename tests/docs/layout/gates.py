@@ -41,6 +41,7 @@ ONE_PLACE = {
 }
 # What reads at the time of the render by itself has to know what is read where there is no frame.
 TIMES_OF_RENDER = {
+    f"{USD}/materials/texture_asset.py",  # the frame's number, which nodes of time and names of files hold
     f"{USD}/resolving/read.py",
     f"{USD}/resolving/resolve.py",  # transforms: local_matrix asks read where something has no default
     f"{USD}/resolving/stage_bounds.py",  # at the earliest time of all
@@ -53,6 +54,7 @@ DEFAULT_TIMES = {
     f"{USD}/querying/time_varying.py",
     f"{USD}/resolving/read.py",
     f"{USD}/walking/skeleton_bindings.py",  # values that are held as defaults by then
+    f"{USD}/walking/skinning.py",  # likewise
 }
 RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
 OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}
