@@ -41,5 +41,5 @@ def test_what_is_there_has_all_of_them(name: str, instances: int | None) -> None
     if instances is not None:
         assert len(ids) == len(set(ids.values())) == instances
     for number, path in image.aovs["prim"].ids.items():
-        assert path.startswith("/")
+        assert path.startswith("/") or "</" in path  # what native instances share is named by the file that defines it
         assert (values(image, "prim") == number).any()
