@@ -28,6 +28,9 @@ _MARKUP = re.compile(
     re.DOTALL,
 )
 DEEPEST = 64  # elements in elements, and documents in documents
+# Of a document that says nothing. An included document says so, since its elements would have its includer's instead:
+# Document::importLibrary hands on what the included document has, and its elements inherit the rest.
+_DEFAULTS = {"colorspace": "none", "fileprefix": "", "geomprefix": ""}
 
 
 def _bad(message: str, path: str) -> AssetError:
@@ -111,6 +114,9 @@ class _Reader:
             self._includes += 1
             found = beside(name.asString(), path)
             self.read(document, found, above)
+            for attribute, default in _DEFAULTS.items():
+                if not document.hasAttribute(attribute):
+                    document.setAttribute(attribute, default)
             _relocate_files(document, found, path)
 
         return read

@@ -156,9 +156,12 @@ class NodeGraphs:
         )
 
     def place(self, source: Sdf.Path, below: Sdf.Path) -> Sdf.Path:
-        """A prim below another that refers to a graph elsewhere: connections do not lead out of what holds them."""
-        self._parts.setdefault(below, set()).add(source)
+        """Return a prim below another that refers to a graph elsewhere, since connections do not lead out of what holds them;
+        the graph itself where it lies there."""
         path = below.AppendChild(source.name)
+        if path == source:
+            return source
+        self._parts.setdefault(below, set()).add(source)
         refer(define(self.layer, path), source)
         return path
 

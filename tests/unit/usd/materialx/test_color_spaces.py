@@ -126,7 +126,7 @@ def test_a_space_that_nobody_knows_is_reported(tmp_path: Path) -> None:
 
 INCLUDED = {  # attributes of the includer, of the included document, and whether its colours are converted
     "it keeps its space": (LINEAR, ACES, True),
-    "it has its includer's": (ACES, "", True),
+    "it has none of its includer's": (ACES, "", False),
     "neither has one": ("", "", False),
 }
 
@@ -137,6 +137,17 @@ def test_an_included_document_means_what_it_means_alone(case: str, tmp_path: Pat
     (tmp_path / "part.mtlx").write_text(unlit(constant(), own))
     surface, _ = surface_of(tmp_path, f'<materialx version="1.39" {above}><xi:include href="part.mtlx"/></materialx>')
     assert surface.emissive_color == pytest.approx(IN_ACESCG if is_converted else AS_WRITTEN, abs=1e-6)
+
+
+def test_prefixes_of_an_includer_are_not_those_of_what_it_includes(tmp_path: Path) -> None:
+    (tmp_path / "maps").mkdir()
+    for folder in ("maps/", ""):
+        (tmp_path / f"{folder}a.png").write_bytes(b"")
+    (tmp_path / "part.mtlx").write_text(unlit(image("color3", ""), "", 'nodename="i"'))
+    head = '<materialx version="1.39" fileprefix="maps/" geomprefix="/elsewhere">'
+    (tmp_path / "looks.mtlx").write_text(f'{head}<xi:include href="part.mtlx"/></materialx>')
+    layer = layer_of_document(str(tmp_path / "looks.mtlx"))
+    assert layer.GetAttributeAtPath("/MaterialX/NodeGraphs/i.inputs:file").default.path == "a.png"
 
 
 def test_a_stage_has_no_say_in_a_documents_colours(tmp_path: Path) -> None:

@@ -111,3 +111,14 @@ def test_a_material_of_the_documents_own_is_its_graph(tmp_path: Path) -> None:
       <lamp name="M" type="material"><input name="tint" type="color3" value="0, 0, 1"/></lamp>"""
     surface, messages = surface_of(tmp_path, f'<materialx version="1.39">{own}</materialx>')
     assert (surface.emissive_color, messages) == ((0, 0, 1), [])
+
+
+def test_a_node_at_the_top_of_a_document_may_be_fed_by_a_graph(tmp_path: Path) -> None:
+    nodes = """<nodegraph name="G"><constant name="k" type="color3"><input name="value" type="color3" value="0.5,1,1.5"/></constant>
+        <output name="out" type="color3" nodename="k"/></nodegraph>
+      <multiply name="t" type="color3"><input name="in1" type="color3" nodegraph="G" output="out"/>
+        <input name="in2" type="color3" value="2,2,2"/></multiply>
+      <surface_unlit name="S" type="surfaceshader"><input name="emission_color" type="color3" nodename="t"/></surface_unlit>"""
+    surface, messages = surface_of(tmp_path, document(nodes, shader("surfaceshader", "S")))
+    assert messages == []  # nothing refers to itself
+    assert surface.emissive_color == pytest.approx((1, 2, 3))
