@@ -114,7 +114,8 @@ def test_a_material_of_the_documents_own_is_its_graph(tmp_path: Path) -> None:
 
 
 def test_a_node_at_the_top_of_a_document_may_be_fed_by_a_graph(tmp_path: Path) -> None:
-    nodes = """<nodegraph name="G"><constant name="k" type="color3"><input name="value" type="color3" value="0.5,1,1.5"/></constant>
+    nodes = """<nodegraph name="G">
+        <constant name="k" type="color3"><input name="value" type="color3" value="0.5,1,1.5"/></constant>
         <output name="out" type="color3" nodename="k"/></nodegraph>
       <multiply name="t" type="color3"><input name="in1" type="color3" nodegraph="G" output="out"/>
         <input name="in2" type="color3" value="2,2,2"/></multiply>
