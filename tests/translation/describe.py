@@ -32,7 +32,7 @@ def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], r
         "diagnostics": [f"{d.severity.value} {d.code} {d.prim_path}{_dotted(d.attribute)} {d.message}" for d in diagnostics],
         "scene": _plain(description),
     }
-    return json.dumps(found, indent=1, sort_keys=True).replace(root, "<root>") + "\n"
+    return json.dumps(found, indent=1, sort_keys=True).replace(json.dumps(root)[1:-1], "<root>") + "\n"
 
 
 def _dotted(attribute: str) -> str:

@@ -144,7 +144,8 @@ for seed in range(2):
 @pytest.mark.parametrize(("arguments", "warned", "logged"), [([], 1, 0), (["log"], 1, 2)])
 def test_a_script_hears_it_once_and_a_log_each_time(tmp_path: Path, arguments: list[str], warned: int, logged: int) -> None:
     """By Python's own rule a line warns once with the same text; logging that nobody set up prints nothing."""
-    (tmp_path / "s.usda").write_text('#usda 1.0\ndef DomeLight "d" {\n asset inputs:texture:file = @no.exr@\n}\n')
+    sky = 'def DomeLight "d" {\n asset inputs:texture:file = @no.exr@\n}\n'
+    (tmp_path / "s.usda").write_text(f'#usda 1.0\n{sky}def Sphere "s" {{\n}}\n')
     (tmp_path / "s.py").write_text(SCRIPT)
     done = subprocess.run([sys.executable, "s.py", *arguments], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stderr.count("s.py:6: RenderWarning: s.usda: ") == warned, done.stderr
