@@ -25,7 +25,7 @@ from ..paths.changes import bends, moving_operations, transform_of
 from ..paths.spheres import growing_sphere
 from ..querying.guarded import local_transform_at
 from ..querying.traversal import IN_PROTOTYPE, IN_WORLD, children
-from ..resolving.bindings import binds_by_collection, note_bindings, strengths_of
+from ..resolving.bindings import binds_by_collection, note_bindings
 from ..resolving.color_scope import NOWHERE
 from ..resolving.context import Context
 from ..resolving.foreign_names import note_foreign_schemas, note_other_renderers
@@ -163,8 +163,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 note_prim(resolved, kind.schemas, kind.taken_as, ctx)
             if kind.bindings:
                 targets = note_bindings(prim, path, kind.bindings, ctx)
-                strengths = strengths_of(prim, kind.bindings) if is_instance else ()
-                resolved.bound_as = bound_alike(kind, path, targets, above.binds, strengths)
+                resolved.bound_as = bound_alike(kind, path, targets, above.binds)
             if type_name in _MADE:
                 state.record.note_use(place.poses, pose)
             if type_name == "PointInstancer":
@@ -223,14 +222,14 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     ctx = state.ctx
     if not instances:
         return
-    bindings = bindings_of(instances, state.kinds.by_collection, ctx)
+    prototypes = [instance.prim.GetPrototype() for instance in instances]
+    bindings = bindings_of(instances, prototypes, state.kinds.by_collection, ctx)
     places = _places_of(instances, poses)
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
     apart = differ_by_material(instances, ctx)
     alike: dict[Hashable, int] = {}  # groups of instances with one object for what is above them, and one binding
-    for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
-        prototype = instance.prim.GetPrototype()
+    for i, (instance, prototype, inner, alone) in enumerate(zip(instances, prototypes, bindings, apart, strict=True)):
         # Collections look into instances that are bound alone, and links tell every instance apart by its path.
         key = None if alone or state.links is not None else (prototype, id(instance.inherited), id(inner))
         child = alike.get(key)
