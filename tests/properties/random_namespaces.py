@@ -61,6 +61,9 @@ def stage_of(seed: int, *, color_spaces: bool = False) -> Usd.Stage:
     for root in ("/world", "/other"):
         make.beside = []
         _group(make, root, 3)
+    for path in [prim.GetPath() for prim in stage.Traverse() if prim.HasAuthoredPayloads()]:
+        if make.chance(2):
+            stage.Unload(path)
     return stage
 
 
@@ -93,6 +96,10 @@ def _group(make: _Maker, path: str, depth: int, *, in_prototype: bool = False) -
             paths += _instancer(make, path, depth, in_prototype)
         else:
             paths += _group(make, make.path(path, "g"), depth - 1, in_prototype=in_prototype)
+    if make.in_library and make.chance(8):
+        payload = make.stage.DefinePrim(make.path(path, "y"), "Xform")
+        payload.GetPayloads().AddInternalPayload(r.choice(make.in_library))
+        _author(make, payload, [], in_prototype)
     if path.count("/") > 1 and make.chance(25):
         prim.SetSpecifier(r.choice([Sdf.SpecifierOver, Sdf.SpecifierClass]))
     _author(make, prim, paths, in_prototype)

@@ -10,7 +10,7 @@ import pytest
 from primray.usd.adapters.materials.material import Materials
 from primray.usd.adapters.shapes import implicit, mesh
 from primray.usd.lights import illuminant, photometric
-from primray.usd.materials.leaf_materials import _BindInside, bind_leaves, bindings_of
+from primray.usd.materials.leaf_materials import bind_leaves, bindings_of
 from primray.usd.materials.network import ShaderIds
 from primray.usd.resolving import bindings, color_spaces, resolve
 from primray.usd.resolving.kept import Kept
@@ -19,7 +19,7 @@ from primray.usd.walking import prototypes, walk
 
 # What only saves work. All others that are kept are records, which later steps read.
 CACHES = frozenset({
-    Materials, SharedFaces, ShaderIds, _BindInside, bindings._Wrong, color_spaces._Known, illuminant._Known, implicit._Shared,
+    Materials, SharedFaces, ShaderIds, bindings._Wrong, color_spaces._Known, illuminant._Known, implicit._Shared,
     mesh._Shared, photometric._Known, prototypes._HoldInstancers, resolve._Colored,
 })  # fmt: skip
 

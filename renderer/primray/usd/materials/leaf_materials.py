@@ -7,7 +7,8 @@ all, or one above it, whose path does.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from pxr import Sdf, Usd
 
@@ -31,41 +32,43 @@ def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above:
     return kind.bindings, tuple(map(tuple, targets)), above
 
 
+@dataclass(eq=False)
+class NativePrototype:
+    """One object for each native prototype, told apart by its identity: prims take long to compare."""
+
+    prim: Usd.Prim
+
+    @cached_property
+    def binds_inside(self) -> bool:
+        """Whether a prim in it binds materials, or one in the instances in it."""
+        return _binds_inside(self.prim)
+
+
+def _binds_inside(prototype: Usd.Prim) -> bool:
+    return any(
+        binding_names(frozenset(property_names(prim))) or (prim.IsInstance() and _binds_inside(prim.GetPrototype()))
+        for prim in there_below(prototype)
+    )
+
+
 def bindings_of(
-    instances: list[ResolvedPrim], prototypes: list[Usd.Prim], by_collection: bool, ctx: Context
+    instances: list[ResolvedPrim], prototypes: list[NativePrototype], by_collection: bool, ctx: Context
 ) -> list[Binding | None]:
     """What is bound to each of some instances; where no collection binds anything, one object for those bound alike."""
     if by_collection:
         return bind_materials([as_bound(instance.prim, instance.inherited) for instance in instances], ctx.material_purposes)
-    inside = ctx.kept.of(_BindInside)
-    keys = [
-        _bound_as(instance) if isinstance(instance.bound_as, str) else _bound_inside_as(instance, prototype, inside)
-        for instance, prototype in zip(instances, prototypes, strict=True)
-    ]
+    keys = [_bound_inside_as(instance, prototype) for instance, prototype in zip(instances, prototypes, strict=True)]
     first = {key: instance for key, instance in zip(reversed(keys), reversed(instances), strict=True) if key}
     prims = [as_bound(instance.prim, instance.inherited) for instance in first.values()]
     found: dict[Hashable, Binding | None] = dict(zip(first, bind_materials(prims, ctx.material_purposes), strict=True))
     return [found.get(key) for key in keys]
 
 
-class _BindInside(dict[Usd.Prim, bool]):
-    """By native prototype: whether a prim in it binds materials, or one in the instances in it."""
-
-
-def _bound_inside_as(instance: ResolvedPrim, prototype: Usd.Prim, inside: _BindInside) -> Hashable:
-    """`bound_alike` of an instance that binds materials itself: how strongly it does matters where its prototype does, too."""
-    if not _bind_inside(prototype, inside):
+def _bound_inside_as(instance: ResolvedPrim, prototype: NativePrototype) -> Hashable:
+    """`bound_alike`; how strongly an instance itself binds matters where its prototype binds, too."""
+    if isinstance(instance.bound_as, str) or not prototype.binds_inside:
         return _bound_as(instance)
     return _bound_as(instance), strengths_of(instance.prim, binding_names(instance.names))
-
-
-def _bind_inside(prototype: Usd.Prim, known: _BindInside) -> bool:
-    if prototype not in known:
-        known[prototype] = any(
-            binding_names(frozenset(property_names(prim))) or (prim.IsInstance() and _bind_inside(prim.GetPrototype(), known))
-            for prim in there_below(prototype)
-        )
-    return known[prototype]
 
 
 def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:

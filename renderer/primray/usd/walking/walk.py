@@ -18,7 +18,7 @@ from ...description.placement import MatrixInstances, PointInstances
 from ..adapters.shapes.draw_mode import stand_in
 from ..adapters.shapes.points import POINT, spheres
 from ..lights.light_links import Links
-from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, differ_by_material
+from ..materials.leaf_materials import NativePrototype, bind_leaves, bindings_of, bound_alike, differ_by_material
 from ..moving.levels import MovingLevel, level_of
 from ..moving.mover import Mover
 from ..paths.changes import bends, moving_operations, transform_of
@@ -88,6 +88,14 @@ class _Walk:
     index: dict[GroupKey, int] = field(default_factory=dict)
     record: Record = field(default_factory=Record)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
+    prototypes: dict[Usd.Prim, NativePrototype] = field(default_factory=dict)
+
+    def prototype(self, prim: Usd.Prim) -> NativePrototype:
+        """The one object for a native prototype."""
+        found = self.prototypes.get(prim)
+        if found is None:
+            found = self.prototypes[prim] = NativePrototype(prim)
+        return found
 
     def group(self, root: Usd.Prim, inherited: Inherited) -> int:
         """The group of this prototype under what is handed to it, queued for walking when new."""
@@ -222,7 +230,7 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     ctx = state.ctx
     if not instances:
         return
-    prototypes = [instance.prim.GetPrototype() for instance in instances]
+    prototypes = [state.prototype(instance.prim.GetPrototype()) for instance in instances]
     bindings = bindings_of(instances, prototypes, state.kinds.by_collection, ctx)
     places = _places_of(instances, poses)
     by_child: dict[int, list[int]] = {}
@@ -231,11 +239,11 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     alike: dict[Hashable, int] = {}  # groups of instances with one object for what is above them, and one binding
     for i, (instance, prototype, inner, alone) in enumerate(zip(instances, prototypes, bindings, apart, strict=True)):
         # Collections look into instances that are bound alone, and links tell every instance apart by its path.
-        key = None if alone or state.links is not None else (prototype, id(instance.inherited), id(inner))
+        key = None if alone or state.links is not None else (id(prototype), id(instance.inherited), id(inner))
         child = alike.get(key)
         if child is None:
-            ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-            child = state.group(prototype, _handed_to_instance(state, instance, prototype, inner, alone))
+            ctx.prototype_names.setdefault(str(prototype.prim.GetPath()), instance.path)
+            child = state.group(prototype.prim, _handed_to_instance(state, instance, prototype.prim, inner, alone))
             if key is not None:
                 alike[key] = child
         by_child.setdefault(child, []).append(i)
