@@ -47,6 +47,7 @@ def stage_of(seed: int, *, color_spaces: bool = False) -> Usd.Stage:
     fallbacks = {"NewCube": ["NewestCube", "Cube"], "NewXform": ["Xform"], "Cube": ["Sphere"]}
     stage.SetMetadata("fallbackPrimTypes", {name: Vt.TokenArray(to) for name, to in fallbacks.items()})
     make = _Maker(stage, random.Random(seed), color_spaces, collections=seed % 2 == 0)
+    UsdGeom.Camera.Define(stage, "/camera")
     for k in range(MATERIALS):
         _material(stage, f"/m{k}")
     make.in_library = _group(make, "/early", 1, in_prototype=True)
