@@ -47,6 +47,7 @@ def stage_of(seed: int, *, color_spaces: bool = False) -> Usd.Stage:
     fallbacks = {"NewCube": ["NewestCube", "Cube"], "NewXform": ["Xform"], "Cube": ["Sphere"]}
     stage.SetMetadata("fallbackPrimTypes", {name: Vt.TokenArray(to) for name, to in fallbacks.items()})
     make = _Maker(stage, random.Random(seed), color_spaces, collections=seed % 2 == 0)
+    UsdGeom.Camera.Define(stage, "/camera")
     for k in range(MATERIALS):
         _material(stage, f"/m{k}")
     make.in_library = _group(make, "/early", 1, in_prototype=True)
@@ -61,6 +62,9 @@ def stage_of(seed: int, *, color_spaces: bool = False) -> Usd.Stage:
     for root in ("/world", "/other"):
         make.beside = []
         _group(make, root, 3)
+    for path in [prim.GetPath() for prim in stage.Traverse() if prim.HasAuthoredPayloads()]:
+        if make.chance(2):
+            stage.Unload(path)
     return stage
 
 
@@ -93,6 +97,10 @@ def _group(make: _Maker, path: str, depth: int, *, in_prototype: bool = False) -
             paths += _instancer(make, path, depth, in_prototype)
         else:
             paths += _group(make, make.path(path, "g"), depth - 1, in_prototype=in_prototype)
+    if make.in_library and make.chance(8):
+        payload = make.stage.DefinePrim(make.path(path, "y"), "Xform")
+        payload.GetPayloads().AddInternalPayload(r.choice(make.in_library))
+        _author(make, payload, [], in_prototype)
     if path.count("/") > 1 and make.chance(25):
         prim.SetSpecifier(r.choice([Sdf.SpecifierOver, Sdf.SpecifierClass]))
     _author(make, prim, paths, in_prototype)

@@ -19,8 +19,8 @@ from primray.usd.walking import prototypes, walk
 
 # What only saves work. All others that are kept are records, which later steps read.
 CACHES = frozenset({
-    Materials, SharedFaces, ShaderIds, bindings._Wrong, color_spaces._Known, illuminant._Known, implicit._Shared, mesh._Shared,
-    photometric._Known, prototypes._HoldInstancers, resolve._Colored,
+    Materials, SharedFaces, ShaderIds, bindings._Wrong, color_spaces._Known, illuminant._Known, implicit._Shared,
+    mesh._Shared, photometric._Known, prototypes._HoldInstancers, resolve._Colored,
 })  # fmt: skip
 
 
@@ -37,5 +37,5 @@ def without_caches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Kept, "of", forgetful)
     monkeypatch.setattr(walk._Walk, "group", its_own)
     monkeypatch.setattr(walk, "differ_by_material", lambda instances, ctx: [True] * len(instances))
-    monkeypatch.setattr(walk, "bindings_of", lambda instances, by, ctx: bindings_of(instances, True, ctx))
+    monkeypatch.setattr(walk, "bindings_of", lambda some, prototypes, by, ctx: bindings_of(some, prototypes, True, ctx))
     monkeypatch.setattr(walk, "bind_leaves", lambda shapes, by, ctx: bind_leaves(shapes, True, ctx))

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pxr import Usd
+from pxr import Usd, UsdGeom
 
 from primray.description import Interpolation, Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
 
-from .usd_text import translate_text
+from .usd_text import stage_of, translate_text
 
 
 def conforms(row: str, *values: Any, state: str = "honoured") -> Any:
@@ -79,7 +79,7 @@ PURPOSES = """def Xform "a" (prepend apiSchemas = ["VisibilityAPI"])
     [
         ("invisible", "inherited", True),  # ComputeEffectiveVisibility: an authored "inherited" ends the search
         ("inherited", "invisible", False),
-        ("invisible", "visible", True),  # the nearest opinion holds
+        ("invisible", "visible", True),
         ("visible", "invisible", False),
         ("inherited", "inherited", True),
     ],
@@ -97,6 +97,9 @@ def test_visibility_by_purpose(purpose: str, above: str, below: str, visible: bo
     text = PURPOSES % (name, above, name, below, purpose)
     settings = RenderSettings(purposes=("default", purpose))
     assert drawn(text, settings) == (["/a/b/s"] if visible else [])
+    stage = stage_of(text)
+    shape = UsdGeom.Imageable(stage.GetPrimAtPath("/a/b/s"))
+    assert (shape.ComputeEffectiveVisibility(purpose) != UsdGeom.Tokens.invisible) == visible
     other = "render" if purpose != "render" else "proxy"
     assert drawn(PURPOSES % (name, above, name, below, other), RenderSettings(purposes=(other,))) == ["/a/b/s"]
     assert drawn(text.replace('(prepend apiSchemas = ["VisibilityAPI"])', ""), settings) == ["/a/b/s"]  # needs its schema

@@ -7,11 +7,14 @@ all, or one above it, whose path does.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from pxr import Sdf, Usd
 
-from ..resolving.bindings import CollectionBindings, Subset, subsets_of
+from ..querying.guarded import property_names
+from ..querying.traversal import there_below
+from ..resolving.bindings import CollectionBindings, Subset, binding_names, strengths_of, subsets_of
 from ..resolving.context import Context
 from ..resolving.prim_kinds import PrimKind
 from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
@@ -20,29 +23,52 @@ HAVE_SUBSETS = frozenset({"Mesh", "TetMesh", "BasisCurves"})  # prim types
 MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 
 
-def bound_alike(
-    kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above: str, strengths: tuple[str, ...] = ()
-) -> Hashable:
-    """Equal for prims that have one material; "" for those that have none. `above`: the path of the nearest prim that binds.
-
-    `strengths`: how strong each of an instance's own bindings is, which decides about what is bound inside the instance.
-    """
+def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above: str) -> Hashable:
+    """Equal for prims that have one material; "" for those that have none. `above`: the path of the nearest prim that binds."""
     if not kind.bindings:
         return above
     if not all(targets) or "MaterialBindingAPI" not in kind.schemas:  # of which USD has something to say, prim by prim
         return path
-    return kind.bindings, tuple(map(tuple, targets)), above, strengths
+    return kind.bindings, tuple(map(tuple, targets)), above
 
 
-def bindings_of(instances: list[ResolvedPrim], by_collection: bool, ctx: Context) -> list[Binding | None]:
+@dataclass(eq=False)
+class NativePrototype:
+    """One object for each native prototype, told apart by its identity: prims take long to compare."""
+
+    prim: Usd.Prim
+
+    @cached_property
+    def binds_inside(self) -> bool:
+        """Whether a prim in it binds materials, or one in the instances in it."""
+        return _binds_inside(self.prim)
+
+
+def _binds_inside(prototype: Usd.Prim) -> bool:
+    return any(
+        binding_names(frozenset(property_names(prim))) or (prim.IsInstance() and _binds_inside(prim.GetPrototype()))
+        for prim in there_below(prototype)
+    )
+
+
+def bindings_of(
+    instances: list[ResolvedPrim], prototypes: list[NativePrototype], by_collection: bool, ctx: Context
+) -> list[Binding | None]:
     """What is bound to each of some instances; where no collection binds anything, one object for those bound alike."""
     if by_collection:
         return bind_materials([as_bound(instance.prim, instance.inherited) for instance in instances], ctx.material_purposes)
-    keys = [_bound_as(instance) for instance in instances]
+    keys = [_bound_inside_as(instance, prototype) for instance, prototype in zip(instances, prototypes, strict=True)]
     first = {key: instance for key, instance in zip(reversed(keys), reversed(instances), strict=True) if key}
     prims = [as_bound(instance.prim, instance.inherited) for instance in first.values()]
     found: dict[Hashable, Binding | None] = dict(zip(first, bind_materials(prims, ctx.material_purposes), strict=True))
     return [found.get(key) for key in keys]
+
+
+def _bound_inside_as(instance: ResolvedPrim, prototype: NativePrototype) -> Hashable:
+    """`bound_alike`; how strongly an instance itself binds matters where its prototype binds, too."""
+    if isinstance(instance.bound_as, str) or not prototype.binds_inside:
+        return _bound_as(instance)
+    return _bound_as(instance), strengths_of(instance.prim, binding_names(instance.names))
 
 
 def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:

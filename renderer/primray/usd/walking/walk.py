@@ -18,14 +18,14 @@ from ...description.placement import MatrixInstances, PointInstances
 from ..adapters.shapes.draw_mode import stand_in
 from ..adapters.shapes.points import POINT, spheres
 from ..lights.light_links import Links
-from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, differ_by_material
+from ..materials.leaf_materials import NativePrototype, bind_leaves, bindings_of, bound_alike, differ_by_material
 from ..moving.levels import MovingLevel, level_of
 from ..moving.mover import Mover
 from ..paths.changes import bends, moving_operations, transform_of
 from ..paths.spheres import growing_sphere
 from ..querying.guarded import local_transform_at
 from ..querying.traversal import IN_PROTOTYPE, IN_WORLD, children
-from ..resolving.bindings import binds_by_collection, note_bindings, strengths_of
+from ..resolving.bindings import binds_by_collection, note_bindings
 from ..resolving.color_scope import NOWHERE
 from ..resolving.context import Context
 from ..resolving.foreign_names import note_foreign_schemas, note_other_renderers
@@ -89,6 +89,14 @@ class _Walk:
     index: dict[GroupKey, int] = field(default_factory=dict)
     record: Record = field(default_factory=Record)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
+    prototypes: dict[Usd.Prim, NativePrototype] = field(default_factory=dict)
+
+    def prototype(self, prim: Usd.Prim) -> NativePrototype:
+        """The one object for a native prototype."""
+        found = self.prototypes.get(prim)
+        if found is None:
+            found = self.prototypes[prim] = NativePrototype(prim)
+        return found
 
     def group(self, root: Usd.Prim, inherited: Inherited) -> int:
         """The group of this prototype under what is handed to it, queued for walking when new."""
@@ -164,8 +172,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 note_prim(resolved, kind.schemas, kind.taken_as, ctx)
             if kind.bindings:
                 targets = note_bindings(prim, path, kind.bindings, ctx)
-                strengths = strengths_of(prim, kind.bindings) if is_instance else ()
-                resolved.bound_as = bound_alike(kind, path, targets, above.binds, strengths)
+                resolved.bound_as = bound_alike(kind, path, targets, above.binds)
             if type_name in _MADE:
                 state.record.note_use(place.poses, pose)
             if type_name == "PointInstancer":
@@ -224,20 +231,20 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     ctx = state.ctx
     if not instances:
         return
-    bindings = bindings_of(instances, state.kinds.by_collection, ctx)
+    prototypes = [state.prototype(instance.prim.GetPrototype()) for instance in instances]
+    bindings = bindings_of(instances, prototypes, state.kinds.by_collection, ctx)
     places = _places_of(instances, poses)
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
     apart = differ_by_material(instances, ctx)
     alike: dict[Hashable, int] = {}  # groups of instances with one object for what is above them, and one binding
-    for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
-        prototype = instance.prim.GetPrototype()
+    for i, (instance, prototype, inner, alone) in enumerate(zip(instances, prototypes, bindings, apart, strict=True)):
         # Collections look into instances that are bound alone, and links tell every instance apart by its path.
-        key = None if alone or state.links is not None else (prototype, id(instance.inherited), id(inner))
+        key = None if alone or state.links is not None else (id(prototype), id(instance.inherited), id(inner))
         child = alike.get(key)
         if child is None:
-            ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-            child = state.group(prototype, _handed_to_instance(state, instance, prototype, inner, alone))
+            ctx.prototype_names.setdefault(str(prototype.prim.GetPath()), instance.path)
+            child = state.group(prototype.prim, _handed_to_instance(state, instance, prototype.prim, inner, alone))
             if key is not None:
                 alike[key] = child
         by_child.setdefault(child, []).append(i)
