@@ -251,8 +251,8 @@ def _shots_of(
 
 
 def _files_of(names: list[FrameName]) -> list[str]:
-    """The patterns of those that are files."""
-    return [name.pattern for name in names if not is_tev(str(name))]
+    """Return the names that are files; frame holders stay in them."""
+    return [str(name) for name in names if not is_tev(str(name))]
 
 
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
