@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,8 @@ Matrix = tuple[tuple[float, ...], ...]  # 4 rows of 4: world_from_camera, for co
 
 WANTED = "a prim's path or name, a primray.Camera, or a 4 x 4 matrix (world_from_camera)"
 RIGID = 1e-5  # that far from orthonormal a rotation may be: thousandths of a pixel
+LAST_ROW = (0.0, 0.0, 0.0, 1.0)
+AFFINE = 1e-6  # that far from LAST_ROW a last row may be
 
 
 def camera_choice(name: str, value: Any) -> str | Camera | Matrix:
@@ -37,12 +39,17 @@ def _rigid(name: str, value: Any) -> Matrix:
         raise refused(name, WANTED, value) from None
     if len(rows) != 4 or any(len(row) != 4 for row in rows) or not all(math.isfinite(item) for row in rows for item in row):
         raise refused(name, f"{WANTED} of finite numbers", value)
-    if rows[3] != (0.0, 0.0, 0.0, 1.0):
-        of_rows = rows[3][3] == 1 and not any(row[3] for row in rows[:3])
+    if not _is_affine(rows[3]):
+        of_rows = _is_affine([row[3] for row in rows])
         hint = "this one is for row vectors, as USD's are: transpose it" if of_rows else f"this one's is {rows[3]}"
         raise SettingsError(f"a matrix for column vectors ends with the row 0, 0, 0, 1; {hint}", where=name)
     _check_rotation(name, rows)
-    return rows
+    return (*rows[:3], LAST_ROW)
+
+
+def _is_affine(last: Sequence[float]) -> bool:
+    """Say whether a last row is 0, 0, 0, 1 but for rounding, as an inverse has it."""
+    return all(abs(a - b) <= AFFINE for a, b in zip(last, LAST_ROW, strict=True))
 
 
 def _check_rotation(name: str, rows: Matrix) -> None:

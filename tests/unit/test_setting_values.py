@@ -165,6 +165,30 @@ def test_matrices_for_row_vectors_are_told_apart() -> None:
     assert RenderSettings(camera=Gf.Matrix4d(*map(float, rows.ravel()))).camera == RenderSettings(camera=STANDING).camera
 
 
+def test_inverses_of_look_at_matrices_are_cameras_but_for_rounding() -> None:
+    rng = np.random.default_rng(5)
+    rounded = 0
+    for size in np.geomspace(0.1, 1e5, 100):
+        eye, target = Gf.Vec3d(*rng.normal(size=3) * size), Gf.Vec3d(*rng.normal(size=3))
+        matrix = Gf.Matrix4d().SetLookAt(eye, target, Gf.Vec3d(0, 1, 0)).GetInverse()
+        rounded += matrix.GetColumn(3) != Gf.Vec4d(0, 0, 0, 1)
+        for camera in (matrix, np.array(matrix).T):
+            kept = np.array(RenderSettings(camera=camera).camera)
+            assert (kept[3] == [0, 0, 0, 1]).all()
+            np.testing.assert_allclose(kept[:3, 3], list(eye), rtol=1e-9)
+        with pytest.raises(SettingsError, match="transpose"):
+            RenderSettings(camera=np.array(matrix))
+    assert rounded > 10
+
+
+@pytest.mark.parametrize("last", [(0, 0, 0, 1.00001), (0, 0, 1e-5, 1), (0, 0, -1, 0), (0, 0, 0, float("nan"))])
+def test_a_projection_is_no_camera(last: tuple[float, ...]) -> None:
+    matrix = np.array(STANDING, float)
+    matrix[3] = last
+    with pytest.raises(SettingsError):
+        RenderSettings(camera=matrix)
+
+
 @pytest.mark.parametrize(
     "change",
     [
