@@ -20,7 +20,7 @@ from .limits import Limits
 from .problems import Problem
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
-_RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER}))?)?\s*", re.ASCII)
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:[x:]\s*({_NUMBER}))?)?\s*", re.ASCII)
 # RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
 _MEMBERS = (
     ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
@@ -117,6 +117,8 @@ def time_codes(text: str | None, limits: Limits) -> list[float | None]:
         raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames) from None
     except SettingsError as error:
         raise invalid(member, error.message) from None
+    if len(frames) > limits.frames:
+        raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames)
     if len(set(frames)) < len(frames):
         twice = next(frame for frame in frames if frames.count(frame) > 1)
         raise invalid(member, f"frame {twice:g} is asked for twice")

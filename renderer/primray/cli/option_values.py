@@ -11,7 +11,7 @@ from typing import Literal
 from ..aov_names import AOVS
 from ..errors import SettingsError
 from ..images.files.encoding import BIT_DEPTHS, Encoding
-from ..render.frame_numbers import frame_list, parse_frames
+from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK
 from .standard_output import suffix_of
 
@@ -105,10 +105,21 @@ def resolution_of(res: tuple[int, int] | None, image_width: int | None) -> tuple
     return res if image_width is None else (image_width, 0)
 
 
-def frames_of(frames: str | None, count: int | None, increment: float | None, default_time: bool) -> str | None:
-    """The frame list that is meant, checked; None: the stage's default time."""
+def frames_of(
+    frames: str | None,
+    count: int | None,
+    increment: float | None,
+    default_time: bool,
+    scene: str | None,
+    session_layer: str | None,
+) -> str | None:
+    """Return the frame list that is meant, with the stage's `start` and `end` as numbers; None: the stage's default time."""
     if default_time and (frames, count, increment) != (None, None, None):
         raise SettingsError("--defaultTime and frames contradict each other; give one", code="frames")
+    if frames is not None and scene is not None and names_ends(frames):
+        from ..usd.opening.time_range import time_range
+
+        frames = with_ends(frames, *time_range(scene, session_layer))
     if count is not None or increment is not None:
         frames = frame_list("1" if frames is None else frames, 1 if count is None else count, increment)
     return frames

@@ -1,4 +1,5 @@
-"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), "1-10" for 1:10, and husk's start, count and increment."""
+"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), Open Job Description's ("1-10", "1-10:2"), the ends of the
+stage's range by name ("start:end"), and husk's start, count and increment."""
 
 from __future__ import annotations
 
@@ -11,6 +12,8 @@ MAX_FRAMES = 100_000
 
 _PLAIN = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _DASHED = re.compile(rf"({_PLAIN})\s*-\s*({_PLAIN})\s*", re.ASCII)
+_DASHED_STEP = re.compile(rf"({_PLAIN}\s*-\s*{_PLAIN})\s*:\s*({_PLAIN})\s*", re.ASCII)  # Open Job Description's
+_ENDS = re.compile(r"(?<![a-z])(start|end)(?![a-wyz])")  # "endx2" is every other one to the end
 
 
 def parse_frames(text: str) -> list[float]:
@@ -21,6 +24,17 @@ def parse_frames(text: str) -> list[float]:
         if len(frames) > MAX_FRAMES:
             raise LimitError(f"{len(frames)} frames are more than the {MAX_FRAMES} of one command", where=text)
     return frames
+
+
+def names_ends(text: str | None) -> bool:
+    """Say whether a frame list names an end of the stage's range, `start` or `end`."""
+    return text is not None and _ENDS.search(text) is not None
+
+
+def with_ends(text: str, first: float, last: float) -> str:
+    """Return the frame list with the ends of the stage's range as numbers."""
+    ends = {"start": f"{Decimal(repr(first)):f}", "end": f"{Decimal(repr(last)):f}"}
+    return _ENDS.sub(lambda match: ends[match[1]], text)
 
 
 def frame_list(first: str, count: int, increment: float | None) -> str:
@@ -41,6 +55,8 @@ def frame_list(first: str, count: int, increment: float | None) -> str:
 
 
 def _parse_range(part: str, text: str) -> list[float]:
+    if match := _DASHED_STEP.fullmatch(part):
+        part = f"{match[1]}x{match[2]}"
     span, x, stride = part.partition("x")
     span = _DASHED.sub(r"\1:\2", span) if _DASHED.fullmatch(span) else span
     first, colon, last = span.partition(":")
@@ -74,4 +90,4 @@ def _number(digits: str, text: str) -> Decimal:
 
 
 def _no_frames(text: str) -> SettingsError:
-    return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1-10x2 or 1,5", code="frames")
+    return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1-10:2, 1,5 or start:end", code="frames")

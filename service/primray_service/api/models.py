@@ -56,7 +56,7 @@ class Settings(Sent):
     )
     aov_errors: bool = Field(False, description="Standard errors of those that are means of samples, in their parts.")
     frames: str | None = Field(
-        None, max_length=4096, description='"1", "1:10", "1-10x2" or "1,5"; not given: the default time.'
+        None, max_length=4096, description='"1", "1:10", "1-10x2", "1-10:2" or "1,5"; not given: the default time.'
     )
     resolution: tuple[int, int] | None = Field(None, description="Width and height; one of them 0: by the camera's aspect.")
     stop: StopRules = StopRules()

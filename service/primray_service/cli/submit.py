@@ -125,7 +125,7 @@ def submit(
         "render_settings": option_values.render_settings_of(render_settings),
         "render_pass": option_values.render_settings_of(render_pass),
         "resolution": option_values.resolution_of(res, image_width),
-        "frames": option_values.frames_of(frames, frame_count, frame_inc, default_time),
+        "frames": option_values.frames_of(frames, frame_count, frame_inc, default_time, str(scene), None),
         "stop": given(stop),
         "seed": seed or None,
         "adaptive": adaptive,

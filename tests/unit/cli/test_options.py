@@ -96,13 +96,13 @@ def test_render_settings_by_name() -> None:
     ],
 )
 def test_frames(given: tuple[str | None, int | None, float | None, bool], expected: str | None) -> None:
-    text = frames_of(*given)
+    text = frames_of(*given, None, None)
     assert (None if text is None else parse_frames(text)) == (None if expected is None else parse_frames(expected))
 
 
 def test_the_default_time_and_frames_contradict() -> None:
     with pytest.raises(SettingsError, match="contradict"):
-        frames_of("1", None, None, True)
+        frames_of("1", None, None, True, None, None)
 
 
 def test_outputs_are_parted_by_commas_but_for_those_within_light_path_expressions() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray.errors import LimitError, SettingsError
-from primray.render.frame_numbers import frame_list, parse_frames
+from primray.render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,9 @@ from primray.render.frame_numbers import frame_list, parse_frames
         ("1-10x4", [1, 5, 9]),
         ("-3 - -1", [-3, -2, -1]),
         ("4-1,7", [4, 3, 2, 1, 7]),
+        ("1-10:4", [1, 5, 9]),
+        ("10-1:-4", [10, 6, 2]),
+        ("-3--1:2, 7", [-3, -1, 7]),
         ("1e-1", [0.1]),
         ("1,5", [1, 5]),
         ("1:3, 7", [1, 2, 3, 7]),
@@ -31,6 +34,18 @@ from primray.render.frame_numbers import frame_list, parse_frames
 )
 def test_frame_lists(text: str, frames: list[float]) -> None:
     assert parse_frames(text) == frames
+
+
+@pytest.mark.parametrize("text", ["1-100:2", "7", "1-3,9-5:-2", "-10 - -2:4", "0-0"])
+def test_range_expressions_are_those_of_open_job_description(text: str) -> None:
+    model = pytest.importorskip("openjd.model", reason="skipped: no openjd")
+    assert sorted(parse_frames(text)) == sorted(model.IntRangeExpr.from_str(text))
+
+
+def test_ends_by_name() -> None:
+    assert names_ends("1,start:10")
+    assert not names_ends("1:10x2")
+    assert parse_frames(with_ends("start:endx10, end", 1001, 1025.5)) == [1001, 1011, 1021, 1025.5]
 
 
 @pytest.mark.parametrize(
@@ -42,6 +57,10 @@ def test_frame_lists(text: str, frames: list[float]) -> None:
         ":3",
         "1:2:3",
         "1-2-3",
+        "1-9:0",
+        "1-9:2:2",
+        "1-9:2x2",
+        "start:end",  # of no stage
         "1-",
         "--1",
         "1x2",

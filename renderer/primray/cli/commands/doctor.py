@@ -68,7 +68,9 @@ def doctor(
         render_pass=option_values.render_settings_of(render_pass),
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),
-        time_code=option_values.one_frame_of(option_values.frames_of(frames, frame_count, frame_inc, default_time), "doctor"),
+        time_code=option_values.one_frame_of(
+            option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer), "doctor"
+        ),
         target_error=SMALLEST_TARGET,
         max_depth=max_depth,
         threads=option_values.threads_of(threads),

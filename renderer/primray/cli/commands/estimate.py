@@ -84,7 +84,9 @@ def estimate(
         render_pass=option_values.render_settings_of(render_pass),
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),
-        time_code=option_values.one_frame_of(option_values.frames_of(frames, frame_count, frame_inc, default_time), "estimate"),
+        time_code=option_values.one_frame_of(
+            option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer), "estimate"
+        ),
         spp=spp,
         target_error=min(targets, default=SMALLEST_TARGET),
         error_metric=error_metric,

@@ -64,7 +64,9 @@ def inspect(
         render_pass=option_values.render_settings_of(render_pass),
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),
-        time_code=option_values.one_frame_of(option_values.frames_of(frames, frame_count, frame_inc, default_time), "inspect"),
+        time_code=option_values.one_frame_of(
+            option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer), "inspect"
+        ),
         default_light=not no_default_light,
         default_wrap=default_wrap,
         render_context=render_context,

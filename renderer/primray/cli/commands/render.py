@@ -121,7 +121,9 @@ def render(
     verbose: output_flags.Verbose = False,
 ) -> None:
     """Render a USD stage to EXR, PNG, JPEG, TIFF or HDR."""
-    time_codes = option_values.time_codes_of(option_values.frames_of(frames, frame_count, frame_inc, default_time))
+    time_codes = option_values.time_codes_of(
+        option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer)
+    )
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
         _require_names_of_their_own(bool(output or outputs), report, checkpoint or resume)

@@ -98,7 +98,7 @@ def _composed(source: str | os.PathLike[str] | Usd.Stage, composition: Compositi
     if isinstance(source, Usd.Stage):
         return _compose(source.GetRootLayer(), source, composition, "", diagnostics)
     path = os.fspath(source)
-    return _compose(_root_layer(path), None, composition, path, diagnostics)
+    return _compose(root_layer(path), None, composition, path, diagnostics)
 
 
 def _noted(opened: Callable[[], Usd.Stage], diagnostics: Diagnostics, composition: Composition) -> Usd.Stage:
@@ -198,7 +198,7 @@ def _layers_of_session(stage: Usd.Stage) -> list[Sdf.Layer]:
     return [session] if session else []
 
 
-def _root_layer(path: str) -> Sdf.Layer:
+def root_layer(path: str) -> Sdf.Layer:
     if not os.path.exists(path) and "[" not in path and "://" not in path:
         raise StageOpenError("There is no such file.", where=path)
     return open_layer(path)
