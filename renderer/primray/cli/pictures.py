@@ -263,7 +263,7 @@ def _error_line(report: dict[str, Any]) -> str:
     metric = report["settings"]["error_metric"]
     found, target = report["error"][metric], report["settings"]["target_error"]
     if found is None:
-        return "error: unknown, it takes two samples a pixel"
+        return f"no error estimate: {_too_few(report['samples_per_pixel'][0])}; stopped by {report['stop']['reason']}"
     low, high = found["ci95"]
     line = f"{metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g})"
     if target is not None:
@@ -271,6 +271,11 @@ def _error_line(report: dict[str, Any]) -> str:
         met = "reached" if report["stop"]["target_met"] else "NOT reached"
         line += f", {what} {target:g} {met}"
     return f"{line}; stopped by {report['stop']['reason']}{_denoised_text(report.get('denoised'), metric)}"
+
+
+def _too_few(samples: int) -> str:
+    """Say why there is no error, of the least samples that a pixel has."""
+    return {0: "some pixels have no sample", 1: "one sample a pixel"}.get(samples, "no display's view can be made")
 
 
 def _denoised_text(denoised: dict[str, Any] | None, metric: str) -> str:

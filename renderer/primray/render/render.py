@@ -215,6 +215,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if film.invalid_samples:
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
+    _check_all_are_sampled(sampling, diagnostics)
     if film.samples and (is_empty(pixels, diagnostics) or is_bare(prepared, diagnostics)):
         diagnostics.add("empty-picture", prepared.camera.path, why_empty(prepared, pixels, diagnostics))
         if prepared.settings.strict:
@@ -243,6 +244,16 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
             image = with_diffusion(image)
     as_json += [diagnostic.as_json() for diagnostic in list(diagnostics)[len(as_json) :]]
     return image
+
+
+def _check_all_are_sampled(sampling: Sampling, diagnostics: Diagnostics) -> None:
+    """Report the pixels that a render which was stopped early never reached."""
+    if sampling.film.samples_per_pixel[0] > 0:
+        return
+    missing = float((sampling.film.counts.sum(axis=0) == 0).mean())
+    reason = sampling.stop.reason if sampling.stop is not None else "interrupted"
+    message = f"{100 * missing:.3g} % of the pixels have no sample and are black and transparent: {reason} came first"
+    diagnostics.add("unsampled-pixels", "", message)
 
 
 def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:

@@ -72,12 +72,12 @@ class FrameError:
 
 
 def is_measurable(film: Film) -> bool:
-    """Whether any pixel may have samples of both replicates."""
-    return film.samples_per_pixel[1] >= 2
+    """Say whether every pixel has samples of both replicates; an error of some of the pixels is not the picture's."""
+    return film.samples_per_pixel[0] >= 2
 
 
 def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixels: int = ALL_PIXELS) -> FrameError | None:
-    """The error of the film's picture, or of a part of it; None where no pixel has samples of both replicates.
+    """The error of the film's picture, or of a part of it; None where a pixel has no samples of both replicates.
 
     `view` asks for the error on a display too.
     """

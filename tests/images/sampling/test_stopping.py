@@ -34,6 +34,25 @@ def test_samples_end_a_render_by_default() -> None:
     assert all(a["seconds"] <= b["seconds"] for a, b in zip(r["convergence"], r["convergence"][1:], strict=False))
 
 
+def test_pixels_that_a_time_limit_leaves_without_samples_are_reported(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    image = primray.render(SCENE, RenderSettings(resolution=(1024, 1024), time_limit_s=0.001), progress=False)
+    missing = (~image.pixels.any(axis=-1)).mean()  # the stage's dome fills the picture where it is sampled
+    assert missing > 0.1
+    row = next(row for row in image.report["diagnostics"] if row["code"] == "unsampled-pixels")
+    assert float(row["message"].split()[0]) == pytest.approx(100 * missing, rel=0.01)
+    assert image.report["error"]["relmse"] is None
+    arguments = ["--res", "1024", "1024", "--time-limit", "0.001", "-o", str(tmp_path / "a.exr")]
+    assert run(["render", SCENE, *arguments]) == 0
+    assert "no error estimate: some pixels have no sample; stopped by time-limit" in capsys.readouterr().out
+
+
+def test_one_sample_a_pixel_has_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert run(["render", SCENE, "--res", "48", "36", "--spp", "1", "-o", str(tmp_path / "a.exr")]) == 0
+    assert "no error estimate: one sample a pixel; stopped by samples" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("adaptive", [False, True])
 def test_a_target_ends_a_render(adaptive: bool) -> None:
     r = report(target_error=1e-4, adaptive=adaptive)
