@@ -12,6 +12,7 @@ from itertools import islice
 from .diagnostic_codes import CODES, Severity
 from .errors import UnsupportedError
 from .fidelity import Kind
+from .refusal import Refusal
 
 
 @dataclass(frozen=True)
@@ -74,12 +75,12 @@ class Diagnostics:
     def __len__(self) -> int:
         return len(self._seen)
 
-    def raise_if_strict(self) -> None:
-        """UnsupportedError naming the first warning or error about the picture and their number; the rest passes."""
-        bad = [d for d in self._seen if d.is_strict]
+    def raise_if_refused(self, refusal: Refusal) -> None:
+        """Raise UnsupportedError, of code `strict` or `fail-on`, with the first diagnostic that is refused and their number."""
+        bad = [(flag, d) for d in self._seen if (flag := refusal.flag(d)) is not None]
         if bad:
+            flag, first = bad[0]
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-            at = f"{bad[0].attribute}: " if bad[0].attribute else ""
-            raise UnsupportedError(
-                f"--strict: {bad[0].code}: {at}{bad[0].message}{more}", where=bad[0].prim_path, code="strict"
-            )
+            at = f"{first.attribute}: " if first.attribute else ""
+            message = f"{flag}: {first.code}: {at}{first.message}{more}"
+            raise UnsupportedError(message, where=first.prim_path, code=flag.removeprefix("--"))

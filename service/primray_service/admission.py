@@ -223,6 +223,8 @@ def render_settings(settings: Settings) -> RenderSettings:
         aov_errors=settings.aov_errors,
         eye=None if settings.eye is None else Eye(settings.eye),
         strict=settings.strict,
+        fail_on=tuple(settings.fail_on),
+        allow=tuple(settings.allow),
         variants=tuple(settings.variants),
         load=None if settings.load is None else tuple(settings.load),
         mask=None if settings.mask is None else tuple(settings.mask),

@@ -60,7 +60,7 @@ KINDS: Mapping[str, Kind] = {
     "scene-rejected": Kind(422, "The scene cannot be rendered"),
     "scene-too-large": Kind(422, "The scene holds more than is allowed"),
     "settings-rejected": Kind(422, "The scene does not allow these settings"),
-    "strict-warnings": Kind(422, "The scene has warnings, and strict was asked for"),
+    "strict-warnings": Kind(422, "The scene has warnings, and strict or fail_on refuses them"),
     # The render
     "time-limit": Kind(422, "It took longer than is allowed"),
     "memory-limit": Kind(422, "It needs more memory than is allowed"),

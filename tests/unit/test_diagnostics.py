@@ -11,6 +11,7 @@ import primray
 from primray.diagnostic_codes import CODES, Severity
 from primray.diagnostics import Diagnostics
 from primray.errors import UnsupportedError
+from primray.refusal import STRICT
 
 SOURCES = [p.read_text() for p in Path(primray.__file__).parent.rglob("*.py") if p.name != "diagnostic_codes.py"]
 USED = {m for text in SOURCES for m in re.findall(r'(?:\.warn|diagnostics\.add|shown\.add)\(\s*"([a-z-]+)"', text)}
@@ -27,13 +28,13 @@ def test_every_code_is_listed_and_every_listed_code_is_used() -> None:
 def test_strict_passes_information_only() -> None:
     found = Diagnostics()
     found.add("tessellated", "/a", "as a mesh")
-    found.raise_if_strict()
+    found.raise_if_refused(STRICT)
     found.add("motion", "/b", "ignored")
     found.add("motion", "/b", "ignored")
     assert len(found) == 2
     assert [d.severity for d in found] == [Severity.INFO, Severity.WARNING]
     with pytest.raises(UnsupportedError, match="motion") as error:
-        found.raise_if_strict()
+        found.raise_if_refused(STRICT)
     assert error.value.where == "/b"
 
 
@@ -43,7 +44,7 @@ def test_strict_passes_what_leaves_the_picture_as_authored() -> None:
         if not row.kind.changes_picture:
             found.add(code, "/a", "as it should be")
     assert any(d.severity is Severity.WARNING for d in found)
-    found.raise_if_strict()
+    found.raise_if_refused(STRICT)
 
 
 def test_a_diagnostic_as_json_says_which_attribute_and_in_which_way() -> None:
@@ -59,7 +60,7 @@ def test_a_diagnostic_as_json_says_which_attribute_and_in_which_way() -> None:
         "message": "inf is no number",
     }
     with pytest.raises(UnsupportedError, match=r"wrong-type: inputs:radius: inf is no number"):
-        found.raise_if_strict()
+        found.raise_if_refused(STRICT)
 
 
 def test_one_message_about_two_attributes_is_two_diagnostics() -> None:

@@ -154,6 +154,11 @@ def _paths(texts: list[str] | None) -> tuple[str, ...] | None:
     return paths or None
 
 
+def codes_of(texts: list[str] | None) -> tuple[str, ...]:
+    """Return codes of diagnostics, several in a text by commas or spaces."""
+    return _paths(texts) or ()
+
+
 def purposes_of(text: str | None) -> tuple[str, ...] | None:
     """By commas or spaces; `default` is always among them, as in usdrecord, and is what husk calls geometry."""
     if text is None:

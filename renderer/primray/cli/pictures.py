@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import SettingsError
 from ..images.files.encoding import Encoding
+from ..notices.sequence import SequenceNotices
 from .standard_output import check_standard, is_standard, suffix_of, write_standard
 from .tev_outputs import TevOutputs, is_tev
 
@@ -43,6 +44,7 @@ class Looks:
     chose_exposure: bool = False
     tev: TevOutputs = field(default_factory=TevOutputs)
     encoding: Encoding = field(default_factory=Encoding)
+    notices: SequenceNotices = field(default_factory=SequenceNotices)
     names_space: bool = False  # --rendering-color-space was given, so that views rest on no assumption about it
 
     @property
@@ -125,7 +127,9 @@ def _check_view(looks: Looks, settings: RenderSettings | None) -> None:
     asked = None if settings is None else settings.rendering_color_space
     view = looks.view_from(REC709 if asked is None else rendering_space(asked))
     view.check()
-    if settings is not None and settings.strict and asked is None and (assumed := view.assumption()) is not None:
+    if settings is None or not settings.strict or settings.refusal.allows("view-space-assumed"):
+        return
+    if asked is None and (assumed := view.assumption()) is not None:
         raise SettingsError(f"--strict: {assumed.message}", where="rendering_color_space", code=assumed.code)
 
 
@@ -211,12 +215,35 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
     from ..notices.diagnostics_text import print_diagnostics
     from .json_lines import print_line
 
-    print_diagnostics(report["diagnostics"], verbose=looks.verbose)
+    print_diagnostics(looks.notices.new(report["diagnostics"]), verbose=looks.verbose)
     if looks.as_json:
         print_line({"type": "report", **report})
     else:
         where = sys.stderr if any(map(is_standard, report["outputs"])) else sys.stdout
         print(_summary_line(image, report, report["outputs"]), file=where)
+
+
+def tell_of_all(looks: Looks) -> None:
+    """Say after the last frame which warnings concern how many of them."""
+    for line in looks.notices.lines():
+        print(line, file=sys.stderr)
+
+
+def is_refused(image: Image, settings: RenderSettings, looks: Looks) -> bool:
+    """Say whether the settings refuse what came up while the picture was made, which is printed; the picture is written."""
+    from ..diagnostics import Diagnostics
+    from ..errors import UnsupportedError
+    from ..render.in_parts import diagnostics_of
+    from .terminal.errors import print_error
+
+    found = Diagnostics()
+    found.extend(diagnostics_of(image))
+    try:
+        found.raise_if_refused(settings.refusal)
+    except UnsupportedError as error:
+        print_error(error, looks.as_json)
+        return True
+    return False
 
 
 def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[str, str]]:

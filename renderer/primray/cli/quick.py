@@ -76,6 +76,8 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "list_cameras": (FLAG, ("--list-cameras",)),
     "exposure": (str, ("--exposure",)),
     "strict": (FLAG, ("--strict",)),
+    "fail_on": (LIST, ("--fail-on",)),
+    "allow": (LIST, ("--allow",)),
     "max_memory": (str, ("--max-memory",)),
     "dicing_rate": (_number, ("--dicing-rate",)),
     "no_motion_blur": (FLAG, ("--no-motion-blur", "--disable-motionblur")),

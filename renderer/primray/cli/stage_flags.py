@@ -159,6 +159,21 @@ Dicing = Annotated[
     typer.Option("--complexity", help="In place of --dicing-rate: 16, 8, 4 or 2 pixels.", show_default=False),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings about the picture.")]
+FailOn = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fail-on",
+        metavar="CODES",
+        help="Refuse a stage with diagnostics of these codes, by commas; `missing`: files that are not there. May be repeated.",
+        show_default=False,
+    ),
+]
+Allow = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--allow", metavar="CODES", help="Let these pass --strict and --fail-on; may be repeated.", show_default=False
+    ),
+]
 RenderingColorSpace = Annotated[
     str | None,
     typer.Option(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..aov_names import taxonomy_of
-from ..errors import LimitError, SettingsError
+from ..errors import LimitError, SettingsError, UnsupportedError
 from ..garbage import without_collection
 from ..report.prepared import Prepared
 from ..settings import Metric, RenderSettings
@@ -90,8 +90,7 @@ def _prepare(
         diagnostics.name_files(translating.shown)
         diagnostics.extend([*opening, *translating])
         description, textures = steps.load_textures(description, diagnostics, settings)
-        if settings.strict:
-            diagnostics.raise_if_strict()
+        diagnostics.raise_if_refused(settings.refusal)
     images = steps.image_sizes(textures)
     check_memory(description, settings, images, film_copies=int(fingerprinted))
     digests = steps.fingerprint(description, textures) if fingerprinted else {}
@@ -109,8 +108,9 @@ def _prepare(
         scene = steps.build(description, textures, settings, shapes)
     for code, path, message in scene.warnings:
         diagnostics.add(code, path, message)
-    if settings.strict:
-        diagnostics.raise_if_strict()
+    diagnostics.raise_if_refused(settings.refusal)
+    if scene.bounds is None:
+        _require_something_to_render(diagnostics, settings)
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
     if description.instances:
@@ -135,6 +135,14 @@ def _prepare(
     return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage), hidden_from_camera=hidden)
 
 
+def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSettings) -> None:
+    """Raise UnsupportedError where nothing is drawn because what the stage refers to is missing: no picture is a success."""
+    missing = [d for d in diagnostics if d.code == "composition-error" and not settings.refusal.allows(d.code)]
+    if missing:
+        message = f"no geometry is drawn, and what the stage refers to is missing: {missing[0].message}"
+        raise UnsupportedError(message, where=missing[0].prim_path, code="nothing-to-render")
+
+
 def _check_view(description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings) -> None:
     """SettingsError where a render that is judged on a display has no view, before it samples."""
     from ..sampling.error import DisplayView
@@ -142,7 +150,7 @@ def _check_view(description: SceneDescription, diagnostics: Diagnostics, setting
     view = DisplayView(space=description.rendering_space)
     view.check()
     if settings.rendering_color_space is None and (assumed := view.assumed()) is not None:
-        if settings.strict:
+        if settings.strict and not settings.refusal.allows("view-space-assumed"):
             raise SettingsError(f"--strict: {assumed}", where="rendering_color_space", code="view-space-assumed")
         diagnostics.add("view-space-assumed", "", assumed)
 

@@ -215,11 +215,9 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if film.invalid_samples:
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
-    _check_all_are_sampled(sampling, diagnostics)
-    if film.samples and (is_empty(pixels, diagnostics) or is_bare(prepared, diagnostics)):
+    if _are_all_sampled(sampling, diagnostics) and (is_empty(pixels, diagnostics) or is_bare(prepared, diagnostics)):
         diagnostics.add("empty-picture", prepared.camera.path, why_empty(prepared, pixels, diagnostics))
-        if prepared.settings.strict:
-            diagnostics.raise_if_strict()
+        diagnostics.raise_if_refused(prepared.settings.refusal)
     if sampling.view_fault:
         diagnostics.add("display-error-unknown", "", sampling.view_fault)
     space = prepared.scene.rendering_space
@@ -246,14 +244,15 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     return image
 
 
-def _check_all_are_sampled(sampling: Sampling, diagnostics: Diagnostics) -> None:
-    """Report the pixels that a render which was stopped early never reached."""
+def _are_all_sampled(sampling: Sampling, diagnostics: Diagnostics) -> bool:
+    """Say whether every pixel has a sample, and report those that a render which was stopped early never reached."""
     if sampling.film.samples_per_pixel[0] > 0:
-        return
+        return True
     missing = float((sampling.film.counts.sum(axis=0) == 0).mean())
     reason = sampling.stop.reason if sampling.stop is not None else "interrupted"
     message = f"{100 * missing:.3g} % of the pixels have no sample and are black and transparent: {reason} came first"
     diagnostics.add("unsampled-pixels", "", message)
+    return False
 
 
 def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:

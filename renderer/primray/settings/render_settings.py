@@ -12,6 +12,7 @@ from ..camera_choice import Matrix
 from ..composition import Composition
 from ..errors import SettingsError
 from ..lens.diffusion import fault_of
+from ..refusal import Refusal, check_codes
 from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
 from .limits import (
     DEFAULT_DICING_RATE,
@@ -86,7 +87,10 @@ class RenderSettings:
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
     aov_errors: bool = False  # standard errors beside those that are means of samples
+    # Diagnostics that refuse the stage, as in Refusal: all that change the picture, or those of some codes; not allowed ones.
     strict: bool = False
+    fail_on: tuple[str, ...] = ()
+    allow: tuple[str, ...] = ()
     max_memory_bytes: int | None = None
     dicing_rate: float = DEFAULT_DICING_RATE  # pixels: the longest that edges of subdivision surfaces may be
     motion_blur: bool = True  # False: a still at the frame, whatever the shutter
@@ -151,6 +155,10 @@ class RenderSettings:
         return self.denoise or self.stop_at is StopAt.DENOISED
 
     @property
+    def refusal(self) -> Refusal:
+        return Refusal(self.strict, self.fail_on, self.allow)
+
+    @property
     def composition(self) -> Composition:
         """What is given by its path is populated whatever the mask."""
         mask = self.mask
@@ -172,6 +180,8 @@ class RenderSettings:
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
         require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}", "purposes")
         require(self.purposes != (), "at least one purpose must be rendered", "purposes")
+        check_codes(self.fail_on, "fail_on")
+        check_codes(self.allow, "allow")
         if self.aovs is not None:
             check_names(self.aovs)
             _check_light_paths(self.aovs)

@@ -57,6 +57,8 @@ class SettingsValues(TypedDict, total=False):
     aovs: Iterable[str] | None
     aov_errors: bool
     strict: bool
+    fail_on: Iterable[str]
+    allow: Iterable[str]
     max_memory_bytes: int | None
     dicing_rate: float
     motion_blur: bool
@@ -99,5 +101,5 @@ READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
     "lens_flaws": lens_flaws,
     "region": optional(four_numbers),
-    "variants": texts,
+    **dict.fromkeys(("variants", "fail_on", "allow"), texts),
 }

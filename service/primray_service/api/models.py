@@ -80,6 +80,12 @@ class Settings(Sent):
     )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
+    fail_on: list[Annotated[str, Field(max_length=64)]] = Field(
+        default=[], max_length=128, description="Refuse a scene with diagnostics of these codes; `missing`: files not there."
+    )
+    allow: list[Annotated[str, Field(max_length=64)]] = Field(
+        default=[], max_length=128, description="Codes that pass strict and fail_on."
+    )
     dicing_rate: float | None = Field(None, gt=0, le=1e6)
     motion_blur: bool = Field(True, description="false: a still of the frame, whatever the camera's shutter.")
     shutter: tuple[float, float] | None = Field(

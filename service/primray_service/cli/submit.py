@@ -85,6 +85,8 @@ def submit(
     diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
     lens: stage_flags.LensFlaws = None,
     strict: stage_flags.Strict = False,
+    fail_on: stage_flags.FailOn = None,
+    allow: stage_flags.Allow = None,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
     ] = None,
@@ -155,6 +157,8 @@ def submit(
         "diffusion_starburst_width": diffusion_starburst_width,
         "lens_flaws": lens,
         "strict": strict or None,
+        "fail_on": _list(option_values.codes_of(fail_on) or None),
+        "allow": _list(option_values.codes_of(allow) or None),
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
     with connected("submit", server, key_file) as client:

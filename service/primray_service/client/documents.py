@@ -43,6 +43,8 @@ class Settings(TypedDict, total=False):
     render_context: Literal["mtlx", "universal"]
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None
     strict: bool
+    fail_on: list[str]
+    allow: list[str]
     dicing_rate: float | None
     motion_blur: bool
     shutter: tuple[float, float] | None  # time codes from the frame on

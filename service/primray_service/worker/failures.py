@@ -48,8 +48,9 @@ def _of_primray(error: errors.PrimrayError, job_folder: str) -> Problem:
         return Problem("settings-rejected", _sentence(error, job_folder), **place)
     if isinstance(error, errors.LimitError):
         return Problem(_LIMITS.get(error.code, "scene-too-large"), _sentence(error, job_folder), **place)
-    if isinstance(error, errors.UnsupportedError) and error.code == "strict":
-        return Problem("strict-warnings", _sentence(error, job_folder).removeprefix("--strict: "), prim=error.where)
+    if isinstance(error, errors.UnsupportedError) and error.code in ("strict", "fail-on"):
+        sentence = _sentence(error, job_folder).removeprefix(f"--{error.code}: ")
+        return Problem("strict-warnings", sentence, prim=error.where)
     if isinstance(error, errors.SceneError):
         return Problem("scene-rejected", _sentence(error, job_folder), **place)
     if error.code == "write-failed" and isinstance(error.__cause__, OSError) and error.__cause__.errno in _DISK:

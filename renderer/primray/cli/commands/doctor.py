@@ -54,6 +54,8 @@ def doctor(
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
     strict: stage_flags.Strict = False,
+    fail_on: stage_flags.FailOn = None,
+    allow: stage_flags.Allow = None,
 ) -> None:
     """Check this machine; with a SCENE, say why its picture is slow, grey, dark or empty, from a few seconds of rendering."""
     if scene is None:
@@ -90,6 +92,8 @@ def doctor(
         motion_error=motion_error,
         lens_flaws=tuple(lens or ()),
         strict=strict,
+        fail_on=option_values.codes_of(fail_on),
+        allow=option_values.codes_of(allow),
     )
     _stage(scene, settings, pilot_seconds, json, verbose)
 

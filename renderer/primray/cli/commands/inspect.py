@@ -45,6 +45,8 @@ def inspect(
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
     strict: stage_flags.Strict = False,
+    fail_on: stage_flags.FailOn = None,
+    allow: stage_flags.Allow = None,
 ) -> None:
     """Print what a stage is made of and what would be rendered: layers, variants, cameras, counts, memory, diagnostics."""
     from ... import usd
@@ -76,6 +78,9 @@ def inspect(
         load=option_values.load_of(no_payloads, load),
         mask=option_values.mask_of(mask),
         session_layer=session_layer,
+        strict=strict,
+        fail_on=option_values.codes_of(fail_on),
+        allow=option_values.codes_of(allow),
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
         motion_blur=not no_motion_blur,
         shutter=shutter,
@@ -116,8 +121,7 @@ def inspect(
         print_line(facts)
     else:
         print("\n".join(lines(facts, verbose)))
-    if strict:
-        diagnostics.raise_if_strict()
+    diagnostics.raise_if_refused(settings.refusal)
 
 
 def camera_facts(description: SceneDescription) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from ...settings import (
 )
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
-from ..pictures import Looks, check_outputs, check_shots, save, write
+from ..pictures import Looks, check_outputs, check_shots, is_refused, save, tell_of_all, write
 from ..shots import Shot, moments, product_shots
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
@@ -87,6 +87,8 @@ def render(
     color_correction: output_flags.Correction = None,
     exposure: output_flags.Exposure = "0",
     strict: stage_flags.Strict = False,
+    fail_on: stage_flags.FailOn = None,
+    allow: stage_flags.Allow = None,
     max_memory: render_flags.MaxMemory = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
     complexity: stage_flags.Dicing = None,
@@ -161,6 +163,8 @@ def render(
         aovs=option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, _files_of(names)),
         aov_errors=aov_errors,
         strict=strict,
+        fail_on=option_values.codes_of(fail_on),
+        allow=option_values.codes_of(allow),
         max_memory_bytes=option_values.bytes_of(max_memory),
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
         motion_blur=not no_motion_blur,
@@ -257,6 +261,7 @@ def _files_of(names: list[FrameName]) -> list[str]:
     return [str(name) for name in names if not is_tev(str(name))]
 
 
+REFUSED = 3  # the exit code of a picture that --strict or --fail-on refuse after it was made
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
 
 
@@ -343,7 +348,7 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
     from ..terminal.progress import Show, showing
 
     showing_now: list[Show] = []
-    missed = unsaved = False
+    missed = unsaved = refused = False
     terminate_as_interrupt()
     images = render(lambda *now: showing_now[-1](*now))
     for shot in shots:
@@ -357,11 +362,17 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
             print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
             raise SystemExit(130)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
+        refused = is_refused(image, shot.settings, looks) or refused
         missed = missed or image.report["stop"]["target_met"] is False
-    if unsaved:
-        raise SystemExit(1)
-    if missed:
-        raise SystemExit(TARGET_MISSED)
+    _end(looks, unsaved, refused, missed)
+
+
+def _end(looks: Looks, unsaved: bool, refused: bool, missed: bool) -> None:
+    """Raise SystemExit where not all went well."""
+    tell_of_all(looks)
+    for code, happened in ((1, unsaved), (REFUSED, refused), (TARGET_MISSED, missed)):
+        if happened:
+            raise SystemExit(code)
 
 
 def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> None:
@@ -371,7 +382,7 @@ def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> 
 
     terminate_as_interrupt()
     opened = open_once(scene, shots[0].settings) if isinstance(scene, str) else scene
-    missed = unsaved = False
+    missed = unsaved = refused = False
     for shot in shots:
         pair = render_pair(opened, shot, looks)
         if pair is None:
@@ -382,11 +393,10 @@ def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> 
         if pair.right.report["interrupted"]:
             print("interrupted: the pictures so far were saved", file=sys.stderr)
             raise SystemExit(130)
+        for image in pair.views.values():
+            refused = is_refused(image, shot.settings, looks) or refused
         missed = missed or any(image.report["stop"]["target_met"] is False for image in pair.views.values())
-    if unsaved:
-        raise SystemExit(1)
-    if missed:
-        raise SystemExit(TARGET_MISSED)
+    _end(looks, unsaved, refused, missed)
 
 
 def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown: bool) -> list[Snapshots]:

@@ -6,6 +6,7 @@ import pytest
 
 from primray.description import PrimvarInput, TextureFile, TextureInput, Wrap
 from primray.errors import UnsupportedError
+from primray.refusal import STRICT
 from primray.settings import RenderSettings
 from primray.usd import translate
 
@@ -252,6 +253,6 @@ def test_strict_mode_fails_on_what_differs_and_not_on_defaults() -> None:
         diagnostics = translate(stage_of(material(inputs)), strict)[1]
         if fails:
             with pytest.raises(UnsupportedError, match="displacement"):
-                diagnostics.raise_if_strict()
+                diagnostics.raise_if_refused(STRICT)
         else:
-            diagnostics.raise_if_strict()
+            diagnostics.raise_if_refused(STRICT)

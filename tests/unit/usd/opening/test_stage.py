@@ -9,6 +9,7 @@ from pxr import Usd
 
 from primray.diagnostics import Diagnostics
 from primray.errors import StageOpenError, UnsupportedError
+from primray.refusal import STRICT
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 
@@ -38,7 +39,7 @@ def test_missing_references_are_diagnostics_and_keep_stderr_clean(tmp_path: Path
     assert [s.path for s in description.shapes] == ["/s"]
     assert capfd.readouterr().err == ""
     with pytest.raises(UnsupportedError):
-        diagnostics.raise_if_strict()
+        diagnostics.raise_if_refused(STRICT)
 
 
 def test_stages_in_memory_are_taken_as_they_are() -> None:

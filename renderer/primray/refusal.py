@@ -1,0 +1,58 @@
+"""Which diagnostics refuse a stage: the settings `strict`, `fail_on` and `allow` together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .diagnostic_codes import CODES
+from .errors import SettingsError
+
+if TYPE_CHECKING:
+    from .diagnostics import Diagnostic
+
+# Names of several codes. A file that is not there, or that nobody can read, has one of these codes, whatever names it.
+GROUPS: dict[str, tuple[str, ...]] = {
+    "missing": ("composition-error", "materialx-document", "asset-missing", "tile-missing", "texture-unreadable"),
+}
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """What a stage is refused for. `fail_on` and `allow` are codes of diagnostics or names of `GROUPS`; allowed codes pass."""
+
+    strict: bool = False
+    fail_on: tuple[str, ...] = ()
+    allow: tuple[str, ...] = ()
+
+    def flag(self, diagnostic: Diagnostic) -> str | None:
+        """Return the flag that refuses the diagnostic, as the command line names it; None where none does."""
+        if self.allows(diagnostic.code):
+            return None
+        if diagnostic.code in codes_of(self.fail_on):
+            return "--fail-on"
+        return "--strict" if self.strict and diagnostic.is_strict else None
+
+    def allows(self, code: str) -> bool:
+        return code in codes_of(self.allow)
+
+
+STRICT = Refusal(strict=True)
+
+
+def codes_of(names: Iterable[str]) -> frozenset[str]:
+    """Return the codes that are meant, with those of groups."""
+    return frozenset(code for name in names for code in GROUPS.get(name, (name,)))
+
+
+def check_codes(names: Iterable[str], where: str) -> None:
+    """Raise SettingsError for a name that is neither a diagnostic's code nor a group's."""
+    known = [*GROUPS, *CODES]
+    for name in names:
+        if name not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, known, 1)
+            hint = f"did you mean {near[0]}?" if near else "docs/diagnostics.md lists them"
+            raise SettingsError(f"there is no diagnostic {name!r}; {hint}", where=where, code="unknown-diagnostic")
