@@ -48,6 +48,17 @@ def Xform "a" (
 {
 }
 """
+FLAT_AT_3 = """
+def Sphere "flat"
+{
+    float3 xformOp:scale.timeSamples = {
+        1: (1, 1, 1),
+        2: (1, 1, 1),
+        3: (0, 1, 1),
+    }
+    uniform token[] xformOpOrder = ["xformOp:scale"]
+}
+"""
 SMALL = ["--res", "16", "9", "--spp", "2"]
 
 
@@ -133,9 +144,7 @@ def test_warnings_of_a_sequence_are_shown_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    changing = 'float3 xformOp:scale.timeSamples = {1: (1, 1, 1), 2: (1, 1, 1), 3: (0, 1, 1)}\nuniform token[] xformOpOrder = ["xformOp:scale"]\n'
-    flat = f'def Sphere "flat"\n{{\n{changing}}}\n'
-    Path("shot.usda").write_text(WITHOUT_TEXTURE + flat)
+    Path("shot.usda").write_text(WITHOUT_TEXTURE + FLAT_AT_3)
     assert run(["render", "shot.usda", *SMALL, "--frames", "1:3"]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert sum("none.png cannot be found" in line for line in lines) == 1

@@ -14,6 +14,8 @@ CAMERA_VISIBILITY = (
     "visibleInPrimaryRay",  # Omniverse RTX
 )
 
+# The group that a light is in: Karma's, RenderMan's (an input of its light's shader, or authored on the prim) and Arnold's.
+LIGHT_GROUPS = ("karma:light:lpetag", "ri:light:lightGroup", "inputs:ri:light:lightGroup", "primvars:arnold:aov")
 
 # What the camera sees of a shape, where a render pass says so: one of description.CameraSight.
 CAMERA_SIGHT = "primray:camera"

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from ...resolving.context import Context
 from ...resolving.read import read
+from ...resolving.renderer_attributes import LIGHT_GROUPS
 from ...resolving.resolve import ResolvedPrim
 
-# Karma's, RenderMan's (an input of its light's shader, or authored on the prim) and Arnold's, whose "default" is none.
-ATTRIBUTES = ("karma:light:lpetag", "ri:light:lightGroup", "inputs:ri:light:lightGroup", "primvars:arnold:aov")
 ARNOLD, ARNOLDS_NONE = "primvars:arnold:aov", "default"
 
 
@@ -16,7 +15,7 @@ def group_of(prim: ResolvedPrim, ctx: Context) -> str:
     named = ctx.light_groups.name_of(prim.prim)
     if named:
         return named
-    for name in ATTRIBUTES:
+    for name in LIGHT_GROUPS:
         if name not in prim.names:
             continue
         value = read(prim.prim, name, ctx.when)
