@@ -77,7 +77,7 @@ class Diagnostics:
 
     def raise_if_refused(self, refusal: Refusal) -> None:
         """Raise UnsupportedError, of code `strict` or `fail-on`, with the first diagnostic that is refused and their number."""
-        bad = [(flag, d) for d in self._seen if (flag := refusal.flag(d)) is not None]
+        bad = [(flag, d) for d in self._seen if (flag := refusal.flag(d.code, d.is_strict)) is not None]
         if bad:
             flag, first = bad[0]
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from .diagnostic_codes import CODES
 from .errors import SettingsError
-
-if TYPE_CHECKING:
-    from .diagnostics import Diagnostic
 
 # Names of several codes. A file that is not there, or that nobody can read, has one of these codes, whatever names it.
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -26,13 +22,16 @@ class Refusal:
     fail_on: tuple[str, ...] = ()
     allow: tuple[str, ...] = ()
 
-    def flag(self, diagnostic: Diagnostic) -> str | None:
-        """Return the flag that refuses the diagnostic, as the command line names it; None where none does."""
-        if self.allows(diagnostic.code):
+    def flag(self, code: str, changes_picture: bool) -> str | None:
+        """Return the flag that refuses a diagnostic, as the command line names it; None where none does.
+
+        `changes_picture`: it is a warning or an error that leaves the picture other than authored.
+        """
+        if self.allows(code):
             return None
-        if diagnostic.code in codes_of(self.fail_on):
+        if code in codes_of(self.fail_on):
             return "--fail-on"
-        return "--strict" if self.strict and diagnostic.is_strict else None
+        return "--strict" if self.strict and changes_picture else None
 
     def allows(self, code: str) -> bool:
         return code in codes_of(self.allow)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +15,7 @@ from primray.diagnostics import Diagnostic
 from primray.errors import SettingsError, UnsupportedError
 from primray.fidelity import Kind
 from primray.refusal import GROUPS, Refusal
+from primray.settings.render_settings import with_values
 
 MATERIAL = """
 def Material "m"
@@ -62,17 +64,17 @@ def Sphere "flat"
 SMALL = ["--res", "16", "9", "--spp", "2"]
 
 
-def diagnostic(code: str) -> Diagnostic:
-    return Diagnostic(CODES[code].severity, code, "/a", "as it is")
-
-
 @pytest.mark.parametrize("code", CODES)
 def test_every_code_can_be_refused_and_allowed(code: str) -> None:
-    assert Refusal(fail_on=(code,)).flag(diagnostic(code)) == "--fail-on"
-    assert Refusal(strict=True, fail_on=(code,), allow=(code,)).flag(diagnostic(code)) is None
+    def flag(**settings: Any) -> str | None:
+        found = Diagnostic(CODES[code].severity, code, "/a", "as it is")
+        return Refusal(**settings).flag(code, found.is_strict)
+
+    assert flag(fail_on=(code,)) == "--fail-on"
+    assert flag(strict=True, fail_on=(code,), allow=(code,)) is None
     changes = CODES[code].severity is not Severity.INFO and CODES[code].kind.changes_picture
-    assert Refusal(strict=True).flag(diagnostic(code)) == ("--strict" if changes else None)
-    assert Refusal().flag(diagnostic(code)) is None
+    assert flag(strict=True) == ("--strict" if changes else None)
+    assert flag() is None
 
 
 def test_groups_hold_codes_of_what_is_missing() -> None:
@@ -84,7 +86,7 @@ def test_groups_hold_codes_of_what_is_missing() -> None:
 @pytest.mark.parametrize("name", ["fail_on", "allow"])
 def test_a_code_that_there_is_not_is_an_error(name: str) -> None:
     with pytest.raises(SettingsError, match="did you mean asset-missing") as error:
-        RenderSettings(**{name: ["asset-mising"]})
+        with_values(RenderSettings(), {name: ["asset-mising"]})
     assert (error.value.where, error.value.code) == (name, "unknown-diagnostic")
 
 

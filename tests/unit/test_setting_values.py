@@ -92,6 +92,8 @@ NONSENSE: dict[str, list[Any]] = {
     "aovs": ["depth", ["deepth"], 3],
     "aov_errors": ["yes", None],
     "strict": ["no", 1],
+    "fail_on": ["missing", ["a-code-that-is-not-there"], None],
+    "allow": ["missing", ["a-code-that-is-not-there"], None],
     "max_memory_bytes": [0, "8 GB"],
     "dicing_rate": [0, None, "fine"],
     "motion_blur": ["no", None],

@@ -20,6 +20,7 @@ Show = Callable[[str, "Progress", str], None]  # the job's state, how far it is,
 def follow(client: Client, job: Job, as_json: bool) -> Job:
     """The job when it has ended. KeyboardInterrupt goes through: the job does not end with it."""
     from ..client import Progress, QueuePlace
+    from ..client.documents import TERMINAL
     from ..client.reading import read
 
     if as_json:
@@ -38,7 +39,8 @@ def follow(client: Client, job: Job, as_json: bool) -> Job:
                 place = place_text(read(QueuePlace, event.data))
             elif event.type == "warning":
                 _say(event)
-            show(state, progress, place if state == "queued" else "")
+            if state not in TERMINAL:  # how many frames it has in the end comes with the job
+                show(state, progress, place if state == "queued" else "")
         ended = client.job(job.id)
         show(ended.state, ended.progress, "")
     return ended

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -40,6 +41,11 @@ def error_text(progress: Progress) -> str:
     return f"{error.metric} {error.estimate:.3g}{interval}{target}"
 
 
+def percent_text(progress: Progress) -> str:
+    """ "41%", rounded down: 100% is said of what is done alone."""
+    return f"{math.floor(100 * progress.fraction + 1e-9)}%"
+
+
 def frames_text(progress: Progress) -> str:
     frames = progress.frames
     return f"{frames.succeeded}/{frames.total} frames" if frames is not None and frames.total > 1 else ""
@@ -57,7 +63,7 @@ def place_text(queue: QueuePlace | None) -> str:
 def block(job: Job, outputs: Sequence[Output]) -> list[str]:
     """Everything worth a line."""
     progress = job.progress
-    running = [f"{progress.fraction:.0%}", progress.phase or "", frames_text(progress), error_text(progress)]
+    running = [percent_text(progress), progress.phase or "", frames_text(progress), error_text(progress)]
     running.append(f"{seconds_text(progress.eta_s)} to go" if progress.eta_s and not job.is_terminal else "")
     lines = [
         ("job", job.id),
@@ -122,7 +128,7 @@ def _row(job: Job) -> tuple[str, ...]:
     return (
         plain(job.id),
         plain(job.state),
-        f"{progress.fraction:.0%}",
+        percent_text(progress),
         f"{frames.succeeded}/{frames.total}" if frames else "",
         f"{error.estimate:.3g}" if error and error.estimate is not None else "",
         f"{error.target:.3g}" if error and error.target is not None else "",

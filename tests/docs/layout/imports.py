@@ -33,6 +33,7 @@ ORDER = (
     "composition",
     "fidelity",
     "diagnostic_codes",
+    "refusal",
     "diagnostics",
     "settings",
     "notices",

@@ -80,6 +80,23 @@ def test_a_bar_on_a_terminal() -> None:
     assert "1/3 frames  relmse 0.021, target 0.01" in shown
 
 
+def test_the_last_line_counts_the_frames_of_the_job_that_ended() -> None:
+    streamed = event(1, "progress", PROGRESS) + event(2, "end", {"state": "succeeded", "attempt": 1})
+    all_done = PROGRESS | {"fraction": 1.0, "frames": {"total": 3, "succeeded": 3}}
+
+    def script(request: Request) -> Answer:
+        if request.path.endswith("/events"):
+            return Answer(200, streamed.encode(), {"Content-Type": "text/event-stream", "Connection": "close"})
+        state = "running" if len(server.requests) < 2 else "succeeded"
+        return as_json({**JOB, "state": state, "progress": PROGRESS if state == "running" else all_done})
+
+    with serving(script) as server:
+        process = start("watch", "job_1", stderr=subprocess.PIPE, PRIMRAY_SERVER=server.url)
+        _, shown = process.communicate(timeout=60)
+    lines = [line for line in shown.decode().splitlines() if "succeeded" in line]
+    assert lines[0].startswith("job_1 succeeded: 3/3 frames")
+
+
 @pytest.mark.parametrize("as_json_lines", [False, True])
 def test_ctrl_c_ends_the_watching_and_not_the_job(as_json_lines: bool) -> None:
     released = threading.Event()

@@ -23,6 +23,8 @@ LACKING = {
     ("submit", "--max-memory"): "the server decides",
     ("submit", "--ray"): "the server decides",
     ("estimate", "--strict"): "makes no picture",
+    ("estimate", "--fail-on"): "makes no picture",
+    ("estimate", "--allow"): "makes no picture",
     ("estimate", "--time-limit"): "--pilot",
     ("estimate", "--max-memory"): "makes no picture",
     ("estimate", "--ray"): "makes no picture",

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from ...jobs import FRAME_TERMINAL, Frame, FrameState, Job, Json
 
 MOST_WARNINGS = 500
+NEARLY_DONE = 0.99  # of a frame whose samples are all taken, and whose picture is not there
 MOST_DIGESTS = 256  # frames whose digests a job's result lists; each frame's own result has it anyway
 # Ends from best to worst: a job's is the worst of its frames'.
 STOPS = ("target-error", "samples", "time-limit", "interrupted")
@@ -29,7 +30,9 @@ class FrameTotals:
 
     @property
     def fraction(self) -> float:
-        return 1.0 if self.state is FrameState.SUCCEEDED else float(self.progress.get("fraction", 0.0))
+        """1 for a frame that succeeded alone: one that was canceled or failed at its end is not done."""
+        found = float(self.progress.get("fraction", 0.0))
+        return 1.0 if self.state is FrameState.SUCCEEDED else min(found, NEARLY_DONE)
 
     @property
     def sampling_s(self) -> float:

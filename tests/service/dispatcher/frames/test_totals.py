@@ -50,3 +50,9 @@ def test_a_jobs_stop_is_its_frames_worst() -> None:
     assert found is not None
     assert found["stop"] == {"reason": "samples", "target_met": False}
     assert (found["error"], found["outputs"], found["samples"]) == ({"estimate": 2}, 3, 15)
+
+
+@pytest.mark.parametrize("state", [FrameState.CANCELED, FrameState.FAILED, FrameState.RUNNING])
+def test_a_frame_that_did_not_succeed_is_not_done(state: FrameState) -> None:
+    totals = JobTotals(JOB, [frame(0, state, fraction=1.0)])
+    assert totals.progress(0.0)["fraction"] == 0.99
