@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
 from ..opening.reach import check_reach
@@ -22,19 +22,24 @@ def with_geometry_lights(stage: Usd.Stage, lights: Sequence[Usd.Prim], when: Whe
     """A copy of the stage in which their geometry gives the light, and they are gone. One that names no geometry stays, and is
     told as any light that is not supported."""
     made = scratch_copy(stage)
+    lit: dict[Sdf.Path, Sdf.Path] = {}  # geometry, and which light it gives
     with Usd.EditContext(made, made.GetSessionLayer()):
         for path in [light.GetPath() for light in lights]:
-            light = made.GetPrimAtPath(path)
+            light = editable(made, path)
             hidden = is_hidden(light, when)
-            shapes = [shape for target in targets(light, "geometry") if (shape := made.GetPrimAtPath(target))]
-            for shape in [] if hidden else shapes:
-                if shape.IsA(UsdGeom.Gprim):
-                    _give(light, editable(made, shape.GetPath()))
+            shapes = [target for target in targets(light, "geometry") if made.GetPrimAtPath(target)]
+            for shape in [] if hidden else shapes:  # by paths: instances that end take the prims of others with them
+                if lit.setdefault(shape, path) != path:
+                    message = f"{shape} gives the light of {lit[shape]}: it does not give this one as well."
+                    diagnostics.add("light-input", str(path), message, "geometry")
+                elif made.GetPrimAtPath(shape).IsA(UsdGeom.Gprim):
+                    given = editable(made, shape)
+                    _give(made.GetPrimAtPath(path), given)
                 else:
-                    message = f"{shape.GetPath()} is no geometry that could give its light."
+                    message = f"{shape} is no geometry that could give its light."
                     diagnostics.add("light-input", str(path), message, "geometry")
             if shapes:
-                light.SetActive(False)
+                made.GetPrimAtPath(path).SetActive(False)
     check_reach(made)
     return made
 
