@@ -318,25 +318,26 @@ def test_a_geometry_light_is_its_geometry() -> None:
     assert told(found, "/g") == [("light-input", "geometry")]
 
 
-def in_an_instance(inside: str, outside: str = "") -> list[bool]:
-    """Whether shapes of two instances of one prototype give light, by their paths."""
-    instances = "".join(f'def Xform "{name}" (instanceable = true\n references = </kind>) {{ }}\n' for name in "ab")
+def in_instances(inside: str, outside: str = "", names: str = "ab") -> list[bool]:
+    """Whether shapes of instances of one prototype give light, one instance after the other."""
+    instances = "".join(f'def Xform "{name}" (instanceable = true\n references = </kind>) {{ }}\n' for name in names)
     made, found = translated(f'over "kind" {{\ndef Cube "p" {{ }}\n def Cube "q" {{ }}\n {inside} }}\n{instances}{outside}')
     assert not [d for d in found if d.code in ("unsupported-light", "light-input")]
     lit = {made.shapes[placed.shape].path: made.shapes[placed.shape].light is not None for placed in made.static}
     for placement in made.placements:
         for placed in made.prototypes[placement.prototype].shapes:
             lit[made.shapes[placed.shape].path] = made.shapes[placed.shape].light is not None
-    return [lit.get(path, False) for path in ("/a/p", "/a/q", "/b/p", "/b/q")]
+    return [lit.get(f"/{name}/{shape}", False) for name in names for shape in "pq"]
 
 
-def test_geometry_of_one_instance_gives_light_together() -> None:
-    """The instance ends with the first of its shapes."""
-    assert in_an_instance("", 'def GeometryLight "g" { rel geometry = [</a/p>, </a/q>] }') == [True, True, False, False]
+@pytest.mark.parametrize(("names", "expected"), [("a", [True, True]), ("ab", [True, True, False, False])])
+def test_geometry_of_one_instance_gives_light_together(names: str, expected: list[bool]) -> None:
+    """The instance ends with the first of its shapes, and with the last instance its prototype."""
+    assert in_instances("", 'def GeometryLight "g" { rel geometry = [</a/p>, </a/q>] }', names) == expected
 
 
 def test_a_geometry_light_in_an_instance_is_the_geometry_there() -> None:
-    assert in_an_instance('def GeometryLight "g" { rel geometry = </kind/q> }') == [False, True, False, True]
+    assert in_instances('def GeometryLight "g" { rel geometry = </kind/q> }') == [False, True, False, True]
 
 
 def test_geometry_gives_the_light_of_one() -> None:
