@@ -347,3 +347,28 @@ def test_geometry_gives_the_light_of_one() -> None:
     one, _ = translated(SHAPE.replace("MORE", "") + lights)
     assert repr(made.shapes[0].light) == repr(one.shapes[0].light)
     assert told(found, "/h") == [("light-input", "geometry")]
+
+
+@pytest.mark.parametrize("how", ['uniform token purpose = "guide"', 'token visibility = "invisible"'])
+def test_a_geometry_light_that_is_not_rendered_gives_nothing(how: str) -> None:
+    made, _ = translated(SHAPE.replace("MORE", "") + f'def GeometryLight "g" {{ {how}\n rel geometry = </m> }}')
+    assert made.shapes[0].light is None
+
+
+def test_geometry_below_its_light_stays() -> None:
+    shape = SHAPE.replace("MORE", "")
+    made, found = translated(
+        f'def GeometryLight "g" {{ rel geometry = </g/m>\n {shape} {shape.replace(chr(34) + "m", chr(34) + "n")} }}'
+    )
+    assert [(made.shapes[one.shape].path, made.shapes[one.shape].light is not None) for one in made.static] == [
+        ("/g/m", True),
+        ("/g/n", False),
+    ]
+    assert told(found, "/g") == []
+
+
+def test_a_geometry_light_that_composes_another_gives_its_own_light() -> None:
+    other = SHAPE.replace("MORE", "").replace('"m"', '"n"').replace("(1, 0, 0)", "(2, 0, 0)")
+    lights = 'def GeometryLight "g" { rel geometry = </m> }\ndef GeometryLight "h" (references = </g>) { rel geometry = </n> }'
+    made, _ = translated(SHAPE.replace("MORE", "") + other + lights)
+    assert [shape.light is not None for shape in made.shapes] == [True, True]
