@@ -19,6 +19,8 @@ CAMERA_VISIBILITY = (
 CAMERA_SIGHT = "primray:camera"
 # Of a prim that a render pass leaves out though it has members below.
 LEFT_OUT = "primray:leftOut"
+# Of a back plate's card: it has the material that it binds itself, whatever binds more strongly above it.
+OWN_MATERIAL = "primray:ownMaterial"
 
 ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/rolling_shutter.py
 
