@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pxr import Usd
 
 import primray
 from primray.errors import UnsupportedError
+from primray.usd import shapes_left_out
 
 CAMERA = 'def Camera "cam" { double3 xformOp:translate = (0, 0, 10)\n uniform token[] xformOpOrder = ["xformOp:translate"]\n'
 NEAR = "float2 clippingRange = (20, 1000) }\n"
@@ -122,6 +124,46 @@ def test_purposes_of_the_stages_own_settings(tmp_path: Path) -> None:
     path.write_text(head + path.read_text().partition(")\n")[2] + render)
     (message,) = said(primray.render(path, settings()))
     assert "of purpose render" in message
+
+
+ELSEWHERE = """class "kinds" { token visibility = "invisible"
+ def Xform "kind" {
+ def Sphere "one" { %s }
+ }
+ def PointInstancer "few" { int[] protoIndices = [0]
+ point3f[] positions = [(0, 0, 0)]
+ rel prototypes = </kinds/kind> }
+ }
+def PointInstancer "crowd" { %s
+ int[] protoIndices = [0]
+ point3f[] positions = [(0, 0, 0)]
+ rel prototypes = </kinds/few> }
+"""
+RENDER, HIDDEN = 'uniform token purpose = "render"', 'token visibility = "invisible"'
+
+
+@pytest.mark.parametrize(
+    ("shape", "crowd", "reason"),
+    [
+        (RENDER, "", "1 shape is of purpose render"),
+        ("", RENDER, "1 shape is of purpose render"),
+        (HIDDEN, "", "1 shape is invisible"),
+        ("", HIDDEN, "1 shape is invisible"),
+    ],
+)
+def test_prototypes_below_a_class_are_not_drawn_for_the_reason_that_counts(
+    shape: str, crowd: str, reason: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, CAMERA + "}\n" + SKY + ELSEWHERE % (shape, crowd))
+    (message,) = said(primray.render(path, settings(purposes=("default",))))
+    assert reason in message
+
+
+def test_what_one_crowd_draws_is_not_left_out_by_another(tmp_path: Path) -> None:
+    crowd = ELSEWHERE.rpartition("def")[2]
+    both = ELSEWHERE % ("", HIDDEN) + "def" + (crowd % "").replace('"crowd"', '"seen"')
+    path = written(tmp_path, CAMERA + "}\n" + both)
+    assert shapes_left_out(Usd.Stage.Open(str(path)), settings()) == {}
 
 
 @pytest.mark.parametrize("lamp", ["", LAMP % 1])

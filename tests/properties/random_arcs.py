@@ -51,6 +51,8 @@ def _add_opinions(spec: Sdf.PrimSpec, r: random.Random) -> None:
     if r.random() < 0.2:
         target = spec.path.StripAllVariantSelections().AppendChild("p")
         Sdf.RelationshipSpec(spec, "user:to").targetPathList.Prepend(target)
+        among = Sdf.AttributeSpec(spec, "user:among", Sdf.ValueTypeNames.PathExpression)
+        among.default = Sdf.PathExpression(f".//q {target}/q")
 
 
 def _compose(layer: Sdf.Layer, path: Sdf.Path, paths: list[Sdf.Path], asset: Sdf.Layer | None, r: random.Random) -> None:

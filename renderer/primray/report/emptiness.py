@@ -14,7 +14,9 @@ from ..diagnostics import Diagnostic
 from ..fidelity import Kind
 from .prepared import Prepared
 
-UNKNOWN = "without faces, wholly transparent, or of a kind that is not rendered"
+UNKNOWN = (
+    "without faces, wholly transparent, in no instance or level of detail that is drawn, or of a kind that is not rendered"
+)
 
 
 def is_empty(pixels: Floats, told: Iterable[Diagnostic]) -> bool:

@@ -154,7 +154,8 @@ def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics
         stage = with_render_pass(stage, settings.render_pass, diagnostics)
     found, when = find_by_type(stage, diagnostics, settings.render_pass), when_of(stage, settings.time_code)
     if found.geometry_lights:
-        stage = with_geometry_lights(stage, found.geometry_lights, when, diagnostics)
+        purposes = context_of(stage, settings, found, when, Diagnostics(), {})[0].purposes
+        stage = with_geometry_lights(stage, found.geometry_lights, purposes, when, diagnostics)
         found = find_by_type(stage, Diagnostics())
     if plates := plates_of(found.cameras):
         stage = with_back_plates(stage, plates, _looks(stage, settings, found, when), when, diagnostics)

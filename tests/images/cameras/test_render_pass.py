@@ -10,6 +10,7 @@ from pxr import Usd
 
 import primray
 from primray import Image
+from primray.errors import UnsupportedError
 
 # From above onto a floor, half of which a card hides, in light that falls straight down; beyond the floor there is nothing.
 SCENE = """#usda 1.0
@@ -82,9 +83,14 @@ MATTE = "rel collection:matte:includes = </card>"
 MIRROR = "rel material:binding = </mirror>"
 
 
-def shot(body: str, *, glow: float = 0, floor: str = "", **settings: Any) -> Image:
+def shot(body: str, *, glow: float = 0, floor: str = "", there: str = "", **settings: Any) -> Image:
     stage = Usd.Stage.CreateInMemory()
-    text = SCENE.replace("PASS", body).replace("GLOW", str(glow)).replace("FLOOR", floor)
+    text = (
+        SCENE.replace("float inputs:ior = 1", f"float inputs:ior = 1\n{there}")
+        .replace("PASS", body)
+        .replace("GLOW", str(glow))
+        .replace("FLOOR", floor)
+    )
     assert stage.GetRootLayer().ImportFromString(text)
     return primray.render(stage, **{"resolution": (12, 8), "spp": 16, "render_pass": "/pass", **settings})
 
@@ -128,6 +134,22 @@ def test_what_is_matte_is_a_hole() -> None:
     assert np.all(image.pixels[NOTHING] == 0)
     shown = shot("", glow=2, spp=256)
     np.testing.assert_allclose(shot(MATTE, glow=2, spp=256).pixels[LIT].mean((0, 1)), shown.pixels[LIT].mean((0, 1)), rtol=0.02)
+
+
+PRESENCE = 'token inputs:opacityMode = "presence"'
+
+
+@pytest.mark.parametrize("how", [PRESENCE, "float inputs:opacityThreshold = 0.5"])
+def test_what_is_not_there_holds_nothing_out(how: str) -> None:
+    image = shot(MATTE, glow=2, there=f"{how}\nfloat inputs:opacity = 0")
+    assert np.all(image.pixels[:, 2:10, 3] == 1)
+    assert np.all(image.pixels[NOTHING] == 0)
+
+
+def test_a_matte_that_is_there_in_part_is_reported() -> None:
+    with pytest.raises(UnsupportedError, match="holds out all of it"):
+        shot(MATTE, strict=True, there=f"{PRESENCE}\nfloat inputs:opacity = 0.5")
+    assert np.all(shot(MATTE, strict=True, there=f"{PRESENCE}\nfloat inputs:opacity = 1").pixels[CARD] == 0)
 
 
 def test_what_the_camera_does_not_see_is_in_no_plane() -> None:

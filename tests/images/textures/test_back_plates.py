@@ -10,6 +10,7 @@ import OpenImageIO as oiio
 import pytest
 
 import primray
+from primray.errors import UnsupportedError
 
 WIDTH, HEIGHT = 32, 24
 STAGE = """#usda 1.0
@@ -221,3 +222,52 @@ def test_depths_are_numbers_unless_their_attribute_says_otherwise(tmp_path: Path
     depth = np.asarray(found.aovs["depth"])
     assert np.allclose(depth, 10 * DECODED.get(space, ENCODED), rtol=2e-3)
     assert ("color-space" in {d["code"] for d in found.report["diagnostics"]}) == (space == "nobody's")
+
+
+RED = """def Material "red" {
+    token outputs:surface.connect = </red/s.outputs:surface>
+    def Shader "s" {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:emissiveColor = (1, 0, 0)
+        token outputs:surface
+    }
+}
+"""
+BINDS = 'rel material:binding%s = </red> (bindMaterialAs = "strongerThanDescendants")'
+
+
+def in_a_rig(stage: str, rig: str, header: str = "") -> str:
+    """The camera of a stage, below a prim that says more."""
+    head, camera = stage.split('def Camera "c"')
+    camera, other = camera.split('def Camera "other"')
+    return f'{head}{RED}def Xform "rig" ({header}) {{\n{rig}\ndef Camera "c"{camera}}}\ndef Camera "other"{other}'
+
+
+@pytest.mark.parametrize(
+    ("rig", "header"),
+    [
+        (BINDS % "", ""),
+        (BINDS % ":full", ""),
+        ("rel collection:all:includes = </rig>\nrel material:binding:collection:all = [</rig.collection:all>, </red>]", "api"),
+        ('uniform token purpose = "guide"', ""),
+        ("", "instanceable = true\nreferences = </hidden>"),
+    ],
+    ids=["stronger", "full", "collection", "guide", "instance"],
+)
+def test_what_holds_the_camera_changes_nothing(rig: str, header: str, tmp_path: Path) -> None:
+    save(tmp_path / "plate.exr", GREY)
+    api = 'prepend apiSchemas = ["MaterialBindingAPI", "CollectionAPI:all"]' if header == "api" else header
+    stage = in_a_rig(STAGE.replace("MORE", ""), rig, api)
+    if "hidden" in header:
+        stage = in_a_rig(STAGE.replace("MORE", ""), "").replace('def Xform "rig" ()', 'class Xform "hidden"')
+        stage += f'def Xform "rig" (\n{header}\n)\n{{\n}}\n'
+    (tmp_path / "shot.usda").write_text(stage)
+    image = primray.render(tmp_path / "shot.usda", camera="/rig/c", resolution=(WIDTH, HEIGHT), spp=4, default_light=False)
+    assert np.allclose(image.pixels[..., :3], (0.25, 0.5, 0.75), atol=1e-3)
+
+
+def test_the_plate_of_an_invisible_camera_is_reported(tmp_path: Path) -> None:
+    save(tmp_path / "plate.exr", GREY)
+    (tmp_path / "shot.usda").write_text(in_a_rig(STAGE.replace("MORE", ""), 'token visibility = "invisible"'))
+    with pytest.raises(UnsupportedError, match="a camera that is invisible"):
+        primray.render(tmp_path / "shot.usda", camera="/rig/c", resolution=(8, 8), spp=1, strict=True)

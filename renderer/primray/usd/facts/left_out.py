@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from itertools import islice
 
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from ...settings import RenderSettings
 from ..adapters.rendering.render_settings import products
 from ..querying.guarded import purpose_of
 from ..querying.messages import scene_errors
-from ..querying.traversal import drawn_in_instances, everything, stands_in_world
-from ..resolving.read import When, is_hidden, when_of
+from ..querying.traversal import drawn_in_instances, everything, placed_elsewhere, stands_in_world
+from ..resolving.read import When, is_hidden, read, when_of
 
 MOST_PRIMS = 1_000_000  # looked at: those of instances count each time
 
@@ -36,6 +36,10 @@ def shapes_left_out(stage: Usd.Stage, settings: RenderSettings, drawn: bool = Fa
             why = _why(prim, purposes, when) or in_pass
             if why or drawn:
                 found.setdefault(why, []).append(str(prim.GetPath()))
+    for path, why in _elsewhere(stage, purposes, when).items():
+        any_shape = True
+        if (why := why or in_pass) or drawn:
+            found.setdefault(why, []).append(str(path))
     if not any_shape:
         absent = [prim for prim in everything(stage) if prim.IsA(UsdGeom.Gprim) and not stands_in_world(prim)]
         if absent:
@@ -52,4 +56,32 @@ def _why(prim: Usd.Prim, purposes: tuple[str, ...], when: When) -> str:
         return f"of purpose {purpose}, which is not rendered (--purposes)"
     if is_hidden(prim, when):
         return "invisible at this frame"
+    return ""
+
+
+def _elsewhere(stage: Usd.Stage, purposes: tuple[str, ...], when: When) -> dict[Sdf.Path, str]:
+    """Why shapes of prototypes below `class` and `over` are not drawn, "" for those that some point instancer does draw."""
+    shapes: dict[Sdf.Path, str] = {}
+    whys: dict[Sdf.Path, str] = {}  # of point instancers, too
+    for instancer, root, prims in placed_elsewhere(stage):
+        path = instancer.GetPath()
+        around = whys[path] if path in whys else _why(instancer, purposes, when)
+        for prim in islice(prims, MOST_PRIMS):
+            path = prim.GetPath()
+            why = _why_in_prototype(prim, root, purposes, when) or around
+            whys[path] = why and whys.get(path, why)
+            if prim.IsA(UsdGeom.Gprim):
+                shapes[path] = whys[path]
+    return shapes
+
+
+def _why_in_prototype(prim: Usd.Prim, root: Usd.Prim, purposes: tuple[str, ...], when: When) -> str:
+    """By what the prototype says: without a purpose of its own its instancer's counts, and nothing above it hides it."""
+    purpose = purpose_of(prim)
+    if purpose not in (*purposes, UsdGeom.Tokens.default_):
+        return f"of purpose {purpose}, which is not rendered (--purposes)"
+    while prim and prim.GetPath().HasPrefix(root.GetPath()):
+        if prim.IsA(UsdGeom.Imageable) and read(prim, "visibility", when) == UsdGeom.Tokens.invisible:
+            return "invisible at this frame"
+        prim = prim.GetParent()
     return ""

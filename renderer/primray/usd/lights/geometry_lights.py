@@ -3,40 +3,57 @@ the stage."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
 from ..opening.reach import check_reach
 from ..opening.stage import scratch_copy
 from ..opening.taking_out import editable
-from ..querying.guarded import property_names, schemas_applied, targets
+from ..querying.guarded import property_names, purpose_of, schemas_applied, targets
 from ..resolving.read import When, is_hidden
+from ..resolving.renderer_attributes import LEFT_OUT
 
 # Of the light itself, where it stands and what it is.
 _ITS_OWN = ("xformOp", "visibility", "purpose", "geometry", "light:shaderId", "extent")
 
 
-def with_geometry_lights(stage: Usd.Stage, lights: Sequence[Usd.Prim], when: When, diagnostics: Diagnostics) -> Usd.Stage:
-    """A copy of the stage in which their geometry gives the light, and they are gone. One that names no geometry stays, and is
-    told as any light that is not supported."""
+def with_geometry_lights(
+    stage: Usd.Stage, lights: Sequence[Usd.Prim], purposes: Container[str], when: When, diagnostics: Diagnostics
+) -> Usd.Stage:
+    """A copy of the stage in which their geometry gives the light, and they are left out, not what is below them.
+
+    One that names no geometry stays, and is told as any light that is not supported. `purposes`: those that are rendered.
+    """
     made = scratch_copy(stage)
+    lit: dict[Sdf.Path, Sdf.Path] = {}  # geometry, and which light it gives
+    done: list[Sdf.Path] = []
+    hidden = {light.GetPath(): _is_hidden(light, purposes, when) for light in lights}
     with Usd.EditContext(made, made.GetSessionLayer()):
-        for path in [light.GetPath() for light in lights]:
-            light = made.GetPrimAtPath(path)
-            hidden = is_hidden(light, when)
-            shapes = [shape for target in targets(light, "geometry") if (shape := made.GetPrimAtPath(target))]
-            for shape in [] if hidden else shapes:
-                if shape.IsA(UsdGeom.Gprim):
-                    _give(light, editable(made, shape.GetPath()))
+        for path in hidden:
+            light = editable(made, path)
+            shapes = [target for target in targets(light, "geometry") if made.GetPrimAtPath(target)]
+            for shape in [] if hidden[path] else shapes:  # by paths: instances that end take the prims of others with them
+                if lit.setdefault(shape, path) != path:
+                    message = f"{shape} gives the light of {lit[shape]}: it does not give this one as well."
+                    diagnostics.add("light-input", str(path), message, "geometry")
+                elif made.GetPrimAtPath(shape).IsA(UsdGeom.Gprim):
+                    given = editable(made, shape)
+                    _give(made.GetPrimAtPath(path), given)
                 else:
-                    message = f"{shape.GetPath()} is no geometry that could give its light."
+                    message = f"{shape} is no geometry that could give its light."
                     diagnostics.add("light-input", str(path), message, "geometry")
             if shapes:
-                light.SetActive(False)
+                done.append(path)
+        for path in done:  # after all are given: others may compose this
+            made.GetPrimAtPath(path).CreateAttribute(LEFT_OUT, Sdf.ValueTypeNames.Bool).Set(True)
     check_reach(made)
     return made
+
+
+def _is_hidden(light: Usd.Prim, purposes: Container[str], when: When) -> bool:
+    return is_hidden(light, when) or purpose_of(light) not in purposes or LEFT_OUT in property_names(light)
 
 
 def _give(light: Usd.Prim, shape: Usd.Prim) -> None:

@@ -12,11 +12,12 @@ from functools import cached_property
 
 from pxr import Sdf, Usd
 
-from ..querying.guarded import property_names
+from ..querying.guarded import property_names, targets
 from ..querying.traversal import there_below
-from ..resolving.bindings import CollectionBindings, Subset, binding_names, strengths_of, subsets_of
+from ..resolving.bindings import BINDING, CollectionBindings, Subset, binding_names, strengths_of, subsets_of
 from ..resolving.context import Context
 from ..resolving.prim_kinds import PrimKind
+from ..resolving.renderer_attributes import OWN_MATERIAL
 from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
 
 HAVE_SUBSETS = frozenset({"Mesh", "TetMesh", "BasisCurves"})  # prim types
@@ -111,6 +112,8 @@ def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -
         outer = leaf.inherited.outer
         key = key_of(leaf)
         leaf.material = _material(bindings[asked[key]] if key else None, outer)
+        if OWN_MATERIAL in leaf.names:
+            leaf.material = leaf.prim.GetStage().GetPrimAtPath(targets(leaf.prim, BINDING)[0])
         if leaf.type_name in HAVE_SUBSETS and (owned := subsets[place := _place(leaf)]):
             leaf.subsets = tuple(replace(s, material=_material(bindings[asked[place, s.path]], outer)) for s in owned)
 

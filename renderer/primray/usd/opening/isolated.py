@@ -38,7 +38,9 @@ _MAY_NAME_TILES = frozenset({"Shader", "Material", "NodeGraph"})
 def isolated(stage: Usd.Stage) -> Usd.Stage:
     layer = stage.Flatten(addSourceFileComment=False)
     _keep_metadata(stage, layer)
-    _anchor_tiles(stage, layer)
+    place = _placed_in(stage, layer)
+    _anchor_tiles(stage, layer, place)
+    _place_expressions(stage, layer, place)
     session = Sdf.Layer.CreateAnonymous("session.usda")
     made = populate(layer, session, stage.GetPathResolverContext(), None)
     made.SetInterpolationType(stage.GetInterpolationType())
@@ -54,9 +56,8 @@ def _keep_metadata(stage: Usd.Stage, flat: Sdf.Layer) -> None:
         flat.pseudoRoot.SetInfo("renderSettingsPrimPath", settings)
 
 
-def _anchor_tiles(stage: Usd.Stage, flat: Sdf.Layer) -> None:
+def _anchor_tiles(stage: Usd.Stage, flat: Sdf.Layer, place: Callable[[Sdf.Path], Sdf.Path]) -> None:
     """Name sets of tiles by their resolved paths: UsdStage::Flatten resolves those of single files alone."""
-    place = _placed_in(stage, flat)
     for prim in populated(stage):
         if type_name(prim) not in _MAY_NAME_TILES:
             continue
@@ -72,6 +73,16 @@ def _anchor_tiles(stage: Usd.Stage, flat: Sdf.Layer) -> None:
 def _anchor(asset: object, layer: Sdf.Layer, made: Sdf.AttributeSpec | None) -> None:
     if made and isinstance(asset, Sdf.AssetPath) and UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
         made.default = Sdf.AssetPath(UsdShade.UdimUtils.ResolveUdimPath(asset.path, layer) or asset.path)
+
+
+def _place_expressions(stage: Usd.Stage, flat: Sdf.Layer, place: Callable[[Sdf.Path], Sdf.Path]) -> None:
+    """Let path expressions in prototypes name the flattened ones: UsdStage::Flatten maps targets, and no expressions."""
+    for prototype in [prim.GetPath() for prim in stage.GetPrototypes()]:
+        found: list[Sdf.Path] = []
+        flat.Traverse(flattened := place(prototype), found.append)
+        for attribute in filter(None, map(flat.GetAttributeAtPath, found)):
+            if isinstance(attribute.default, Sdf.PathExpression):
+                attribute.default = attribute.default.ReplacePrefix(prototype, flattened)
 
 
 def _placed_in(stage: Usd.Stage, flat: Sdf.Layer) -> Callable[[Sdf.Path], Sdf.Path]:

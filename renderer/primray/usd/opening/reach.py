@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 from pxr import Pcp, Sdf, Usd
 
+from ..querying.model_marks import mark_models, models_below
 from ..querying.traversal import prims_in
 
 # Fields whose opinions are merged with weaker ones, which they do not hide.
@@ -45,10 +46,15 @@ def composers(stage: Usd.Stage, path: Sdf.Path) -> set[Sdf.Path]:
 
 
 def end_instance(instance: Usd.Prim) -> None:
-    """Make a native instance a prim of its own, whose descendants can be edited; OpinionsLeak if others would change."""
+    """Make a native instance a prim of its own, whose descendants can be edited; OpinionsLeak if others would change.
+
+    It is written where the stage is edited; what is a model in the instance is one afterwards, too.
+    """
     if has_ignored_opinions(instance):
         raise OpinionsLeak(f"opinions below the instance {instance.GetPath()} would count")
+    models = models_below(instance)
     instance.SetInstanceable(False)
+    mark_models(instance.GetStage(), models)
 
 
 def has_ignored_opinions(instance: Usd.Prim) -> bool:

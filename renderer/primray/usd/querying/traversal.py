@@ -91,6 +91,18 @@ def drawn(stage: Usd.Stage) -> list[Usd.Prim]:
     return list(found.values())
 
 
+def placed_elsewhere(stage: Usd.Stage) -> Iterator[tuple[Usd.Prim, Usd.Prim, Iterator[Usd.Prim]]]:
+    """Point instancers with each of their prototypes that do not stand in the world: the root, and all that is drawn of it.
+
+    An instancer in such a prototype comes after those that draw it.
+    """
+    for instancer in drawn(stage) if _draws_elsewhere(stage) else []:
+        for path in _prototypes_of(instancer) if type_name(instancer) == "PointInstancer" else []:
+            root = stage.GetPrimAtPath(path)
+            if root and root.IsActive() and not stands_in_world(root):
+                yield instancer, root, _below_prototype(root)
+
+
 def _draws_elsewhere(stage: Usd.Stage) -> bool:
     return not all(map(stands_in_world, instanced_roots(stage)))
 

@@ -21,6 +21,8 @@ LIGHT_GROUPS = ("karma:light:lpetag", "ri:light:lightGroup", "inputs:ri:light:li
 CAMERA_SIGHT = "primray:camera"
 # Of a prim that a render pass leaves out though it has members below.
 LEFT_OUT = "primray:leftOut"
+# Of a back plate's card: it has the material that it binds itself, whatever binds more strongly above it.
+OWN_MATERIAL = "primray:ownMaterial"
 
 ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/rolling_shutter.py
 

@@ -24,6 +24,7 @@ from ..querying.guarded import (
     property_names,
     world_transform,
 )
+from ..querying.model_marks import MODEL
 from ..querying.time_varying import has_spline, scalar_operations
 from .bindings import BINDING, Subset
 from .color_scope import NOWHERE, ColorScope
@@ -190,7 +191,8 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mine = _with_purpose_visibility(mine, prim, names)
     if BLUR_SCALE in names and not ctx.timing.is_frame and "MotionAPI" in schemas:
         mine = replace(mine, blur_scale=_blur_scale(prim, ctx))
-    if "model:drawMode" in names and prim.IsModel():  # UsdGeomModelAPI: opinions of other prims do not count
+    # UsdGeomModelAPI: opinions of prims that are no models do not count.
+    if "model:drawMode" in names and (prim.IsModel() or MODEL in names):
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "model:cardVisibility" in names:

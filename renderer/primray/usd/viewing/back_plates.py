@@ -23,9 +23,11 @@ from ...textures.image_header import read_header
 from ..adapters.cameras.camera import usd_camera
 from ..opening.reach import check_reach, end_instance
 from ..opening.stage import scratch_copy
+from ..opening.taking_out import editable
 from ..querying.asset import read_asset
 from ..querying.guarded import color_space_name, schemas_applied
-from ..resolving.read import StandIns, When, read
+from ..resolving.read import StandIns, When, is_hidden, read
+from ..resolving.renderer_attributes import OWN_MATERIAL
 from ..resolving.resolve import transforms
 from .plate_relief import Card, Relief, depths_of, flat_card, relief
 
@@ -86,11 +88,11 @@ def with_back_plates(
             visibility = plate.value("plateVisibility", when, "solo")
             if visibility == "mute" or (visibility != "all" and path != own):
                 continue
-            if plate.camera.IsInstanceProxy():
-                diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate of a camera in an instance is not drawn.")
+            if is_hidden(plate.camera, when):
+                diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate of a camera that is invisible is not drawn.")
                 continue
-            if made.GetPrimAtPath(path).IsInstance():  # the card is a child
-                end_instance(made.GetPrimAtPath(path))
+            if (camera := editable(made, path)).IsInstance():  # the card is a child
+                end_instance(camera)
             through = looks if path == own else None
             card = _card(plate, None if through is None else through.camera, when)
             _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
@@ -155,6 +157,8 @@ def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: L
     mesh.AddScaleOp(opSuffix="tweak").Set(Gf.Vec3f(scale[0], scale[1], 1))
     material = UsdShade.Material.Define(stage, path.AppendChild("image"))
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    mesh.GetPrim().CreateAttribute(OWN_MATERIAL, Sdf.ValueTypeNames.Bool).Set(True)
+    mesh.CreatePurposeAttr(UsdGeom.Tokens.default_)  # rigs are often guides
     _wear(_Nodes(stage, material.GetPath()), material, plate, through, when)
 
 

@@ -1,7 +1,7 @@
 """The prims that are looked for by their type, wherever they are: one pass over the stage and its native prototypes.
 
-Cameras and render passes are those of the world, cameras inside native instances by their proxies; shaders and skeletons may
-also be led to below `class` and `over`.
+Cameras, geometry lights and render passes are those of the world, inside native instances by their proxies (but for passes);
+shaders and skeletons may also be led to below `class` and `over`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ...diagnostics import Diagnostics
 from ..adapters.rendering.render_pass import note_render_pass
 from ..querying.cameras import cameras_in_instances
 from ..querying.guarded import type_name
-from ..querying.traversal import is_there, populated, stands_in_world
+from ..querying.traversal import in_instances, is_there, populated, stands_in_world
 
 _TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot", "GeometryLight"})
 
@@ -25,6 +25,7 @@ class Found:
 
     cameras: list[Usd.Prim] = field(default_factory=list)  # in the order of querying.cameras
     in_prototypes: bool = False  # some cameras are in native prototypes
+    lights_in_prototypes: bool = False  # some geometry lights are
     settings: list[Usd.Prim] = field(default_factory=list)
     geometry_lights: list[Usd.Prim] = field(default_factory=list)  # of the world
     shaders: list[Usd.Prim] = field(default_factory=list)  # those in native prototypes too
@@ -40,6 +41,8 @@ def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics, render_pass: str | 
             _add(found, prim, str(name), diagnostics, render_pass)
     if found.in_prototypes:
         found.cameras += cameras_in_instances(stage)
+    if found.lights_in_prototypes:
+        found.geometry_lights += in_instances(stage, "GeometryLight")
     return found
 
 
@@ -50,6 +53,7 @@ def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics, rend
         found.skeletons.append(prim)
     elif prim.IsInPrototype() or not stands_in_world(prim):
         found.in_prototypes |= name == "Camera"
+        found.lights_in_prototypes |= name == "GeometryLight"
     elif name == "Camera":
         found.cameras.append(prim)
     elif name == "RenderSettings":

@@ -316,3 +316,59 @@ def test_a_geometry_light_is_its_geometry() -> None:
     assert hidden.shapes[0].light is None
     _, found = translated('def Xform "m" { }\ndef GeometryLight "g" { rel geometry = </m> }')
     assert told(found, "/g") == [("light-input", "geometry")]
+
+
+def in_instances(inside: str, outside: str = "", names: str = "ab") -> list[bool]:
+    """Whether shapes of instances of one prototype give light, one instance after the other."""
+    instances = "".join(f'def Xform "{name}" (instanceable = true\n references = </kind>) {{ }}\n' for name in names)
+    made, found = translated(f'over "kind" {{\ndef Cube "p" {{ }}\n def Cube "q" {{ }}\n {inside} }}\n{instances}{outside}')
+    assert not [d for d in found if d.code in ("unsupported-light", "light-input")]
+    lit = {made.shapes[placed.shape].path: made.shapes[placed.shape].light is not None for placed in made.static}
+    for placement in made.placements:
+        for placed in made.prototypes[placement.prototype].shapes:
+            lit[made.shapes[placed.shape].path] = made.shapes[placed.shape].light is not None
+    return [lit.get(f"/{name}/{shape}", False) for name in names for shape in "pq"]
+
+
+@pytest.mark.parametrize(("names", "expected"), [("a", [True, True]), ("ab", [True, True, False, False])])
+def test_geometry_of_one_instance_gives_light_together(names: str, expected: list[bool]) -> None:
+    """The instance ends with the first of its shapes, and with the last instance its prototype."""
+    assert in_instances("", 'def GeometryLight "g" { rel geometry = [</a/p>, </a/q>] }', names) == expected
+
+
+def test_a_geometry_light_in_an_instance_is_the_geometry_there() -> None:
+    assert in_instances('def GeometryLight "g" { rel geometry = </kind/q> }') == [False, True, False, True]
+
+
+def test_geometry_gives_the_light_of_one() -> None:
+    lights = 'def GeometryLight "g" { float inputs:intensity = 2\n rel geometry = </m> }\n'
+    made, found = translated(SHAPE.replace("MORE", "") + lights + lights.replace('"g"', '"h"').replace("2", "3"))
+    assert made.shapes[0].light is not None
+    one, _ = translated(SHAPE.replace("MORE", "") + lights)
+    assert repr(made.shapes[0].light) == repr(one.shapes[0].light)
+    assert told(found, "/h") == [("light-input", "geometry")]
+
+
+@pytest.mark.parametrize("how", ['uniform token purpose = "guide"', 'token visibility = "invisible"'])
+def test_a_geometry_light_that_is_not_rendered_gives_nothing(how: str) -> None:
+    made, _ = translated(SHAPE.replace("MORE", "") + f'def GeometryLight "g" {{ {how}\n rel geometry = </m> }}')
+    assert made.shapes[0].light is None
+
+
+def test_geometry_below_its_light_stays() -> None:
+    shape = SHAPE.replace("MORE", "")
+    made, found = translated(
+        f'def GeometryLight "g" {{ rel geometry = </g/m>\n {shape} {shape.replace(chr(34) + "m", chr(34) + "n")} }}'
+    )
+    assert [(made.shapes[one.shape].path, made.shapes[one.shape].light is not None) for one in made.static] == [
+        ("/g/m", True),
+        ("/g/n", False),
+    ]
+    assert told(found, "/g") == []
+
+
+def test_a_geometry_light_that_composes_another_gives_its_own_light() -> None:
+    other = SHAPE.replace("MORE", "").replace('"m"', '"n"').replace("(1, 0, 0)", "(2, 0, 0)")
+    lights = 'def GeometryLight "g" { rel geometry = </m> }\ndef GeometryLight "h" (references = </g>) { rel geometry = </n> }'
+    made, _ = translated(SHAPE.replace("MORE", "") + other + lights)
+    assert [shape.light is not None for shape in made.shapes] == [True, True]

@@ -172,3 +172,28 @@ def test_opinions_below_instances_count_for_nothing(more: str, around: bool) -> 
 
     asked = {"render_pass": "/pass"} if "RenderPass" in more else {}
     assert drawn(stage(IGNORED), **asked) == drawn(stage(""), **asked)
+
+
+MODEL = 'def Xform "%s" (\nkind = "component"\n)\n{\nuniform token model:drawMode = "bounds"\ndef Cube "c"\n{\n}\n}\n'
+
+
+@pytest.mark.parametrize("around", ["kind", "scope"])
+@pytest.mark.parametrize(
+    ("others", "settings"),
+    [
+        ('def Cube "d"\n{\n}\n', {"render_pass": "/pass"}),
+        (placed("def SkelRoot", "d", character()), {}),
+        (placed("def Xform", "d", LEVELS, header=LOD), {}),
+    ],
+    ids=["pass", "skeleton", "levels"],
+)
+def test_models_of_an_instance_stay_models_when_it_ends(others: str, settings: dict[str, str], around: str) -> None:
+    """USD takes the root of an instance for a group of models, which is none in the world."""
+    kind = placed("over", "kind", MODEL % "m" + others)
+    scope = placed("over", "scope", placed("def Xform", "in", "", header="instanceable = true\nreferences = </kind>"))
+    instance = placed("def Xform", "a", MOVED, header=f"instanceable = true\nreferences = </{around}>")
+    prune = render_pass("rel collection:prune:includes = </a/%sd>" % ("in/" if around == "scope" else ""))
+    description, _ = translate(stage_of(kind + scope + instance + prune), RenderSettings(**settings))  # type: ignore[arg-type]
+    paths = {shape.path.removeprefix("/a/").removeprefix("in/") for shape in description.shapes}
+    assert "m" in paths
+    assert "m/c" not in paths

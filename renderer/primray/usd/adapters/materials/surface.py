@@ -90,7 +90,24 @@ def _varies(prim: ResolvedPrim, name: str) -> bool:
 def make_surface(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:
     """The appearance's surface on a shape; `is_closed` is asked only where something shines through."""
     made = _made_surface(appearance, is_closed, path, ctx)
-    return made if appearance.camera is made.camera else replace(made, camera=appearance.camera)
+    camera = _sight_of_gaps(made, path, ctx) if appearance.camera is CameraSight.MATTE else appearance.camera
+    return made if camera is made.camera else replace(made, camera=camera)
+
+
+def _sight_of_gaps(surface: Surface, path: str, ctx: Context) -> CameraSight:
+    """Return what the camera sees of a matte shape: nothing holds out what lies behind a surface that is not there at all.
+
+    A surface that is there in part holds out as much as a whole one, which is reported. Cut-outs are holes in any case.
+    """
+    if not surface.presence or surface.opacity_threshold > 0:
+        return CameraSight.MATTE
+    varies = "opacity" in surface.varying
+    if surface.opacity == 0 and not varies:
+        return CameraSight.HIDDEN
+    if surface.opacity < 1 or varies:
+        message = "It is matte and lets a part of what lies behind it through (presence): it holds out all of it."
+        ctx.warn("render-settings-input", path, message, "collection:matte")
+    return CameraSight.MATTE
 
 
 def _made_surface(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:

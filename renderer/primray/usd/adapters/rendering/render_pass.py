@@ -18,6 +18,7 @@ from ...opening.reach import check_reach
 from ...opening.stage import scratch_copy
 from ...opening.taking_out import editable, take_out
 from ...querying.guarded import computed, property_names, targets, type_name
+from ...querying.model_marks import MODEL
 from ...querying.traversal import collected, drawn, in_world
 from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY, LEFT_OUT
 
@@ -128,6 +129,8 @@ def _is_rendered(prim: Usd.Prim) -> bool:
     """Geometry, lights and what filters them, and models that are drawn as cards or boxes."""
     if prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI) or prim.IsA(UsdLux.LightFilter):
         return True
+    if MODEL in property_names(prim):  # USD does not compute its mode any more; what is below has members or goes with it
+        return True
     return _may_have_draw_mode(prim) and computed(UsdGeom.ModelAPI(prim).ComputeModelDrawMode, "default") != "default"
 
 
@@ -157,7 +160,10 @@ def _is_shape(prim: Usd.Prim) -> bool:
 
 
 def _may_have_draw_mode(prim: Usd.Prim) -> bool:
-    return bool(Usd.ModelAPI(prim).IsKind(Kind.Tokens.component)) or "model:applyDrawMode" in property_names(prim)
+    if Usd.ModelAPI(prim).IsKind(Kind.Tokens.component):
+        return True
+    names = property_names(prim)
+    return "model:applyDrawMode" in names or MODEL in names
 
 
 def _tell_camera(stage: Usd.Stage, path: Sdf.Path, sight: CameraSight) -> None:

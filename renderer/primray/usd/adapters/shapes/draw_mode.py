@@ -20,6 +20,7 @@ from ...materials.texture_asset import in_space
 from ...opening.stage import scratch_copy
 from ...opening.stage_metadata import up_axis
 from ...querying.asset import read_asset
+from ...querying.model_marks import MODEL
 from ...querying.stage_values import start_time_code
 from ...querying.standing import standing_in_world
 from ...querying.time_varying import EARLIEST, earliest_value
@@ -64,13 +65,13 @@ def stand_in(prim: ResolvedPrim, ctx: Context) -> str:
 
 def _applies(prim: ResolvedPrim, ctx: Context) -> bool:
     """Whether the prim is a model (a kind below kinds of groups) that says so, or a component that says nothing."""
-    if not prim.prim.IsModel():
+    if not (prim.prim.IsModel() or MODEL in prim.names):
         return False
     if "model:applyDrawMode" in prim.names:
         authored = read(prim.prim, "model:applyDrawMode", ctx.when)
         if isinstance(authored, bool):
             return authored
-    return bool(Usd.ModelAPI(prim.prim).IsKind(Kind.Tokens.component))
+    return bool(Usd.ModelAPI(prim.prim).IsKind(Kind.Tokens.component, Usd.ModelAPI.KindValidationNone))
 
 
 def origin(prim: ResolvedPrim, ctx: Context) -> Mesh | None:

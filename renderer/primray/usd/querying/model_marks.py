@@ -1,0 +1,27 @@
+"""Models of native instances, which stay models where the instance is ended in a copy of the stage.
+
+USD takes the root of a prototype for a group of models (UsdPrim::IsModel), whatever is above its instances. Below an ended
+instance that is no such group the same prims would be none, and would be drawn whatever their draw modes say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from pxr import Sdf, Usd
+
+MODEL = "primray:model"
+
+
+def models_below(instance: Usd.Prim) -> list[Sdf.Path]:
+    """Paths of the models in a native instance that would be none if it were ended."""
+    if instance.IsGroup():
+        return []
+    prims = Usd.PrimRange(instance.GetPrototype(), Usd.PrimIsModel)
+    root = instance.GetPrototype().GetPath()
+    return [prim.GetPath().ReplacePrefix(root, instance.GetPath()) for prim in prims if prim.GetPath() != root]
+
+
+def mark_models(stage: Usd.Stage, paths: Iterable[Sdf.Path]) -> None:
+    for path in paths:
+        stage.GetPrimAtPath(path).CreateAttribute(MODEL, Sdf.ValueTypeNames.Bool).Set(True)
