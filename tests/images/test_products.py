@@ -78,17 +78,18 @@ def test_without_flags_the_first_product_is_rendered_under_the_stages_name() -> 
         (["--all-products", "-o", "a.exr"], "product-output", "-o"),
         (["--all-products", "--report", "a.json"], "product-output", "--report"),
         (["--product", "side", "--checkpoint", "a.prc"], "product-output", "--checkpoint"),
-        (["--all-products", "--output-dir", "missing"], "output-folder", "missing"),
+        (["--all-products", "--output-dir", "file/missing"], "output-folder", "missing"),
     ],
 )
 def test_what_cannot_be_had_is_said_before_rendering(
     flags: list[str], code: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    Path("file").touch()  # no folder can be made below it
     assert run(["render", str(SCENE), *flags]) == 2
     said = capsys.readouterr().err
     assert code in said
     assert words in said
-    assert files() == []
+    assert files() == ["file"]
 
 
 def test_a_name_with_a_frame_needs_frames(capsys: pytest.CaptureFixture[str]) -> None:
@@ -98,4 +99,4 @@ def test_a_name_with_a_frame_needs_frames(capsys: pytest.CaptureFixture[str]) ->
     assert run(["render", "numbered.usda", "--product", "front", "--spp", "2"]) == 2
     assert "--frames" in capsys.readouterr().err
     assert run(["render", "numbered.usda", "--product", "front", "--spp", "2", "-f", "7"]) == 0
-    assert files() == ["numbered.usda", "shot.0007.exr"]
+    assert files() == ["a/b/shot.0007.exr", "numbered.usda"]

@@ -118,6 +118,7 @@ NONSENSE: dict[str, list[Any]] = {
     "variants": ["/a:b=c", ["red"], None],
     "load": ["/World", ["World"], 1],
     "mask": ["/World", ["World"], []],
+    "joint_products": ["/Render/p", [3]],
     "session_layer": [3],
 }
 

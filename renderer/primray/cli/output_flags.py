@@ -32,7 +32,15 @@ Products = Annotated[
 AllProducts = Annotated[bool, typer.Option("--all-products", help="Every product of the RenderSettings, under its own name.")]
 OutputDir = Annotated[
     str | None,
-    typer.Option("--output-dir", metavar="DIR", help="Where products are written.", show_default="the current folder"),
+    typer.Option(
+        "--output-dir",
+        metavar="DIR",
+        help="Where products with relative names are written; folders are made.",
+        show_default="the current folder",
+    ),
+]
+Record = Annotated[
+    bool, typer.Option("--record", help="Products hold the picture and its standard errors, whether they order them or not.")
 ]
 Aovs = Annotated[
     list[str] | None,

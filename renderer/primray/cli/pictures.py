@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .shots import Shot
 
 UNFINISHED = "picture-unfinished"
+Held = Callable[[str, "Image"], "Image"]
 
 
 @dataclass(frozen=True)
@@ -148,12 +149,17 @@ def save(image: Image, file: str, looks: Looks) -> None:
     image.write(check_output_path(file), looks.view_of(image), exposure, looks.encoding)
 
 
-def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
-    """Write and tell what came of a render; False if a file could not be written, which is told, and the others were."""
+def _as_it_is(file: str, image: Image) -> Image:
+    return image
+
+
+def write(image: Image, files: list[str], report_file: str | None, looks: Looks, held: Held = _as_it_is) -> bool:
+    """Write and tell what came of a render; False if a file could not be written, which is told, and the others were.
+    `held(file, image)` is the image as a file is to hold it."""
     start = time.perf_counter()
-    written, looks = save_all(files, partial(save, image), looks, image)
+    written, looks = save_all(files, lambda file, looks: save(held(file, image), file, looks), looks, image)
     kept = _keep_record(image, [file for file in files if file not in written], written, looks)
-    report = finished_report(image, written + kept, time.perf_counter() - start, looks)
+    report = finished_report(image, written + kept, time.perf_counter() - start, looks, held)
     whole = report_file is None or write_report(report, report_file, looks)
     tell(image, report, looks)
     return whole and written == files and is_finished(image)
@@ -192,12 +198,14 @@ def _keep_record(image: Image, lost: list[str], written: list[str], looks: Looks
     return [str(free[0])]
 
 
-def finished_report(image: Image, written: list[str], seconds: float, looks: Looks) -> dict[str, Any]:
+def finished_report(image: Image, written: list[str], seconds: float, looks: Looks, held: Held = _as_it_is) -> dict[str, Any]:
     """With the files, what writing them took, and what views of them do not show."""
     stages_s = {**image.report["stages_s"], "write": seconds}
     report = {**image.report, "outputs": written, "stages_s": stages_s}
+    rows = [row for file in written for row in held(file, image).report.get("diagnostics", ())]
+    report["diagnostics"] = [*report["diagnostics"], *(row for row in rows if row not in report["diagnostics"])]
     with suppress(Exception):  # what fails here has failed, and was reported, where the file was written
-        report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks)]
+        report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks, held)]
     if looks.chose_exposure:
         report["view_exposure"] = looks.exposure
     return report
@@ -246,7 +254,7 @@ def is_refused(image: Image, settings: RenderSettings, looks: Looks) -> bool:
     return False
 
 
-def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[str, str]]:
+def _faults_of_view(image: Image, files: list[str], looks: Looks, held: Held) -> list[dict[str, str]]:
     from ..images.exposure import view_fault
     from ..images.image import faults_of_exr, shows_view
 
@@ -254,9 +262,15 @@ def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[s
     faults, view = [], looks.view_of(image)
     if looks.exposure != "auto" and any(shows_view(name, looks.encoding) for name in names):
         faults += [None if looks.names_space else view.assumption(), view_fault(image.shown.pixels, view, looks.exposure)]
-    if any(name.suffix.lower() == ".exr" for name in names):
-        faults += faults_of_exr(image, looks.encoding)
+    for held_image in _held_by_exrs(image, files, held):
+        faults += [fault for fault in faults_of_exr(held_image, looks.encoding) if fault not in faults]
     return [fault.as_json() for fault in faults if fault is not None]
+
+
+def _held_by_exrs(image: Image, files: list[str], held: Held) -> list[Image]:
+    """The image as its EXRs hold it, once where it is the same in all."""
+    found = [held(file, image) for file in files if not is_tev(file) and suffix_of(file).lower() == ".exr"]
+    return list({id(held_image): held_image for held_image in found}.values())
 
 
 def is_written(writing: Callable[[], None], looks: Looks) -> bool:

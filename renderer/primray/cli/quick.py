@@ -40,6 +40,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "product": (LIST, ("--product", "--products")),
     "all_products": (FLAG, ("--all-products",)),
     "output_dir": (str, ("--output-dir",)),
+    "record": (FLAG, ("--record",)),
     "res": (PAIR, ("--res", "-r", "--resolution")),
     "image_width": (_whole, ("--imageWidth", "-w")),
     "res_scale": (_number, ("--res-scale", "-S")),

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import SettingsError
-from ..render.frame_names import check_names, frame_name, has_frame_holder
+from ..render.frame_names import FrameName, check_names, frame_name, has_frame_holder
 from ..settings import RenderSettings
 
 if TYPE_CHECKING:
+    from ..images.image import Image
     from ..render import OpenedStage
+    from ..render.products import Product
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,13 @@ class Shot:
     settings: RenderSettings
     files: list[str]
     report: str | None = None
+    products: Mapping[str, Product] = field(default_factory=dict)  # by file, where a file holds what a product orders
+    with_record: bool = False  # products hold the picture and its standard errors, ordered or not
+
+    def image_in(self, file: str, image: Image) -> Image:
+        """The image as the file is to hold it."""
+        product = self.products.get(file)
+        return image if product is None else product.image_of(image, record=self.with_record)
 
 
 def moments(time_codes: list[float] | None) -> list[float | None]:
@@ -30,29 +39,42 @@ def moments(time_codes: list[float] | None) -> list[float | None]:
 
 
 def product_shots(
-    scene: str, settings: RenderSettings, asked: Sequence[str] | None, folder: str | None, time_codes: list[float] | None
+    scene: str,
+    settings: RenderSettings,
+    asked: Sequence[str] | None,
+    folder: str | None,
+    time_codes: list[float] | None,
+    with_record: bool = False,
 ) -> tuple[OpenedStage, list[Shot]]:
-    """The stage, and every frame of the products asked for (None: all) under their own names in `folder`."""
+    """The stage, and the products asked for (None: all), frame by frame, under their own names; relative ones are below
+    `folder`."""
     from ..render import open_once
-    from ..render.products import products_of
+    from ..render.products import check_files, products_of, renders_of
 
     opened = open_once(scene, settings)
+    products = products_of(opened, settings, asked)
+    names = {product.path: _name_in_frames(product, time_codes) for product in products}
     shots = []
-    for product in products_of(opened, settings, asked):
-        name = frame_name(_numbered(product.file_name, time_codes))
-        if time_codes is None and name.has_holder:  # the stage's author meant one
-            raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
-        check_names([name], time_codes)
-        # Parts of an EXR, which other pictures cannot hold.
-        asked_for = product.settings if name.pattern.lower().endswith(".exr") else replace(product.settings, aovs=())
-        for time_code in moments(time_codes):
-            shots.append(Shot(replace(asked_for, time_code=time_code), [str(Path(folder or "", name.of(time_code)))]))
+    for time_code in moments(time_codes):
+        for own, made in renders_of(products):
+            files = [str(Path(folder or "", names[product.path].of(time_code))) for product in made]
+            by_file = dict(zip(files, made, strict=True))
+            shots.append(Shot(replace(own, time_code=time_code), files, None, by_file, with_record))
+    check_files([file for shot in shots for file in shot.files])
     return opened, shots
+
+
+def _name_in_frames(product: Product, time_codes: list[float] | None) -> FrameName:
+    name = frame_name(_numbered(product.file_name, time_codes))
+    if time_codes is None and name.has_holder:  # the stage's author meant one
+        raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
+    check_names([name], time_codes)
+    return name
 
 
 def _numbered(name: str, time_codes: list[float] | None) -> str:
     """With a place for the frame's number where there are several."""
     path = Path(name)
     if time_codes is not None and len(time_codes) > 1 and not has_frame_holder(name):
-        return f"{path.stem}.####{path.suffix}"
+        return str(path.with_name(f"{path.stem}.####{path.suffix}"))
     return name

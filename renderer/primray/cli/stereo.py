@@ -79,7 +79,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
 
     start = time.perf_counter()
     joint = [file for file in shot.files if is_joint(file) and not is_tev(file)]
-    kept = [file for file in joint if is_written(partial(_write_joint, pair, file, looks), looks)]
+    kept = [file for file in joint if is_written(partial(_write_joint, pair, file, shot, looks), looks)]
     looks = looks.settled_if_it_can_be(pair.left)
     whole, reports = kept == joint and all(map(is_finished, pair.views.values())), {}
     for eye, image in pair.views.items():
@@ -94,7 +94,9 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
     return whole
 
 
-def _write_joint(pair: StereoImage, file: str, looks: Looks) -> None:
+def _write_joint(pair: StereoImage, file: str, shot: Shot, looks: Looks) -> None:
     from ..images.image import check_output_path
+    from ..images.stereo import StereoImage
 
-    pair.write(check_output_path(file), looks.encoding)
+    held = StereoImage(shot.image_in(file, pair.left), shot.image_in(file, pair.right))
+    held.write(check_output_path(file), looks.encoding)

@@ -13,6 +13,18 @@ HeaderValue = str | int | float | tuple[int, ...] | tuple[float, ...]
 
 
 @dataclass(frozen=True)
+class Contents:
+    """What a file holds where a product orders it: channels of the picture ("R" to "A"; "stderr": its standard errors), and
+    the outputs beside it, the name of each part before the name that the image has the output under."""
+
+    picture: tuple[str, ...] = ()
+    parts: tuple[tuple[str, str], ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        return {"picture": list(self.picture), "parts": [list(part) for part in self.parts]}
+
+
+@dataclass(frozen=True)
 class PictureFile:
     """`half` names channels, layers and parts as files.encoding.Encoding does; `header` has attributes by their names."""
 
@@ -20,9 +32,17 @@ class PictureFile:
     compression: str = ""  # OpenEXR's name of it; "": zip
     level: float | None = None  # of zip and DWA
     header: tuple[tuple[str, HeaderValue], ...] = ()
+    contents: Contents | None = None  # None: all that the image has
+    products: tuple[tuple[str, PictureFile], ...] = ()  # files of the products that the image is for, by path
 
     def as_json(self) -> dict[str, Any]:
-        return {"half": list(self.half), "compression": self.compression, "level": self.level, "header": dict(self.header)}
+        values: dict[str, Any] = {"half": list(self.half), "compression": self.compression, "level": self.level}
+        values["header"] = dict(self.header)
+        if self.contents is not None:
+            values["contents"] = self.contents.as_json()
+        if self.products:
+            values["products"] = [[path, file.as_json()] for path, file in self.products]
+        return values
 
 
 PLAIN = PictureFile()
@@ -37,7 +57,18 @@ def picture_file_of_json(values: Mapping[str, Any]) -> PictureFile:
         str(name): tuple(map(_number, given)) if isinstance(given, list) else _plain(given)
         for name, given in values["header"].items()
     }
-    return PictureFile(half, compression, None if level is None else float(_number(level)), tuple(header.items()))
+    return PictureFile(
+        half,
+        compression,
+        None if level is None else float(_number(level)),
+        tuple(header.items()),
+        None if values.get("contents") is None else _contents(values["contents"]),
+        tuple((str(path), picture_file_of_json(file)) for path, file in values.get("products", ())),
+    )
+
+
+def _contents(values: Mapping[str, Any]) -> Contents:
+    return Contents(tuple(map(str, values["picture"])), tuple((str(name), str(key)) for name, key in values["parts"]))
 
 
 def _number(given: object) -> int | float:

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Mapping
 from itertools import count
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..errors import SettingsError
 from ..textures.image_error import last_error
 from .aov import STDERR, Aov, Values
 from .opened_picture import open_picture
+
+if TYPE_CHECKING:
+    import OpenImageIO as oiio
 
 PICTURE_PART = "rgba"
 MADE_OF_PICTURE = ("denoised", "diffused")  # sources of parts with errors that are no AOVs
@@ -79,8 +82,20 @@ def ids_text(ids: Mapping[int, str]) -> str:
     return json.dumps(kept, ensure_ascii=False)
 
 
-def read_aovs(path: str | os.PathLike[str], picture: int = 0) -> dict[str, Aov]:
-    """The AOVs of an EXR that `Image.save` wrote, by name: those of the view of the picture in that part.
+def record_part(file: oiio.ImageInput, view: str = "") -> int | None:
+    """The number of the part that holds the picture as it was rendered, of one `view` of a stereo pair where that is given;
+    None where no part does, as in the file of a product that orders other outputs alone."""
+    for number in count():
+        if not file.seek_subimage(number, 0):
+            return None
+        spec = file.spec(number)
+        if not spec.get_string_attribute(SOURCE) and view in ("", spec.get_string_attribute(VIEW)):
+            return number
+    raise AssertionError
+
+
+def read_aovs(path: str | os.PathLike[str], picture: int | None = None) -> dict[str, Aov]:
+    """The AOVs of an EXR that `Image.save` wrote, by name: those of the view of the picture in that part, else of the record.
 
     SettingsError if there is no such file, or it is damaged.
     """
@@ -90,8 +105,9 @@ def read_aovs(path: str | os.PathLike[str], picture: int = 0) -> dict[str, Aov]:
     file = open_picture(name)
     found: dict[str, Aov] = {}
     try:
-        file.seek_subimage(picture, 0)
-        view = file.spec(picture).get_string_attribute(VIEW)
+        picture = record_part(file) if picture is None else picture
+        file.seek_subimage(picture or 0, 0)
+        view = file.spec(picture or 0).get_string_attribute(VIEW)
         for number in count():
             if not file.seek_subimage(number, 0):
                 break

@@ -25,7 +25,7 @@ from ..notices.notebook import picture_html
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
 from .exposure import View, as_viewed, exposure_that_serves, view_fault
-from .files.as_product import store_as_product
+from .files.as_product import as_ordered, store_as_product
 from .files.encoding import LINEAR_BITS, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
 from .output_path import check_folder, through_links
@@ -109,6 +109,16 @@ class Image:
     def values(self) -> Floats:
         """(H, W, C): pixels, and after them errors where there are any."""
         return self.pixels if self.errors is None else np.concatenate([self.pixels, self.errors], axis=2)
+
+    def as_product(self, path: str) -> Image:
+        """The image as one of the products that its render was for: `save` writes what the product orders, and no more.
+
+        KeyError where its render was not for that product.
+        """
+        file = dict(self.file.products)[path]
+        assert file.contents is not None
+        aovs = {name: self.aovs[key] for name, key in file.contents.parts if key in self.aovs}
+        return replace(self, aovs=aovs, file=file)
 
     @property
     def shown(self) -> Image:
@@ -342,6 +352,8 @@ def exr_parts(image: Image) -> Parts:
         if made is not None:
             beside.append(picture_beside(name, spec, made.values, made.metadata, image.aovs))
     parts = [(spec, values), *beside]
+    if image.file.contents is not None:
+        parts = as_ordered(parts, image.file.contents)
     eye = image.metadata.get(EYE)
     if eye is not None:
         _name_view(parts, str(eye))

@@ -13,6 +13,7 @@ from ..arrays import Floats
 from ..description import Frame, PixelWindow
 from ..errors import SettingsError
 from ..textures.image_error import fault_of_pixels, last_error
+from .aov_parts import record_part
 from .opened_picture import open_picture
 
 COLORS = ("R", "G", "B")
@@ -76,8 +77,8 @@ def _number(value: object) -> float | None:
     return number if np.isfinite(number) else None
 
 
-def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
-    """The picture at `path`, in its first part or another.
+def read_image(path: str | os.PathLike[str], part: int | None = None) -> MeasuredImage:
+    """The picture at `path`, in its first part that is neither denoised nor diffused, or in another part.
 
     SettingsError if there is none that can be read, or if its channels do not fit.
     """
@@ -86,6 +87,7 @@ def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
     name = os.fspath(path)
     file = open_picture(name)
     try:
+        part = record_part(file) or 0 if part is None else part
         file.seek_subimage(part, 0)
         spec = file.spec()
         channels = tuple(spec.channelnames)

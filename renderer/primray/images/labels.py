@@ -49,7 +49,7 @@ def labels_of_view(
         table = {number: text for text, number in numbers.items()}
         made[request.name] = Aov(
             values,
-            channel_names(request.name, ("",)),
+            channel_names(request.name if request.prefix is None else request.prefix, ("",), request.name),
             request.source,
             f"labels of {taxonomy_of(request.source)}",
             "uint",

@@ -1,7 +1,8 @@
-"""File names for products: a stage says how its pictures are called, never where they lie."""
+"""Paths of products' files: a productName says where its picture is written, in names that any file system holds."""
 
 from __future__ import annotations
 
+import posixpath
 import re
 import unicodedata
 from pathlib import PurePosixPath
@@ -18,7 +19,48 @@ OTHER_PICTURES = frozenset(
 )
 # Names that Windows keeps for devices, whatever their extension.
 RESERVED = frozenset(["con", "prn", "aux", "nul", *(f"{device}{n}" for device in ("com", "lpt") for n in "0123456789¹²³")])
+_SCHEME = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]+):/+(?P<rest>.*)", re.DOTALL)
+_DRIVE = re.compile(r"[A-Za-z]:")
 LONGEST = 180  # bytes of the stem in UTF-8; file systems hold 255, and temporary names and frame numbers need some
+
+
+def product_path(name: str, default: str) -> str:
+    """The path of a productName's file: its folders, as they are but for letters that file systems refuse, and
+    `safe_product_name`. A relative one is below the folder that its caller chooses.
+
+    Drives of Windows and places that are no files' (`place_left_out`) are left out of it.
+    """
+    text = _folders_of(name)
+    folder, slash, own = text.rpartition("/")
+    parts = [_safe_folder(part) for part in folder.split("/") if part not in ("", ".")]
+    root = "/" if slash and text.startswith("/") else ""
+    return posixpath.normpath(root + "/".join([*parts, safe_product_name(own, default)]))
+
+
+def place_left_out(name: str) -> str:
+    """The drive of Windows, or the scheme of a URL, that `product_path` leaves out of a productName; "": none."""
+    name = name.strip()
+    if (scheme := _SCHEME.match(name)) is not None and len(scheme["scheme"]) > 1:
+        return "" if scheme["scheme"].lower() == "file" else f"{scheme['scheme']}:"
+    return name[:2] if _DRIVE.match(name) else ""
+
+
+def _folders_of(name: str) -> str:
+    """With / between folders. What is below a drive or another place becomes relative."""
+    text = name.strip().replace("\\", "/")
+    left_out = place_left_out(name)
+    if left_out:
+        return text[len(left_out) :].lstrip("/")
+    if (scheme := _SCHEME.match(text)) is not None:
+        return f"/{scheme['rest']}"
+    return text
+
+
+def _safe_folder(part: str) -> str:
+    if part == "..":
+        return part
+    cleaned = _last_part(part).encode()[:LONGEST].decode("utf-8", "ignore").rstrip(" ")
+    return re.sub(r"^~", "_", cleaned) or "_"
 
 
 def safe_product_name(name: str, default: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from itertools import count
 from typing import Literal
 
 import numpy as np
@@ -13,7 +12,7 @@ from ..color.color_space import REC709, ColorSpace, linear_spaces
 from ..errors import SettingsError
 from ..settings import Eye
 from .aov import Aov
-from .aov_parts import VIEW, read_aovs
+from .aov_parts import read_aovs, record_part
 from .image import CHANNELS, Image, chromaticities_of
 from .image_file import FLOATS
 from .image_file import read_image as read_measured
@@ -40,7 +39,7 @@ def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"]
     """
     name = os.fspath(path)
     _check_linear(name)
-    part = 0 if eye is None else _part_of(name, Eye(eye))
+    part = _record_part(name, None if eye is None else Eye(eye))
     found = read_measured(name, part)
     alpha = np.ones(found.pixels.shape[:2], np.float32) if found.alpha is None else found.alpha
     parts = read_aovs(name, part)
@@ -57,22 +56,23 @@ def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"]
 
 
 def _picture_of(part: Aov, record: Image) -> Image:
-    pixels, errors = np.split(part.values, [len(CHANNELS)], axis=2)
+    values = part.values
+    if len(part.channels) == 3:  # where the product orders no alpha
+        values = np.concatenate([values, record.pixels[..., 3:]], axis=2)
+    pixels, errors = np.split(values, [len(CHANNELS)], axis=2)
     told = errors if errors.shape[2] else None
     return Image(pixels, errors=told, color_space=record.color_space, frame=record.frame)
 
 
-def _part_of(name: str, eye: Eye) -> int:
+def _record_part(name: str, eye: Eye | None) -> int:
     file = open_picture(name)
     try:
-        for number in count():
-            if not file.seek_subimage(number, 0):
-                raise SettingsError(f"the picture has no view {eye.value}", where=name, code="stereo-view")
-            if file.spec(number).get_string_attribute(VIEW) == eye.value:
-                return number
+        part = record_part(file, "" if eye is None else eye.value)
     finally:
         file.close()
-    raise AssertionError
+    if part is None and eye is not None:
+        raise SettingsError(f"the picture has no view {eye.value}", where=name, code="stereo-view")
+    return part or 0
 
 
 def _check_linear(name: str) -> None:

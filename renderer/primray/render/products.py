@@ -1,44 +1,84 @@
-"""The products of a stage's RenderSettings as renders: which there are, what each is called, and all of them from one stage."""
+"""The products of a stage's RenderSettings as renders: which there are, where each is written, and all of them from one stage.
+
+Products that differ in their names and outputs alone are made by one render.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Literal, Unpack
 
+from ..description.picture_file import PLAIN, Contents
+from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import SettingsError
-from ..images.product_name import safe_product_name
+from ..images.product_name import place_left_out, product_path
 from ..settings import RenderSettings, SettingsValues, with_values
+from .frame_names import frame_name
 from .prepare import OpenedStage, open_once
 from .render import rendered_frames
 from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
-    import os
-
     from ..images.image import Image
     from ..sampling.sampling import Progress
     from ..usd import ProductSettings
 
+STDERR = "stderr"
+
 
 @dataclass(frozen=True)
 class Product:
-    """A picture that a stage's RenderSettings ask for. `file_name` has no folder, and no other product of the stage has it.
+    """A picture that a stage's RenderSettings ask for. No other product of the stage has its `file_name`.
 
     >>> for product, image in primray.render_products("shot.usda", resolution=(32, 18), spp=2):
-    ...     print(product.file_name, image.resolution)
-    picture.exr (32, 18)
+    ...     print(product.file_name, image.resolution, product.save(image, "out"))
+    picture.exr (32, 18) out/picture.exr
     """
 
     path: str  # of the RenderProduct; "": the settings have none, and this is the default one
     name: str  # productName as authored
-    file_name: str
+    file_name: str  # a path as productName says it, relative to a folder of the caller's choice or absolute; of the frame's
     settings: RenderSettings
+    picture: tuple[str, ...] = ()  # channels of the picture that it orders: "R" to "A", "stderr"
+    notes: tuple[Diagnostic, ...] = ()  # what its file name is not as authored
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether its file holds outputs beside the picture."""
+        return self.file_name.lower().endswith(".exr")
+
+    def image_of(self, image: Image, *, record: bool = False) -> Image:
+        """The image of its render as this product: saved, it holds what the product orders, with `record` the picture and its
+        standard errors besides."""
+        if not self.path:  # nothing is ordered anywhere
+            return image
+        if self.notes:
+            rows = [*image.report["diagnostics"], *(note.as_json() for note in self.notes)]
+            image = replace(image, report={**image.report, "diagnostics": rows})
+        if self.has_parts:
+            image = image.as_product(self.path)
+        else:
+            image = replace(image, aovs={}, file=replace(PLAIN, contents=Contents(self.picture)))
+        contents = image.file.contents
+        if record and contents is not None:
+            image = replace(image, file=replace(image.file, contents=replace(contents, picture=("R", "G", "B", "A", STDERR))))
+        return image
+
+    def save(self, image: Image, folder: str | os.PathLike[str] = "") -> Path:
+        """Write the product's image where its name says, a relative name below `folder`; folders are made."""
+        from ..images.output_path import make_folder
+
+        path = Path(folder, self.file_name)
+        make_folder(path)
+        return image.save(path)
 
 
 def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[str] | None = None) -> list[Product]:
-    """Those named by path or, if only one has it, by name (None: all), in the order of the stage's settings.
+    """Return the products named by path or, if only one has it, by name (None: all), in the order of the stage's settings. The
+    file names have places for a frame's number, as authored.
 
     SettingsError where one that is asked for does not exist.
     """
@@ -46,10 +86,28 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
 
     found = usd.products(opened.stage, settings)
     chosen = [product for product in found if product.path in _paths(asked, found)] if asked is not None else list(found)
-    names = _distinct_names(chosen)
-    return [
-        Product(p.path, p.name, name, replace(settings, product=p.path or None)) for p, name in zip(chosen, names, strict=True)
+    notes = Diagnostics()
+    files = _distinct_paths(chosen, notes)
+    made = [
+        Product(
+            p.path,
+            p.name,
+            file,
+            replace(settings, product=p.path or None),
+            usd.picture_ordered(p, settings),
+            tuple(note for note in notes if note.prim_path == p.path),
+        )
+        for p, file in zip(chosen, files, strict=True)
     ]
+    return _joined(chosen, made, settings)
+
+
+def renders_of(products: Iterable[Product]) -> list[tuple[RenderSettings, list[Product]]]:
+    """The settings of each render, and the products that it makes."""
+    found: dict[RenderSettings, list[Product]] = {}
+    for product in products:
+        found.setdefault(product.settings, []).append(product)
+    return list(found.items())
 
 
 @naming_settings
@@ -58,6 +116,7 @@ def render_products(
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
     asked: Sequence[str] | None = None,
     *,
+    record: bool = False,
     progress: Progress | Literal[False] | None = None,
     **values: Unpack[SettingsValues],
 ) -> Iterator[tuple[Product, Image]]:
@@ -66,13 +125,65 @@ def render_products(
     >>> [product.path for product, image in primray.render_products("shot.usda", resolution=(32, 18), spp=2)]
     ['']
 
-    `asked` names some of them by path or name; the rest is as for `render`.
+    `asked` names some of them by path or name. Products that differ in names and outputs alone share one render and come one
+    after another. A file holds what its product orders; with `record` the picture and its standard errors, too. The rest is as
+    for `render`.
     """
     settings = with_values(settings, values)
     opened = open_once(stage, settings)
-    products = products_of(opened, settings, asked)
-    images = rendered_frames(opened, [product.settings for product in products], progress=progress)
-    yield from zip(products, images, strict=True)
+    renders = renders_of(_at_frame(product) for product in products_of(opened, settings, asked))
+    check_files([product.file_name for _, products in renders for product in products])
+    images = rendered_frames(opened, [settings for settings, _ in renders], progress=progress)
+    for (_, products), image in zip(renders, images, strict=True):
+        for product in products:
+            yield product, product.image_of(image, record=record)
+
+
+def check_files(files: Sequence[str]) -> None:
+    """SettingsError where two pictures would be written to one file, through whatever folders and links."""
+    seen: dict[str, str] = {}
+    for file in files:
+        place = os.path.realpath(file).casefold()
+        if place in seen:
+            sentence = f"two pictures would be written to one file, {seen[place]}: productName must tell them apart"
+            raise SettingsError(sentence, where=file, code="product-output")
+        seen[place] = file
+
+
+def _at_frame(product: Product) -> Product:
+    """With the frame's number in its name."""
+    name = frame_name(product.file_name)
+    if product.settings.time_code is None and name.has_holder:
+        raise SettingsError("the product's name holds a frame number; time_code says which", where=str(name), code="frames")
+    return replace(product, file_name=name.of(product.settings.time_code))
+
+
+def _joined(found: Sequence[ProductSettings], products: Sequence[Product], settings: RenderSettings) -> list[Product]:
+    """With the settings of one render for those that one can make: the paths of all whose files hold outputs are in them."""
+    from .. import usd
+
+    groups: list[tuple[object, list[int]]] = []
+    for number, product in enumerate(found):
+        key = usd.picture_of_product(product, settings)
+        for other, members in groups:
+            if other == key and usd.can_be_made_together([found[n] for n in (*members, number)], settings):
+                members.append(number)
+                break
+        else:
+            groups.append((key, [number]))
+    made = list(products)
+    for _, members in groups:
+        with_parts = [products[n].path for n in members if products[n].has_parts]
+        first = products[members[0]].settings
+        if not with_parts:
+            shared = replace(first, aovs=())
+        elif len(with_parts) == 1:
+            shared = replace(first, product=with_parts[0] or None)
+        else:
+            shared = replace(first, product=with_parts[0], joint_products=tuple(with_parts[1:]))
+        for n in members:
+            made[n] = replace(products[n], settings=shared)
+    return made
 
 
 def _paths(asked: Iterable[str], found: Sequence[ProductSettings]) -> set[str]:
@@ -89,16 +200,21 @@ def _paths(asked: Iterable[str], found: Sequence[ProductSettings]) -> set[str]:
     return paths
 
 
-def _distinct_names(products: Sequence[ProductSettings]) -> list[str]:
-    """Safe file names; of those that are alike but for case, all after the first are told apart by a number."""
+def _distinct_paths(products: Sequence[ProductSettings], diagnostics: Diagnostics) -> list[str]:
+    """Where the products are written; of paths that are alike but for case, all after the first are told apart by a number."""
     taken: set[str] = set()
-    names = []
+    files = []
     for product in products:
-        name = safe_product_name(product.name, product.path.rpartition("/")[2] or "picture")
-        stem, suffix = PurePosixPath(name).stem, PurePosixPath(name).suffix
-        number = 2
-        while name.casefold() in taken:
-            name, number = f"{stem}_{number}{suffix}", number + 1
-        taken.add(name.casefold())
-        names.append(name)
-    return names
+        if place := place_left_out(product.name):
+            message = f"productName = {product.name!r}: {place} is no folder here and is left out; the rest is a relative path."
+            diagnostics.add("output-parameter", product.path, message, "productName")
+        wanted = file = product_path(product.name, product.path.rpartition("/")[2] or "picture")
+        path, number = PurePosixPath(wanted), 2
+        while os.path.normpath(file).casefold() in taken:
+            file, number = str(path.with_name(f"{path.stem}_{number}{path.suffix}")), number + 1
+        if file != wanted:
+            message = f"Another product is written to {wanted}: this one is written to {file}."
+            diagnostics.add("output-parameter", product.path, message, "productName")
+        taken.add(os.path.normpath(file).casefold())
+        files.append(file)
+    return files

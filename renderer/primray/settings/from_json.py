@@ -11,7 +11,8 @@ from .render_settings import RenderSettings
 
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
-    names = ("resolution", "sample_range", "shutter", "region", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
+    pairs = ("resolution", "sample_range", "shutter", "region")
+    names = (*pairs, "joint_products", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))

@@ -63,6 +63,7 @@ class RenderSettings:
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
     render_pass: str | None = None  # path of the RenderPass that changes the scene, and names the render settings
     product: str | None = None  # prim path of one of their RenderProducts; None: the first
+    joint_products: tuple[str, ...] | None = None  # paths of further ones whose outputs the same render makes
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
     resolution_scale: float = 1.0  # of the resolution, whoever chose it
     time_code: float | None = None  # None: the stage's default time
@@ -163,7 +164,7 @@ class RenderSettings:
         """What is given by its path is populated whatever the mask."""
         mask = self.mask
         if mask:
-            asked = (self.camera, self.render_settings, self.render_pass, self.product)
+            asked = (self.camera, self.render_settings, self.render_pass, self.product, *(self.joint_products or ()))
             mask = (*mask, *(path for path in asked if isinstance(path, str) and path.startswith("/")))
         return Composition(self.variants, self.load, mask, self.session_layer)
 

@@ -22,7 +22,7 @@ DIFFUSION = {
     "diffusion_starburst_width": "starburst_width",
 }
 # Settings that files and reports name only where they are given.
-SELDOM = (*DIFFUSION, "eye", "region")
+SELDOM = (*DIFFUSION, "eye", "region", "joint_products")
 
 
 class SettingsValues(TypedDict, total=False):
@@ -33,6 +33,7 @@ class SettingsValues(TypedDict, total=False):
     render_settings: str | None
     render_pass: str | None
     product: str | None
+    joint_products: Iterable[str] | None
     resolution: Iterable[int] | None
     resolution_scale: float
     time_code: float | None
@@ -85,7 +86,7 @@ READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("resolution", "sample_range"), _PAIR),
     **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
-    **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
+    **dict.fromkeys(("purposes", "aovs", "load", "mask", "joint_products"), _TEXTS),
     **dict.fromkeys(("default_light", "strict", "motion_blur", "denoise", "aov_errors"), yes_or_no),
     **dict.fromkeys(DIFFUSION, _NUMBER),
     "eye": optional(choice(Eye)),

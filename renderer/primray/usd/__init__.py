@@ -6,6 +6,7 @@ description objects; `translate` holds the table of adapters and puts it all tog
 column-vector.
 """
 
+from .adapters.rendering.product_outputs import can_be_made_together, picture_of_product, picture_ordered
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
 from .facts.assets import assets_of
@@ -29,6 +30,7 @@ __all__ = [
     "assets_of",
     "bound_materials",
     "camera_paths",
+    "can_be_made_together",
     "dependencies",
     "files_to_watch",
     "has_camera",
@@ -38,6 +40,8 @@ __all__ = [
     "left_out",
     "names_in_instances",
     "open_stage",
+    "picture_of_product",
+    "picture_ordered",
     "place_camera",
     "products",
     "read_anew",

@@ -10,7 +10,7 @@ from functools import partial
 
 from pxr import Usd
 
-from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of, requests_of
+from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of
 from ..description import (
     Camera,
     CameraMotion,
@@ -23,10 +23,10 @@ from ..garbage import without_collection
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.lights.light import light
+from .adapters.rendering.product_outputs import outputs_of
 from .adapters.rendering.render_pass import with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
-from .adapters.rendering.render_var import aovs_of_variables, halves_of_picture
 from .adapters.shapes.curves import basis_curves_of, hermite_curves_of, nurbs_curves_of
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
@@ -200,13 +200,8 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     ctx, product = started
     settings = ctx.settings
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
-    asked = settings.aovs
-    aovs = requests_of(asked) if asked is not None else aovs_of_variables(product.variables, ctx.diagnostics)
-    if asked is None and product.variables:
-        halves = halves_of_picture(product.variables, ctx.diagnostics)
-        product = replace(product, file=replace(product.file, half=(*product.file.half, *halves)))
-    if settings.aov_errors:
-        aovs = tuple(replace(request, errors=True) for request in aovs)
+    aovs, file = outputs_of(product, settings, ctx.diagnostics)
+    product = replace(product, file=file)
     has_names = any(names_instances(request.source) for request in aovs)
     ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=has_names)
     ctx = replace(ctx, light_groups=light_groups(ctx.stage, product.settings_path))

@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import pytest
 
 from primray.images.image import check_output_path
-from primray.images.product_name import safe_product_name
+from primray.images.product_name import place_left_out, product_path, safe_product_name
 from primray.render.frame_names import name_of_frame
 
 NAMES = {
@@ -70,3 +70,35 @@ def test_every_name_can_be_written(name: str, tmp_path: Path) -> None:
 def test_a_bad_default_is_made_safe_too() -> None:
     assert safe_product_name("", "/a/b") == "b.exr"
     assert safe_product_name("", "..") == "picture.exr"
+
+
+PATHS = {
+    "out/render/beauty.exr": "out/render/beauty.exr",
+    "/farm/shot/x": "/farm/shot/x.exr",
+    "out/../../x": "../x.exr",
+    "..\\..\\windows\\x.exr": "../../windows/x.exr",
+    "C:\\x.exr": "x.exr",
+    "C:a/x.exr": "a/x.exr",
+    "file:///farm/x.exr": "/farm/x.exr",
+    "s3://bucket/a/x.exr": "bucket/a/x.exr",
+    "~/x.exr": "_/x.exr",
+    ".cache/x.exr": ".cache/x.exr",
+    "a/": "a/fallback.exr",
+    "": "fallback.exr",
+    "a\x00b/c?d/x.exr": "a_b/c_d/x.exr",
+    "seq.v2/x.<F4>.exr": "seq.v2/x.$F4.exr",
+}
+
+
+@pytest.mark.parametrize("name", PATHS, ids=ascii)
+def test_paths(name: str) -> None:
+    assert product_path(name, "fallback") == PATHS[name]
+    assert bool(place_left_out(name)) == name.startswith(("C:", "s3:"))
+
+
+@pytest.mark.parametrize("name", [*NAMES, *PATHS, f"{'x' * 5000}/{'ö' * 5000}/a.png"], ids=lambda n: ascii(n[:20]))
+def test_the_file_of_a_path_is_a_safe_name(name: str) -> None:
+    path = PurePosixPath(product_path(name, "fallback"))
+    assert path.name == safe_product_name(path.name, "other")
+    assert all(len(part.encode()) < 200 and part == part.strip("\x00\n") for part in path.parts)
+    assert product_path(str(path), "other") == str(path)

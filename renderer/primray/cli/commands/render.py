@@ -55,6 +55,7 @@ def render(
     product: output_flags.Products = None,
     all_products: output_flags.AllProducts = False,
     output_dir: output_flags.OutputDir = None,
+    record: output_flags.Record = False,
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
     res_scale: stage_flags.ResolutionScale = None,
@@ -197,7 +198,7 @@ def render(
     if list_cameras:
         _list_cameras(scene, settings, json)
     elif by_product:
-        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo, ray)
+        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo, ray, record)
     else:
         shots = _shots_of(settings, time_codes, names, report, resume if checkpoint is None else checkpoint)
         check_shots(shots, looks)
@@ -219,9 +220,10 @@ def _render_products(
     snapshot_s: float | None,
     stereo: bool,
     ray: str | None,
+    with_record: bool,
 ) -> None:
-    opened, shots = product_shots(scene, settings, asked, folder, time_codes)
-    check_outputs([file for shot in shots for file in shot.files], None, looks, settings)
+    opened, shots = product_shots(scene, settings, asked, folder, time_codes, with_record)
+    check_outputs([file for shot in shots for file in shot.files], None, replace(looks, make_folders=True), settings)
     if stereo:
         return _render_pairs(opened, shots, looks)
     if ray is not None:
@@ -356,7 +358,7 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
         with showing(shot.files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
-        unsaved = not write(image, shot.files, shot.report, looks) or unsaved
+        unsaved = not write(image, shot.files, shot.report, looks, shot.image_in) or unsaved
         looks = looks.settled_if_it_can_be(image)  # the first frame's: a sequence does not flicker
         if image.report["interrupted"]:
             print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
@@ -407,8 +409,11 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
         for file in rendering[0].files:
             if is_tev(file) or is_standard(file):
                 continue
+            held = rendering[0].image_in(file, image)
+            if held.file.contents is not None and not held.file.contents.picture:
+                continue  # the product orders nothing of the picture
             try:
-                save(image, file, looks)
+                save(held, file, looks)
             except Exception as error:  # the render continues
                 print(f"warning: the picture so far is not saved: {error}", file=sys.stderr)
 

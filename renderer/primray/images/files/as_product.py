@@ -1,14 +1,72 @@
-"""The specs of an EXR's parts as the stage's product asks for them: compression and attributes of the header."""
+"""The parts of an EXR as the stage's product asks for them: which there are, compression and attributes of the header."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from ...aov_names import CRYPTOMATTES
-from ...description.picture_file import LOSSY, HeaderValue, PictureFile
+from ...description.picture_file import LOSSY, Contents, HeaderValue, PictureFile
 from .encoding import Part
 
 SOURCE = "primray:source"  # of an AOV's part
+DENOISED, DIFFUSED = "denoised", "diffused"
+COLORS = ("R", "G", "B", "A")
+
+
+def as_ordered(parts: Sequence[Part], contents: Contents) -> list[Part]:
+    """The parts that a product orders, of all that an image has: first the picture, the denoised one before it, since programs
+    that show pictures open the first part. All parts where nothing would be left."""
+    (picture, values), *beside = parts
+    made = {spec.get_string_attribute(SOURCE): (spec, own) for spec, own in beside}
+    outputs = [(spec, own) for spec, own in beside if spec.get_string_attribute(SOURCE) not in (DENOISED, DIFFUSED)]
+    wanted = [name for name in picture.channelnames if name.partition(".")[0] in contents.picture]
+    found = list[Part]()
+    if any(name in COLORS for name in wanted):
+        if DENOISED in made:
+            found.append(_denoised_first(*made[DENOISED], wanted))
+        found.append(_with_channels(picture, values, wanted))
+    elif wanted:
+        found.append(_with_channels(picture, values, wanted))
+    found += outputs
+    if DIFFUSED in made and any(name in COLORS for name in wanted):
+        found.append(made[DIFFUSED])
+    if not found:
+        return list(parts)
+    if not wanted:
+        _copy_header(picture, [spec for spec, _ in found])
+    return found
+
+
+def _denoised_first(spec: Any, values: npt.NDArray[Any], wanted: Sequence[str]) -> Part:
+    """Its channels are called as a picture's."""
+    spec, values = _with_channels(spec, values, [f"{DENOISED}.{name}" for name in wanted if name in COLORS])
+    spec.channelnames = tuple(name.removeprefix(f"{DENOISED}.") for name in spec.channelnames)
+    return spec, values
+
+
+def _with_channels(spec: Any, values: npt.NDArray[Any], names: Sequence[str]) -> Part:
+    import OpenImageIO as oiio
+
+    numbers = [spec.channelnames.index(name) for name in names if name in spec.channelnames]
+    made = oiio.ImageSpec(spec)
+    made.nchannels, made.channelnames, made.channelformats = len(numbers), tuple(spec.channelnames[n] for n in numbers), ()
+    made.alpha_channel = made.channelnames.index("A") if "A" in made.channelnames else -1
+    return made, np.ascontiguousarray(values[..., numbers])
+
+
+def _copy_header(picture: Any, specs: Sequence[Any]) -> None:
+    """Add what the picture's part says of the render to the first of `specs`, and the colours' chromaticities where another
+    part has them: OpenEXR wants them in the first part then."""
+    first, own = specs[0], {attribute.name for attribute in specs[0].extra_attribs}
+    is_colored = any(spec.getattribute("chromaticities") is not None for spec in specs)
+    for attribute in picture.extra_attribs:
+        is_wanted = attribute.name.startswith("primray:") or (is_colored and attribute.name == "chromaticities")
+        if is_wanted and attribute.name not in own:
+            first.attribute(attribute.name, attribute.type, attribute.value)
 
 
 def store_as_product(parts: Sequence[Part], file: PictureFile) -> None:

@@ -57,6 +57,7 @@ class ProductSettings:
     rendering_color_space: str | None = None
     variables: tuple[RenderVariable, ...] = ()  # in order; none: colour alone
     file: PictureFile = PLAIN
+    beside: tuple[ProductSettings, ...] = ()  # further products that the same render is for
 
 
 def settings_alone(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pxr import Sdf, Usd
 
@@ -45,7 +46,8 @@ def product_settings(
     prim = _choose(stage, _asked(stage, settings), candidates, diagnostics)
     found = _products(stage, prim, diagnostics)
     if settings.product is not None:
-        return _read(prim, _named(settings.product, found), when, diagnostics)
+        beside = [_read(prim, _named(path, found), when, diagnostics) for path in settings.joint_products or ()]
+        return replace(_read(prim, _named(settings.product, found), when, diagnostics), beside=tuple(beside))
     if len(found) > 1:
         others = ", ".join(str(p.GetPath()) for p in found[1 : LISTED + 1] if p is not None)
         message = f"The first of {len(found)} products, {_path(found[0])}, is rendered; the others are {others}."

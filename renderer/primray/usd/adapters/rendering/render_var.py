@@ -128,6 +128,21 @@ def halves_of_picture(variables: Iterable[RenderVariable], diagnostics: Diagnost
     return tuple(channel for channel, stored in found.items() if stored == "half")
 
 
+def picture_channels(variables: Iterable[RenderVariable]) -> tuple[str, ...]:
+    """The channels of the picture that a product orders, "stderr" for its standard errors; without variables, all but these."""
+    ordered = list(variables)
+    found = set[str]()
+    for var in ordered:
+        channels, wanted = _channels_in_picture(var), data_type_of(var.data_type)
+        is_rgb = channels == PICTURE and wanted is not None and wanted.components <= 3 and not _names_alpha(var)
+        found.update(channels[:3] if is_rgb else channels)
+    return tuple(c for c in (*PICTURE, "stderr") if c in found) if ordered else PICTURE
+
+
+def _names_alpha(var: RenderVariable) -> bool:
+    return (var.source_name or var.name).lower() == "rgba"
+
+
 def _channels_in_picture(var: RenderVariable) -> tuple[str, ...]:
     name = var.source_name or var.name
     if var.source_type == "primvar":

@@ -1,0 +1,111 @@
+"""The outputs that one render makes for a product, or for several of one picture, and what the file of each holds of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from ....aov_names import AovRequest, light_paths_of, primvar_of, requests_of
+from ....description.picture_file import PLAIN, Contents, PictureFile
+from ....diagnostics import Diagnostics
+from ....errors import SettingsError
+from ....light_paths.tables import check
+from ....settings import RenderSettings
+from .render_product import WHOLE, ProductSettings
+from .render_var import PICTURE, aovs_of_variables, halves_of_picture, picture_channels
+
+STDERR = "stderr"
+
+
+def outputs_of(
+    product: ProductSettings, settings: RenderSettings, diagnostics: Diagnostics
+) -> tuple[tuple[AovRequest, ...], PictureFile]:
+    """The outputs to make beside the picture, and the product's file. Products that share the render are in
+    `PictureFile.products`, where one was asked for by its path."""
+    if settings.aovs is not None:
+        aovs, file = requests_of(settings.aovs), product.file
+        parts = tuple((request.name, request.name) for request in aovs)
+        contents = Contents(picture_asked(settings.aovs), parts)
+        files = [(p.path, replace(p.file, contents=contents)) for p in (product, *product.beside)]
+    else:
+        union = _Union()
+        files = [(p.path, _file(p, union, diagnostics)) for p in (product, *product.beside)]
+        aovs, file = tuple(union.requests.values()), replace(files[0][1], contents=None)
+    if settings.aov_errors:
+        aovs = tuple(replace(request, errors=True) for request in aovs)
+    return aovs, replace(file, products=tuple(files)) if settings.product is not None else file
+
+
+def picture_ordered(product: ProductSettings, settings: RenderSettings) -> tuple[str, ...]:
+    """The channels of the picture that a product's file holds."""
+    if settings.aovs is not None:
+        return picture_asked(settings.aovs)
+    return picture_channels(product.variables) or (() if aovs_of_variables(product.variables, Diagnostics()) else PICTURE)
+
+
+def picture_of_product(product: ProductSettings, settings: RenderSettings) -> ProductSettings:
+    """What of a product decides about its pixels where the user's settings leave it to the stage: alike for products that one
+    render can make."""
+    return replace(
+        product,
+        path="",
+        name="",
+        type="",
+        variables=(),
+        file=PLAIN,
+        camera=product.camera if settings.camera is None else None,
+        resolution=product.resolution if settings.resolution is None else None,
+        data_window=product.data_window if settings.region is None else WHOLE,
+    )
+
+
+def can_be_made_together(products: Sequence[ProductSettings], settings: RenderSettings) -> bool:
+    """Whether one film holds all light path expressions that the products order."""
+    if settings.aovs is not None:
+        return True
+    requests = [request for product in products for request in aovs_of_variables(product.variables, Diagnostics())]
+    try:
+        check(light_paths_of(requests))
+    except SettingsError:
+        return len(products) == 1
+    return True
+
+
+def picture_asked(names: Iterable[str]) -> tuple[str, ...]:
+    """Channels of the picture in products where the user names their outputs: all, and standard errors if they are named."""
+    return (*PICTURE, STDERR) if STDERR in names else PICTURE
+
+
+def _file(product: ProductSettings, union: _Union, diagnostics: Diagnostics) -> PictureFile:
+    requests = aovs_of_variables(product.variables, diagnostics)
+    halves = halves_of_picture(product.variables, diagnostics) if product.variables else ()
+    parts = tuple((request.name, union.add(request)) for request in requests)
+    picture = picture_channels(product.variables)
+    contents = Contents(picture if picture or parts else PICTURE, parts)
+    return replace(product.file, half=(*product.file.half, *halves), contents=contents)
+
+
+class _Union:
+    """Requests of several products under names that differ, each request once."""
+
+    def __init__(self) -> None:
+        self.requests: dict[str, AovRequest] = {}
+        self._names: dict[AovRequest, str] = {}
+
+    def add(self, request: AovRequest) -> str:
+        """The name that the image has the output under."""
+        if request not in self._names:
+            name, number = request.name, 2
+            while name in self.requests:
+                name, number = f"{request.name}#{number}", number + 1
+            self._names[request] = name
+            self.requests[name] = request if name == request.name else _renamed(request, name)
+        return self._names[request]
+
+
+def _renamed(request: AovRequest, name: str) -> AovRequest:
+    """The request under another name, with the channels' names as they were."""
+    prefix = request.prefix
+    if prefix is None:
+        prefix = request.name if request.data_type else primvar_of(request.source) or request.name
+    return replace(request, name=name, prefix=prefix)
