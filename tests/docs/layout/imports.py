@@ -44,6 +44,7 @@ ORDER = (
     "usd",
     "core",
     "sampling",
+    "staging",
     "images",
     "diffusing",
     "denoising",

@@ -15,8 +15,8 @@ from ...arrays import Doubles, Floats
 from ...description import Camera, Light, LightType
 
 STUDIO, KEY = "primray:default-light", "primray:default-key"
-# Radiance of diffuse white that faces the camera. Through the default view (ACES 2.0) albedo 0.18 then shows as 119 (sRGB encodes
-# it as 118), and the ColorChecker's patches are nearest to their albedos: mean CIEDE2000 3.0; at a radiance of 1 11.5, at 4 13.1.
+# Radiance of diffuse white that faces the camera. In the default view (ACES 2.0) albedo 0.18 then shows as 119 (sRGB encodes it
+# as 118), and the ColorChecker's patches are nearest to their albedos: mean CIEDE2000 3.0; at radiance 1 it is 11.5, at 4 13.1.
 WHITE = 1.75
 KEY_SHARE = 0.8  # of WHITE
 TO_KEY = (-0.5, 0.7, 1.0)  # in the camera's frame: right, up, back
