@@ -47,3 +47,41 @@ def from_srgb(v: npt.ArrayLike) -> Doubles:
     """IEC 61966-2-1."""
     v = np.asarray(v, np.float64)
     return np.where(v <= 0.04045, v / 12.92, ((np.maximum(v, 0) + 0.055) / 1.055) ** 2.4)
+
+
+def lab_of(linear: npt.ArrayLike) -> Doubles:
+    """CIELAB (..., 3) relative to D65 of linear Rec.709 (CIE 15:2004, 8.2.1)."""
+    xyz = np.asarray(linear, np.float64) @ to_xyz(REC709).T / _xyz(*D65)
+    f = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
+
+
+def hue_difference_deg(first: Doubles, second: Doubles) -> Doubles:
+    """Unsigned difference of the CIELAB hue angles of two arrays (..., 3)."""
+    angles = [np.degrees(np.arctan2(lab[..., 2], lab[..., 1])) for lab in (first, second)]
+    return np.abs((angles[1] - angles[0] + 180) % 360 - 180)
+
+
+def ciede2000(first: Doubles, second: Doubles) -> Doubles:
+    """Colour difference of two CIELAB arrays (..., 3): Sharma, Wu and Dalal 2005, "The CIEDE2000 Color-Difference Formula"."""
+    (l1, a1, b1), (l2, a2, b2) = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
+    c7 = ((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2) ** 7
+    g = 0.5 * (1 - np.sqrt(c7 / (c7 + 25.0**7)))
+    a1, a2 = (1 + g) * a1, (1 + g) * a2
+    c1, c2 = np.hypot(a1, b1), np.hypot(a2, b2)
+    h1, h2 = np.degrees(np.arctan2(b1, a1)) % 360, np.degrees(np.arctan2(b2, a2)) % 360
+    grey = c1 * c2 == 0
+    dh = np.where(grey, 0.0, (h2 - h1 + 180) % 360 - 180)
+    hue = np.where(grey, h1 + h2, h1 + dh / 2)
+    lightness, chroma = (l1 + l2) / 2, (c1 + c2) / 2
+    t = 1 - 0.17 * _cos(hue - 30) + 0.24 * _cos(2 * hue) + 0.32 * _cos(3 * hue + 6) - 0.20 * _cos(4 * hue - 63)
+    sl = 1 + 0.015 * (lightness - 50) ** 2 / np.sqrt(20 + (lightness - 50) ** 2)
+    sc, sh = 1 + 0.045 * chroma, 1 + 0.015 * chroma * t
+    rotation = -2 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7)) * _cos(90 - 60 * np.exp(-(((hue % 360 - 275) / 25) ** 2)))
+    dl, dc, dh = (l2 - l1) / sl, (c2 - c1) / sc, 2 * np.sqrt(c1 * c2) * _cos(90 - dh / 2) / sh
+    difference: Doubles = np.sqrt(dl * dl + dc * dc + dh * dh + rotation * dc * dh)
+    return difference
+
+
+def _cos(degrees: Doubles) -> Doubles:
+    return np.cos(np.radians(degrees))

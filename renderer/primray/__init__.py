@@ -18,7 +18,7 @@ from .errors import PrimrayError
 from .keeping.frames import render_frames
 from .lens.diffusion import Diffusion
 from .render import render
-from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings, StopAt
+from .settings import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, RenderSettings, StopAt, StudioLight
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ __all__ = [
     "DistortionModel",
     "Eye",
     "Filter",
+    "Ground",
     "Image",
     "LocalProcesses",
     "Metric",
@@ -61,6 +62,7 @@ __all__ = [
     "Scene",
     "StereoImage",
     "StopAt",
+    "StudioLight",
     "Verdict",
     "__version__",
     "compare",

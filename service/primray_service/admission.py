@@ -11,7 +11,19 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings, StopAt
+from primray.settings import (
+    DIFFUSION,
+    AutoCamera,
+    DefaultWrap,
+    Eye,
+    Filter,
+    Ground,
+    Metric,
+    RenderContext,
+    RenderSettings,
+    StopAt,
+    StudioLight,
+)
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -212,6 +224,8 @@ def render_settings(settings: Settings) -> RenderSettings:
         filter_width=settings.filter_width,
         seed=settings.seed,
         default_light=settings.default_light,
+        studio_light=StudioLight(settings.studio_light),
+        ground=None if settings.ground is None else Ground(settings.ground),
         default_wrap=DefaultWrap(settings.default_wrap),
         render_context=RenderContext(settings.render_context),
         motion_blur=settings.motion_blur,
@@ -274,6 +288,8 @@ NEW_MEMBERS = ("name", "parallel")
 NEW_SETTINGS = (
     "render_pass",
     "auto_camera",
+    "studio_light",
+    "ground",
     "default_wrap",
     "render_context",
     "motion_blur",

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from primray import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings, StopAt
+from primray import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderSettings, StopAt, StudioLight
 from primray.description import Camera, Projection
 from primray.errors import PrimrayError, SettingsError
 from primray.report.report import settings_as_json
@@ -85,6 +85,13 @@ NONSENSE: dict[str, list[Any]] = {
     "threads": [0, "all"],
     "seed": [-1, None, "x"],
     "default_light": ["no", None],
+    "studio_light": ["dark", None, True],
+    "dome": [3, ""],
+    "dome_rotation": ["half", None, float("inf")],
+    "dome_visible": ["no", None],
+    "ground": ["grass", 1],
+    "background": [3, ""],
+    "orbit_deg": ["half", None, float("nan")],
     "default_wrap": ["useMetadata", None, 1],
     "render_context": ["arnold", None, ""],
     "rendering_color_space": [709],
@@ -143,6 +150,8 @@ def test_choices_of_type_checkers_are_the_enums() -> None:
         "auto_camera": AutoCamera,
         "eye": Eye,
         "stop_at": StopAt,
+        "studio_light": StudioLight,
+        "ground": Ground,
     }
     for name, kinds in enums.items():
         assert issubclass(kinds, Enum)

@@ -29,7 +29,7 @@ from ..sampling.error import Estimate, FrameError
 from ..sampling.error_curve import ErrorCurve, Row
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
-from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
+from ..settings import MAX_SPP, SAMPLE_BLOCK, STAGING, Metric, RenderSettings
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 from .frame_json import frame_of
 from .kept_beside import KeptBeside, contents_of, of_contents
@@ -50,6 +50,7 @@ OF_SCENE = (
     "product",
     "time_code",
     "default_light",
+    *STAGING,
     "default_wrap",
     "render_context",
     "motion_blur",

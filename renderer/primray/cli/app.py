@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import output_flags, render_flags, stage_flags
+from . import output_flags, render_flags, show_flags, stage_flags
 from .commands import render as render_module
 from .commands.compare import compare
 from .commands.doctor import doctor
@@ -44,7 +44,13 @@ def primray(
     """Render USD stages on CPUs."""
 
 
-_named = {"typer": typer, "stage_flags": stage_flags, "render_flags": render_flags, "output_flags": output_flags}
+_named = {
+    "typer": typer,
+    "stage_flags": stage_flags,
+    "render_flags": render_flags,
+    "output_flags": output_flags,
+    "show_flags": show_flags,
+}
 vars(render_module).update(_named)  # for its annotations
 app.command()(render_module.render)
 app.command()(estimate)

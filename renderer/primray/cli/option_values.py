@@ -31,6 +31,13 @@ class Complexity(Enum):
 DICING_RATES = {Complexity.LOW: 16.0, Complexity.MEDIUM: 8.0, Complexity.HIGH: 4.0, Complexity.VERYHIGH: 2.0}
 
 
+class OnOff(Enum):
+    """A switch whose flag takes a word."""
+
+    ON = "on"
+    OFF = "off"
+
+
 class ColorCorrection(Enum):
     """usdrecord's."""
 

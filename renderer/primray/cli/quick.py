@@ -10,8 +10,8 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from ..settings import AutoCamera, DefaultWrap, Filter, Metric, RenderContext, StopAt
-from .option_values import ColorCorrection, Complexity
+from ..settings import AutoCamera, DefaultWrap, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
+from .option_values import ColorCorrection, Complexity, OnOff
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
 LIST, PAIR, SPAN, FOUR = "list", "pair", "span", "four"  # values that add up; two whole numbers; two numbers; four
@@ -98,6 +98,15 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "report": (str, ("--report",)),
     "json": (FLAG, ("--json",)),
     "no_default_light": (FLAG, ("--no-default-light", "--disableCameraLight")),
+    "studio_light": (StudioLight, ("--studio-light",)),
+    "dome": (str, ("--dome",)),
+    "dome_rotation": (_number, ("--dome-rotation",)),
+    "dome_visible": (OnOff, ("--dome-visible",)),
+    "ground": (Ground, ("--ground",)),
+    "background": (str, ("--background",)),
+    "turntable": (_whole, ("--turntable",)),
+    "fps": (_number, ("--fps",)),
+    "preview": (FLAG, ("--preview",)),
     "default_wrap": (DefaultWrap, ("--default-wrap",)),
     "render_context": (RenderContext, ("--render-context",)),
     "purposes": (str, ("--purposes", "--purpose")),

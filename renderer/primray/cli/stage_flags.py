@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from ..settings import AutoCamera, DefaultWrap, RenderContext
-from .option_values import Complexity
+from ..settings import AutoCamera, DefaultWrap, Ground, RenderContext, StudioLight
+from .option_values import Complexity, OnOff
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
 Camera = Annotated[
@@ -81,6 +81,25 @@ DefaultTime = Annotated[
 ]
 NoDefaultLight = Annotated[
     bool, typer.Option("--no-default-light", "--disableCameraLight", help="Leave a stage without lights dark.")
+]
+Studio = Annotated[
+    StudioLight,
+    typer.Option("--studio-light", help="auto: where the stage lights less than half of what is seen; on: beside its lights."),
+]
+Dome = Annotated[
+    str | None,
+    typer.Option(
+        "--dome", metavar="FILE", help="A lat-long image as light, in place of the stage's domes.", show_default=False
+    ),
+]
+DomeRotation = Annotated[
+    float,
+    typer.Option("--dome-rotation", metavar="DEGREES", help="Turns --dome about the up axis, counterclockwise from above."),
+]
+DomeVisible = Annotated[OnOff, typer.Option("--dome-visible", help="Whether the camera sees --dome.")]
+GroundBelow = Annotated[
+    Ground | None,
+    typer.Option("--ground", help="Below all that is drawn: only its shadow, or a grey plane.", show_default=False),
 ]
 WrapByDefault = Annotated[
     DefaultWrap,

@@ -131,6 +131,20 @@ def to_display(
     return _applied(processor, color_space.transformed(rgb * np.float32(2.0**exposure), by))
 
 
+def from_display(shown: Floats, space: ColorSpace = REC709) -> Floats:
+    """(H, W, 3) display values in [0, 1] to values of `space` that the default view shows so, as nearly as it can."""
+    import PyOpenColorIO as ocio
+
+    display, view = check_view(None, None)
+    known_as, by = _in_config(space, assumes=True)
+    transform = ocio.DisplayViewTransform(
+        src=known_as, display=display, view=view, direction=ocio.TransformDirection.TRANSFORM_DIR_INVERSE
+    )
+    processor = _processor(lambda config: config.getProcessor(transform), f"be asked what {view!r} of {display!r} shows so")
+    made = _applied(processor, shown)
+    return made if by is None else color_space.transformed(made, np.asarray(np.linalg.inv(by), np.float64))
+
+
 def check_display(view: str | None, display: str | None = None, look: str | None = None, space: ColorSpace = REC709) -> None:
     """Build what `to_display` applies; SettingsError where that cannot be: unknown names, LUTs that are missing or damaged."""
     _display_processor(view, display, look, space)

@@ -61,6 +61,8 @@ class SceneDescription:
     motion_steps: tuple[MotionSteps, ...] = ()  # of all that moves
     instances: tuple[str, ...] = ()  # those that shapes in native prototypes are named by, where AOVs are asked for
     file: PictureFile = PLAIN  # what the stage's product asks of the EXR
+    # There are no lights and surfaces glow: a small picture decides whether a studio light is added (staging/judged_light.py).
+    may_need_light: bool = False
 
     @property
     def frame(self) -> Frame:

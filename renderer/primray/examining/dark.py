@@ -18,10 +18,10 @@ def findings(seen: Examined) -> Iterator[Finding]:
     pixels = seen.image.pixels
     glows = any(_glows(surface) for surface in seen.description.surfaces)
     if any(diagnostic.code == "default-light" for diagnostic in told):
-        said = "The stage has no light and nothing that glows: a studio light stands in, so that there is something to see."
+        said = next(diagnostic.message for diagnostic in told if diagnostic.code == "default-light")
         yield Finding(Question.DARK, "default-light", said, CODES["default-light"].advice)
     elif not seen.prepared.lights and not glows:
-        advice = "Add a light (a DomeLight is the plainest), or leave out --no-default-light."
+        advice = "Add a light (a DomeLight is the plainest), or leave out --studio-light off."
         yield Finding(Question.DARK, "no-light", "There is no light, and nothing glows.", advice)
     elif seen.hit_share > 0 and not pixels[..., :3].any():
         said = "What the camera sees is black, though there are lights: none reaches it, or its materials reflect nothing."

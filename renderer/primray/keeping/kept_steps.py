@@ -47,6 +47,9 @@ def lasting(settings: RenderSettings) -> RenderSettings:
         max_depth=None,
         threads=None,
         seed=0,
+        ground=None,
+        background=None,
+        orbit_deg=0.0,
     )
 
 
@@ -142,6 +145,13 @@ class KeptSteps(Steps):
             found = {name: made.get(name, found.get(name, "")) for name in PARTS}
         self._digests = description, found
         return found
+
+    def add_missing_light(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings, diagnostics: Diagnostics
+    ) -> SceneDescription:
+        if not description.may_need_light:
+            return description
+        return super().add_missing_light(description, self._at_hand(textures), settings, diagnostics)
 
     def dice(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings

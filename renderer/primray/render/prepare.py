@@ -13,7 +13,7 @@ from ..aov_names import taxonomy_of
 from ..errors import LimitError, SettingsError, UnsupportedError
 from ..garbage import without_collection
 from ..report.prepared import Prepared
-from ..settings import Metric, RenderSettings
+from ..settings import STAGING, Ground, Metric, RenderSettings
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -89,16 +89,24 @@ def _prepare(
         description, translating = steps.translate(stage, settings)
         diagnostics.name_files(translating.shown)
         diagnostics.extend([*opening, *translating])
+        description = with_additions(description, settings, diagnostics)
         description, textures = steps.load_textures(description, diagnostics, settings)
         diagnostics.raise_if_refused(settings.refusal)
     images = steps.image_sizes(textures)
     check_memory(description, settings, images, film_copies=int(fingerprinted))
+    with costs.stage("build"):
+        description = steps.add_missing_light(description, textures, settings, diagnostics)
     digests = steps.fingerprint(description, textures) if fingerprinted else {}
     with costs.stage("dice"):
         description, limits = steps.dice(description, textures, settings)
     for code, path, message in limits:
         diagnostics.add(code, path, message)
 
+    ground_shadow = None
+    if settings.ground is Ground.SHADOW:
+        from ..staging.ground_shadow import GroundShadow
+
+        ground_shadow = GroundShadow(description, dict(textures), settings)
     if settings.error_metric is Metric.DISPLAY:
         _check_view(description, diagnostics, settings)
     settings = resolve_settings(settings, description)
@@ -132,6 +140,7 @@ def _prepare(
         and bool(description.surfaces)
         and all(surface.camera is CameraSight.HIDDEN for surface in description.surfaces)
     )
+    prepared = replace(prepared, ground_shadow=ground_shadow)
     return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage), hidden_from_camera=hidden)
 
 
@@ -141,6 +150,17 @@ def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSetti
     if missing:
         message = f"no geometry is drawn, and what the stage refers to is missing: {missing[0].message}"
         raise UnsupportedError(message, where=missing[0].prim_path, code="nothing-to-render")
+
+
+def with_additions(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
+    """Return the description with what is asked for beside the stage; the very same object where nothing is."""
+    if all(getattr(settings, name) == value for name, value in STAGING.items()):
+        return description
+    from ..images.background import background_of
+    from ..staging import staged
+
+    background_of(settings.background)  # is refused before anything is sampled
+    return staged(description, settings, diagnostics)
 
 
 def _check_view(description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings) -> None:

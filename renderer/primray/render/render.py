@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..core import CoreScene
     from ..diagnostics import Diagnostics
     from ..images.aov import Aov
+    from ..images.background import Backdrop
     from ..images.image import Image
     from ..parts.executor import PartsExecutor
     from ..report.report import Costs
@@ -221,6 +222,9 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if sampling.view_fault:
         diagnostics.add("display-error-unknown", "", sampling.view_fault)
     space = prepared.scene.rendering_space
+    backdrop, coverage = _backdrop(prepared, costs), pixels[..., 3:]
+    if backdrop is not None:
+        pixels = backdrop.behind(pixels)
     aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
@@ -235,6 +239,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if prepared.settings.denoises:
         with kept_without("the denoised picture", diagnostics):
             image = _denoised(image, prepared, sampling, costs)
+            image = image if backdrop is None else backdrop.behind_denoised(image, coverage)
     if camera.diffusion.strength != 0:
         from ..diffusing.diffuse import with_diffusion
 
@@ -253,6 +258,18 @@ def _are_all_sampled(sampling: Sampling, diagnostics: Diagnostics) -> bool:
     message = f"{100 * missing:.3g} % of the pixels have no sample and are black and transparent: {reason} came first"
     diagnostics.add("unsampled-pixels", "", message)
     return False
+
+
+def _backdrop(prepared: Prepared, costs: Costs) -> Backdrop | None:
+    """What is composited under the picture, where that is asked for."""
+    shadow, asked = prepared.ground_shadow, prepared.settings.background
+    if shadow is None and asked is None:
+        return None
+    from ..images.background import Backdrop, background_of
+
+    with costs.stage("render"):
+        opacity = None if shadow is None else shadow.opacity
+    return Backdrop(opacity, background_of(asked), prepared.frame, prepared.scene.rendering_space)
 
 
 def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:

@@ -60,6 +60,21 @@ class Steps:
 
         return counts(summary(description, settings.dicing_rate, images)), motion_facts(description)
 
+    def add_missing_light(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings, diagnostics: Diagnostics
+    ) -> SceneDescription:
+        """Return the description with a studio light where what glows lights too little of what is seen."""
+        if not description.may_need_light:
+            return description
+        from .. import core
+        from ..staging import with_studio_where_dark
+
+        def build(small: SceneDescription, quick: RenderSettings) -> CoreScene:
+            diced, _ = core.dice(small, quick, textures)
+            return core.build(diced, dict(textures), quick)
+
+        return with_studio_where_dark(description, settings, diagnostics, build)
+
     def build(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape]
     ) -> CoreScene:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ..core import CoreScene
     from ..description import Camera, Frame
     from ..description.picture_file import PictureFile
+    from ..staging.ground_shadow import GroundShadow
 
 
 @dataclass(frozen=True)
@@ -34,4 +35,5 @@ class Prepared:
     labels: Callable[[str, str, str], tuple[str, ...]] | None = None
     assets: dict[str, str] = field(default_factory=dict)  # by prim, where Cryptomatte asks for them
     stage: str = ""  # the root layer's file name, without folders
+    ground_shadow: GroundShadow | None = None  # where a ground shows only its shadow
     file: PictureFile | None = None  # what the stage's product asks of the EXR

@@ -9,10 +9,11 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from ..installed_packages import version_of
-from ..settings import DEFAULT_FILTER_WIDTH, SELDOM, Metric, RenderSettings
+from ..settings import DEFAULT_FILTER_WIDTH, SELDOM, STAGING, Metric, RenderSettings
 from ..version import __version__
 
 if TYPE_CHECKING:
@@ -95,6 +96,8 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["render_context"] = settings.render_context.value
     values["eye"] = settings.eye.value if settings.eye is not None else None
     values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
+    values = {name: value for name, value in values.items() if name not in STAGING or value != STAGING[name]}
+    values |= {name: value.value for name, value in values.items() if name in STAGING and isinstance(value, Enum)}
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["shutter"] = list(settings.shutter) if settings.shutter else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None

@@ -1,6 +1,17 @@
 """What a user asks of a render: the settings, what they may be, and how they are read. Names are imported from here."""
 
-from .choices import DEFAULT_FILTER_WIDTH, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
+from .choices import (
+    DEFAULT_FILTER_WIDTH,
+    AutoCamera,
+    DefaultWrap,
+    Eye,
+    Filter,
+    Ground,
+    Metric,
+    RenderContext,
+    StopAt,
+    StudioLight,
+)
 from .from_json import settings_of_json
 from .limits import (
     DEFAULT_DICING_RATE,
@@ -15,7 +26,7 @@ from .limits import (
     limit_pixels,
 )
 from .render_settings import PURPOSES, RenderSettings, with_values
-from .written import DIFFUSION, SELDOM, SettingsValues
+from .written import DIFFUSION, SELDOM, STAGING, SettingsValues
 
 __all__ = [
     "DEFAULT_DICING_RATE",
@@ -31,15 +42,18 @@ __all__ = [
     "QUICK_LOOK",
     "SAMPLE_BLOCK",
     "SELDOM",
+    "STAGING",
     "AutoCamera",
     "DefaultWrap",
     "Eye",
     "Filter",
+    "Ground",
     "Metric",
     "RenderContext",
     "RenderSettings",
     "SettingsValues",
     "StopAt",
+    "StudioLight",
     "limit_pixels",
     "settings_of_json",
     "with_values",

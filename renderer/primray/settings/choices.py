@@ -86,5 +86,28 @@ class AutoCamera(Enum):
     USDRECORD = "usdrecord"
 
 
+class StudioLight(Enum):
+    """When the studio light is there: where the stage has nothing that lights what is seen, or always, or never.
+
+    >>> primray.RenderSettings(studio_light="on").studio
+    <StudioLight.ON: 'on'>
+    """
+
+    AUTO = "auto"
+    ON = "on"
+    OFF = "off"
+
+
+class Ground(Enum):
+    """A ground under all that is drawn: only the shadow that it receives, or a grey plane.
+
+    >>> primray.RenderSettings(ground="shadow").ground
+    <Ground.SHADOW: 'shadow'>
+    """
+
+    SHADOW = "shadow"
+    PLANE = "plane"
+
+
 # Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}

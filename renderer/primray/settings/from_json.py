@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
 from .render_settings import RenderSettings
 
 
@@ -20,6 +20,8 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
     chosen["render_context"] = RenderContext(values.get("render_context", RenderContext.MTLX))
     chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])
+    chosen["studio_light"] = StudioLight(values.get("studio_light", StudioLight.AUTO))
+    chosen["ground"] = None if values.get("ground") is None else Ground(values["ground"])
     if isinstance(values.get("camera"), Mapping):
         from ..camera import camera_of
 

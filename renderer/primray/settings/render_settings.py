@@ -13,7 +13,7 @@ from ..composition import Composition
 from ..errors import SettingsError
 from ..lens.diffusion import fault_of
 from ..refusal import Refusal, check_codes
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
 from .limits import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
@@ -81,7 +81,16 @@ class RenderSettings:
     filter_width: float | None = None
     threads: int | None = None  # None: every core this process may use
     seed: int = 0
-    default_light: bool = True
+    default_light: bool = True  # False: as studio_light off
+    # A light that the camera does not see. auto: where nothing of the stage lights most of what is seen; on: beside its lights.
+    studio_light: StudioLight = StudioLight.AUTO
+    # Beside the stage: a lat-long image that lights it, in place of its own domes, turned about the up axis by degrees.
+    dome: str | None = None
+    dome_rotation: float = 0.0
+    dome_visible: bool = True  # to the camera
+    ground: Ground | None = None  # below all that is drawn
+    background: str | None = None  # behind all that is drawn: transparent, a colour (#rrggbb or r,g,b as displayed), or a file
+    orbit_deg: float = 0.0  # the camera is turned so far around the middle of what is drawn, about the up axis
     default_wrap: DefaultWrap = DefaultWrap.BLACK
     render_context: RenderContext = RenderContext.MTLX  # of a material's outputs, which is taken first
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
@@ -160,6 +169,11 @@ class RenderSettings:
         return Refusal(self.strict, self.fail_on, self.allow)
 
     @property
+    def studio(self) -> StudioLight:
+        """When there is a studio light, by both settings that say so."""
+        return self.studio_light if self.default_light else StudioLight.OFF
+
+    @property
     def composition(self) -> Composition:
         """What is given by its path is populated whatever the mask."""
         mask = self.mask
@@ -178,6 +192,7 @@ class RenderSettings:
         require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0, not {scale}", "resolution_scale")
         self._check_sampling()
         self._check_sizes()
+        self._check_staging()
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
         require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}", "purposes")
         require(self.purposes != (), "at least one purpose must be rendered", "purposes")
@@ -206,6 +221,18 @@ class RenderSettings:
         self._check_motion()
         self._check_diffusion()
         self._check_region()
+
+    def _check_staging(self) -> None:
+        contradicts = not self.default_light and self.studio_light is StudioLight.ON
+        require(not contradicts, "default_light is off and studio_light is on; give one of them", "studio_light")
+        for name in ("dome_rotation", "orbit_deg"):
+            degrees = getattr(self, name)
+            require(math.isfinite(degrees), f"{name} must be a number of degrees, not {degrees}", name)
+        whole = self.sample_range is None or (self.ground is not Ground.SHADOW and self.background is None)
+        sentence = "a shadow on the ground and a background are composited under a whole picture, not under a range of samples"
+        require(whole, sentence, "sample_range")
+        for name in ("dome", "background"):
+            require(getattr(self, name) != "", f"{name} must name something, not be empty", name)
 
     def _check_region(self) -> None:
         if self.region is None:

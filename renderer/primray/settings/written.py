@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict
 
 from ..camera_choice import Matrix, camera_choice, lens_flaws
 from ..setting_values import Reader, choice, four_numbers, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
 
 if TYPE_CHECKING:
     from ..camera import Camera
@@ -23,6 +23,18 @@ DIFFUSION = {
 }
 # Settings that files and reports name only where they are given.
 SELDOM = (*DIFFUSION, "eye", "region", "joint_products")
+
+
+# What is added beside the stage, and the values that add nothing: files and reports name only others.
+STAGING: Mapping[str, object] = {
+    "studio_light": StudioLight.AUTO,
+    "dome": None,
+    "dome_rotation": 0.0,
+    "dome_visible": True,
+    "ground": None,
+    "background": None,
+    "orbit_deg": 0.0,
+}
 
 
 class SettingsValues(TypedDict, total=False):
@@ -51,6 +63,13 @@ class SettingsValues(TypedDict, total=False):
     threads: int | None
     seed: int
     default_light: bool
+    studio_light: StudioLight | Literal["auto", "on", "off"]
+    dome: str | os.PathLike[str] | None
+    dome_rotation: float
+    dome_visible: bool
+    ground: Ground | Literal["shadow", "plane"] | None
+    background: str | os.PathLike[str] | None
+    orbit_deg: float
     default_wrap: DefaultWrap | Literal["black", "clamp", "repeat", "mirror"]
     render_context: RenderContext | Literal["mtlx", "universal"]
     rendering_color_space: str | None
@@ -82,12 +101,14 @@ class SettingsValues(TypedDict, total=False):
 _WHOLE, _NUMBER, _TEXT, _TEXTS, _PAIR = (optional(read) for read in (whole, number, text, texts, pair))
 READERS: Mapping[str, Reader] = {
     "camera": optional(camera_choice),
-    **dict.fromkeys(("render_settings", "render_pass", "product", "rendering_color_space", "session_layer"), _TEXT),
+    **dict.fromkeys(
+        ("render_settings", "render_pass", "product", "rendering_color_space", "session_layer", "dome", "background"), _TEXT
+    ),
     **dict.fromkeys(("resolution", "sample_range"), _PAIR),
     **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask", "joint_products"), _TEXTS),
-    **dict.fromkeys(("default_light", "strict", "motion_blur", "denoise", "aov_errors"), yes_or_no),
+    **dict.fromkeys(("default_light", "dome_visible", "strict", "motion_blur", "denoise", "aov_errors"), yes_or_no),
     **dict.fromkeys(DIFFUSION, _NUMBER),
     "eye": optional(choice(Eye)),
     "shutter": optional(two_numbers),
@@ -97,9 +118,11 @@ READERS: Mapping[str, Reader] = {
     "stop_at": choice(StopAt),
     "filter": choice(Filter),
     "default_wrap": choice(DefaultWrap),
+    "studio_light": choice(StudioLight),
+    "ground": optional(choice(Ground)),
     "render_context": choice(RenderContext),
     "seed": whole,
-    **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
+    **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error", "dome_rotation", "orbit_deg"), number),
     "lens_flaws": lens_flaws,
     "region": optional(four_numbers),
     **dict.fromkeys(("variants", "fail_on", "allow"), texts),

@@ -21,6 +21,7 @@ from .opening.stage import open_stage
 from .opening.stage_metadata import stage_name, used_files
 from .querying.asset import read_asset
 from .translate import camera_paths, translate
+from .viewing.drawn import drawn_bounds
 from .viewing.session_camera import has_camera, is_session_camera, place_camera
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "camera_paths",
     "can_be_made_together",
     "dependencies",
+    "drawn_bounds",
     "files_to_watch",
     "has_camera",
     "is_session_camera",

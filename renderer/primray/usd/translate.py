@@ -237,14 +237,14 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
     bounds = partial(scene_bounds, scene, assembled.groups, assembled.where, ctx)
     camera, frame = view_through(begun.camera, ctx, product, begun.shutter, bounds, lambda: scene.drawn)
     camera = with_diffusion(camera, ctx.settings)
-    add_default_light(scene, camera, ctx)
+    may_need_light = add_default_light(scene, camera, ctx)
     note_missing_primvars(scene, ctx)
     motion, steps = None, list[MotionSteps]()
     if ctx.timing.is_open:
         motion, steps = _timed(scene, camera, frame, begun, ctx)
     instances = tuple(sorted(ctx.prototype_names.values())) if begun.aovs else ()
     described = describe(scene, ctx, camera, motion, frame, begun.aovs)
-    return replace(described, motion_steps=tuple(steps), instances=instances, file=product.file)
+    return replace(described, motion_steps=tuple(steps), instances=instances, file=product.file, may_need_light=may_need_light)
 
 
 def _timed(

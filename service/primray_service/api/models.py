@@ -66,6 +66,12 @@ class Settings(Sent):
     filter: Literal["box", "gaussian", "blackman-harris"] = "box"
     filter_width: float | None = Field(None, gt=0, le=64)
     default_light: bool = True
+    studio_light: Literal["auto", "on", "off"] = Field(
+        "auto", description="auto: where the stage lights less than half of what is seen; on: beside its lights."
+    )
+    ground: Literal["shadow", "plane"] | None = Field(
+        None, description="Below all that is drawn: only its shadow, or a grey plane; null: none."
+    )
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."
     )

@@ -22,6 +22,7 @@ from primray.settings import (
     Metric,
     RenderContext,
     StopAt,
+    StudioLight,
 )
 
 from .connection import Json, KeyFile, Server, connected
@@ -65,6 +66,8 @@ def submit(
     pixel_filter: render_flags.PixelFilter = Filter.BOX,
     filter_width: render_flags.FilterWidth = None,
     no_default_light: stage_flags.NoDefaultLight = False,
+    studio_light: stage_flags.Studio = StudioLight.AUTO,
+    ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
@@ -137,6 +140,8 @@ def submit(
         "filter": pixel_filter.value if pixel_filter is not Filter.BOX else None,
         "filter_width": filter_width,
         "default_light": False if no_default_light else None,
+        "studio_light": studio_light.value if studio_light is not StudioLight.AUTO else None,
+        "ground": ground.value if ground is not None else None,
         "default_wrap": default_wrap.value if default_wrap is not DefaultWrap.BLACK else None,
         "render_context": render_context.value if render_context is not RenderContext.MTLX else None,
         "purposes": _list(option_values.purposes_of(purposes)),

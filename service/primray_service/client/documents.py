@@ -39,6 +39,8 @@ class Settings(TypedDict, total=False):
     filter: Literal["box", "gaussian", "blackman-harris"]
     filter_width: float | None
     default_light: bool
+    studio_light: Literal["auto", "on", "off"]
+    ground: Literal["shadow", "plane"] | None
     default_wrap: Literal["black", "clamp", "repeat", "mirror"]
     render_context: Literal["mtlx", "universal"]
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None

@@ -9,7 +9,8 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.flag_defaults import with_own_default
-from primray.settings import AutoCamera, DefaultWrap, RenderContext, RenderSettings
+from primray.cli.option_values import OnOff
+from primray.settings import AutoCamera, DefaultWrap, RenderContext, RenderSettings, StudioLight
 
 from ..cli.connection import need_extra
 from ..cli.exits import problems_as_errors
@@ -36,6 +37,11 @@ def view(
     look: output_flags.Look = None,
     exposure: output_flags.Exposure = "0",
     no_default_light: stage_flags.NoDefaultLight = False,
+    studio_light: stage_flags.Studio = StudioLight.AUTO,
+    dome: stage_flags.Dome = None,
+    dome_rotation: stage_flags.DomeRotation = 0.0,
+    dome_visible: stage_flags.DomeVisible = OnOff.ON,
+    ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
@@ -62,6 +68,11 @@ def view(
         threads=option_values.threads_of(threads),
         max_memory_bytes=option_values.bytes_of(max_memory),
         default_light=not no_default_light,
+        studio_light=studio_light,
+        dome=dome,
+        dome_rotation=dome_rotation,
+        dome_visible=dome_visible is OnOff.ON,
+        ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
         purposes=option_values.purposes_of(purposes),

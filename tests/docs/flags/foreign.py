@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from primray.cli.habits.foreign_flags import DONE_ANYWAY, REFUSED
+from primray.cli.turntable import FPS_ALONE
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "from-usdrecord-and-husk.md"
 
@@ -42,7 +43,11 @@ USDRECORD: list[Row] = [
     Understood("--sessionLayer", "over.usda", "a layer over the stage's own session layer; also `--session-layer`"),
     "--disableGpu",
     "--disableDrawMode",
-    Understood("--disableCameraLight", "", "also `--no-default-light`; here only stages without any light get lights"),
+    Understood(
+        "--disableCameraLight",
+        "",
+        "also `--studio-light off`, `--no-default-light`; here only stages that are dark without it get a studio light",
+    ),
     "--resolver",
     Understood("--camera -cam", "/World/cam"),
     Understood(
@@ -147,7 +152,7 @@ HUSK: list[Row] = [
     Understood("--frame-count -n", "10"),
     Understood("--frame-inc -i", "2"),
     "--frame-list",
-    "--fps",
+    Refused("--fps", "24", FPS_ALONE),
     "--renderer -R",
     "--delegate-options",
     Understood("--threads -j", "-1", "0: all cores, -1: all but one"),

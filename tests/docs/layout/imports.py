@@ -45,6 +45,7 @@ ORDER = (
     "usd",
     "core",
     "sampling",
+    "staging",
     "images",
     "diffusing",
     "denoising",

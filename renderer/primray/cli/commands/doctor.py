@@ -7,8 +7,17 @@ from typing import Annotated, Any
 import typer
 
 from ...errors import SettingsError
-from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, RenderContext, RenderSettings
+from ...settings import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    AutoCamera,
+    DefaultWrap,
+    RenderContext,
+    RenderSettings,
+    StudioLight,
+)
 from .. import option_values, output_flags, render_flags, stage_flags
+from ..option_values import OnOff
 
 SceneOrNone = Annotated[
     str | None,
@@ -36,6 +45,11 @@ def doctor(
     threads: render_flags.Threads = None,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
+    studio_light: stage_flags.Studio = StudioLight.AUTO,
+    dome: stage_flags.Dome = None,
+    dome_rotation: stage_flags.DomeRotation = 0.0,
+    dome_visible: stage_flags.DomeVisible = OnOff.ON,
+    ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
@@ -77,6 +91,11 @@ def doctor(
         max_depth=max_depth,
         threads=option_values.threads_of(threads),
         default_light=not no_default_light,
+        studio_light=studio_light,
+        dome=dome,
+        dome_rotation=dome_rotation,
+        dome_visible=dome_visible is OnOff.ON,
+        ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
         rendering_color_space=rendering_color_space,

@@ -16,8 +16,10 @@ from ...settings import (
     Metric,
     RenderContext,
     RenderSettings,
+    StudioLight,
 )
 from .. import option_values, output_flags, render_flags, stage_flags
+from ..option_values import OnOff
 
 if TYPE_CHECKING:
     from ...sampling.prediction import Pilot, Prediction
@@ -63,6 +65,11 @@ def estimate(
     json: output_flags.Json = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
+    studio_light: stage_flags.Studio = StudioLight.AUTO,
+    dome: stage_flags.Dome = None,
+    dome_rotation: stage_flags.DomeRotation = 0.0,
+    dome_visible: stage_flags.DomeVisible = OnOff.ON,
+    ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
@@ -97,6 +104,11 @@ def estimate(
         threads=option_values.threads_of(threads),
         seed=seed,
         default_light=not no_default_light,
+        studio_light=studio_light,
+        dome=dome,
+        dome_rotation=dome_rotation,
+        dome_visible=dome_visible is OnOff.ON,
+        ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
         rendering_color_space=rendering_color_space,

@@ -5,8 +5,17 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, RenderContext, RenderSettings
+from ...settings import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    AutoCamera,
+    DefaultWrap,
+    RenderContext,
+    RenderSettings,
+    StudioLight,
+)
 from .. import option_values, output_flags, stage_flags
+from ..option_values import OnOff
 
 if TYPE_CHECKING:
     from ...description import SceneDescription
@@ -27,6 +36,11 @@ def inspect(
     default_time: stage_flags.DefaultTime = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
+    studio_light: stage_flags.Studio = StudioLight.AUTO,
+    dome: stage_flags.Dome = None,
+    dome_rotation: stage_flags.DomeRotation = 0.0,
+    dome_visible: stage_flags.DomeVisible = OnOff.ON,
+    ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
@@ -70,6 +84,11 @@ def inspect(
             option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer), "inspect"
         ),
         default_light=not no_default_light,
+        studio_light=studio_light,
+        dome=dome,
+        dome_rotation=dome_rotation,
+        dome_visible=dome_visible is OnOff.ON,
+        ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
         rendering_color_space=rendering_color_space,

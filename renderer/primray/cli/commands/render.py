@@ -24,14 +24,17 @@ from ...settings import (
     RenderContext,
     RenderSettings,
     StopAt,
+    StudioLight,
 )
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
+from ..option_values import OnOff
 from ..pictures import Looks, check_outputs, check_shots, is_refused, save, tell_of_all, write
 from ..shots import Shot, moments, product_shots
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
 from ..tev_outputs import EVERY_S, MOST_SHARE, is_tev, output_name
+from ..turntable import numbered, playable, turntable_numbers, turntable_shots, write_movie
 
 if TYPE_CHECKING:
     import typer
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
     from ...render import OpenedStage
     from ...render.snapshots import Snapshots
     from ...sampling.sampling import Progress
-    from .. import output_flags, render_flags, stage_flags
+    from .. import output_flags, render_flags, show_flags, stage_flags
 
 
 def render(
@@ -112,6 +115,15 @@ def render(
     report: output_flags.Report = None,
     json: output_flags.Json = False,
     no_default_light: stage_flags.NoDefaultLight = False,
+    studio_light: stage_flags.Studio = StudioLight.AUTO,
+    dome: stage_flags.Dome = None,
+    dome_rotation: stage_flags.DomeRotation = 0.0,
+    dome_visible: stage_flags.DomeVisible = OnOff.ON,
+    ground: stage_flags.GroundBelow = None,
+    background: show_flags.Background = None,
+    turntable: show_flags.Turntable = None,
+    fps: show_flags.FramesPerSecond = None,
+    preview: show_flags.Preview = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
@@ -130,7 +142,15 @@ def render(
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
         _require_names_of_their_own(bool(output or outputs), report, checkpoint or resume)
-    names = _names_of([name for name in (output, *(outputs or ())) if name is not None], scene, time_codes)
+    turns = turntable_numbers(turntable, fps, time_codes)
+    if turns is not None and (by_product or checkpoint or resume or stereo):
+        raise SettingsError(
+            "a turntable is not of products, stereo pairs or checkpoints", where="--turntable", code="turntable"
+        )
+    names = _names_of([name for name in (output, *(outputs or ())) if name is not None], scene, turns or time_codes)
+    names = [numbered(name, turns is not None and len(turns) > 1) for name in names]
+    if preview:
+        spp, denoise = _previewed(spp, target_error, time_limit)
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         auto_camera=auto_camera,
@@ -153,6 +173,12 @@ def render(
         threads=option_values.threads_of(threads),
         seed=seed,
         default_light=not no_default_light,
+        studio_light=studio_light,
+        dome=dome,
+        dome_rotation=dome_rotation,
+        dome_visible=dome_visible is OnOff.ON,
+        ground=ground,
+        background=background,
         default_wrap=default_wrap,
         render_context=render_context,
         rendering_color_space=rendering_color_space,
@@ -200,6 +226,8 @@ def render(
     elif by_product:
         _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo, ray, record)
     else:
+        if turns is not None:
+            return _render_turntable(ray, scene, settings, turns, names, report, looks, snapshot, fps)
         shots = _shots_of(settings, time_codes, names, report, resume if checkpoint is None else checkpoint)
         check_shots(shots, looks)
         if stereo:
@@ -208,6 +236,37 @@ def render(
             return _render_on_ray(ray, scene, shots, looks)
         checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, t) for t in moments(time_codes)]
         _render_shots(scene, shots, looks, _check_checkpoints(checkpointing), snapshot)
+
+
+PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps
+
+
+def _previewed(spp: int | None, target_error: float | None, time_limit: float | None) -> tuple[int | None, bool]:
+    """Samples a pixel, and whether the picture is denoised, where a preview is asked for."""
+    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), True
+
+
+def _render_turntable(
+    ray: str | None,
+    scene: str,
+    settings: RenderSettings,
+    numbers: list[float],
+    names: list[FrameName],
+    report: str | None,
+    looks: Looks,
+    snapshot_s: float | None,
+    fps: float | None,
+) -> None:
+    of_report = numbered(frame_name(report), len(numbers) > 1) if report else None
+    movie = playable(names) if fps is not None else None
+    shots = turntable_shots(settings, numbers, names, of_report)
+    check_shots(shots, looks)
+    if ray is not None:
+        _render_on_ray(ray, scene, shots, looks)
+    else:
+        _render_shots(scene, shots, looks, [None] * len(shots), snapshot_s)
+    if movie is not None and fps is not None:
+        write_movie(movie, numbers, fps)
 
 
 def _render_products(

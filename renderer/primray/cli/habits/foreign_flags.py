@@ -19,7 +19,7 @@ _NO_BUCKETS = "all pixels become better together, there are no buckets and no mo
 _NO_PROCEDURALS = "Houdini's procedurals do not run here; bake them into the stage"
 _NO_TRACE = "--report FILE has the seconds and the memory of every stage of a render"
 _SNAPSHOT = "--snapshot S writes the picture so far to the output's own file, which the end of the render replaces"
-_HEADLIGHT = "a stage without lights gets a studio light; --no-default-light leaves it dark"
+_HEADLIGHT = "a stage without lights gets a studio light; --studio-light off leaves it dark"
 _LIGHTS = f"to take lights out, deactivate them: {_SESSION}"
 _LIST_INSPECT = (
     "`primray inspect` shows what a stage is made of, and --render-settings lists what there is if it finds no such prim"
@@ -99,7 +99,6 @@ REFUSED: dict[str, str] = {
     "--mplay-lut": _NO_VIEWER,
     # husk: frames
     "--frame-list": "--frames takes lists by commas: --frames 1,5,9",
-    "--fps": f"set framesPerSecond or timeCodesPerSecond of the root layer: {_SESSION}",
     # husk: rendering
     "-R": _NO_PLUGIN,
     "--delegate-options": _NO_PLUGIN,

@@ -8,6 +8,7 @@ from itertools import islice
 from ...arrays import Doubles
 from ...description import Camera, Surface
 from ...description.placement import chunks
+from ...settings import StudioLight
 from ..adapters.lights.light_rules import rules_of
 from ..lights.default_light import default_lights
 from ..moving.levels import do_move
@@ -49,14 +50,24 @@ def add_lights(
         scene.lights.append(rules.applied(made))
 
 
-def add_default_light(scene: Scene, camera: Camera, ctx: Context) -> None:
-    """Where nobody meant to give light: lights that emit nothing are meant."""
-    if scene.has_lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
-        return
+def add_default_light(scene: Scene, camera: Camera, ctx: Context) -> bool:
+    """Add the studio light where it is asked for or the stage has no light (one that emits nothing is a light). Return whether
+    that is left open: something glows, and how much of the picture it lights is not known here."""
+    asked = ctx.settings.studio
+    if asked is StudioLight.OFF:
+        return False
+    if asked is StudioLight.AUTO:
+        if scene.has_lights or ctx.settings.dome is not None:
+            return False
+        if any(_emits(s) for s in ctx.surfaces):
+            return True
     scene.lights += default_lights(camera, up_axis(ctx.stage) == "Z")
-    ctx.warn(
-        "default-light", "", "There is no light and nothing that emits: a studio light is added, which the camera does not see."
-    )
+    if asked is StudioLight.ON:
+        ctx.warn("default-light", "", "A studio light is added, as asked for; the camera does not see it.")
+    else:
+        what = "There is no light and nothing that emits: a studio light is added, which the camera does not see."
+        ctx.warn("default-light", "", what)
+    return False
 
 
 def _emits(surface: Surface) -> bool:

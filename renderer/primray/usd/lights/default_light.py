@@ -1,7 +1,7 @@
 """What lights a stage without lights: a photographer's studio that the camera does not see.
 
 A large soft key light over the camera's left shoulder, and a dome that is brighter on its right and behind, with a sky above a
-darker ground. It is as bright as the default view needs to show white as white, whatever the camera's exposure.
+darker ground. Its level shows a surface that faces the camera in its own albedo in the default view, whatever the exposure.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from ...arrays import Doubles, Floats
 from ...description import Camera, Light, LightType
 
 STUDIO, KEY = "primray:default-light", "primray:default-key"
-# Diffuse white that faces the key light shows so: the default view (ACES 2.0) has mid-grey at 0.18 and rolls off towards 16.
-WHITE = 4.0
-KEY_SHARE = 0.8  # of that
+# Radiance of diffuse white that faces the camera. In the default view (ACES 2.0) albedo 0.18 then shows as 119 (sRGB encodes it
+# as 118), and the ColorChecker's patches are nearest to their albedos: mean CIEDE2000 3.0; at radiance 1 it is 11.5, at 4 13.1.
+WHITE = 1.75
+KEY_SHARE = 0.8  # of WHITE
 TO_KEY = (-0.5, 0.7, 1.0)  # in the camera's frame: right, up, back
 KEY_ANGLE_DEG = 20.0  # soft shadows, and light samples alone find it: wider, it is noisier
 HEIGHT = 32  # rows of the dome's image, which has no edges
@@ -35,6 +36,7 @@ class Glow:
     half_angle_deg: float
 
 
+TO_CAMERA = (0.0, 0.0, 1.0)
 GLOWS = (
     Glow((1.0, 0.2, 0.6), 0.8, 75.0),  # fill
     Glow((0.5, 0.7, -1.0), 1.0, 60.0),  # behind: edges stand out from a dark background
@@ -42,15 +44,16 @@ GLOWS = (
 
 
 def default_lights(camera: Camera, z_up: bool) -> tuple[Light, Light]:
-    """A dome and a distant light, such that white which faces the latter is `WHITE` after the camera's exposure."""
+    """Return a dome and a distant light that give white which faces the camera the radiance `WHITE`, after its exposure."""
     world_from_light = np.eye(4)
     if z_up:
         world_from_light[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
     # Rounded, so that cameras whose matrices differ by rounding take the same samples.
     light_from_camera = np.round(world_from_light[:3, :3].T @ camera.world_from_camera[:3, :3], 9)
     white = WHITE / camera.exposure_scale if 0 < camera.exposure_scale < math.inf else WHITE
-    # Irradiance of a distant light: pi L sin^2 of its half-angle (UsdLux, DistantLight).
-    key = white * KEY_SHARE / math.sin(math.radians(KEY_ANGLE_DEG / 2)) ** 2
+    # Irradiance of a distant light: pi L sin^2 of its half-angle (UsdLux, DistantLight), times the cosine.
+    cosine = TO_KEY[2] / float(np.linalg.norm(TO_KEY))
+    key = white * KEY_SHARE / (cosine * math.sin(math.radians(KEY_ANGLE_DEG / 2)) ** 2)
     image, surroundings = _painted(light_from_camera), white * (1 - KEY_SHARE)
     return (
         Light(STUDIO, LightType.DOME, world_from_light, (surroundings,) * 3, image=image, visible_to_camera=False),
@@ -69,7 +72,7 @@ def _key_frame(camera: Camera) -> Doubles:
 
 
 def _painted(light_from_camera: Doubles) -> Floats:
-    """(HEIGHT, 2 HEIGHT, 3): lat-long as a dome's image lies; its irradiance where white faces the key light is pi."""
+    """Return (HEIGHT, 2 HEIGHT, 3) in a dome's lat-long layout; the irradiance of what faces the camera is pi."""
     polar = (np.arange(HEIGHT) + 0.5) * (math.pi / HEIGHT)  # from +Y, which the first row is at
     around = (0.5 - (np.arange(2 * HEIGHT) + 0.5) / (2 * HEIGHT)) * 2 * math.pi  # s = 0.5 - atan2(x, z) / 2 pi
     up = np.broadcast_to(np.cos(polar)[:, None], (HEIGHT, 2 * HEIGHT))
@@ -79,8 +82,8 @@ def _painted(light_from_camera: Doubles) -> Floats:
     for glow in GLOWS:
         painted = painted + glow.radiance * _within(glow, directions @ _axis(glow.towards, light_from_camera))
     solid_angles = level * (math.pi / HEIGHT) ** 2
-    facing_key = np.clip(directions @ _axis(TO_KEY, light_from_camera), 0, None)
-    painted *= math.pi / float((painted * facing_key * solid_angles).sum())
+    facing_camera = np.clip(directions @ _axis(TO_CAMERA, light_from_camera), 0, None)
+    painted *= math.pi / float((painted * facing_camera * solid_angles).sum())
     return np.repeat(painted[..., None], 3, axis=2).astype(np.float32)
 
 

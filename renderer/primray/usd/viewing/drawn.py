@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Floats
-from ...description import Mesh, NurbsPatch, Placed, Placement, Prototype, Shape, Sphere, SubdivisionMesh
+from ...description import Mesh, NurbsPatch, Placed, Placement, Prototype, SceneDescription, Shape, Sphere, SubdivisionMesh
 from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
 from .framing import MANY, prototype_box
+from .outliers import outliers
 
 Mask = npt.NDArray[np.bool_]
 CURVED_FACES = 64  # that a sphere is worth
@@ -162,6 +163,17 @@ def drawn(
         return Drawn([Stand(Thing("", (-half, half)), -half[None], half[None], np.eye(4)[:3])])
     is_mixed = found.is_light.any() and not found.is_light.all()
     return found.only(~found.is_light) if is_mixed else found
+
+
+def drawn_bounds(description: SceneDescription, up: int) -> Box:
+    """Return the low and high corner (3,) of what is drawn, without outliers; the lowest point along the up axis is exact."""
+    things = drawn(description.shapes, description.static, description.prototypes, description.placements)
+    things = things.only(~outliers(things.low, things.high, things.detail, up))
+    low, high = things.low.min(axis=0), things.high.max(axis=0)
+    down = np.zeros(3)
+    down[up] = -1.0
+    low[up] = -things.reach(down, np.zeros(3))
+    return low, high
 
 
 def _static(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[Stand]:

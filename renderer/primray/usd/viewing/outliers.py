@@ -17,6 +17,10 @@ STRAY = 10.0  # times as far from the middle as anything nearer
 MAJORITY = 2 / 3  # of the detail: what is never a stray
 GROUND = 4.0  # times as wide as all that stands on it
 SKY = 8.0  # times as wide as all that it encloses
+LONE = 3.0  # times as much of both, where one thing alone would be left: a small part of a large thing is no set
+# Where what a sky encloses may be, from its middle to its sides and from its bottom to its top: what is on or in a solid body
+# is often beyond.
+INNER, BELOW = 0.5, 0.75
 FLAT = 0.1  # a ground's height over its width
 MOST = 1000  # things that are looked at as surroundings
 SAMPLED = 1 << 16  # things whose middle is that of all
@@ -59,15 +63,26 @@ def surroundings(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
     # Row k: of what is not as wide as the k-th, and of that one and all that are wider.
     around_low = _from_end(np.maximum, low[order] - slack)
     around_high = _from_end(np.minimum, high[order] + slack)
-    holds = _from_end(np.minimum, wide[order] / np.where(is_flat, GROUND, SKY))
+    left = len(low) - len(order) + np.arange(len(order))  # things
+    holds = _from_end(np.minimum, wide[order] / np.where(is_flat, GROUND, SKY)) / np.where(left == 1, LONE, 1.0)
     inner_low, inner_high = _within(np.minimum, low, order), _within(np.maximum, high, order)
     extent = (inner_high - inner_low).max(axis=1)
     goes_around = (around_low <= inner_low).all(axis=1) & (around_high >= inner_high).all(axis=1)
-    found = goes_around & (holds >= extent) & (extent > 0)
+    is_inside = is_flat | _is_well_inside(inner_low, inner_high, low[order], high[order], up)
+    is_inside = np.logical_and.accumulate(is_inside[::-1])[::-1]
+    found = goes_around & is_inside & (holds >= extent) & (extent > 0)
     out = np.zeros(len(low), bool)
     if found.any():
         out[order[np.argmax(found) :]] = True
     return out
+
+
+def _is_well_inside(inner_low: Doubles, inner_high: Doubles, low: Doubles, high: Doubles, up: int) -> Mask:
+    """(M,) whether the middle of what is enclosed is near that of the sky across, and its top is not near the sky's."""
+    across = [axis for axis in range(3) if axis != up]
+    with np.errstate(over="ignore", invalid="ignore"):
+        aside = np.abs((inner_low + inner_high) - (low + high))[:, across] <= INNER * (high - low)[:, across]
+    return np.asarray(aside.all(axis=1) & (inner_high[:, up] <= low[:, up] + BELOW * (high - low)[:, up]))
 
 
 def _widest(wide: Doubles) -> Ints:

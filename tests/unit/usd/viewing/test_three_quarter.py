@@ -151,6 +151,25 @@ def test_ordinary_sets_are_framed_whole(more: str) -> None:
     assert_fits(pixels_of(translate_text(KITCHEN + more)[0]))
 
 
+@pytest.mark.parametrize(
+    "small",
+    [
+        cube("small", (0, 0, 0)),
+        cube("small", (0, 4.6, 0)),
+        cube("small", (3, 1, 5.3)),
+        cube("small", (0, 0, 4.8)) + cube("lens", (0, 0, 5.2), (0.5, 0.5, 0.5)),
+        cube("small", (0, 5.2, 0)) + cube("lens", (0.2, 5.3, 0), (0.5, 0.5, 0.5)),
+    ],
+)
+@pytest.mark.parametrize("height", [10, 1])
+def test_of_two_things_the_larger_one_is_kept(small: str, height: float) -> None:
+    """A small part in, on or at the side of a thing ten times as large, flat or not, does not make that its surroundings."""
+    body = cube("body", (0, 0, 0), (10, height, 10))
+    text = body + small if height == 10 else body + cube("small", (2, 1, 2))
+    assert "left out" not in message_of(text)
+    assert_fits(pixels_of(translate_text(text)[0]))
+
+
 def test_what_is_not_drawn_does_not_count() -> None:
     camera = translate_text(KITCHEN)[0].camera
     hidden = cube("hidden", (15, 0, 0), more='token visibility = "invisible"')

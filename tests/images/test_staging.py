@@ -1,0 +1,223 @@
+"""What is added beside the stage: the pictures are those of a stage that has it, and each addition is reported."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from pxr import Usd
+
+import primray
+from primray.cli import run
+from primray.diagnostics import Diagnostics
+from primray.errors import SettingsError
+from primray.settings import RenderSettings
+from primray.staging import staged
+from primray.staging.additions import GROUND
+from primray.usd import translate
+
+CAMERA = {
+    "Y": "double3 xformOp:translate = (0, 1, 8)\n    uniform token[] xformOpOrder = ['xformOp:translate']",
+    "Z": "double3 xformOp:translate = (0, -8, 1)\n    float xformOp:rotateX = 90\n"
+    "    uniform token[] xformOpOrder = ['xformOp:translate', 'xformOp:rotateX']",
+}
+CUBE = """
+def Cube "cube"
+{
+    double size = 1
+    float3 xformOp:rotateXYZ = (30, 40, 0)
+    uniform token[] xformOpOrder = ["xformOp:rotateXYZ"]
+    color3f[] primvars:displayColor = [(0.8, 0.1, 0.1)]
+}
+"""
+
+
+def stage_of(text: str, up: str = "Y", camera: str | None = None) -> Usd.Stage:
+    stage = Usd.Stage.CreateInMemory()
+    looks = CAMERA[up] if camera is None else camera
+    whole = f'#usda 1.0\n(\n    upAxis = "{up}"\n)\ndef Camera "c"\n{{\n    {looks}\n}}\n{text}'
+    assert stage.GetRootLayer().ImportFromString(whole.replace("'", '"'))
+    return stage
+
+
+def rendered(stage: Usd.Stage, **more: Any) -> primray.Image:
+    return primray.render(stage, **{"resolution": (32, 24), "spp": 8, **more})
+
+
+def says(image: primray.Image) -> str:
+    return "\n".join(d["message"] for d in image.report["diagnostics"] if d["code"] == "staging")
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> str:
+    """A lat-long image of no symmetry."""
+    pixels = np.random.default_rng(3).uniform(0, 1, (8, 16, 3)).astype(np.float32)
+    pixels[2, 5] = 40
+    image = oiio.ImageBuf(oiio.ImageSpec(16, 8, 3, oiio.FLOAT))
+    image.set_pixels(oiio.ROI(0, 16, 0, 8, 0, 1, 0, 3), pixels)
+    path = str(tmp_path / "sky.exr")
+    assert image.write(path)
+    return path
+
+
+@pytest.mark.parametrize("up", ["Y", "Z"])
+@pytest.mark.parametrize("degrees", [0.0, 70.0])
+def test_a_dome_is_the_stages_dome_with_that_image(up: str, degrees: float, sky: str) -> None:
+    """DomeLight_1 with the scene's pole, turned about the up axis; a dome of the stage gives way, other lights stay."""
+    dome = f"""
+def DomeLight_1 "sky"
+{{
+    asset inputs:texture:file = @{sky}@
+    double xformOp:rotate{up} = {degrees}
+    uniform token[] xformOpOrder = ["xformOp:rotate{up}"]
+}}
+"""
+    sun = 'def DistantLight "sun"\n{\n}\n'
+    wanted = rendered(stage_of(CUBE + sun + dome, up))
+    other = 'def DomeLight "other"\n{\n    float inputs:intensity = 9\n}\n'
+    found = rendered(stage_of(CUBE + sun + other, up), dome=sky, dome_rotation=degrees)
+    np.testing.assert_allclose(found.pixels, wanted.pixels, rtol=2e-4, atol=1e-5)
+    assert "in place of /other" in says(found)
+    hidden = rendered(stage_of(CUBE, up), dome=sky, dome_visible=False)
+    assert (hidden.pixels[0, 0] == 0).all()
+    assert (found.pixels[0, 0, :3] > 0).all()
+
+
+def test_a_dome_that_is_not_there_is_refused() -> None:
+    with pytest.raises(SettingsError, match="is not there") as refused:
+        rendered(stage_of(CUBE), dome="no.exr")
+    assert refused.value.where == "dome"
+
+
+@pytest.mark.parametrize("up", ["Y", "Z"])
+def test_the_ground_touches_the_lowest_point(up: str) -> None:
+    settings = RenderSettings(ground="plane", resolution=(32, 24))
+    description, _ = translate(stage_of(CUBE, up), settings)
+    axis = "XYZ".index(up)
+    (placed,) = description.static
+    cube = description.shapes[placed.shape]
+    world = cube.points @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]  # type: ignore[union-attr]
+    made = staged(description, settings, Diagnostics())
+    (ground,) = (p for p in made.static if made.shapes[p.shape].path == GROUND)
+    below = world[:, axis].min() - ground.matrix[axis, 3]
+    assert 0 < below < 1e-4
+    mesh = made.shapes[ground.shape]
+    a, b, c = mesh.points[mesh.triangles[0]]  # type: ignore[union-attr]
+    assert np.cross(b - a, c - a)[axis] > 0
+    assert staged(description, RenderSettings(), Diagnostics()) is description
+
+
+def test_only_the_shadow_on_a_ground_is_seen() -> None:
+    """The object's pixels are those over a ground; beside it there is a soft black shadow, and no ground far away."""
+    camera = "double3 xformOp:translate = (0, 3, 8)\n    float xformOp:rotateX = -20\n"
+    camera += "    uniform token[] xformOpOrder = ['xformOp:translate', 'xformOp:rotateX']"
+    light = "def DistantLight 'l'\n{\n    float inputs:angle = 5\n    float xformOp:rotateX = -70\n"
+    light += "    uniform token[] xformOpOrder = ['xformOp:rotateX']\n}\n"
+    stage = stage_of(CUBE + light, camera=camera)
+    plane, shadow = (rendered(stage, ground=kind, resolution=(64, 48)) for kind in ("plane", "shadow"))
+    alone = rendered(stage, resolution=(64, 48)).pixels[..., 3]
+    alpha, black = shadow.pixels[..., 3], shadow.pixels[..., :3].max(axis=2)
+    inside = alone == 1
+    np.testing.assert_allclose(shadow.pixels[inside], plane.pixels[inside], rtol=0.2, atol=0.02)
+    is_shadow = (alone == 0) & (alpha > 0.5)
+    assert 20 < is_shadow.sum() < 600
+    assert black[is_shadow].max() == 0
+    assert (plane.pixels[is_shadow][:, 1] < 0.6 * np.median(plane.pixels[-4:, :, 1])).all()
+    assert alpha[:, :8].max() == 0  # beside it, and at the horizon
+    over = rendered(stage, ground="shadow", background="#ffffff", resolution=(64, 48)).to_uint8()
+    assert (over[0, 0, :3] == 255).all()
+    assert over[is_shadow][:, :3].max() < 200
+    with pytest.raises(SettingsError, match="whole picture"):
+        RenderSettings(ground="shadow", sample_range=(0, 4))
+
+
+@pytest.mark.parametrize(("text", "shown"), [("#335577", (51, 85, 119)), ("0.5,0.2,1", (128, 51, 255)), ("#fff", (255,) * 3)])
+def test_a_background_is_shown_as_it_was_given(text: str, shown: tuple[int, int, int], sky: str) -> None:
+    image = rendered(stage_of(CUBE), background=text, dome=sky)
+    np.testing.assert_allclose(image.to_uint8()[0, 0, :3], shown, atol=1)
+    assert (image.pixels[..., 3] == 1).all()
+    assert "does not see primray:dome" in says(image)
+    assert image.report["pixels_sha256"] != rendered(stage_of(CUBE), dome=sky, background="transparent").report["pixels_sha256"]
+
+
+def test_a_background_is_transparent_or_a_file_or_refused(tmp_path: Path, sky: str) -> None:
+    bare = rendered(stage_of(CUBE), dome=sky, background="transparent")
+    assert (bare.pixels[0, 0] == 0).all()
+    assert bare.pixels[..., 3].max() == 1
+    picture = oiio.ImageBuf(oiio.ImageSpec(10, 40, 3, oiio.UINT8))
+    oiio.ImageBufAlgo.fill(picture, (0.2, 0.4, 0.6))
+    file = str(tmp_path / "behind.png")
+    assert picture.write(file)
+    over = rendered(stage_of(CUBE), background=file)
+    np.testing.assert_allclose(over.to_uint8()[0, 0, :3], (51, 102, 153), atol=1)
+    lit = rendered(stage_of(CUBE))
+    inside = lit.pixels[..., 3] == 1
+    np.testing.assert_array_equal(over.pixels[inside], lit.pixels[inside])
+    for wrong in ("#12345", "1,2,3", "nowhere.png"):
+        with pytest.raises(SettingsError, match="is no background"):
+            rendered(stage_of(CUBE), background=wrong)
+
+
+def test_an_orbit_is_a_camera_that_is_turned_around() -> None:
+    """The studio light turns with it; the picture is that of a camera which was authored there."""
+    turned = "double3 xformOp:translate = (8, 1, 0)\n    float xformOp:rotateY = 90\n"
+    turned += "    uniform token[] xformOpOrder = ['xformOp:translate', 'xformOp:rotateY']"
+    wanted = rendered(stage_of(CUBE, camera=turned), spp=64)
+    found = rendered(stage_of(CUBE), orbit_deg=90.0, spp=64)
+    np.testing.assert_allclose(found.camera.world_from_camera, wanted.camera.world_from_camera, atol=1e-6)  # type: ignore[union-attr]
+    np.testing.assert_allclose(found.pixels, wanted.pixels, rtol=0.1, atol=0.05)
+    assert "turned by 90 degrees" in says(found)
+    assert not np.allclose(found.pixels, rendered(stage_of(CUBE), spp=64).pixels, atol=0.05)
+
+
+@pytest.fixture
+def shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    stage = stage_of(CUBE)
+    stage.GetRootLayer().Export(str(tmp_path / "shot.usda"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    return tmp_path
+
+
+SMALL = ("render", "shot.usda", "--res", "16", "12", "--spp", "2")
+
+
+def test_a_turntable_writes_pictures_and_a_movie(shot: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*SMALL, "--turntable", "3", "-o", "turn.png", "--fps", "12"]) == 0
+    assert "no movie: neither ffmpeg" in capsys.readouterr().err
+    assert sorted(path.name for path in shot.glob("turn*")) == ["turn.0001.png", "turn.0002.png", "turn.0003.png"]
+    fake = shot / "ffmpeg"
+    fake.write_text('#!/bin/sh\n/bin/cat > asked.txt\nfor last; do :; done\necho "$@" > "$last"\n')
+    fake.chmod(0o755)
+    assert run([*SMALL, "--turntable", "2", "-o", "it's.##.png", "--fps", "12"]) == 0
+    assert "it's.mp4: 2 pictures at 12 a second" in capsys.readouterr().out
+    listed = (shot / "asked.txt").read_text()
+    assert listed.count("duration 0.0833333333") == 2
+    assert f"file '{os.path.realpath(shot)}/it'\\''s.02.png'" in listed or "it'\\''s.02.png'" in listed
+    assert "-r 12" in (shot / "it's.mp4").read_text()
+
+
+@pytest.mark.parametrize(
+    ("flags", "sentence"),
+    [
+        (["--fps", "12"], "--turntable"),
+        (["--turntable", "0"], "from 1 to"),
+        (["--turntable", "2", "--fps", "12", "-o", "a.exr"], "PNG or JPEG"),
+        (["--turntable", "2", "-f", "1:2", "-o", "a.####.exr"], "one frame"),
+    ],
+)
+def test_turntables_that_cannot_be(shot: Path, capsys: pytest.CaptureFixture[str], flags: list[str], sentence: str) -> None:
+    assert run([*SMALL, *flags]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_a_preview_is_denoised(shot: Path) -> None:
+    pytest.importorskip("pyoidn")
+    assert run(["render", "shot.usda", "--res", "16", "12", "--preview", "-o", "a.exr"]) == 0
+    image = primray.read_image(shot / "a.exr")
+    assert image.denoised is not None
+    assert image.metadata["settings.spp"] == 16
