@@ -121,7 +121,7 @@ def _prepare(
         _require_something_to_render(diagnostics, settings)
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    if description.instances:
+    if description.aovs and stage.GetPrototypes():  # all of its instances may have ended in a copy
         assert scene.record is not None
         record = scene.record
         record.names = usd.names_in_instances(stage, record.shape_paths, record.surface_paths, description.instances)

@@ -34,6 +34,9 @@ def Xform "leaf" (
 )
 {{
     {CARD}
+    def "twig"
+    {{
+    }}
     def Material "paint"
     {{
         token outputs:surface.connect = </leaf/paint/s.outputs:surface>
@@ -207,3 +210,22 @@ def test_labels_are_those_of_the_instance_itself(whole: primray.Image) -> None:
     for name in THINGS:
         assert at(whole, "labels:class", name) == f"card,of_{name}"
     assert at(whole, "labels:class", "d", 1.0) == "card,of_d"
+
+
+PRUNED = """def RenderPass "pass"
+{
+    rel collection:prune:includes = [</b/twig>, </d/inner/twig>]
+}
+"""
+
+
+@pytest.mark.parametrize("names", [("b",), ("d",), ("a", "b", "d")], ids="+".join)
+def test_instances_that_a_pass_takes_apart_keep_names_of_materials_and_assets(
+    names: tuple[str, ...], whole: primray.Image, folder: Path
+) -> None:
+    """Where no others are left, too."""
+    path = folder / f"pass-{'-'.join(names)}.usda"
+    path.write_text(HEAD + KIND + "".join(map(thing, names)) + PRUNED)
+    image = primray.render(path, aovs=AOVS, resolution=(80, 40), spp=4, camera="/cam", render_pass="/pass", progress=False)
+    for aov in ("crypto_material", "crypto_asset", "material"):
+        assert at(image, aov, names[-1]) == at(whole, aov, names[-1])

@@ -236,6 +236,10 @@ RED = """def Material "red" {
 BINDS = 'rel material:binding%s = </red> (bindMaterialAs = "strongerThanDescendants")'
 
 
+COLLECTED = """rel collection:all:includes = </rig>
+rel material:binding:collection:all = [</rig.collection:all>, </red>] (bindMaterialAs = "strongerThanDescendants")"""
+
+
 def in_a_rig(stage: str, rig: str, header: str = "") -> str:
     """The camera of a stage, below a prim that says more."""
     head, camera = stage.split('def Camera "c"')
@@ -248,7 +252,7 @@ def in_a_rig(stage: str, rig: str, header: str = "") -> str:
     [
         (BINDS % "", ""),
         (BINDS % ":full", ""),
-        ("rel collection:all:includes = </rig>\nrel material:binding:collection:all = [</rig.collection:all>, </red>]", "api"),
+        (COLLECTED, "api"),
         ('uniform token purpose = "guide"', ""),
         ("", "instanceable = true\nreferences = </hidden>"),
     ],

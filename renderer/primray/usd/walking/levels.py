@@ -8,6 +8,7 @@ themselves, and end the instances around them.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Tf, Usd, UsdLod
@@ -37,8 +38,8 @@ def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, di
     """A copy of the stage with one level of each root."""
     gone: set[Sdf.Path] = set()
     told = 0
-    looks = _Looks(camera, when)
-    for root in drawn(stage):
+    looks, prims = _Looks(camera, when), drawn(stage)
+    for root in prims:
         if ROOT not in schemas_applied(root) or any(path in gone for path in root.GetPath().GetPrefixes()):
             continue
         levels = [child for child in children(root, THERE_IN_INSTANCES) if not child.IsA(UsdLod.Heuristic)]
@@ -51,10 +52,23 @@ def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, di
             diagnostics.add("lod-chosen", str(root.GetPath()), message, "lod:heuristics")
     if told > MOST_TOLD:
         diagnostics.add("lod-chosen", "", f"Levels of {told - MOST_TOLD:,} further prims were chosen likewise.")
+    _note_missed(prims, gone, diagnostics)
     made = scratch_copy(stage)
     take_out(made, gone)
     check_reach(made)
     return made
+
+
+def _note_missed(prims: Iterable[Usd.Prim], gone: set[Sdf.Path], diagnostics: Diagnostics) -> None:
+    """Report point instancers whose prototypes are in levels that are left out, which they themselves are not."""
+    for instancer in prims if gone else ():
+        if type_name(instancer) != "PointInstancer":
+            continue
+        for prototype in targets(instancer, "prototypes"):
+            above = next((path for path in prototype.GetPrefixes() if path in gone), None)
+            if above is not None and not instancer.GetPath().HasPrefix(above):
+                message = f"Its prototype {prototype} is in {above}, a level of detail that is left out: it is not drawn."
+                diagnostics.add("invalid-instancer", str(instancer.GetPath()), message, "prototypes")
 
 
 def _left_out(levels: list[Usd.Prim], choice: Choice) -> tuple[set[Sdf.Path], str]:

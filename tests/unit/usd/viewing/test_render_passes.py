@@ -294,3 +294,73 @@ def test_instances_without_members_stay_instances(monkeypatch: pytest.MonkeyPatc
     assert ended == []
     assert total(rendered("rel collection:renderVisibility:excludes = [</one>, </two/leaf>]")[0]) == WHOLE - 3
     assert ended == ["two"]
+
+
+ELSEWHERE = """class "kinds"
+{
+    def Xform "kind"
+    {
+        def Cube "a"
+        {
+        }
+        def Cube "b"
+        {
+        }
+    }
+    def PointInstancer "few"
+    {
+        point3f[] positions = [(1, 0, 0)]
+        int[] protoIndices = [0]
+        rel prototypes = </kinds/kind>
+    }
+}
+"""
+CROWD = """def PointInstancer "NAME"
+{
+    point3f[] positions = [(0, 0, 0)]
+    int[] protoIndices = [0]
+    rel prototypes = </kinds/DRAWS>
+}
+"""
+SEEN, HIDDEN, MATTE = "seen", "hidden", "matte"
+
+
+def of_crowds(body: str, crowds: str) -> tuple[dict[str, str], list[str]]:
+    """What the camera sees of the shapes that are drawn, and what is reported of the pass."""
+    stage = stage_of(f'{ELSEWHERE}{crowds}def RenderPass "pass"\n{{\n{body}\n}}\n')
+    description, found = translate(stage, RenderSettings(resolution=(8, 8), render_pass="/pass"))
+    seen = {s.path.removeprefix("/kinds/kind/"): str(description.surfaces[s.surface].camera.value) for s in description.shapes}
+    return seen, [d.attribute for d in found if d.prim_path == "/pass"]
+
+
+ONLY = "rel collection:{0}:includes = </crowd>\nuniform bool collection:{0}:includeRoot = 0"
+
+
+@pytest.mark.parametrize("draws", ["kind", "few"])
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("rel collection:matte:includes = </crowd>", {"a": MATTE, "b": MATTE}),
+        ("rel collection:matte:includes = </crowd>\nrel collection:matte:excludes = </kinds/kind/b>", {"a": MATTE, "b": SEEN}),
+        ("rel collection:matte:includes = </kinds/kind/b>", {"a": SEEN, "b": MATTE}),
+        ('pathExpression collection:matte:membershipExpression = "/crowd"', {"a": MATTE, "b": MATTE}),
+        ("rel collection:cameraVisibility:excludes = </crowd>", {"a": HIDDEN, "b": HIDDEN}),
+        (ONLY.format("cameraVisibility"), {"a": SEEN, "b": SEEN}),
+        (ONLY.format("renderVisibility"), {"a": SEEN, "b": SEEN}),
+        ("rel collection:renderVisibility:excludes = [</crowd>, </other>]", {}),
+        ("rel collection:renderVisibility:excludes = </kinds/kind/b>", {"a": SEEN}),
+    ],
+)
+def test_what_an_instancer_draws_elsewhere_is_as_the_instancer(body: str, expected: dict[str, str], draws: str) -> None:
+    """Unless the collection names it, or what is above it."""
+    assert of_crowds(body, CROWD.replace("NAME", "crowd").replace("DRAWS", draws)) == (expected, [])
+
+
+@pytest.mark.parametrize("name", ["matte", "cameraVisibility"])
+def test_instancers_of_one_prototype_that_a_pass_tells_apart_are_reported(name: str) -> None:
+    both = "".join(CROWD.replace("NAME", each).replace("DRAWS", "kind") for each in ("crowd", "other"))
+    one = f"rel collection:{name}:{'includes' if name == 'matte' else 'excludes'}"
+    assert of_crowds(f"{one} = </crowd>", both) == ({"a": SEEN, "b": SEEN}, [f"collection:{name}"])
+    alike = MATTE if name == "matte" else HIDDEN
+    assert of_crowds(f"{one} = [</crowd>, </other>]", both) == ({"a": alike, "b": alike}, [])
+    assert of_crowds("rel collection:renderVisibility:excludes = </crowd>", both) == ({"a": SEEN, "b": SEEN}, [])

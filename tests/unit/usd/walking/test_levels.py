@@ -145,3 +145,12 @@ def test_classes_that_nothing_draws_have_no_levels_to_choose() -> None:
     found, told = drawn(inherited + 'def Xform "tree" (\ninherits = </kind>\n)\n{\nint lod:default:index = 2\n}\n')
     assert found == ["coarsest"]
     assert len(told) == 1
+
+
+def test_an_instancer_of_a_level_that_is_left_out_is_reported() -> None:
+    crowd = 'def PointInstancer "many"\n{\npoint3f[] positions = [(0, 0, 0)]\nint[] protoIndices = [0]\n'
+    crowd += "rel prototypes = <LEVEL>\n}\n"
+    for level, is_missed in (("/tree/fine", False), ("/tree/coarse", True)):
+        stage = stage_of(tree("int lod:default:index = 0") + crowd.replace("LEVEL", level))
+        _, diagnostics = translate(stage, RenderSettings(resolution=(8, 8)))
+        assert [d.prim_path for d in diagnostics if d.code == "invalid-instancer"] == ["/many"] * is_missed

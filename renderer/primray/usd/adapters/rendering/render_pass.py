@@ -19,7 +19,7 @@ from ...opening.stage import scratch_copy
 from ...opening.taking_out import editable, take_out
 from ...querying.guarded import computed, property_names, targets, type_name
 from ...querying.model_marks import MODEL
-from ...querying.traversal import collected, drawn, in_world
+from ...querying.traversal import collected, drawn, in_world, placed_elsewhere
 from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY, LEFT_OUT
 
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
@@ -66,7 +66,7 @@ def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> 
     made = scratch_copy(stage)
     prim = render_pass(made, asked)
     _note_unread(prim, diagnostics)
-    collections = {name: _members(prim, name) for name in COLLECTIONS}
+    collections = {name: _members(prim, name, diagnostics) for name in COLLECTIONS}
     take_out(made, _drawn_members(made, collections["prune"]))
     with Usd.EditContext(made, made.GetSessionLayer()):
         _leave_out(made, collections["renderVisibility"])
@@ -86,11 +86,40 @@ def _note_unread(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
         diagnostics.add("render-settings-input", path, message, "inputPasses")
 
 
-def _members(prim: Usd.Prim, name: str) -> frozenset[Sdf.Path] | None:
+def _members(prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> frozenset[Sdf.Path] | None:
     """Paths of prims, in instances those of their proxies; None where the collection says nothing but its default."""
     if not any(p.startswith(f"collection:{name}") for p in property_names(prim)):
         return None
-    return collected(Usd.CollectionAPI(prim, name).ComputeMembershipQuery(), prim.GetStage())
+    query = Usd.CollectionAPI(prim, name).ComputeMembershipQuery()
+    members = collected(query, prim.GetStage())
+    if name == "prune":  # an instancer that is pruned draws nothing
+        return members
+    as_instancers = _as_their_instancers(prim.GetStage(), members, query)
+    added = {path for path, votes in as_instancers.items() if votes == {True}}
+    differ = {path for path, votes in as_instancers.items() if len(votes) > 1}
+    if name == "renderVisibility":  # an instancer that is left out draws nothing, whatever others draw
+        added |= differ
+    elif differ:
+        message = f"Some of the point instancers that draw {min(differ)} are in {name}, some are not: they are drawn alike."
+        diagnostics.add("render-settings-input", str(prim.GetPath()), message, f"collection:{name}")
+    return (members - {path for path, votes in as_instancers.items() if votes == {False}}) | added
+
+
+def _as_their_instancers(
+    stage: Usd.Stage, members: frozenset[Sdf.Path], query: Usd.CollectionMembershipQuery
+) -> dict[Sdf.Path, set[bool]]:
+    """Whether the point instancers are members that draw prims elsewhere than below themselves, of prims that the collection
+    itself says nothing of: its rules name neither them nor anything above them but the root of all."""
+    rules = {path for path in query.GetAsPathExpansionRuleMap() if path != Sdf.Path.absoluteRootPath}
+    found: dict[Sdf.Path, set[bool]] = {}
+    for instancer, _, prims in placed_elsewhere(stage):
+        at = instancer.GetPath()
+        votes = found.get(at) or {at in members}
+        for path in [prim.GetPath() for prim in prims if not prim.GetPath().HasPrefix(at)]:
+            is_named = not rules.isdisjoint(path.GetPrefixes()) if rules else path in members
+            if not is_named:
+                found.setdefault(path, set()).update(votes)
+    return found
 
 
 def _drawn_members(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> list[Sdf.Path]:
