@@ -34,6 +34,7 @@ class PictureFile:
     header: tuple[tuple[str, HeaderValue], ...] = ()
     contents: Contents | None = None  # None: all that the image has
     products: tuple[tuple[str, PictureFile], ...] = ()  # files of the products that the image is for, by path
+    lit_behind: bool = False  # there may be light behind what covers the picture, so views of it have no alpha
 
     def as_json(self) -> dict[str, Any]:
         values: dict[str, Any] = {"half": list(self.half), "compression": self.compression, "level": self.level}
@@ -42,6 +43,8 @@ class PictureFile:
             values["contents"] = self.contents.as_json()
         if self.products:
             values["products"] = [[path, file.as_json()] for path, file in self.products]
+        if self.lit_behind:
+            values["lit_behind"] = True
         return values
 
 
@@ -64,6 +67,7 @@ def picture_file_of_json(values: Mapping[str, Any]) -> PictureFile:
         tuple(header.items()),
         None if values.get("contents") is None else _contents(values["contents"]),
         tuple((str(path), picture_file_of_json(file)) for path, file in values.get("products", ())),
+        values.get("lit_behind") is True,
     )
 
 

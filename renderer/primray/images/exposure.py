@@ -49,15 +49,24 @@ class View:
         return None if assumed is None else Diagnostic(CODES[ASSUMED].severity, ASSUMED, "", assumed)
 
 
-def as_viewed(pixels: Floats, *, keep_alpha: bool = True) -> tuple[Floats, Floats | None]:
-    """Of (H, W, 4) premultiplied the (H, W, 3) colours that a view is made of, and the alpha (H, W, 1) beside them; None: the
-    picture is over black, as it is where all is covered, or where light comes from what covers nothing."""
+def as_viewed(pixels: Floats, *, keep_alpha: bool | None = None) -> tuple[Floats, Floats | None]:
+    """Return the colours (H, W, 3) that a view is made of and the alpha (H, W, 1) beside them, from (H, W, 4) premultiplied.
+
+    Without alpha (None) the picture is over black. `keep_alpha` None is for pixels of which nothing else is known: they have
+    alpha unless all is covered, or light comes from what covers nothing.
+    """
     finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
     rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
-    background_shines = bool(np.any(rgb[alpha[..., 0] == 0] > 0))
-    if background_shines or not keep_alpha or bool(np.all(alpha == 1)):
+    if not (needs_alpha(finite) if keep_alpha is None else keep_alpha):
         return rgb, None
     return np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0), alpha
+
+
+def needs_alpha(pixels: Floats) -> bool:
+    """Whether (H, W, 4) finite premultiplied pixels look as if their alpha were for compositing."""
+    alpha = np.clip(pixels[..., 3], 0, 1)
+    background_shines = bool(np.any(pixels[alpha == 0, :3] > 0))
+    return not background_shines and not bool(np.all(alpha == 1))
 
 
 def view_fault(pixels: Floats, view: View, exposure: float = 0.0) -> Diagnostic | None:

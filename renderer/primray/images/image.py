@@ -35,6 +35,7 @@ CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 WITH_ALPHA = (".png", ".tif", ".tiff")
+BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind what covers the picture
 EYE = "settings.eye"  # in metadata: of a stereo pair
 EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
 
@@ -135,6 +136,7 @@ class Image:
         look: str | None = None,
         bit_depth: Literal[8, 16, 32] | None = None,
         half: Iterable[str] = (),
+        flatten_over: tuple[float, float, float] | None = None,
     ) -> Path:
         """Write `path` whole or not at all; `view`, `display`, `exposure` (stops, or "auto": as the view needs them) and `look`
         are for PNG, JPEG and TIFF, which show the picture alone, diffused if it is. RenderWarning where that is almost only
@@ -142,10 +144,11 @@ class Image:
 
         `bit_depth` is a PNG's (8 or 16) or a TIFF's (16, 8, or 32: scene-linear floats). `half` names what an EXR stores as
         halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
-        nothing is called so, or values are beyond what a half holds.
+        nothing is called so, or values are beyond what a half holds. `flatten_over` is the colour, as displayed in 0 to 1, that
+        the picture is put over in files without alpha (JPEG); None: black.
         """
         path = check_output_path(path)
-        chosen, encoding = View(view, display, look, self.color_space), Encoding(bit_depth, tuple(half))
+        chosen, encoding = View(view, display, look, self.color_space), Encoding(bit_depth, tuple(half), flatten_over)
         if shows_view(path, encoding):
             exposure = self._stops(chosen, exposure)
             faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, exposure))
@@ -165,9 +168,21 @@ class Image:
             elif encoding.bits_of(suffix) == LINEAR_BITS:
                 write_linear(self.shown.pixels, self.color_space, temporary)
             else:
-                bits = encoding.bits_of(suffix)
-                write_view(_encode(self.shown.pixels, view, exposure, keep_alpha=suffix in WITH_ALPHA, bits=bits), temporary)
+                write_view(self._encoded(suffix, view, exposure, encoding), temporary)
         return path
+
+    def _encoded(self, suffix: str, view: View, exposure: float, encoding: Encoding) -> npt.NDArray[Any]:
+        keep_alpha, over = self._has_alpha and suffix in WITH_ALPHA, encoding.flatten_over
+        bits, pixels = encoding.bits_of(suffix), self.shown.pixels
+        if keep_alpha or over is None or self.file.lit_behind:
+            return _encode(pixels, view, exposure, keep_alpha=keep_alpha, bits=bits)
+        return _whole(_flattened(pixels, view, exposure, over), bits)
+
+    @property
+    def _has_alpha(self) -> bool:
+        """Whether views have alpha, by what is asked for and by what the stage has behind the picture: never by its samples."""
+        is_ordered = self.file.contents is None or "A" in self.file.contents.picture
+        return is_ordered and not self.file.lit_behind
 
     def to_uint8(
         self,
@@ -183,7 +198,7 @@ class Image:
         config, SettingsError where it has no such.
         """
         chosen = View(view, display, look, self.color_space)
-        encoded = _encode(self.shown.pixels, chosen, self._stops(chosen, exposure))
+        encoded = _encode(self.shown.pixels, chosen, self._stops(chosen, exposure), keep_alpha=self._has_alpha)
         opaque = np.full((*encoded.shape[:2], 4 - encoded.shape[2]), 255, np.uint8)
         return np.concatenate([encoded, opaque], axis=2)
 
@@ -278,12 +293,24 @@ def shows_view(path: Path, encoding: Encoding) -> bool:
     return path.suffix.lower() in VIEW_EXTENSIONS and encoding.bits_of(path.suffix) != LINEAR_BITS
 
 
-def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool = True, bits: int = 8) -> npt.NDArray[Any]:
-    """Without alpha the picture is over black."""
+def _encode(
+    pixels: Floats, view: View, exposure: float, *, keep_alpha: bool | None = None, bits: int = 8
+) -> npt.NDArray[Any]:
+    """Without alpha the picture is over black; `keep_alpha` as for `as_viewed`."""
     rgb, alpha = as_viewed(pixels, keep_alpha=keep_alpha)
     shown = view.shown(rgb, exposure)
-    if alpha is not None:
-        shown = np.concatenate([shown, alpha], axis=2)
+    return _whole(shown if alpha is None else np.concatenate([shown, alpha], axis=2), bits)
+
+
+def _flattened(pixels: Floats, view: View, exposure: float, over: tuple[float, float, float]) -> Floats:
+    """(H, W, 3) display values over a colour as displayed, as programs show pictures with alpha."""
+    rgb, alpha = as_viewed(pixels, keep_alpha=True)
+    assert alpha is not None
+    flat: Floats = view.shown(rgb, exposure) * alpha + np.asarray(over, np.float32) * (1 - alpha)
+    return flat
+
+
+def _whole(shown: Floats, bits: int) -> npt.NDArray[Any]:
     most, kind = (255, np.uint8) if bits == 8 else (65535, np.uint16)
     return (np.clip(np.nan_to_num(shown), 0, 1) * most + 0.5).astype(kind)
 
@@ -385,6 +412,7 @@ def _picture_part(image: Image) -> tuple[Any, Values]:
     _place(spec, image.frame)
     spec.attribute("compression", "zip")
     _describe_colors(spec, image.color_space)
+    spec.attribute(BACKGROUND, LIT if image.file.lit_behind else "nothing")
     for name, value in image.metadata.items():
         fits = not isinstance(value, int) or -(2**31) <= value < 2**31
         spec.attribute(f"primray:{name}", value if fits else str(value))

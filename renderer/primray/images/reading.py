@@ -9,11 +9,13 @@ from typing import Literal
 import numpy as np
 
 from ..color.color_space import REC709, ColorSpace, linear_spaces
+from ..description.picture_file import PictureFile
 from ..errors import SettingsError
 from ..settings import Eye
 from .aov import Aov
 from .aov_parts import read_aovs, record_part
-from .image import CHANNELS, Image, chromaticities_of
+from .image import BACKGROUND, CHANNELS, LIT, Image, chromaticities_of
+from .exposure import needs_alpha
 from .image_file import FLOATS
 from .image_file import read_image as read_measured
 from .opened_picture import open_picture
@@ -43,9 +45,13 @@ def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"]
     found = read_measured(name, part)
     alpha = np.ones(found.pixels.shape[:2], np.float32) if found.alpha is None else found.alpha
     parts = read_aovs(name, part)
+    pixels = np.concatenate([found.pixels, alpha[..., None]], axis=2)
+    metadata = dict(found.metadata)
+    said = metadata.pop(BACKGROUND.removeprefix("primray:"), None)
     image = Image(
-        np.concatenate([found.pixels, alpha[..., None]], axis=2),
-        metadata=found.metadata,
+        pixels,
+        file=PictureFile(lit_behind=said == LIT if said is not None else not needs_alpha(np.nan_to_num(pixels))),
+        metadata=metadata,
         errors=found.stderr,
         color_space=space_of(found.chromaticities),
         frame=found.frame,

@@ -82,6 +82,7 @@ def _prepare(
 ) -> Prepared:
     from .. import usd
     from ..description import CameraSight
+    from ..description.background import is_lit_behind
     from ..description.picture_file import PLAIN
     from ..report.report import resolve_settings
 
@@ -130,8 +131,8 @@ def _prepare(
         assert scene.record is not None
         assets = usd.assets_of(stage, scene.record.shape_paths)
     prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
-    if description.file != PLAIN:
-        prepared = replace(prepared, file=description.file)
+    if description.file != PLAIN or is_lit_behind(description):
+        prepared = replace(prepared, file=replace(description.file, lit_behind=is_lit_behind(description)))
     labels = None
     if any(taxonomy_of(request.source) for request in description.aovs):
         labels = lambda prim, instance, taxonomy: usd.labels_of(stage, prim, instance, taxonomy, settings.time_code)  # noqa: E731

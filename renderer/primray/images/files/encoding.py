@@ -31,6 +31,7 @@ class Encoding:
 
     bit_depth: int | None = None
     half: tuple[str, ...] = ()
+    flatten_over: tuple[float, float, float] | None = None  # as displayed: what views without alpha are over; None: black
 
     def bits_of(self, suffix: str) -> int:
         """Of a file with this extension; SettingsError where there are no such."""
