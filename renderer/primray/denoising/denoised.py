@@ -7,6 +7,7 @@ could tell how good.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -78,6 +79,17 @@ def with_denoised(image: Image, made: Denoised) -> Image:
         metadata |= {f"denoised.error.{metric}.ci95": " ".join(map(str, found["ci95"]))}
     own = Image(pixels, {}, metadata, image.camera, image.channels, None, image.color_space, image.frame)
     return replace(image, denoised=own, report={**image.report, "denoised": says})
+
+
+def worse_than_record(report: Mapping[str, Any]) -> str | None:
+    """Return what to say where the denoised picture's relmse is above the picture's by more than its uncertainty."""
+    denoised, record = (report["denoised"]["error"] or {}).get("relmse"), (report["error"] or {}).get("relmse")
+    if denoised is None or record is None or not denoised["ci95"][0] > record["estimate"]:
+        return None
+    return (
+        f"The denoised picture has relmse {denoised['estimate']:.3g}, above the picture's own {record['estimate']:.3g}: "
+        "leave out --denoise, or show the picture itself (part rgba of the EXR)."
+    )
 
 
 def _energy(noisy: Doubles, denoised: Doubles) -> tuple[float, float, float] | None:

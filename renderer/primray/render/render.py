@@ -239,6 +239,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if prepared.settings.denoises:
         with kept_without("the denoised picture", diagnostics):
             image = _denoised(image, prepared, sampling, costs)
+            _note_if_worse(image, diagnostics)
             image = image if backdrop is None else backdrop.behind_denoised(image, coverage)
     if camera.diffusion.strength != 0:
         from ..diffusing.diffuse import with_diffusion
@@ -270,6 +271,14 @@ def _backdrop(prepared: Prepared, costs: Costs) -> Backdrop | None:
     with costs.stage("render"):
         opacity = None if shadow is None else shadow.opacity
     return Backdrop(opacity, background_of(asked), prepared.frame, prepared.scene.rendering_space)
+
+
+def _note_if_worse(image: Image, diagnostics: Diagnostics) -> None:
+    """Report a denoised picture whose error is above that of the picture it was made of."""
+    from ..denoising.denoised import worse_than_record
+
+    if said := worse_than_record(image.report):
+        diagnostics.add("denoised-worse", "", said)
 
 
 def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:

@@ -62,8 +62,9 @@ from .viewing.back_plates import Looks, plates_of, with_back_plates
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.diffusion import with_diffusion
 from .viewing.foreseen import as_seen, foreseen
+from .viewing.near_plane import note_near_plane
 from .viewing.rolling import exposed
-from .viewing.shutter import shutter_of_vectors, timing_of
+from .viewing.shutter import note_closed_shutter, shutter_of_vectors, timing_of
 from .viewing.view import select_camera, view_through, view_without_things
 from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Group, arrange, at_instant, merge_coincident
@@ -212,6 +213,8 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     shutter, rolling = exposed(camera, ctx, product)
     is_vectored = any(request.source in VECTORS for request in aovs)
     vectors = shutter_of_vectors(camera, shutter, ctx) if is_vectored else None
+    if is_vectored:
+        note_closed_shutter(shutter, vectors, ctx)
     ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, vectors, rolling))
     if ctx.timing.is_open:
         ctx = replace(ctx, foreseen=as_seen(camera, shutter, ctx, product))
@@ -237,6 +240,7 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
     bounds = partial(scene_bounds, scene, assembled.groups, assembled.where, ctx)
     camera, frame = view_through(begun.camera, ctx, product, begun.shutter, bounds, lambda: scene.drawn)
     camera = with_diffusion(camera, ctx.settings)
+    note_near_plane(camera, scene, ctx)
     may_need_light = add_default_light(scene, camera, ctx)
     note_missing_primvars(scene, ctx)
     motion, steps = None, list[MotionSteps]()

@@ -72,6 +72,17 @@ def timing_of(
     return Timing(*shutter, with_frame=with_frame, is_timed=is_timed, vectors=vectors, rolling=rolling)
 
 
+def note_closed_shutter(shutter: Shutter, vectors: Shutter, ctx: Context) -> None:
+    """Report motion vectors of a stage that changes over time which are 0, since no shutter says over what time they are."""
+    is_open = any(each is not None and each[0] < each[1] for each in (shutter, vectors))
+    if not is_open and has_samples_or_clips(ctx.stage):
+        message = (
+            "Motion vectors are 0 everywhere: the shutter is closed. --shutter -0.25 0.25 opens it for half a frame; with "
+            "--no-motion-blur the picture stays sharp."
+        )
+        ctx.warn("vectors-still", "", message)
+
+
 def shutter_of_vectors(camera: Usd.Prim | None, shutter: Shutter, ctx: Context) -> Shutter:
     """What a still's motion vectors are over: the shutter that it would have with motion blur, by the user or the camera."""
     if shutter is None or shutter[0] < shutter[1]:

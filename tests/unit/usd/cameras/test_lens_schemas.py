@@ -338,3 +338,39 @@ def test_who_says_when_the_shutter_is_open() -> None:
     assert (found.closes, found.per_row) == (0.75, 0)
     found, _, said = exposure_of(ROLLING.format("topToBottom").replace("(1, 100)", "(1, 0)"))
     assert said == [("out-of-range", "omni:rtx:rollingShutter:lineOffset")]
+
+
+OLDER = {
+    "fthetaWidth": 400,
+    "fthetaHeight": 200,
+    "fthetaCx": 150,
+    "fthetaCy": 110,
+    "fthetaMaxFov": 190,
+    "fthetaPolyB": 0.0078125,
+}
+
+
+def older(projection: str, **more: float) -> str:
+    values = OLDER | {"fthetaPolyC": 0.000030517578125} | more
+    return f'token cameraProjectionType = "{projection}"\n' + "\n".join(f"float {name} = {v}" for name, v in values.items())
+
+
+def test_a_polynomial_fisheye_of_older_stages_is_f_theta() -> None:
+    """Its attributes have no schema; those of the schemas win where a camera has both."""
+    wanted, _ = camera_of(attributes("ftheta", F_THETA), resolution=(400, 200))
+    found, said = camera_of(older("fisheyePolynomial"), resolution=(400, 200))
+    assert said == []
+    assert found == wanted
+    assert camera_of(older("fisheyePolynomial"))[0].distortion is not None
+    both, said = camera_of(older("fisheyePolynomial") + "\n" + attributes("opencvFisheye", FISHEYE))
+    assert said == []
+    assert both.distortion is not None
+    assert both.distortion.model is DistortionModel.ANGLE_TO_RADIUS
+    assert camera_of(older("fisheyePolynomial", fthetaPolyF=0.1))[1] == [("camera-input", "fthetaPolyF")]
+
+
+@pytest.mark.parametrize("projection", ["fisheyeSpherical", "fisheyeEquidistant", "omniDirectionalStereo", "pinhole"])
+def test_other_projections_of_older_stages_are_reported(projection: str) -> None:
+    camera, said = camera_of(older(projection))
+    assert camera.distortion is None
+    assert said == ([] if projection == "pinhole" else [("camera-input", "cameraProjectionType")])

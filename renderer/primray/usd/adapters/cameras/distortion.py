@@ -32,6 +32,16 @@ SCHEMAS = {
     "OmniLensDistortionOpenCvPinholeAPI": "opencvPinhole",
 }
 NO_MODEL = ("", "none", "pinhole")
+# Before these schemas, Omniverse's cameras had attributes without a schema. Their polynomial is ftheta's, with its defaults.
+PROJECTION = "cameraProjectionType"
+POLYNOMIAL = "fisheyePolynomial"
+_OF_POLYNOMIAL = {
+    "nominalWidth": "fthetaWidth",
+    "nominalHeight": "fthetaHeight",
+    "maxFov": "fthetaMaxFov",
+    **{f"k{power}": f"fthetaPoly{letter}" for power, letter in enumerate("ABCDE")},
+}
+SIXTH = "fthetaPolyF"  # of the fifth power, which ftheta does not have
 
 
 @dataclass(frozen=True)
@@ -103,6 +113,35 @@ class _Attributes:
         return min(self.above_0("maxFov", default) / 2, 180.0)
 
 
+class _PolynomialAttributes(_Attributes):
+    """Those of a camera whose cameraProjectionType is fisheyePolynomial."""
+
+    def name(self, short: str) -> str:
+        return _OF_POLYNOMIAL[short]
+
+    def pair(self, short: str, default: tuple[float, float]) -> tuple[float, float]:
+        x, y = (
+            number(self.prim, f"ftheta{c}", self.when, at, self.diagnostics)
+            for c, at in zip(("Cx", "Cy"), default, strict=True)
+        )
+        return x, y
+
+
+def _older_projection(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> str:
+    """Return POLYNOMIAL or "", and note every other projection than a pinhole's, which is rendered as one."""
+    if PROJECTION not in property_names(prim):
+        return ""
+    named = token(prim, PROJECTION, when, "")
+    if named in NO_MODEL or named == POLYNOMIAL:
+        return named if named == POLYNOMIAL else ""
+    message = (
+        f"{PROJECTION} = {named} is not supported: it is rendered as a pinhole. Author one of the OmniLensDistortion schemas "
+        "(docs/lens.md), which say what the lens does."
+    )
+    diagnostics.add("camera-input", str(prim.GetPath()), message, PROJECTION)
+    return ""
+
+
 def distortion_model(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> str:
     """The model that the camera names or whose schema is applied; "" for none. An unknown one is noted."""
     named = token(prim, MODEL, when, "")
@@ -114,7 +153,8 @@ def distortion_model(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> st
         return ""
     if named or MODEL in property_names(prim):
         return ""
-    return next((SCHEMAS[schema] for schema in applied_schemas(prim) if schema in SCHEMAS), "")
+    applied = next((SCHEMAS[schema] for schema in applied_schemas(prim) if schema in SCHEMAS), "")
+    return applied or _older_projection(prim, when, diagnostics)
 
 
 def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor | None:
@@ -123,6 +163,8 @@ def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor 
     if not model:
         return None
     try:
+        if model == POLYNOMIAL:
+            return _polynomial(_PolynomialAttributes(prim, model, when, diagnostics))
         return _READERS[model](_Attributes(prim, model, when, diagnostics))
     except _Unusable as why:
         message = f"{why}: nothing is distorted."
@@ -146,6 +188,13 @@ def _ftheta(a: _Attributes) -> Sensor:
     if not (k[1] >= 0 and any(c > 0 for c in k[1:]) and all(map(math.isfinite, scaled))):
         raise _Unusable("the polynomial k0 to k4 gives no angle that grows with the distance", a.name("k1"))
     return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.RADIUS_TO_ANGLE, scaled, a.half_fov(200.0)))
+
+
+def _polynomial(a: _PolynomialAttributes) -> Sensor:
+    sixth = number(a.prim, SIXTH, a.when, 0.0, a.diagnostics)
+    if sixth != 0:
+        a.diagnostics.add("camera-input", str(a.prim.GetPath()), f"{SIXTH} = {sixth:g} is left out of the polynomial.", SIXTH)
+    return _ftheta(a)
 
 
 def _kannala_brandt(a: _Attributes) -> Sensor:
