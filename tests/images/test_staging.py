@@ -174,6 +174,14 @@ def test_an_orbit_is_a_camera_that_is_turned_around() -> None:
     assert not np.allclose(found.pixels, rendered(stage_of(CUBE), spp=64).pixels, atol=0.05)
 
 
+def test_frames_of_one_command_are_those_of_their_own(tmp_path: Path, sky: str) -> None:
+    """What earlier frames left behind serves a turntable; each picture is the one that is rendered alone."""
+    stage = stage_of(CUBE)
+    turns = [RenderSettings(resolution=(16, 12), spp=4, orbit_deg=k * 90.0, ground="plane", dome=sky) for k in range(3)]
+    for settings, image in zip(turns, primray.render_frames(stage, turns), strict=True):
+        np.testing.assert_array_equal(image.pixels, primray.render(stage, settings).pixels)
+
+
 @pytest.fixture
 def shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     stage = stage_of(CUBE)

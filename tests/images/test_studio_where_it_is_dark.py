@@ -87,6 +87,17 @@ def test_an_led_does_not_switch_the_studio_off() -> None:
     assert says(other) == [message]  # the samples of the picture do not decide
 
 
+def test_each_frame_of_a_sequence_is_judged_by_itself() -> None:
+    weak = "{ 1: (1e-4, 0, 0), 2: (30, 30, 30), 3: (1e-4, 0, 0) }"
+    blinking = LAMP.replace("emissiveColor = (30, 30, 30)", f"emissiveColor.timeSamples = {weak}")
+    stage = stage_of(BODY + blinking)
+    asked = [RenderSettings(resolution=(48, 36), spp=4, time_code=t) for t in (1.0, 2.0, 3.0)]
+    images = list(primray.render_frames(stage, asked))
+    assert [bool(says(image)) for image in images] == [True, False, True]
+    for settings, image in zip(asked, images, strict=True):
+        np.testing.assert_array_equal(image.pixels, primray.render(stage, settings).pixels)
+
+
 @pytest.mark.parametrize("text", [BODY + LAMP, ball("star", 1, (0, 0, 0), BOUND) + GLOW % "(1, 1, 1)", BODY + LED + SUN])
 def test_what_lights_the_picture_is_meant(text: str) -> None:
     """So is a light that emits nothing. The picture is the one without a studio light, bit for bit."""

@@ -240,7 +240,7 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
     bounds = partial(scene_bounds, scene, assembled.groups, assembled.where, ctx)
     camera, frame = view_through(begun.camera, ctx, product, begun.shutter, bounds, lambda: scene.drawn)
     camera = with_diffusion(camera, ctx.settings)
-    note_near_plane(camera, scene, ctx)
+    note_near_plane(camera, scene.shapes, scene.static, ctx)
     may_need_light = add_default_light(scene, camera, ctx)
     note_missing_primvars(scene, ctx)
     motion, steps = None, list[MotionSteps]()

@@ -65,6 +65,7 @@ def inspect(
     """Print what a stage is made of and what would be rendered: layers, variants, cameras, counts, memory, diagnostics."""
     from ... import usd
     from ...diagnostics import Diagnostics
+    from ...render.prepare import with_additions
     from ...report.motion import motion_facts
     from ...report.summary import counts, primvar_names, summary
     from ...report.texture_sizes import texture_sizes
@@ -111,6 +112,7 @@ def inspect(
     stage = usd.open_stage(scene, diagnostics, settings.composition)
     description, translating = usd.translate(stage, settings)
     diagnostics.extend(translating)
+    description = with_additions(description, settings, diagnostics)
     note_missing_tiles(description, diagnostics)
     textures = texture_sizes(description, usd.read_asset)
     note_unreadable(description, {path for path, size in textures.items() if size is None}, diagnostics, usd.read_asset)

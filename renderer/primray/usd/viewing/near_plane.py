@@ -5,12 +5,13 @@ Sets of many things are not looked at: the check has to cost less than a hundred
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles
-from ...description import Camera, Mesh, Projection, Sphere, SubdivisionMesh
-from ..assembling.scene import Scene
+from ...description import Camera, Mesh, Placed, Projection, Shape, Sphere, SubdivisionMesh
 from ..resolving.context import Context
 
 MOST_THINGS = 4096
@@ -20,17 +21,17 @@ LEAST_SHARE = 0.01  # of the rays
 LOOKED_AT = 512  # triangles within the rays' box that rays are traced against; of more, their centres tell as much
 
 
-def note_near_plane(camera: Camera, scene: Scene, ctx: Context) -> None:
+def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Placed], ctx: Context) -> None:
     near = camera.clipping_range[0]
     is_plain = camera.path and camera.projection is Projection.PERSPECTIVE and camera.distortion is None
-    if not is_plain or not near > 0 or len(scene.static) > MOST_THINGS:
+    if not is_plain or not near > 0 or len(static) > MOST_THINGS:
         return
     eye, ends = camera.world_from_camera[:3, 3], _ends(camera, near)
     low, high = np.minimum(eye, ends.min(axis=0)), np.maximum(eye, ends.max(axis=0))
     nearest = np.full(len(ends), np.inf)
     paths = []
-    for placed in scene.static:
-        shape = scene.shapes[placed.shape]
+    for placed in static:
+        shape = shapes[placed.shape]
         if not isinstance(shape, Mesh | SubdivisionMesh | Sphere):
             continue
         own = np.linalg.inv(placed.matrix) if abs(np.linalg.det(placed.matrix[:3, :3])) > 0 else None
