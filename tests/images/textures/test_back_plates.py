@@ -275,3 +275,21 @@ def test_the_plate_of_an_invisible_camera_is_reported(tmp_path: Path) -> None:
     (tmp_path / "shot.usda").write_text(in_a_rig(STAGE.replace("MORE", ""), 'token visibility = "invisible"'))
     with pytest.raises(UnsupportedError, match="a camera that is invisible"):
         primray.render(tmp_path / "shot.usda", camera="/rig/c", resolution=(8, 8), spp=1, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "file", "reason"),
+    [
+        ("image", "@gone.png@", "is black: its image .*gone.png cannot be read"),
+        ("image", "@text.png@", "is black: its image .*text.png cannot be read"),
+        ("alpha:image", "@gone.png@", "is opaque: its alpha:image .* cannot be read"),
+        ("alpha:image", "@plate.exr@", "is opaque: its alpha:image .* has 3 channels"),
+    ],
+)
+def test_an_image_that_cannot_be_used_is_reported(attribute: str, file: str, reason: str, tmp_path: Path) -> None:
+    save(tmp_path / "plate.exr", GREY)
+    (tmp_path / "text.png").write_text("no picture")
+    stage = STAGE.replace("asset backPlate:b:image = @plate.exr@", "") if attribute == "image" else STAGE
+    (tmp_path / "shot.usda").write_text(stage.replace("MORE", f"asset backPlate:b:{attribute} = {file}"))
+    with pytest.raises(UnsupportedError, match=reason):
+        primray.render(tmp_path / "shot.usda", camera="/c", resolution=(8, 8), spp=1, strict=True)

@@ -21,7 +21,7 @@ from ..querying.stage_values import (
     start_time_code,
     time_codes_per_second,
 )
-from ..querying.traversal import populated
+from ..querying.traversal import attributes_in, populated
 from .select_prims import populate
 
 _METADATA: dict[str, Callable[[Usd.Stage], float | str]] = {
@@ -78,9 +78,8 @@ def _anchor(asset: object, layer: Sdf.Layer, made: Sdf.AttributeSpec | None) -> 
 def _place_expressions(stage: Usd.Stage, flat: Sdf.Layer, place: Callable[[Sdf.Path], Sdf.Path]) -> None:
     """Let path expressions in prototypes name the flattened ones: UsdStage::Flatten maps targets, and no expressions."""
     for prototype in [prim.GetPath() for prim in stage.GetPrototypes()]:
-        found: list[Sdf.Path] = []
-        flat.Traverse(flattened := place(prototype), found.append)
-        for attribute in filter(None, map(flat.GetAttributeAtPath, found)):
+        flattened = place(prototype)
+        for attribute in attributes_in(flat, flattened):
             if isinstance(attribute.default, Sdf.PathExpression):
                 attribute.default = attribute.default.ReplacePrefix(prototype, flattened)
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from pxr import Ar
+from pxr import Ar, Tf
 
 from ...errors import AssetError
+from .messages import tf_message
 
 
 def read_asset(path: str, most: int | None = None) -> bytes:
     """The asset's bytes; AssetError if it cannot be opened, or has more than `most`."""
-    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    try:
+        asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    except Tf.ErrorException as error:  # such as of what is compressed in a package
+        message = f"the asset cannot be opened: {tf_message(error)}"
+        raise AssetError(message, where=path, code="asset-missing") from None
     if not asset:
         raise AssetError("the asset cannot be opened", where=path, code="asset-missing")
     with asset as opened:

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 
 from pxr import Sdf, Usd
 
+from .traversal import models_in
+
 MODEL = "primray:model"
 
 
@@ -17,9 +19,9 @@ def models_below(instance: Usd.Prim) -> list[Sdf.Path]:
     """Paths of the models in a native instance that would be none if it were ended."""
     if instance.IsGroup():
         return []
-    prims = Usd.PrimRange(instance.GetPrototype(), Usd.PrimIsModel)
-    root = instance.GetPrototype().GetPath()
-    return [prim.GetPath().ReplacePrefix(root, instance.GetPath()) for prim in prims if prim.GetPath() != root]
+    prototype = instance.GetPrototype()
+    root = prototype.GetPath()
+    return [prim.GetPath().ReplacePrefix(root, instance.GetPath()) for prim in models_in(prototype)]
 
 
 def mark_models(stage: Usd.Stage, paths: Iterable[Sdf.Path]) -> None:

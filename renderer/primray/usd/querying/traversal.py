@@ -161,6 +161,18 @@ def prims_in(layer: Sdf.Layer) -> list[Sdf.Path]:
     return [path for path in found if path.IsPrimPath()]
 
 
+def attributes_in(layer: Sdf.Layer, root: Sdf.Path) -> list[Sdf.AttributeSpec]:
+    """The attributes that a layer has at a prim and below it."""
+    found: list[Sdf.Path] = []
+    layer.Traverse(root, found.append)
+    return [attribute for attribute in map(layer.GetAttributeAtPath, found) if attribute]
+
+
+def models_in(prototype: Usd.Prim) -> list[Usd.Prim]:
+    """The models of a native prototype, which USD takes for a group of them."""
+    return [prim for prim in Usd.PrimRange(prototype, Usd.PrimIsModel) if prim != prototype]
+
+
 def children(prim: Usd.Prim, drawn: Usd._PrimFlagsPredicate) -> list[Usd.Prim]:
     """Those that a policy sees."""
     found: list[Usd.Prim] = prim.GetFilteredChildren(drawn)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
@@ -30,6 +30,9 @@ from ..resolving.read import StandIns, When, is_hidden, read
 from ..resolving.renderer_attributes import OWN_MATERIAL
 from ..resolving.resolve import transforms
 from .plate_relief import Card, Relief, depths_of, flat_card, relief
+
+if TYPE_CHECKING:
+    import OpenImageIO as oiio
 
 SCHEMA = "BackPlateAPI"
 UNITS_PER_TENTH = 0.1  # UsdGeomCamera: focalLength is in tenths of a scene unit
@@ -95,6 +98,7 @@ def with_back_plates(
                 end_instance(camera)
             through = looks if path == own else None
             card = _card(plate, None if through is None else through.camera, when)
+            _note_unread(plate, when, diagnostics)
             _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
     check_reach(made)
     return made
@@ -139,6 +143,18 @@ def _depth_space(plate: Plate, diagnostics: Diagnostics) -> str | ColorSpace:
         message = f"No colour space {name!r} is known: the depths are taken as they are stored."
         diagnostics.add("color-space", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
     return "raw" if space is None or (isinstance(space, ColorSpace) and space.is_data) else space
+
+
+def _note_unread(plate: Plate, when: When, diagnostics: Diagnostics) -> None:
+    """Report images that the plate names and that cannot be used: what is damaged further on is reported as any texture is."""
+    for what, without in (("image", "black"), ("alpha:image", "opaque")):
+        file = plate.file(what, when)
+        count = _channels(file) if file else 0
+        if not file or (count in _ALPHA if what != "image" else count):
+            continue
+        why = f"has {count} channels, none of which is opacity" if count else "cannot be read"
+        message = f"The plate {plate.name} is {without}: its {what} {file} {why}."
+        diagnostics.add("asset-missing", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:{what}")
 
 
 def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: Looks | None, when: When) -> None:
@@ -187,14 +203,21 @@ def _wear(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: Loo
 
 def _is_as_fine(path: str, through: Looks | None) -> bool:
     """As the picture: then a pixel is the mean of the texels in it, and of no others."""
-    header = read_header(path, read_asset)
+    header = _header(path)
     return header is not None and through is not None and header.width >= through.frame.resolution[0]
 
 
 def _channels(path: str) -> int:
     """0 where the image cannot be opened."""
-    header = read_header(path, read_asset)
+    header = _header(path)
     return 0 if header is None else int(header.nchannels)
+
+
+def _header(path: str) -> oiio.ImageSpec | None:
+    try:
+        return read_header(path, read_asset)
+    except AssetError:
+        return None
 
 
 _TYPES = {
