@@ -50,6 +50,12 @@ class WatchedSteps(Steps):
         self.images = super().image_sizes(textures)
         return self.images
 
+    def add_missing_light(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings, diagnostics: Diagnostics
+    ) -> SceneDescription:
+        self.description = super().add_missing_light(description, textures, settings, diagnostics)
+        return self.description
+
     def dice(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings
     ) -> tuple[SceneDescription, list[tuple[str, str, str]]]:

@@ -1,11 +1,11 @@
 """What a camera's near plane cuts open: found by a few rays from the eye to the plane against what is in their way.
 
-Sets of many things are not looked at: the check has to cost less than a hundredth of a translation.
+Instances and sets of many things are not looked at: the check has to cost less than a hundredth of a translation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from ..resolving.context import Context
 
 MOST_THINGS = 4096
 MOST_TRIANGLES = 1 << 22  # of one mesh
+SMALL = 512  # points of a mesh
 ACROSS, DOWN = 24, 18  # rays
 LEAST_SHARE = 0.01  # of the rays
 LOOKED_AT = 512  # triangles within the rays' box that rays are traced against; of more, their centres tell as much
@@ -27,18 +28,17 @@ def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Pl
     if not is_plain or not near > 0 or len(static) > MOST_THINGS:
         return
     eye, ends = camera.world_from_camera[:3, 3], _ends(camera, near)
-    low, high = np.minimum(eye, ends.min(axis=0)), np.maximum(eye, ends.max(axis=0))
+    along = -camera.world_from_camera[:3, 2] / near  # its product with what is seen from the eye is 0 there, 1 on the plane
     nearest = np.full(len(ends), np.inf)
     paths = []
-    for placed in static:
-        shape = shapes[placed.shape]
-        if not isinstance(shape, Mesh | SubdivisionMesh | Sphere):
+    for k, depth in _between(shapes, static, eye, along):
+        placed, shape = static[k], shapes[static[k].shape]
+        rotation = placed.matrix[:3, :3]
+        if not isinstance(shape, Mesh | SubdivisionMesh | Sphere) or abs(np.linalg.det(rotation)) == 0:
             continue
-        own = np.linalg.inv(placed.matrix) if abs(np.linalg.det(placed.matrix[:3, :3])) > 0 else None
-        if own is None or (isinstance(shape, Sphere) and not _may_meet(shape.box(), own, low, high)):
-            continue
-        start, way = own[:3, :3] @ eye + own[:3, 3], (ends - eye) @ own[:3, :3].T
-        found = _sphere_hits(shape, start, way) if isinstance(shape, Sphere) else _mesh_hits(shape, start, way)
+        own = np.asarray(np.linalg.inv(rotation), np.float64)
+        start, way = own @ (eye - placed.matrix[:3, 3]), (ends - eye) @ own.T
+        found = _sphere_hits(shape, start, way) if isinstance(shape, Sphere) else _mesh_hits(shape, start, way, depth)
         if (found < 1).any():
             paths.append(shape.path)
         nearest = np.minimum(nearest, found)
@@ -65,11 +65,35 @@ def _ends(camera: Camera, near: float) -> Doubles:
     return found
 
 
-def _may_meet(box: tuple[Doubles, Doubles], own: Doubles, low: Doubles, high: Doubles) -> bool:
-    """Whether the box meets that of the rays, seen in the shape's own space."""
-    center, half = (low + high) / 2, (high - low) / 2
-    middle, reach = own[:3, :3] @ center + own[:3, 3], np.abs(own[:3, :3]) @ half
-    return bool((box[0] <= middle + reach).all() and (box[1] >= middle - reach).all())
+def _between(shapes: Sequence[Shape], static: Sequence[Placed], eye: Doubles, along: Doubles) -> Iterator[tuple[int, Doubles]]:
+    """Which of the placed shapes have something between the eye (depth 0) and the plane (depth 1), and the vector (3,) in
+    their own space whose product with a point, less that of the eye, is its depth. Small meshes are looked at together."""
+    if not static:
+        return
+    matrices = np.stack([placed.matrix for placed in static])
+    vectors, at = along @ matrices[:, :3, :3], (matrices[:, :3, 3] - eye) @ along
+    few: list[int] = []
+    for k, placed in enumerate(static):
+        shape = shapes[placed.shape]
+        if isinstance(shape, Sphere):
+            reach = abs(shape.radius) * float(np.linalg.norm(vectors[k]))
+            if at[k] - reach < 1 and at[k] + reach > 0:
+                yield k, vectors[k]
+        elif isinstance(shape, Mesh | SubdivisionMesh):
+            if 0 < len(shape.points) <= SMALL:
+                few.append(k)
+            elif len(shape.points):
+                depth = shape.points @ vectors[k].astype(np.float32)
+                if depth.min() + at[k] < 1 and depth.max() + at[k] > 0:
+                    yield k, vectors[k]
+    if few:
+        points = [shapes[static[k].shape].points for k in few]  # type: ignore[union-attr]
+        counts = np.array([len(p) for p in points])
+        depth = (np.concatenate(points) * np.repeat(vectors[few], counts, axis=0)).sum(axis=1) + np.repeat(at[few], counts)
+        starts = np.cumsum(counts) - counts
+        meets = (np.minimum.reduceat(depth, starts) < 1) & (np.maximum.reduceat(depth, starts) > 0)
+        for k in np.array(few)[meets].tolist():
+            yield k, vectors[k]
 
 
 def _sphere_hits(shape: Sphere, start: Doubles, way: Doubles) -> Doubles:
@@ -82,31 +106,27 @@ def _sphere_hits(shape: Sphere, start: Doubles, way: Doubles) -> Doubles:
     return np.where((inside > 0) & (found > 0), found, np.inf)
 
 
-def _mesh_hits(shape: Mesh | SubdivisionMesh, start: Doubles, way: Doubles) -> Doubles:
-    """As _sphere_hits; a cage is taken for its surface. What is not between the eye and the plane costs a product a point."""
+def _mesh_hits(shape: Mesh | SubdivisionMesh, start: Doubles, way: Doubles, along: Doubles) -> Doubles:
+    """As _sphere_hits; a cage is taken for its surface."""
     found = np.full(len(way), np.inf)
-    normal = np.linalg.lstsq(way, np.ones(len(way)), rcond=None)[0]  # of the plane: 1 on it, 0 at the eye
-    depth = shape.points @ normal.astype(np.float32) - np.float32(normal @ start)
-    if not len(depth) or depth.min() > 1 or depth.max() < 0:
-        return found
     triangles = shape.triangles if isinstance(shape, Mesh) else _fans(shape)
     if len(triangles) > MOST_TRIANGLES:
         return found
-    of_corners = depth[triangles]
+    of_corners = ((shape.points - start) @ along)[triangles]
     triangles = triangles[(of_corners.min(axis=1) <= 1) & (of_corners.max(axis=1) >= 0)]
     corners = np.asarray(shape.points, np.float64)[triangles] - start
     low, high = np.minimum(way.min(axis=0), 0), np.maximum(way.max(axis=0), 0)
     corners = corners[((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)]
     if len(corners) > LOOKED_AT:
-        return _splatted(corners.mean(axis=1), normal, way)
+        return _splatted(corners.mean(axis=1), along, way)
     for k in range(0, len(corners), 64):
         found = np.minimum(found, _nearest(corners[k : k + 64], way))
     return found
 
 
-def _splatted(centers: Doubles, normal: Doubles, way: Doubles) -> Doubles:
+def _splatted(centers: Doubles, along: Doubles, way: Doubles) -> Doubles:
     """The same for many small triangles: by which rays their centres (K, 3) are nearest to."""
-    depth = centers @ normal
+    depth = centers @ along
     centers, depth = centers[(depth > 0) & (depth < 1)], depth[(depth > 0) & (depth < 1)]
     first, across, down = way[0], (way[ACROSS - 1] - way[0]) / (ACROSS - 1), (way[-1] - way[ACROSS - 1]) / (DOWN - 1)
     at = np.rint((centers / depth[:, None] - first) @ np.linalg.pinv(np.stack([across, down])))
