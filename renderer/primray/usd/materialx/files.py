@@ -32,6 +32,7 @@ def files_of_documents(paths: Iterable[str]) -> tuple[set[str], set[str]]:
             found.update(files)
             if not files or os.path.isabs(name):
                 missing.add(name)
+        found.update(file for name in named.possible for file in _files(name, document) if os.path.exists(file))
         for path in (file for name in named.documents for file in _files(name, document)):
             if path not in seen:
                 seen.add(path)
