@@ -1,4 +1,4 @@
-"""What graphs of a document's own nodes have by default: geometric properties (defaultgeomprop), and tokens in names of files."""
+"""What graphs of a document's own nodes have by default: geometric properties, and tokens in names of files."""
 
 from __future__ import annotations
 
@@ -100,7 +100,8 @@ def test_tokens_of_a_node_fill_in_names_of_files(tmp_path: Path) -> None:
 def test_tokens_are_handed_on_by_what_is_around_a_node(tmp_path: Path) -> None:
     outer = """<nodedef name="ND_outer" node="outer"><token name="t" type="string" value="a"/><output name="out" type="color3"/>
       </nodedef><nodegraph name="NG_outer" nodedef="ND_outer"><shown name="s" type="color3">
-      <token name="which" type="string" interfacename="t"/></shown><output name="out" type="color3" nodename="s"/></nodegraph>"""
+      <token name="which" type="string" interfacename="t"/></shown>
+      <output name="out" type="color3" nodename="s"/></nodegraph>"""
     assert files_of(tmp_path, outer + '<outer name="c" type="color3"><token name="t" type="string" value="b"/></outer>') == [
         "b.png"
     ]
