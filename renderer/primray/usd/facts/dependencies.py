@@ -11,6 +11,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
+from ..materials.file_places import files_at, has_places
 from ..materialx.files import files_of_documents
 from ..opening.file_names import FileNames
 from ..opening.stage import open_layer, usd_messages
@@ -69,7 +70,16 @@ def _all_of(path: str) -> tuple[set[str], set[str], set[str]]:
     if not layers:
         raise StageOpenError("USD cannot open it.", where=path)
     files = {_file(layer.realPath) for layer in layers if layer.realPath}
-    return files, {_file(asset) for asset in assets} - files, {text for text in missing if not _is_tiles(text, assets)}
+    sets = {text: _files_of_set(text, files) for text in missing if has_places(text)}  # USD knows no places but <UDIM>
+    found = {_file(asset) for asset in assets}.union(*sets.values())
+    known = {text for text in sets if sets[text] or _is_in_package(text, assets)}
+    return files, found - files, set(missing) - known
+
+
+def _files_of_set(text: str, layers: set[str]) -> set[str]:
+    """Return the files that a name with places stands for, beside the layers where it does not say from where."""
+    folders = [""] if os.path.isabs(text) else sorted({os.path.dirname(layer) for layer in layers})
+    return {file for folder in folders for file in files_at(os.path.join(folder, text))}
 
 
 def _file(path: str) -> str:
@@ -77,10 +87,10 @@ def _file(path: str) -> str:
     return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0]))
 
 
-def _is_tiles(text: str, assets: list[str]) -> bool:
-    """Whether a path with a tile's place in it was found, as tiles."""
+def _is_in_package(text: str, assets: list[str]) -> bool:
+    """Return whether the tiles that a name stands for are members of a usdz, where USD found them."""
     before, place, _ = text.partition("<UDIM>")
-    return bool(place) and any(asset.startswith(os.path.abspath(before)) or before in asset for asset in assets)
+    return bool(place) and any(before in asset for asset in assets)
 
 
 def _composed_layers(path: str) -> Iterator[str]:
@@ -116,7 +126,7 @@ def _fixed_paths(file: str) -> Iterator[tuple[str, str]]:
 
 
 def _is_found_by_searching(file: str, text: str) -> bool:
-    if text.startswith((".", "`")) or "<UDIM>" in text:
+    if text.startswith((".", "`")) or has_places(text):
         return False
     outer = Ar.SplitPackageRelativePathOuter(text)[0]
     beside = os.path.join(os.path.dirname(file), outer)

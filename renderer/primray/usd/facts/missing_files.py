@@ -14,6 +14,7 @@ from ...diagnostics import Diagnostics
 from ..adapters.lights.light import TEXTURE, missing_texture_text
 from ..lights.ies_asset import FILE as PROFILE
 from ..lights.ies_asset import missing_text as missing_profile_text
+from ..materials.file_places import files_at, has_places, names_frame, tile_paths
 from ..materials.texture_asset import missing_text
 from ..querying.guarded import computed, default_value, shader_id, type_name
 
@@ -63,13 +64,17 @@ def _missing(attribute: Usd.Attribute | None) -> str:
     asset = default_value(attribute) if attribute else None
     if not isinstance(asset, Sdf.AssetPath) or asset.resolvedPath or not asset.path:
         return ""
-    is_set = UsdShade.UdimUtils.IsUdimIdentifier(asset.path)
-    return "" if is_set and _has_tiles(asset.path, attribute) else str(asset.path)
+    return "" if has_places(asset.path) and _has_files(asset.path, attribute) else str(asset.path)
 
 
-def _has_tiles(path: str, attribute: Usd.Attribute) -> bool:
+def _has_files(path: str, attribute: Usd.Attribute) -> bool:
+    """Return whether a set has a tile, in a package too, or a sequence a file."""
     layers = [spec.layer for spec in attribute.GetPropertyStack(Usd.TimeCode.Default()) if spec.HasDefaultValue()]
-    return bool(layers) and bool(UsdShade.UdimUtils.ResolveUdimTilePaths(path, layers[0]))
+    if not layers:
+        return False
+    if names_frame(path):
+        return bool(files_at(str(Sdf.ComputeAssetPathRelativeToLayer(layers[0], path))))
+    return bool(tile_paths(path, layers[0])[1])
 
 
 def _bound(prims: list[Usd.Prim]) -> set[str]:

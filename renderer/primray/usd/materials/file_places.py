@@ -5,7 +5,9 @@ MaterialX, "Filename Substitutions"; <UDIM> is UsdUVTexture's too.
 
 from __future__ import annotations
 
+import glob
 import math
+import os
 import re
 from dataclasses import dataclass
 
@@ -14,6 +16,9 @@ from pxr import Ar, Sdf, UsdShade
 UVTILE = "<UVTILE>"
 _FIRST, _ACROSS, _TILES = 1001, 10, 100
 _FRAME = re.compile(r"\{(?:0(\d+))?frame\}")
+
+_PLACE = re.compile(r"(<UDIM>|<UVTILE>|\{(?:0\d+)?frame\})")
+_NUMBERS = {"<UDIM>": r"1(?:0\d[1-9]|0[1-9]0|100)", UVTILE: r"_?u(?:[1-9]|10)_v(?:[1-9]|10)"}
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,19 @@ def with_frame(path: str, number: int) -> str:
 
 def is_tiles(path: str) -> bool:
     return UVTILE in path or bool(UsdShade.UdimUtils.IsUdimIdentifier(path))
+
+
+def has_places(path: str) -> bool:
+    """Return whether a name stands for files of other names: tiles of a set, or frames."""
+    return is_tiles(path) or names_frame(path)
+
+
+def files_at(path: str) -> list[str]:
+    """Return all files on the disk that textures may be read from by a name with places, whatever the frame."""
+    parts = _PLACE.split(path)
+    pattern = re.compile("".join(_NUMBERS.get(p, r"-?\d+") if _PLACE.fullmatch(p) else re.escape(p) for p in parts))
+    found = glob.glob("".join("*" if _PLACE.fullmatch(part) else glob.escape(part) for part in parts))
+    return sorted(os.path.abspath(file) for file in found if pattern.fullmatch(file))
 
 
 def resolved(path: str, layer: Sdf.Layer | None) -> str:

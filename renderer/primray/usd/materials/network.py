@@ -13,6 +13,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
+from ..querying.document_marks import DEFAULT_NODE
 from ..querying.guarded import connections, shader_id
 from ..resolving.color_spaces import color_in_rendering_space, scope_of
 from ..resolving.context import Context
@@ -68,7 +69,14 @@ def _follow(attribute: Usd.Attribute, ctx: Context, passed: tuple[Sdf.Path, ...]
         if found is not None:
             return found
     raw = value(attribute, ctx.when)
-    return None if raw is None else Constant(attribute, raw)
+    return _default_node(attribute) if raw is None else Constant(attribute, raw)
+
+
+def _default_node(attribute: Usd.Attribute) -> Node | None:
+    """Return the node that gives what an input of a MaterialX document has by default, None where there is none."""
+    name = attribute.GetCustomDataByKey(DEFAULT_NODE) if attribute.HasAuthoredMetadata("customData") else None
+    prim = attribute.GetPrim().GetChild(name) if isinstance(name, str) and Sdf.Path.IsValidIdentifier(name) else None
+    return Node(prim, "out") if prim else None
 
 
 def _target(attribute: Usd.Attribute, path: Sdf.Path, ctx: Context, passed: tuple[Sdf.Path, ...]) -> Constant | Node | None:

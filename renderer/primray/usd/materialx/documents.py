@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice, product
 from typing import Any
 
 from pxr import Ar
@@ -20,6 +21,7 @@ from ..querying.asset import read_asset
 MOST_BYTES = 64 << 20  # of a document with all that it includes
 MOST_ELEMENTS = 200_000
 MOST_INCLUDES = 256
+MOST_NAMES = 10_000  # that tokens make of one name of a file
 # What is looked ahead at is not taken back, so that no text takes longer than its length. Possessive repetition would say so,
 # but is wrong in Python 3.11.2.
 _MARKUP = re.compile(
@@ -65,10 +67,14 @@ def read_document(path: str) -> Any:
 
 @dataclass(frozen=True)
 class Named:
-    """What a document names itself, as it says it with its prefixes: documents that it includes, and files."""
+    """What a document names itself, as it says it with its prefixes: documents that it includes, and files.
+
+    `possible`: files that some of its tokens' values name together, of which not all need to be there.
+    """
 
     documents: tuple[str, ...]
     files: tuple[str, ...]
+    possible: tuple[str, ...]
 
 
 def names_in(path: str) -> Named:
@@ -83,11 +89,27 @@ def names_in(path: str) -> Named:
         mx.readFromXmlString(document, checked_text(path, MOST_BYTES, MOST_ELEMENTS)[0], mx.FileSearchPath(), options)
         found = [element for element in document.traverseTree() if element.getAttribute("type") == "filename"]
         files = [name for element in found if (name := element.getResolvedValueString())]
+        by_tokens = list(_names_by_tokens(document, found))
     except PrimrayError:
         raise
     except Exception as error:
         raise _bad(str(error) or type(error).__name__, path) from None
-    return Named(tuple(dict.fromkeys(included)), tuple(dict.fromkeys(files)))
+    return Named(tuple(dict.fromkeys(included)), tuple(dict.fromkeys(files)), tuple(dict.fromkeys(by_tokens)))
+
+
+def _names_by_tokens(document: Any, files: list[Any]) -> Iterator[str]:
+    """Yield the names that files with tokens in them may have: with each value that the document gives a token of the name."""
+    files = [element for element in files if "[" in element.getValueString()]
+    values: dict[str, set[str]] = {}
+    for token in (e for e in document.traverseTree() if files and e.getCategory() == "token"):
+        values.setdefault(token.getName(), set()).add(token.getValueString())
+    for element in files:
+        names = [name for name in sorted(values) if f"[{name}]" in element.getValueString()]
+        for chosen in islice(product(*(sorted(values[name]) for name in names)), MOST_NAMES):
+            resolver = element.createStringResolver()
+            for name, text in zip(names, chosen, strict=True):
+                resolver.setFilenameSubstitution(f"[{name}]", text)
+            yield str(element.getResolvedValueString(resolver))
 
 
 class _Reader:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import glob
 import os
-import re
 from collections.abc import Iterable
 
 from ...errors import AssetError
+from ..materials.file_places import files_at, has_places
 from .documents import MOST_INCLUDES, beside, names_in
 from .stand_ins import is_document
-
-_PLACES = re.compile(r"<(UDIM|UVTILE)>|%28UDIM%29|\{(0\d+)?frame\}", re.IGNORECASE)
 
 
 def files_of_documents(paths: Iterable[str]) -> tuple[set[str], set[str]]:
@@ -32,6 +29,7 @@ def files_of_documents(paths: Iterable[str]) -> tuple[set[str], set[str]]:
             found.update(files)
             if not files or os.path.isabs(name):
                 missing.add(name)
+        found.update(file for name in named.possible for file in _files(name, document) if os.path.exists(file))
         for path in (file for name in named.documents for file in _files(name, document)):
             if path not in seen:
                 seen.add(path)
@@ -41,10 +39,8 @@ def files_of_documents(paths: Iterable[str]) -> tuple[set[str], set[str]]:
 
 def _files(name: str, document: str) -> list[str]:
     """On the disk; of a set of tiles, all of them."""
-    if _PLACES.search(name):
-        folder = os.path.dirname(document)
-        pattern = "*".join(glob.escape(part) for part in _PLACES.sub("\0", os.path.join(folder, name)).split("\0"))
-        return sorted(os.path.abspath(path) for path in glob.glob(pattern))
+    if has_places(name):
+        return files_at(os.path.join(os.path.dirname(document), name))
     try:
         return [os.path.abspath(beside(name, document))]
     except AssetError:

@@ -11,11 +11,14 @@ from typing import Any
 
 from pxr import Sdf
 
+from ..querying.document_marks import DEFAULT_NODE
+from .geometric_properties import GEOMPROP_NODES, GeometricProperties
 from .growth import fault
 from .units import UnitError, Units
 from .writing import (
     RAW,
     ROOT,
+    Tokens,
     connect,
     define,
     identifier,
@@ -73,6 +76,8 @@ class NodeGraphs:
         self._written: set[str] = set()
         self._graphs = {graph.getName(): graph for graph in own(document, "nodegraph")}
         self._definitions = {definition.getName() for definition in own(document, "nodedef")}
+        self._with_tokens: dict[tuple[str, Tokens], Sdf.Path] = {}  # a definition's graph, once for each set of values
+        self.properties = GeometricProperties(document)
         if wrong := fault(self._graphs, self._definitions):
             raise ValueError(wrong)
 
@@ -89,13 +94,28 @@ class NodeGraphs:
             if self.implementing(definition := graph.getNodeDef()) is not None:
                 self._definition(definition)
 
-    def _definition(self, definition: Any) -> Sdf.Path:
-        path = GRAPHS.AppendChild(name_of(definition))
+    def _definition(self, definition: Any, tokens: Tokens = ()) -> Sdf.Path:
+        path = self._path_of(definition, tokens)
         graph = self.implementing(definition)
         if str(path) not in self._written:
             self._written.add(str(path))
-            self._write(graph, path, definition)
+            self._write(graph, path, definition, tokens)
         return path
+
+    def _path_of(self, definition: Any, tokens: Tokens) -> Sdf.Path:
+        """Return where a definition's graph is written. Names of files are text that USD cannot compose of parts, so that
+        each set of values that nodes give its tokens has a graph of its own."""
+        path = GRAPHS.AppendChild(name_of(definition))
+        if not tokens:
+            return path
+        key = (definition.getName(), tokens)
+        if key not in self._with_tokens:
+            taken = {*map(identifier, (*self._graphs, *self._definitions)), *(p.name for p in self._with_tokens.values())}
+            name = f"{path.name}_tokens_{len(self._with_tokens) + 1}"
+            while name in taken:
+                name += "_"
+            self._with_tokens[key] = GRAPHS.AppendChild(name)
+        return self._with_tokens[key]
 
     def of_name(self, name: str) -> Sdf.Path | None:
         """A graph of the document."""
@@ -120,17 +140,18 @@ class NodeGraphs:
             )
         return GRAPHS
 
-    def _write(self, graph: Any, path: Sdf.Path, definition: Any) -> None:
+    def _write(self, graph: Any, path: Sdf.Path, definition: Any, tokens: Tokens = ()) -> None:
         prim = define(self.layer, path, "NodeGraph")
         note_ui(prim, graph)
+        nodes = _Nodes(self, path, graph, tokens)
         for interface in (*(definition_stack(definition) if definition is not None else ()), graph):
             for element in interface.getInputs():
                 made = input_of(prim, element)
                 # A definition's defaults are in the units that it names itself.
                 factor = self._factor(element, _reader(element, graph), path) if interface is graph else 1.0
-                set_value(made, element, self._interface_has_colors(element, graph), factor)
+                set_value(made, element, self._interface_has_colors(element, graph), factor, tokens)
+                nodes.set_default(made, element)
                 note_input_ui(made, element)
-        nodes = _Nodes(self, path, graph)
         nodes.write(graph.getNodes())
         for element in graph.getInputs():
             nodes.join(input_of(prim, element), element)
@@ -165,23 +186,26 @@ class NodeGraphs:
         refer(define(self.layer, path), source)
         return path
 
-    def custom_node(self, node: Any, path: Sdf.Path) -> bool:
-        """Write the node as a reference to the graph of the document that implements it; False where none does."""
+    def custom_node(self, node: Any, path: Sdf.Path, tokens: Tokens = ()) -> bool:
+        """Write the node as a reference to the graph of the document that implements it; False where none does.
+
+        `tokens`: those of the graph that the node is in.
+        """
         definition = node.getNodeDef()
         if self.implementing(definition) is None:
             return False
         prim = define(self.layer, path)
-        source = self._definition(definition)
+        source = self._definition(definition, _tokens_of(node, tokens))
         self._parts.setdefault(path.GetParentPath(), set()).add(source)
         refer(prim, source)
         for element in node.getInputs():
-            self.write_value(input_of(prim, element), element, definition, path.GetParentPath())
+            self.write_value(input_of(prim, element), element, definition, path.GetParentPath(), tokens)
         return True
 
-    def write_value(self, made: Sdf.AttributeSpec, element: Any, definition: Any, of: Sdf.Path) -> None:
+    def write_value(self, made: Sdf.AttributeSpec, element: Any, definition: Any, of: Sdf.Path, tokens: Tokens = ()) -> None:
         """Write the value of a node's input, in the unit that the node expects; `of`: the graph or material it belongs to."""
         factor = self.factor(element, definition, of)
-        set_value(made, element, self.has_colors(element, definition), factor)
+        set_value(made, element, self.has_colors(element, definition), factor, tokens)
 
     def factor(self, element: Any, definition: Any, of: Sdf.Path) -> float:
         """Return what converts a node's input to the unit that the node expects; 1, noted, where that cannot be known."""
@@ -225,8 +249,8 @@ class NodeGraphs:
 class _Nodes:
     """Those of one graph, or of the document's top."""
 
-    def __init__(self, graphs: NodeGraphs, path: Sdf.Path, container: Any) -> None:
-        self._graphs, self._path, self._container = graphs, path, container
+    def __init__(self, graphs: NodeGraphs, path: Sdf.Path, container: Any, tokens: Tokens = ()) -> None:
+        self._graphs, self._path, self._container, self._tokens = graphs, path, container, tokens
         self._prims = {name_of(node) for node in container.getNodes()}
 
     def write(self, nodes: list[Any]) -> None:
@@ -236,7 +260,7 @@ class _Nodes:
     def _node(self, node: Any) -> None:
         path = self._path.AppendChild(name_of(node))
         definition = node.getNodeDef()
-        if self._graphs.custom_node(node, path):
+        if self._graphs.custom_node(node, path, self._tokens):
             prim = define(self._graphs.layer, path)
         else:
             read = self._read_factor(node, definition)
@@ -247,21 +271,50 @@ class _Nodes:
                 self._graphs.multiplied(at.AppendProperty("outputs:out"), path, node.getType(), read)
         note_ui(prim, node)
         for element in node.getInputs():
-            self.join(input_of(prim, element), element, definition)
+            if made := prim.attributes.get(f"inputs:{name_of(element)}"):
+                self.join(made, element, definition)
         if prim.path != path and (default := prim.attributes.get("inputs:default")):
             self._divide(default, node.getType(), read)
 
+    def set_default(self, made: Sdf.AttributeSpec, element: Any) -> None:
+        """Have a node give an input of the graph's interface the geometric property that it has by default.
+
+        The node is named by the input, and not connected to it: a value that somebody gives the input is to win.
+        """
+        if not (name := element.getAttribute("defaultgeomprop")):
+            return
+        path = self._unused(f"{made.name.removeprefix('inputs:')}_by_default")
+        self._graphs.properties.write(define(self._graphs.layer, path, "Shader"), name, element.getType())
+        made.SetInfo("customData", {DEFAULT_NODE: path.name})
+
     def _primitive(self, node: Any, definition: Any, prim: Sdf.PrimSpec) -> None:
+        if self._property(node, definition, prim):
+            return
         if definition is not None:
             set_identifier(prim, definition.getName())
         for element in node.getInputs():
             made = input_of(prim, element)
-            self._graphs.write_value(made, element, definition, self._path)
+            self._graphs.write_value(made, element, definition, self._path, self._tokens)
             if element.getType() == "filename" and not has_colors(element, definition):
                 made.SetInfo("colorSpace", RAW)  # whatever else reads the file by the graph's interface
             note_input_ui(made, element)
         for output in outputs_of(definition):
             note_ui(typed_attribute(prim, f"outputs:{name_of(output)}", output.getType()), output)
+
+    def _property(self, node: Any, definition: Any, prim: Sdf.PrimSpec) -> bool:
+        """Write a node that reads a geometric property which the document derives from another; False of all others."""
+        given = node.getInput("geomprop") if node.getCategory() in GEOMPROP_NODES else None
+        if given is None or not self._graphs.properties.has_own:
+            return False
+        if given.hasAttribute("interfacename") and self._container.getNodeDef() is None:
+            given = given.getInterfaceInput() or given
+        elif not given.getValueString():
+            self._graphs.note(self._path, f"{given.getNamePath()} is taken for the name of a primvar, not of a geompropdef.")
+        name = given.getValueString()
+        if not self._graphs.properties.is_own(name):
+            return False
+        self._graphs.properties.write(prim, name, node.getType())
+        return True
 
     def _read_factor(self, node: Any, definition: Any) -> float:
         """Return what converts the numbers that a node reads from a file, or from a geometric property that has a unit."""
@@ -333,6 +386,17 @@ def _reader(element: Any, graph: Any) -> Any:
                 if expected is not None and expected.hasAttribute("unit"):
                     return expected
     return None
+
+
+def _tokens_of(node: Any, outer: Tokens) -> Tokens:
+    """Return what a node says of the tokens of the graph that implements it; `outer`: those of the graph that it is in."""
+    found = {}
+    for token in node.getTokens():
+        text = dict(outer).get(token.getAttribute("interfacename"), token.getValueString())
+        for name, value in outer:
+            text = text.replace(f"[{name}]", value)
+        found[token.getName()] = text
+    return tuple(sorted(found.items()))
 
 
 def set_identifier(prim: Sdf.PrimSpec, name: str) -> None:

@@ -37,6 +37,7 @@ _TYPES = {
     "stringarray": _T.StringArray,
     "geomnamearray": _T.StringArray,
 }
+Tokens = tuple[tuple[str, str], ...]  # names and values that a node gives tokens of what implements it
 RAW = "raw"  # the colour space of numbers that nothing converts
 SHADERS = ("surfaceshader", "displacementshader", "volumeshader", "lightshader")
 _VECTORS = {"color3": Gf.Vec3f, "color4": Gf.Vec4f, "vector2": Gf.Vec2f, "vector3": Gf.Vec3f, "vector4": Gf.Vec4f}
@@ -106,13 +107,13 @@ def connect(spec: Sdf.AttributeSpec, source: Sdf.Path) -> None:
     spec.connectionPathList.explicitItems = [source]
 
 
-def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool, factor: float = 1.0) -> None:
+def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool, factor: float = 1.0, tokens: Tokens = ()) -> None:
     """Write an element's value times a factor, and the colour space that it is in; `colors`: it may have one.
 
     The space is written whatever the document's is: what a layer leaves unsaid is the stage's to say, which a document is not
     to depend on. An element without a value says its space only where it says one itself.
     """
-    value = value_of(element)
+    value = value_of(element, tokens)
     if value is not None:
         spec.default = value if factor == 1.0 or element.getType() == "filename" else value * factor
     if colors and (value is not None or element.hasColorSpace()):
@@ -129,10 +130,10 @@ def space_of(element: Any) -> str:
     return space if space and space != "none" else RAW
 
 
-def value_of(element: Any) -> Any:
+def value_of(element: Any, tokens: Tokens = ()) -> Any:
     """None where there is none that its type can have."""
     kind = element.getType()
-    text = element.getResolvedValueString() if kind in ("filename", "geomname") else element.getValueString()
+    text = _resolved_text(element, tokens) if kind in ("filename", "geomname") else element.getValueString()
     if not text:
         return None
     if kind == "filename":
@@ -140,6 +141,16 @@ def value_of(element: Any) -> Any:
     if kind in ("string", "geomname"):
         return text
     return _converted(element.getValue(), kind) if kind in _TYPES else None
+
+
+def _resolved_text(element: Any, tokens: Tokens) -> str:
+    """Return the name of a file or of geometry with its prefix, and with tokens filled in: these before those in scope."""
+    if not tokens or "[" not in element.getValueString():
+        return str(element.getResolvedValueString())
+    resolver = element.createStringResolver()
+    for name, text in tokens:
+        resolver.setFilenameSubstitution(f"[{name}]", text)
+    return str(element.getResolvedValueString(resolver))
 
 
 def _converted(value: Any, kind: str) -> Any:

@@ -97,3 +97,32 @@ def test_a_stage_that_cannot_be_read_is_said_so(tmp_path: Path) -> None:
             dependencies(path)
     with pytest.raises(StageOpenError):
         write_usdz(broken, str(tmp_path / "out.usdz"))
+
+
+PLACES = [
+    ("t.<UDIM>.png", ["t.1001.png", "t.1010.png", "t.1100.png"], ["t.1101.png", "t.left.png"]),
+    ("t.<UVTILE>.png", ["t.u1_v1.png", "t._u2_v1.png"], ["t.u0_v1.png", "t.1001.png"]),
+    ("t.{frame}.png", ["t.7.png", "t.1001.png"], ["t.left.png"]),
+    ("t.{04frame}.<UVTILE>.png", ["t.0007.u1_v1.png"], ["t.0007.png"]),
+]
+
+
+@pytest.mark.parametrize(("name", "there", "others"), PLACES)
+@pytest.mark.parametrize("document", [False, True])
+def test_names_with_places_stand_for_all_files_that_textures_read(
+    name: str, there: list[str], others: list[str], document: bool, tmp_path: Path
+) -> None:
+    """USD itself knows <UDIM> alone; documents of MaterialX and layers are read by one rule."""
+    for file in (*there, *others):
+        write(tmp_path / "maps" / file, "")
+    if document:
+        value = name.replace("<", "&lt;").replace(">", "&gt;")
+        image = f'<image name="i" type="color3"><input name="file" type="filename" value="maps/{value}"/></image>'
+        write(tmp_path / "m.mtlx", f'<materialx version="1.39">{image}</materialx>')
+    root = write(
+        tmp_path / "a.usda",
+        'def "A" (references = @m.mtlx@) {\n}\n' if document else f'def "A" {{\n asset a = @maps/{name}@\n}}\n',
+    )
+    found = dependencies(root)
+    assert [Path(file).name for file in found.files if "maps" in file] == sorted(there)
+    assert not [text for text in found.missing if "maps" in text]
