@@ -43,7 +43,9 @@ def first_hits(
     its wide twin, and its width); bindings/first_hit_bindings.cpp. `replicate`: which of the independent sets of samples
     filtered planes are means of; `occlusion_distance`: in scene units, of the plane of that name."""
     try:
-        hits = module().FirstHits(scene._scene, list(planes), list(primvars), replicate, occlusion_distance)
+        hits = module().FirstHits(
+            scene._scene, list(planes), list(primvars), replicate=replicate, occlusion_distance=occlusion_distance
+        )
         for row in range(0, scene.resolution[1], BAND):
             hits.fill(lanes(), threads(settings), row, row + BAND)
     except module().CoreError as error:

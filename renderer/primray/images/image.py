@@ -148,8 +148,8 @@ class Image:
         `bit_depth` is a PNG's (8 or 16) or a TIFF's (16, 8, or 32: scene-linear floats). `half` names what an EXR stores as
         halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
         nothing is called so, or values are beyond what a half holds. `compression` of an EXR is none, rle, zips, zip, piz,
-        pxr24, b44, b44a, dwaa or dwab, with the `level` of zip and DWA; `header` adds attributes to its header. `flatten_over` is
-        the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black.
+        pxr24, b44, b44a, dwaa or dwab, with the `level` of zip and DWA; `header` adds attributes to its header. `flatten_over`
+        is the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black.
         """
         path = check_output_path(path)
         chosen, encoding = (

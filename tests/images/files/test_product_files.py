@@ -260,10 +260,8 @@ def test_flags_say_how_an_exr_is_stored(tmp_path: Path, capsys: pytest.CaptureFi
     made.GetRootLayer().Export(str(tmp_path / "s.usda"))
     command = ["render", str(tmp_path / "s.usda"), "--res", "8", "8", "--spp", "2", "-o"]
     out = str(tmp_path / "a.exr")
-    assert (
-        run([*command, out, "--compression", "dwab:30", "--metadata", "shot=a=b", "--metadata", "supervisor=me", "--half", "none"])
-        == 0
-    )
+    flags = ["--compression", "dwab:30", "--metadata", "shot=a=b", "--metadata", "supervisor=me", "--half", "none"]
+    assert run([*command, out, *flags]) == 0
     (spec,) = parts_of(Path(out)).values()
     assert [spec.getattribute(name) for name in ("compression", "shot", "supervisor")] == ["dwab", "a=b", "me"]
     assert spec.getattribute("openexr:dwaCompressionLevel") == 30
