@@ -266,8 +266,7 @@ def test_inspect_lists_outputs_with_their_files(capsys: pytest.CaptureFixture[st
         "b": ("z", 'token productName = "beauty/a.$F4.exr"\n rel camera = </far>'),
     }
     write(Path("s.usda"), products, passes)
-    chosen = {"render_settings": "/Render/settings"}
-    found = primray.inspect("s.usda", time_code=7, **chosen)["outputs"]
+    found = primray.inspect("s.usda", time_code=7, render_settings="/Render/settings")["outputs"]
     assert [(s["path"], s["followed"]) for s in found["render_settings"]] == [
         ("/Render/settings", True),
         ("/Render/other", False),
@@ -278,7 +277,10 @@ def test_inspect_lists_outputs_with_their_files(capsys: pytest.CaptureFixture[st
     ]
     assert [(v["name"], v["source"]) for v in found["products"][0]["variables"]] == [("rgba", "Ci"), ("N", "N")]
     assert found["render_passes"] == [{"path": "/Render/all", "render_settings": "/Render/settings"}]
-    written = [p.file_name for p, _ in primray.render_products("s.usda", spp=1, time_code=7, progress=False, **chosen)]
+    written = [
+        p.file_name
+        for p, _ in primray.render_products("s.usda", spp=1, time_code=7, progress=False, render_settings="/Render/settings")
+    ]
     assert written == [p["file"] for p in found["products"]]
     assert run(["inspect", "s.usda", "--render-settings", "/Render/settings", "--frames", "7"]) == 0
     said = capsys.readouterr().out
