@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .camera import Camera, Projection
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
+    from .examining.inspected import inspect
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
@@ -67,6 +68,7 @@ __all__ = [
     "__version__",
     "compare",
     "errors",
+    "inspect",
     "read_image",
     "render",
     "render_frames",
@@ -91,6 +93,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Scene": "keeping.scene",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
+        "inspect": "examining.inspected",
         "read_image": "images.reading",
         "render_products": "render.products",
         "render_stereo": "render.stereo",

@@ -6,9 +6,10 @@ pixel filter. Lengths are in scene units. What an AOV is made of is its source: 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .errors import SettingsError
 
@@ -45,6 +46,11 @@ AOVS: dict[str, AovKind] = {
         RGB, "as albedo, over the shutter's time, in mirrors and through clear glass: what guides a denoiser", filtered=True
     ),
     "guide_normal": AovKind(XYZ, "mean of unit normals over filter, lens and shutter, likewise", filtered=True),
+    "occlusion": AovKind(
+        ("",),
+        "filtered share of the directions above the surface, by their cosine, that meet nothing within a distance; 1: open",
+        filtered=True,
+    ),
     "motion_forward": AovKind(
         XY, "pixels, right and down, from where the point is seen at the frame to where it is as the shutter closes"
     ),
@@ -54,6 +60,24 @@ AOVS: dict[str, AovKind] = {
     "material": AovKind(("",), "number of the bound material; 0 where there is none", unsigned=True),
     "samples": AovKind(("",), "samples that the pixel took", unsigned=True),
 }
+
+
+OCCLUSION = "occlusion"  # and with its distance in scene units, occlusion:0.5; without one it is a metre
+
+
+def kind_of(source: str) -> AovKind | None:
+    """The row of AOVS that a source is of."""
+    return AOVS.get(OCCLUSION if source.startswith(f"{OCCLUSION}:") else source)
+
+
+def occlusion_distance(source: str) -> float | None:
+    """The distance that a source's name gives occlusion, in scene units; None where it gives none, or none that can be."""
+    name, _, text = source.partition(":")
+    try:
+        distance = float(text) if name == OCCLUSION else math.nan
+    except ValueError:
+        return None
+    return distance if 0 < distance < math.inf else None
 
 
 @dataclass(frozen=True)
@@ -96,10 +120,16 @@ def check_names(names: Iterable[str]) -> None:
     """SettingsError for a name that means nothing."""
     for name in names:
         if not isinstance(name, str) or not (
-            name in AOVS or name in CRYPTOMATTES or name in IN_PICTURE or _is_named(name) or is_light_path(name)
+            name in AOVS
+            or name in CRYPTOMATTES
+            or name in IN_PICTURE
+            or _is_named(name)
+            or is_light_path(name)
+            or occlusion_distance(name) is not None
         ):
             known = ", ".join((*AOVS, *CRYPTOMATTES, *IN_PICTURE))
-            sentence = f"there is no AOV {name!r}; there are {known}, primvar:NAME, labels:TAXONOMY and light path expressions"
+            sentence = f"there is no AOV {name!r}; there are {known}, "
+            sentence += "occlusion:DISTANCE, primvar:NAME, labels:TAXONOMY and light path expressions"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
 
 
@@ -139,6 +169,12 @@ def _is_named(name: str) -> bool:
     return kind is not None and len(own) <= LONGEST_NAME and _PRIMVAR_NAME.fullmatch(own) is not None
 
 
+def with_distances(requests: Iterable[AovRequest], meters_per_unit: float) -> tuple[AovRequest, ...]:
+    """The requests with the distance of occlusion in scene units where none is said: a metre."""
+    metre = f"{OCCLUSION}:{1 / meters_per_unit:.9g}"
+    return tuple(replace(request, source=metre) if request.source == OCCLUSION else request for request in requests)
+
+
 def taxonomy_of(source: str) -> str | None:
     """The taxonomy whose labels a source is."""
     return source.removeprefix(LABELS) if source.startswith(LABELS) else None
@@ -155,6 +191,8 @@ def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:
 
 
 def _request(name: str) -> AovRequest:
+    if occlusion_distance(name) is not None:  # a point in a channel's name would begin another layer
+        return AovRequest(name, name, prefix=OCCLUSION)
     if not is_light_path(name):
         return AovRequest(name, name)
     expression = without_prefix(name)
@@ -177,7 +215,7 @@ def aov_bytes(requests: Iterable[AovRequest]) -> int:
     """Of memory a pixel, a little more than they take: each stands twice while a file is written."""
     total = 0
     for request in requests:
-        kind = AOVS.get(request.source)
+        kind = kind_of(request.source)
         if request.source in CRYPTOMATTES or light_path_of(request.source) is not None:
             total += CRYPTOMATTE_BYTES if request.source in CRYPTOMATTES else ROUTE_BYTES
             continue

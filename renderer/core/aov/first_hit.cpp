@@ -20,6 +20,7 @@ void run(const Scene& scene, const PixelRect& r, FirstHitPlanes& planes) {
   if (planes.wants_points()) task.points(r);
   if (planes.wants_filtered()) task.filtered(r);
   if (planes.wants_guides()) task.guides(r);
+  if (planes.wants_occlusion()) task.occlusion(r);
   if (!planes.coverage.by_pixel.empty()) task.coverage(r);
 }
 

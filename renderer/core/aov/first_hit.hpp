@@ -17,6 +17,7 @@
 namespace primray {
 
 constexpr int kFilteredSamples = 16;
+constexpr int kOcclusionRays = 4;  // of each filtered sample
 
 // A primvar as it is wanted: of two names' values (see PrimvarTable) the first that a shape has; the rest of `width` are 0.
 struct PrimvarPlane {
@@ -36,6 +37,10 @@ struct FirstHitPlanes {
   // As a denoiser is guided: filtered, over the shutter's time too, and of what is seen in mirrors and through clear glass
   // (smooth_surfaces.hpp); `guide_normal` is the mean of unit normals.
   std::vector<float> guide_albedo, guide_normal;
+  // Filtered: of the directions above the true surface, weighted by their cosine, the share along which a ray meets nothing
+  // within `occlusion_distance` (scene units); 1 where nothing is. Whatever a ray may meet is whole to it but for holes.
+  std::vector<float> occlusion;
+  float occlusion_distance = 0;
   std::vector<int32_t> shape;            // row of the MeshTable, -2 - n for row n of the CurvedTable, -1: nothing
   std::vector<int32_t> surface;          // -1: nothing
   std::vector<int32_t> instance, outer;  // row of Scene::world_from_group, and that of an outer instance; -1: none
@@ -49,6 +54,7 @@ struct FirstHitPlanes {
              primvars.empty());
   }
   bool wants_filtered() const { return !(albedo.empty() && emission.empty()); }
+  bool wants_occlusion() const { return !occlusion.empty(); }
   bool wants_guides() const { return !(guide_albedo.empty() && guide_normal.empty()); }
 };
 

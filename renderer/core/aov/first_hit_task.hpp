@@ -10,6 +10,7 @@
 #include "aov/first_hit.hpp"
 #include "aov/smooth_surfaces.hpp"
 #include "emitter/emitter.hpp"
+#include "light/types/disk.hpp"
 #include "path/emission.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/evaluate_inputs.hpp"
@@ -90,6 +91,40 @@ class FirstHitTask {
 
   void filtered(const PixelRect& r) { means(r, false, planes_.albedo, planes_.emission); }
 
+  void occlusion(const PixelRect& r) {
+    const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
+    double sum = 0;
+    for (int at = 0; at < slots; at += W) {
+      alignas(64) int32_t x[W], y[W];
+      alignas(64) uint32_t index[W];
+      for (int i = 0; i < W; ++i) {
+        const int slot = at + i < slots ? at + i : slots - 1, pixel = slot / kFilteredSamples;
+        x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = uint32_t(slot % kFilteredSamples);
+      }
+      const I px = frame_x(x), py = frame_y(y);
+      const auto seed = Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(planes_.replicate));
+      const Sampler<W> sampler{reverse_bits(load<W>(index)), seed};
+      const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
+      const CameraRay<W> ray = at_frame_.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time_);
+      F open(0.0f), left(1.0f);
+      const auto seen = [&](B hit, const Hits<W>&, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>&) {
+        const F presence = rows(kPresence);
+        open += select(hit, left * presence * open_share(hit, it, ray.d, sampler), F(0.0f));
+        left = select(hit, left * (1.0f - presence), left);
+        return hit & (left > F(0.0f));
+      };
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time_, [](B, const V&) {}, std::ref(seen));
+      open += left;
+      // In the order of the samples, so that the number of lanes does not show.
+      for (int i = 0; i < W && at + i < slots; ++i) {
+        sum += double(open[i]);
+        if (index[i] != kFilteredSamples - 1) continue;
+        planes_.occlusion[pixel_of(x[i], y[i])] = float(sum / kFilteredSamples);
+        sum = 0;
+      }
+    }
+  }
+
   // By every sample that the film's tile has taken, and no others.
   void coverage(const PixelRect& r) {
     const CoveragePlanes& planes = planes_.coverage;
@@ -111,6 +146,24 @@ class FirstHitTask {
   using I = vint<W>;
   using B = vbool<W>;
   using V = vvec3<W>;
+
+  // Of kOcclusionRays from a surface seen along `d`, the share that meets nothing.
+  F open_share(B hit, const Interaction<W>& it, const V& d, const Sampler<W>& sampler) const {
+    const F side = copysign(F(1.0f), -dot(it.ng, d));
+    const V n = it.ng * side;
+    const Frame<F> frame(n);
+    F share(0.0f);
+    for (int k = 0; k < kOcclusionRays; ++k) {
+      const Pair<W> u = sampler.pair(I(k + 1), Purpose::kLobe);
+      F x, y;
+      concentric_disk<W>(u.u, u.v, x, y);  // Malley's method: cosine-weighted
+      const F z = sqrt(max(1.0f - x * x - y * y, 0.0f));
+      const Rays<W> rays{it.p + n * it.offset, frame.s * x + frame.t * y + n * z, F(0.0f),
+                         F(float(double(planes_.occlusion_distance) * scene_.scale)), time_};
+      share += select(hit & !occluded(scene_, false, hit, rays), F(1.0f / kOcclusionRays), F(0.0f));
+    }
+    return share;
+  }
 
   // The slots from `at` on, of `count` samples a pixel.
   void cover(const PixelRect& r, uint32_t replicate, uint32_t first, uint32_t count, int64_t at, int64_t slots) {

@@ -17,10 +17,10 @@ struct FirstHits {
 };
 
 // `names`: the planes that are wanted; `primvars`: (name, its wider twin, width) of each; `replicate` as in FirstHitPlanes.
-void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars, uint32_t replicate) {
+void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars, uint32_t replicate, float occlusion_distance) {
   new (self) FirstHits{scene, {}};
   FirstHitPlanes& p = self->planes;
-  p.replicate = replicate;
+  p.replicate = replicate, p.occlusion_distance = occlusion_distance;
   const size_t pixels = size_t(scene.camera.pixels.width) * scene.camera.pixels.height;
   for (nb::handle each : names) {
     const std::string name = nb::cast<std::string>(each);
@@ -36,6 +36,7 @@ void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars
     if (name == "emission") p.emission.resize(3 * pixels);
     if (name == "guide_albedo") p.guide_albedo.resize(3 * pixels);
     if (name == "guide_normal") p.guide_normal.resize(3 * pixels);
+    if (name == "occlusion") p.occlusion.resize(pixels);
     if (name == "prim") p.shape.resize(pixels);
     if (name == "material") p.surface.resize(pixels);
     if (name == "instance") p.instance.resize(pixels), p.outer.resize(scene.has_grouped ? pixels : 0);
@@ -96,6 +97,7 @@ nb::dict take(FirstHits& self) {
   add("motion_forward", p.forward, 2), add("motion_backward", p.backward, 2);
   add("albedo", p.albedo, 3), add("emission", p.emission, 3);
   add("guide_albedo", p.guide_albedo, 3), add("guide_normal", p.guide_normal, 3);
+  add("occlusion", p.occlusion, 1);
   add("prim", p.shape, 1), add("material", p.surface, 1), add("instance", p.instance, 1), add("outer", p.outer, 1);
   nb::list primvars;
   for (PrimvarPlane& v : p.primvars) primvars.append(to_numpy(std::move(v.values), {h, w, size_t(v.width)}));
@@ -108,7 +110,7 @@ nb::dict take(FirstHits& self) {
 void bind_first_hit(nb::module_& m) {
   nb::class_<FirstHits>(m, "FirstHits")
       .def("__init__", &make, nb::arg("scene"), nb::arg("names"), nb::arg("primvars"), nb::arg("replicate") = 0u,
-           nb::keep_alive<1, 2>())
+           nb::arg("occlusion_distance") = 0.0f, nb::keep_alive<1, 2>())
       .def(
           "fill",
           [](FirstHits& f, int lanes, int threads, int first_row, int end_row) {

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import AOVS, CRYPTOMATTES, AovRequest, primvar_of, taxonomy_of
+from ..aov_names import CRYPTOMATTES, AovRequest, kind_of, primvar_of, taxonomy_of
 from ..denoising.denoised import guides_of
 from ..denoising.denoiser import Guides
 from ..images.aov import Aov, make_aov
@@ -74,7 +74,11 @@ def kept_beside(prepared: Prepared, sampling: Sampling) -> KeptBeside | None:
 
 def _is_fixed(request: AovRequest) -> bool:
     source = request.source
-    return (source in AOVS and source != "samples") or primvar_of(source) is not None or taxonomy_of(source) is not None
+    return (
+        (kind_of(source) is not None and source != "samples")
+        or primvar_of(source) is not None
+        or taxonomy_of(source) is not None
+    )
 
 
 def joined(a: KeptBeside | None, b: KeptBeside | None) -> KeptBeside | None:

@@ -17,6 +17,7 @@ def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
     rows = [
         *_stage_rows(facts["stage"], shown),
         *camera_rows(facts, shown),
+        *_output_rows(facts["outputs"], shown),
         *_motion_rows(facts["motion"]),
         *_listed("light", [_light(light) for light in facts["lights"]], shown),
         *_listed("material", facts["materials"], shown),
@@ -65,6 +66,19 @@ def camera_rows(facts: dict[str, Any], shown: int | None) -> Iterator[Row]:
     if camera["pixel_aspect_ratio"] != 1:
         yield "pixel aspect", f"{camera['pixel_aspect_ratio']:g}"
     yield from _listed("", [f"also {path}" for path in facts["cameras"] if path != camera["path"]], shown)
+
+
+def _output_rows(outputs: dict[str, Any], shown: int | None) -> Iterator[Row]:
+    settings = [f"{s['path']}{'' if s['followed'] else ', not followed'}" for s in outputs["render_settings"]]
+    yield from _listed("render settings", settings, shown)
+    yield from _listed("product", [_product(product) for product in outputs["products"]], shown)
+    passes = [p["path"] + (f", from {p['render_settings']}" if p["render_settings"] else "") for p in outputs["render_passes"]]
+    yield from _listed("render pass", passes, shown)
+
+
+def _product(product: dict[str, Any]) -> str:
+    variables = ", ".join(variable["name"] for variable in product["variables"])
+    return f"{product['path']} to {product['file']}: {variables or 'the picture'}"
 
 
 def _motion_rows(motion: dict[str, Any] | None) -> Iterator[Row]:

@@ -197,14 +197,36 @@ def aovs_of(texts: list[str] | None) -> tuple[str, ...] | None:
     return chosen + tuple(name for name in names if name not in ("all", "none", *chosen))
 
 
-def encoding_of(bit_depth: int | None, half: list[str] | None) -> Encoding:
-    """SettingsError for bits that no format has."""
+def encoding_of(
+    bit_depth: int | None, half: list[str] | None, compression: str | None = None, metadata: list[str] | None = None
+) -> Encoding:
+    """SettingsError for bits that no format has, and for a compression or metadata that no EXR has."""
     known = sorted({bits for depths in BIT_DEPTHS.values() for bits in depths})
     if bit_depth is not None and bit_depth not in known:
         listed = ", ".join(map(str, known))
         raise SettingsError(f"there are pictures of {listed} bits, not of {bit_depth}", where="--bit-depth", code="bit-depth")
     names = [name.strip() for text in half or () for name in text.split(",")]
-    return Encoding(bit_depth, tuple(name for name in names if name))
+    kind, level = _compression_of(compression)
+    header = tuple(_attribute_of(text) for text in metadata or ())
+    return Encoding(bit_depth, tuple(name for name in names if name), kind, level, header)
+
+
+def _compression_of(text: str | None) -> tuple[str, float | None]:
+    """NAME or NAME:LEVEL."""
+    kind, colon, level = (text or "").strip().lower().partition(":")
+    try:
+        return kind, float(level) if colon else None
+    except ValueError:
+        sentence = f"{text!r} is no compression; write one like dwaa:45"
+        raise SettingsError(sentence, where="compression", code="exr-setting") from None
+
+
+def _attribute_of(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        sentence = f"metadata are written as NAME=VALUE, not {text!r}"
+        raise SettingsError(sentence, where="metadata", code="exr-setting")
+    return name.strip(), value
 
 
 def sample_range_of(text: str | None) -> tuple[int, int] | None:

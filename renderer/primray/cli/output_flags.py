@@ -101,9 +101,22 @@ Half = Annotated[
     typer.Option(
         "--half",
         metavar="NAMES",
-        help="Of an EXR, stored as halves: channels, layers or parts (R, stderr, rgba) by commas, or all; may be repeated.",
+        help="Of an EXR, stored as halves: channels, layers, parts (R, stderr, rgba), all or none, by commas; may be repeated.",
         show_default="floats",
     ),
+]
+Compression = Annotated[
+    str | None,
+    typer.Option(
+        "--compression",
+        metavar="NAME[:LEVEL]",
+        help="Of an EXR: none, rle, zips, zip, piz, pxr24, b44, b44a, dwaa or dwab; a level of zip or DWA.",
+        show_default="the product's, else zip",
+    ),
+]
+Metadata = Annotated[
+    list[str] | None,
+    typer.Option("--metadata", metavar="NAME=VALUE", help="A further attribute of an EXR's header; may be repeated."),
 ]
 Stereo = Annotated[
     bool,

@@ -87,6 +87,8 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "motion_error": (_number, ("--motion-error",)),
     "bit_depth": (_whole, ("--bit-depth",)),
     "half": (LIST, ("--half",)),
+    "compression": (str, ("--compression",)),
+    "metadata": (LIST, ("--metadata",)),
     "stereo": (FLAG, ("--stereo",)),
     "diffusion": (_number, ("--diffusion",)),
     "diffusion_glare": (_number, ("--diffusion-glare",)),

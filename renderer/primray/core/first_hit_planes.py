@@ -37,12 +37,15 @@ def first_hits(
     primvars: Sequence[tuple[int, int, int]],
     settings: RenderSettings,
     replicate: int = 0,
+    occlusion_distance: float = 0.0,
 ) -> dict[str, Any]:
     """Arrays (H, W, C) of what is seen first, by the core's names of planes, and a list of the primvars' (its number, that of
     its wide twin, and its width); bindings/first_hit_bindings.cpp. `replicate`: which of the independent sets of samples
-    filtered planes are means of."""
+    filtered planes are means of; `occlusion_distance`: in scene units, of the plane of that name."""
     try:
-        hits = module().FirstHits(scene._scene, list(planes), list(primvars), replicate)
+        hits = module().FirstHits(
+            scene._scene, list(planes), list(primvars), replicate=replicate, occlusion_distance=occlusion_distance
+        )
         for row in range(0, scene.resolution[1], BAND):
             hits.fill(lanes(), threads(settings), row, row + BAND)
     except module().CoreError as error:

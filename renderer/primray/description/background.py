@@ -1,7 +1,7 @@
 """Whether a camera may see light behind all that covers the picture: what decides that views of it have no alpha.
 
-Light without coverage has no form in a PNG, whose alpha is straight. The answer follows from the lights and the camera, so that a
-picture's samples never decide about a file's channels.
+Light without coverage has no form in a PNG, whose alpha is straight. The answer follows from the lights and the camera, so that
+samples never decide about a file's channels.
 """
 
 from __future__ import annotations

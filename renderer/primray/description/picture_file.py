@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 COMPRESSIONS = ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
 LOSSY = frozenset({"pxr24", "b44", "b44a", "dwaa", "dwab"})
+# Of a header: what OpenEXR itself decides by (ImfStandardAttributes.h, "Required"), and what is said here.
+_RESERVED = """channels compression datawindow displaywindow lineorder pixelaspectratio screenwindowcenter screenwindowwidth
+    tiles type name view multiview version chunkcount maxsamplesperpixel chromaticities colorinteropid worldtocamera
+    worldtondc"""
+RESERVED = frozenset(_RESERVED.split())
+_NAME = re.compile(r"[A-Za-z_][\w.:/ -]{0,254}")
 HeaderValue = str | int | float | tuple[int, ...] | tuple[float, ...]
+
+
+def is_free_in_header(name: str) -> bool:
+    """Whether an attribute of an EXR's header may be called so: it is a name, and says nothing that the file itself says."""
+    is_said = name.replace(":", "").lower() in RESERVED or name.lower().startswith(("primray:", "cryptomatte"))
+    return _NAME.fullmatch(name) is not None and not is_said
 
 
 @dataclass(frozen=True)

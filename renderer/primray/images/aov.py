@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..aov_data_types import Stored, data_type_of
-from ..aov_names import AOVS, RGB, UV, AovRequest, primvar_of
+from ..aov_names import RGB, UV, AovRequest, kind_of, occlusion_distance, primvar_of
 
 Values = npt.NDArray[Any]
 STDERR = "stderr"  # of a channel's standard errors: NAME.stderr.X
@@ -90,9 +90,11 @@ def make_aov(
 ) -> Aov:
     """The values of its source as the request wants them: as many components, of its type, its name on the channels; `errors`
     and `samples` as Aov has them, for the source's components."""
-    kind, wanted = AOVS.get(request.source), data_type_of(request.data_type)
+    kind, wanted = kind_of(request.source), data_type_of(request.data_type)
     primvar = primvar_of(request.source)
     meaning = kind.meaning if kind is not None else f"the primvar {primvar}; 0 where nothing has it"
+    if (distance := occlusion_distance(request.source)) is not None:
+        meaning = meaning.replace("a distance", f"{distance:g} scene units")
     if wanted is None:
         width = values.shape[2]
         letters = kind.channels if kind is not None else (("",), UV, RGB, ("R", "G", "B", "A"))[width - 1]

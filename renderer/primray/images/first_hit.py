@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import AOVS, WIDE, AovRequest, primvar_of, primvars_of
+from ..aov_names import WIDE, AovRequest, kind_of, occlusion_distance, primvar_of, primvars_of
 from ..core.scene_record import SceneRecord
 from ..description import Camera
 from ..errors import LimitError
@@ -34,8 +34,8 @@ def aovs_of(
     assert record is not None
     primvars = [name for name in primvars_of(requests) if record.width_of(name)]
     wanted = [(record.primvar_names[n], record.primvar_names[WIDE + n], record.width_of(n)) for n in primvars]
-    planes = dict.fromkeys(p for r in requests if primvar_of(r.source) is None for p in _MADE_OF.get(r.source, (r.source,)))
-    found = core.first_hits(scene, list(planes), wanted, settings)
+    planes = _planes_of(r.source for r in requests)
+    found = core.first_hits(scene, list(planes), wanted, settings) | _occlusion(scene, requests, settings)
     found |= {f"primvar:{name}": values for name, values in zip(primvars, found["primvars"], strict=True)}
     errors = _errors(scene, requests, found, settings)
     made: dict[str, Aov] = {}
@@ -45,14 +45,40 @@ def aovs_of(
     return made
 
 
+def _planes_of(sources: Iterable[str]) -> dict[str, None]:
+    """The core's planes that sources are made of, but for occlusion, of which each distance takes samples of its own."""
+    plain = (s for s in sources if primvar_of(s) is None and occlusion_distance(s) is None)
+    return dict.fromkeys(plane for source in plain for plane in _MADE_OF.get(source, (source,)))
+
+
+def _is_filtered(source: str) -> bool:
+    kind = kind_of(source)
+    return kind is not None and kind.filtered
+
+
+def _occlusion(
+    scene: core.CoreScene, requests: Sequence[AovRequest], settings: RenderSettings, replicate: int = 0
+) -> dict[str, Values]:
+    """(H, W, 1) by source."""
+    found = {}
+    for source in dict.fromkeys(r.source for r in requests):
+        if (distance := occlusion_distance(source)) is not None:
+            planes = core.first_hits(scene, ["occlusion"], [], settings, replicate, distance)
+            found[source] = planes["occlusion"]
+    return found
+
+
 def _errors(
     scene: core.CoreScene, requests: Sequence[AovRequest], found: dict[str, Any], settings: RenderSettings
 ) -> dict[str, Values]:
     """Standard errors (H, W, C) of filtered planes, by two independent sets of samples: |a - b| / sqrt(2) is a's."""
-    names = [r.source for r in requests if r.errors and r.source in AOVS and AOVS[r.source].filtered]
-    if not names:
+    asked = [r for r in requests if r.errors and _is_filtered(r.source)]
+    if not asked:
         return {}
-    again = core.first_hits(scene, list(dict.fromkeys(names)), [], settings, replicate=1)
+    planes = _planes_of(r.source for r in asked)
+    again = core.first_hits(scene, list(planes), [], settings, replicate=1) if planes else {}
+    again |= _occlusion(scene, asked, settings, replicate=1)
+    names = dict.fromkeys(r.source for r in asked)
     return {name: np.abs(found[name] - again[name]) * np.float32(np.sqrt(0.5)) for name in names}
 
 
@@ -75,7 +101,7 @@ def _aov(
         return make_aov(request, counts.sum(axis=0, dtype=np.uint32)[..., None])
     if source == "camera_normal":
         return make_aov(request, (found["normal"] @ camera.world_from_camera[:3, :3]).astype(np.float32))
-    if AOVS[source].filtered:
+    if _is_filtered(source):
         scale = np.float32(exposure_scale if source == "emission" else 1)
         own = errors[source] * scale if request.errors else None
         return make_aov(request, found[source] * scale, errors=own, samples=FILTERED_SAMPLES)

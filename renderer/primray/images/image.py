@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ..arrays import Doubles, Floats
 from ..color.color_space import REC709, ColorSpace, named
 from ..description import Camera, Frame, Projection
-from ..description.picture_file import PLAIN, PictureFile
+from ..description.picture_file import PLAIN, HeaderValue, PictureFile
 from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
@@ -26,7 +26,7 @@ from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
 from .exposure import View, as_viewed, exposure_that_serves, view_fault
 from .files.as_product import as_ordered, store_as_product
-from .files.encoding import LINEAR_BITS, Encoding, half_faults, store_halves
+from .files.encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
 from .output_path import check_folder, through_links
 from .pictures_beside import DENOISED, DIFFUSED, picture_beside
@@ -136,6 +136,9 @@ class Image:
         look: str | None = None,
         bit_depth: Literal[8, 16, 32] | None = None,
         half: Iterable[str] = (),
+        compression: str = "",
+        level: float | None = None,
+        header: Mapping[str, HeaderValue] | None = None,
         flatten_over: tuple[float, float, float] | None = None,
     ) -> Path:
         """Write `path` whole or not at all; `view`, `display`, `exposure` (stops, or "auto": as the view needs them) and `look`
@@ -144,11 +147,15 @@ class Image:
 
         `bit_depth` is a PNG's (8 or 16) or a TIFF's (16, 8, or 32: scene-linear floats). `half` names what an EXR stores as
         halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
-        nothing is called so, or values are beyond what a half holds. `flatten_over` is the colour, as displayed in 0 to 1, that
-        the picture is put over in files without alpha (JPEG); None: black.
+        nothing is called so, or values are beyond what a half holds. `compression` of an EXR is none, rle, zips, zip, piz,
+        pxr24, b44, b44a, dwaa or dwab, with the `level` of zip and DWA; `header` adds attributes to its header. `flatten_over`
+        is the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black.
         """
         path = check_output_path(path)
-        chosen, encoding = View(view, display, look, self.color_space), Encoding(bit_depth, tuple(half), flatten_over)
+        chosen, encoding = (
+            View(view, display, look, self.color_space),
+            Encoding(bit_depth, tuple(half), compression, level, tuple((header or {}).items()), flatten_over),
+        )
         if shows_view(path, encoding):
             exposure = self._stops(chosen, exposure)
             faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, exposure))
@@ -293,9 +300,7 @@ def shows_view(path: Path, encoding: Encoding) -> bool:
     return path.suffix.lower() in VIEW_EXTENSIONS and encoding.bits_of(path.suffix) != LINEAR_BITS
 
 
-def _encode(
-    pixels: Floats, view: View, exposure: float, *, keep_alpha: bool | None = None, bits: int = 8
-) -> npt.NDArray[Any]:
+def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool | None = None, bits: int = 8) -> npt.NDArray[Any]:
     """Without alpha the picture is over black; `keep_alpha` as for `as_viewed`."""
     rgb, alpha = as_viewed(pixels, keep_alpha=keep_alpha)
     shown = view.shown(rgb, exposure)
@@ -354,9 +359,19 @@ def stored_parts(image: Image, encoding: Encoding) -> Parts:
     """The parts of its EXR as they are stored: halves as the product and `encoding` ask, compression and header likewise."""
     parts = exr_parts(image)
     store_halves(parts, _with_halves_of_product(image, encoding))
-    if image.file != PLAIN:
-        store_as_product(parts, image.file)
+    file = _with_choices(image.file, encoding)
+    if file != PLAIN:
+        store_as_product(parts, file)
     return parts
+
+
+def _with_choices(file: PictureFile, encoding: Encoding) -> PictureFile:
+    """What a product asks of the file, with what the user chooses in its place."""
+    if encoding.compression:
+        file = replace(file, compression=encoding.compression, level=encoding.level)
+    if encoding.header:
+        file = replace(file, header=tuple(dict((*file.header, *encoding.header)).items()))
+    return file
 
 
 def faults_of_exr(image: Image, encoding: Encoding) -> list[Diagnostic]:
@@ -368,7 +383,9 @@ def faults_of_exr(image: Image, encoding: Encoding) -> list[Diagnostic]:
 
 
 def _with_halves_of_product(image: Image, encoding: Encoding) -> Encoding:
-    return replace(encoding, half=(*encoding.half, *image.file.half)) if image.file.half else encoding
+    if not image.file.half or NONE in encoding.half:
+        return encoding
+    return replace(encoding, half=(*encoding.half, *image.file.half))
 
 
 def exr_parts(image: Image) -> Parts:

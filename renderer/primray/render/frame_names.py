@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 
 from ..errors import SettingsError
 
@@ -53,6 +54,14 @@ def default_name(stem: str, many: bool) -> FrameName:
 
 def has_frame_holder(name: str) -> bool:
     return frame_name(name).has_holder
+
+
+def with_number(name: str, number: int) -> str:
+    """A file's own name with _NUMBER after what it is called: before the frame's place, or the extension."""
+    place = _HOLDER.search(name)
+    end = len(name[: place.start()].rstrip("._-")) if place else 0
+    end = end or len(name) - len(PurePosixPath(name).suffix)
+    return f"{name[:end]}_{number}{name[end:]}"
 
 
 def name_of_frame(name: str, frame: float | None) -> str:

@@ -9,14 +9,14 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from ..description.picture_file import PLAIN, Contents
 from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import SettingsError
 from ..images.product_name import place_left_out, product_path
 from ..settings import RenderSettings, SettingsValues, with_values
-from .frame_names import frame_name
+from .frame_names import frame_name, with_number
 from .prepare import OpenedStage, open_once
 from .render import rendered_frames
 from .settings_by_name import naming_settings
@@ -100,6 +100,15 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
         for p, file in zip(chosen, files, strict=True)
     ]
     return _joined(chosen, made, settings)
+
+
+def files_of(stage: Any, settings: RenderSettings) -> dict[str, str]:
+    """The files of all products by the products' paths; the frame's number is filled in where the settings name a frame."""
+    from .. import usd
+
+    found = usd.products(stage, settings)
+    names = {p.path: frame_name(file) for p, file in zip(found, _distinct_paths(found, Diagnostics()), strict=True)}
+    return {path: name.of(settings.time_code) for path, name in names.items()}
 
 
 def renders_of(products: Iterable[Product]) -> list[tuple[RenderSettings, list[Product]]]:
@@ -211,7 +220,7 @@ def _distinct_paths(products: Sequence[ProductSettings], diagnostics: Diagnostic
         wanted = file = product_path(product.name, product.path.rpartition("/")[2] or "picture")
         path, number = PurePosixPath(wanted), 2
         while os.path.normpath(file).casefold() in taken:
-            file, number = str(path.with_name(f"{path.stem}_{number}{path.suffix}")), number + 1
+            file, number = str(path.with_name(with_number(path.name, number))), number + 1
         if file != wanted:
             message = f"Another product is written to {wanted}: this one is written to {file}."
             diagnostics.add("output-parameter", product.path, message, "productName")

@@ -15,6 +15,7 @@ from .facts.dependencies import Dependencies, dependencies, files_to_watch, laye
 from .facts.labels import labels_of
 from .facts.left_out import left_out, shapes_left_out
 from .facts.names_in_instances import names_in_instances
+from .facts.output_facts import output_facts
 from .facts.stage_facts import stage_facts
 from .opening.reading_anew import read_anew
 from .opening.stage import open_stage
@@ -42,6 +43,7 @@ __all__ = [
     "left_out",
     "names_in_instances",
     "open_stage",
+    "output_facts",
     "picture_of_product",
     "picture_ordered",
     "place_camera",

@@ -10,7 +10,7 @@ from functools import partial
 
 from pxr import Usd
 
-from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of
+from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of, with_distances
 from ..description import (
     Camera,
     CameraMotion,
@@ -49,6 +49,7 @@ from .opening.file_names import file_names
 from .opening.isolated import isolated
 from .opening.reach import OpinionsLeak
 from .opening.stage import usd_messages
+from .opening.stage_metadata import meters_per_unit
 from .paths.point_steps import PointSteps
 from .querying.cameras import cameras_of
 from .querying.light_groups import light_groups
@@ -202,6 +203,7 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     settings = ctx.settings
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     aovs, file = outputs_of(product, settings, ctx.diagnostics)
+    aovs = with_distances(aovs, meters_per_unit(ctx.stage))
     product = replace(product, file=file)
     has_names = any(names_instances(request.source) for request in aovs)
     ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=has_names)

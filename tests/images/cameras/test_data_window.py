@@ -15,11 +15,11 @@ import primray
 from primray import RenderSettings
 from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
-from primray.cli.commands.inspect import camera_facts
 from primray.cli.inspect_text import camera_rows
 from primray.compare.comparison import compare
 from primray.description.frame import Frame, PixelWindow
 from primray.errors import CheckpointError, InvalidSceneError, LimitError, SettingsError
+from primray.examining.inspected import camera_facts
 from primray.images.image_file import read_image
 from primray.usd import translate
 

@@ -257,3 +257,36 @@ def test_a_product_without_the_picture_has_the_renders_header(flags: list[str]) 
     spec = file.spec()
     assert spec.getattribute("primray:settings.spp") == 2
     assert spec.getattribute("primray:source") == "depth"
+
+
+def test_inspect_lists_outputs_with_their_files(capsys: pytest.CaptureFixture[str]) -> None:
+    passes = 'def RenderSettings "other" {\n}\ndef RenderPass "all" { rel renderSource = </Render/settings>\n}\n'
+    products = {
+        "a": ("rgba N", 'token productName = "beauty/a.$F4.exr"'),
+        "b": ("z", 'token productName = "beauty/a.$F4.exr"\n rel camera = </far>'),
+    }
+    write(Path("s.usda"), products, passes)
+    found = primray.inspect("s.usda", time_code=7, render_settings="/Render/settings")["outputs"]
+    assert [(s["path"], s["followed"]) for s in found["render_settings"]] == [
+        ("/Render/settings", True),
+        ("/Render/other", False),
+    ]
+    assert [(p["path"], p["file"], p["camera"], p["picture"]) for p in found["products"]] == [
+        ("/Render/a", "beauty/a.0007.exr", "/near", list(RGBA)),
+        ("/Render/b", "beauty/a_2.0007.exr", "/far", []),
+    ]
+    assert [(v["name"], v["source"]) for v in found["products"][0]["variables"]] == [("rgba", "Ci"), ("N", "N")]
+    assert found["render_passes"] == [{"path": "/Render/all", "render_settings": "/Render/settings"}]
+    written = [
+        p.file_name
+        for p, _ in primray.render_products("s.usda", spp=1, time_code=7, progress=False, render_settings="/Render/settings")
+    ]
+    assert written == [p["file"] for p in found["products"]]
+    assert run(["inspect", "s.usda", "--render-settings", "/Render/settings", "--frames", "7"]) == 0
+    said = capsys.readouterr().out
+    for line in (
+        "/Render/a to beauty/a.0007.exr: rgba, N",
+        "/Render/other, not followed",
+        "/Render/all, from /Render/settings",
+    ):
+        assert line in said

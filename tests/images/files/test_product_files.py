@@ -227,3 +227,55 @@ def RenderVar "count" { string sourceName = "Ci"
     assert ("output-parameter", "driver:parameters:aov:clearValue") in codes(image)
     assert ("output-parameter", "dataType") in codes(image)
     assert ("render-var", "dataType") in codes(image)
+
+
+@pytest.mark.parametrize(
+    ("compression", "level", "stored"),
+    [("none", None, "none"), ("zips", None, "zips"), ("piz", None, "piz"), ("dwaa", 120.0, "dwaa"), ("dwab", None, "dwab")],
+)
+def test_the_user_chooses_before_the_product(compression: str, level: float | None, stored: str, tmp_path: Path) -> None:
+    asked = """
+        string driver:parameters:OpenEXR:compression = "rle"
+        string driver:parameters:artist = "Ada"
+        string driver:parameters:shot = "a010"
+    """
+    variables = 'def RenderVar "prim" { token dataType = "int" }\ndef RenderVar "N" { token dataType = "normal3h" }\n' + CI
+    image = rendered(stage(variables, asked), aovs=None)
+    with pytest.warns(primray.RenderWarning, match="half-channels"):
+        image.save(tmp_path / "plain.exr", compression=compression, level=level, header={"artist": "Grace", "take": 3})
+    specs = parts_of(tmp_path / "plain.exr")
+    assert specs["rgba"].getattribute("compression") == stored
+    assert specs["prim"].getattribute("compression") == ("zip" if stored.startswith("dwa") else stored)
+    assert level is None or specs["rgba"].getattribute("openexr:dwaCompressionLevel") == level
+    assert [specs["rgba"].getattribute(name) for name in ("Artist", "shot", "take")] == ["Grace", "a010", 3]
+    image.save(tmp_path / "floats.exr", half=["none"])
+    for name, spec in parts_of(tmp_path / "floats.exr").items():
+        assert set(types(spec).values()) == ({"uint"} if name == "prim" else {"float"})
+
+
+def test_flags_say_how_an_exr_is_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from primray.cli import run
+
+    made = stage()
+    made.GetRootLayer().Export(str(tmp_path / "s.usda"))
+    command = ["render", str(tmp_path / "s.usda"), "--res", "8", "8", "--spp", "2", "-o"]
+    out = str(tmp_path / "a.exr")
+    flags = ["--compression", "dwab:30", "--metadata", "shot=a=b", "--metadata", "supervisor=me", "--half", "none"]
+    assert run([*command, out, *flags]) == 0
+    (spec,) = parts_of(Path(out)).values()
+    assert [spec.getattribute(name) for name in ("compression", "shot", "supervisor")] == ["dwab", "a=b", "me"]
+    assert spec.getattribute("openexr:dwaCompressionLevel") == 30
+    capsys.readouterr()
+    for flags in (
+        ["--compression", "best"],
+        ["--compression", "piz:3"],
+        ["--compression", "zip:much"],
+        ["--metadata", "nothing"],
+        ["--metadata", "chromaticities=mine"],
+        ["--metadata", "primray:samples=9"],
+    ):
+        assert run([*command, out, *flags]) == 2
+        assert "exr-setting" in capsys.readouterr().err
+        assert run([*command, str(tmp_path / "a.png"), *flags]) == 2
+    assert run([*command, str(tmp_path / "a.png"), "--metadata", "a=b"]) == 2
+    assert not (tmp_path / "a.png").exists()

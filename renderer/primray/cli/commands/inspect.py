@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
-
 from ...settings import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
@@ -16,9 +13,6 @@ from ...settings import (
 )
 from .. import option_values, output_flags, stage_flags
 from ..option_values import OnOff
-
-if TYPE_CHECKING:
-    from ...description import SceneDescription
 
 
 def inspect(
@@ -62,15 +56,8 @@ def inspect(
     fail_on: stage_flags.FailOn = None,
     allow: stage_flags.Allow = None,
 ) -> None:
-    """Print what a stage is made of and what would be rendered: layers, variants, cameras, counts, memory, diagnostics."""
-    from ... import usd
-    from ...diagnostics import Diagnostics
-    from ...render.prepare import with_additions
-    from ...report.motion import motion_facts
-    from ...report.summary import counts, primvar_names, summary
-    from ...report.texture_sizes import texture_sizes
-    from ...textures.missing_tiles import note_missing_tiles
-    from ...textures.texture_set import note_unreadable
+    """Print what a stage is made of and what would be rendered: layers, cameras, products, counts, memory, diagnostics."""
+    from ...examining.inspected import facts_of
     from ..inspect_text import lines
     from ..json_lines import print_line
 
@@ -108,67 +95,9 @@ def inspect(
         motion_error=motion_error,
         lens_flaws=tuple(lens or ()),
     )
-    diagnostics = Diagnostics()
-    stage = usd.open_stage(scene, diagnostics, settings.composition)
-    description, translating = usd.translate(stage, settings)
-    diagnostics.extend(translating)
-    description = with_additions(description, settings, diagnostics)
-    note_missing_tiles(description, diagnostics)
-    textures = texture_sizes(description, usd.read_asset)
-    note_unreadable(description, {path for path, size in textures.items() if size is None}, diagnostics, usd.read_asset)
-    facts = {
-        "type": "scene",
-        "scene": scene,
-        "stage": usd.stage_facts(stage),
-        "cameras": usd.camera_paths(stage),
-        "camera": camera_facts(description),
-        "motion": motion_facts(description),
-        "lights": light_facts(description),
-        "materials": sorted({surface.path for surface in description.surfaces if surface.path}),
-        "textures": [
-            {"path": path, "size": size and [size.width, size.height, size.channels]} for path, size in textures.items()
-        ],
-        "primvars": primvar_names(description),
-        "counts": counts(
-            summary(
-                description,
-                settings.dicing_rate,
-                [size for size in textures.values() if size],
-            )
-        ),
-        "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],
-    }
+    facts, diagnostics = facts_of(scene, settings)
     if json:
         print_line(facts)
     else:
         print("\n".join(lines(facts, verbose)))
     diagnostics.raise_if_refused(settings.refusal)
-
-
-def camera_facts(description: SceneDescription) -> dict[str, Any]:
-    camera = description.camera
-    return {
-        "path": camera.path,
-        "projection": camera.projection.value,
-        "resolution": list(description.resolution),
-        "pixels": asdict(description.frame.pixels),
-        "pixel_aspect_ratio": description.pixel_aspect_ratio,
-        "position": [float(v) for v in camera.world_from_camera[:3, 3]],
-        "window": list(camera.window),
-        "lens_radius": camera.lens_radius,
-        "focus_distance": camera.focus_distance,
-        "exposure_scale": camera.exposure_scale,
-        "time_code": description.time_code,
-    }
-
-
-def light_facts(description: SceneDescription) -> list[dict[str, Any]]:
-    return [
-        {
-            "path": light.path,
-            "type": light.type.value,
-            "emission": list(light.emission),
-            "texture": light.texture.path if light.texture else None,
-        }
-        for light in description.lights
-    ]

@@ -27,6 +27,8 @@ def merge(
     exposure: output_flags.Exposure = "0",
     bit_depth: output_flags.BitDepth = None,
     half: output_flags.Half = None,
+    compression: output_flags.Compression = None,
+    metadata: output_flags.Metadata = None,
     make_output_path: output_flags.MakeOutputPath = False,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
@@ -40,7 +42,14 @@ def merge(
     from ...render.frame_names import name_of_frame
 
     looks = Looks(
-        json, verbose, view, display, look, exposure_of(exposure), make_output_path, encoding=encoding_of(bit_depth, half)
+        json,
+        verbose,
+        view,
+        display,
+        look,
+        exposure_of(exposure),
+        make_output_path,
+        encoding=encoding_of(bit_depth, half, compression, metadata),
     )
     check_outputs(outputs, report, looks)
     if checkpoint is not None:

@@ -102,6 +102,8 @@ def render(
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
     bit_depth: output_flags.BitDepth = None,
     half: output_flags.Half = None,
+    compression: output_flags.Compression = None,
+    metadata: output_flags.Metadata = None,
     stereo: output_flags.Stereo = False,
     diffusion: output_flags.Diffusion = None,
     diffusion_glare: output_flags.DiffusionGlare = None,
@@ -213,7 +215,7 @@ def render(
         look,
         option_values.exposure_of(exposure),
         make_output_path,
-        encoding=option_values.encoding_of(bit_depth, half),
+        encoding=option_values.encoding_of(bit_depth, half, compression, metadata),
         names_space=rendering_color_space is not None,
     )
     if stereo:

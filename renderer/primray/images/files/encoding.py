@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...aov_names import CRYPTOMATTES
+from ...description.picture_file import COMPRESSIONS, HeaderValue, is_free_in_header
 from ...diagnostic_codes import CODES
 from ...diagnostics import Diagnostic
 from ...errors import SettingsError
@@ -21,17 +22,37 @@ if TYPE_CHECKING:
 BIT_DEPTHS = {".png": (8, 16), ".tif": (16, 8, 32), ".tiff": (16, 8, 32)}
 LINEAR_BITS = 32
 LARGEST_HALF = 65504.0
-ALL, PICTURE = "all", "rgba"
+ALL, NONE, PICTURE = "all", "none", "rgba"
+WITH_LEVEL = ("zip", "zips", "dwaa", "dwab")
 CODE = "half-channels"
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """`half` names channels of an EXR ("R"), layers ("stderr", "normal"), parts ("rgba", "depth"), or "all" of its floats."""
+    """`half` names channels of an EXR ("R"), layers ("stderr", "normal"), parts ("rgba", "depth"), "all" of its floats, or
+    "none", which a product's choice of halves gives way to."""
 
     bit_depth: int | None = None
     half: tuple[str, ...] = ()
+    compression: str = ""  # an EXR's, in place of what a product asks; "": that, else zip
+    level: float | None = None  # of zip and DWA
+    header: tuple[tuple[str, HeaderValue], ...] = ()  # further attributes of an EXR's header
     flatten_over: tuple[float, float, float] | None = None  # as displayed: what views without alpha are over; None: black
+
+    def __post_init__(self) -> None:
+        """SettingsError for a compression or an attribute that no EXR has."""
+        if self.compression not in ("", *COMPRESSIONS):
+            sentence = f"{self.compression!r} is no compression of an EXR; there are {', '.join(COMPRESSIONS)}"
+            raise SettingsError(sentence, where="compression", code="exr-setting")
+        if self.level is not None and not (self.compression in WITH_LEVEL and 0 <= self.level <= 1e6):
+            sentence = (
+                f"a level from 0 on goes with {', '.join(WITH_LEVEL)}, not {self.level:g} with {self.compression or 'none'}"
+            )
+            raise SettingsError(sentence, where="compression", code="exr-setting")
+        for name, _ in self.header:
+            if not is_free_in_header(name):
+                sentence = f"{name!r} is no name for metadata: it is none, or the file says this of the picture itself"
+                raise SettingsError(sentence, where="metadata", code="exr-setting")
 
     def bits_of(self, suffix: str) -> int:
         """Of a file with this extension; SettingsError where there are no such."""
@@ -64,9 +85,14 @@ def check_bit_depth(encoding: Encoding, suffixes: Sequence[str]) -> None:
 
 
 def check_half(encoding: Encoding, suffixes: Sequence[str]) -> None:
-    """SettingsError if halves are asked for and no output is an EXR."""
-    if encoding.half and ".exr" not in [suffix.lower() for suffix in suffixes]:
+    """SettingsError if halves, a compression or metadata are asked for and no output is an EXR."""
+    if ".exr" in [suffix.lower() for suffix in suffixes]:
+        return
+    if encoding.half:
         raise SettingsError("channels of an EXR may be halves, and no output is one", where="half", code="half-output")
+    if encoding.compression or encoding.header:
+        what = "compression" if encoding.compression else "metadata"
+        raise SettingsError(f"{what} is an EXR's, and no output is one", where=what, code="exr-setting")
 
 
 Part = tuple[Any, "npt.NDArray[Any]"]  # an OIIO ImageSpec and its values (H, W, C)
@@ -77,7 +103,10 @@ def store_halves(parts: Sequence[Part], encoding: Encoding) -> None:
     import OpenImageIO as oiio
 
     for spec, values in parts:
-        if encoding.half and _may_be_half(spec, values):
+        if NONE in encoding.half:
+            if values.dtype.kind == "f":
+                spec.set_format(oiio.FLOAT)
+        elif encoding.half and _may_be_half(spec, values):
             kinds = [oiio.HALF if encoding.is_half(_name(spec), channel) else oiio.FLOAT for channel in spec.channelnames]
             if len(set(kinds)) == 1:
                 spec.set_format(kinds[0])
@@ -94,11 +123,12 @@ def half_faults(parts: Sequence[Part], encoding: Encoding, asked: Sequence[str] 
 def _half_faults(parts: Sequence[Part], encoding: Encoding, asked: Sequence[str]) -> Iterator[str]:
     import numpy as np
 
-    met = {ALL}
+    met = {ALL, NONE}
     for spec, values in parts:
         for number, channel in enumerate(spec.channelnames):
             met.update(_names(_name(spec), channel))
             is_half = str(spec.channelformat(number)) == "half" or encoding.is_half(_name(spec), channel)
+            is_half &= NONE not in encoding.half
             if _may_be_half(spec, values) and is_half:
                 beyond = np.isfinite(values[..., number]) & (np.abs(values[..., number]) > LARGEST_HALF)
                 if count := beyond.sum():

@@ -9,7 +9,6 @@ here.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 from pxr import Usd
 
 from ....aov_data_types import data_type_of
-from ....description.picture_file import COMPRESSIONS, LOSSY, HeaderValue, PictureFile
+from ....description.picture_file import COMPRESSIONS, LOSSY, HeaderValue, PictureFile, is_free_in_header
 from ....diagnostics import Diagnostics
 from ...querying.guarded import authored_attributes
 from ...resolving.read import When, value
@@ -30,12 +29,6 @@ PIXEL_TYPES = frozenset({"pixeltype", "pixel_type", "exrpixeltype", "type"})
 HALF_PRECISION = "half_precision"
 # Said by files here as it is, whoever asks: true of multipart, asrgba and scanlines alone.
 ALWAYS = {"multipart": True, "asrgba": True, "tiled": False, "autocrop": False, "storage": "scanline", "append": False}
-# Of a header: what OpenEXR itself decides by (ImfStandardAttributes.h, "Required"), and what is said here.
-_RESERVED = """channels compression datawindow displaywindow lineorder pixelaspectratio screenwindowcenter screenwindowwidth
-    tiles type name view multiview version chunkcount maxsamplesperpixel chromaticities colorinteropid worldtocamera
-    worldtondc"""
-RESERVED = frozenset(_RESERVED.split())
-_NAME = re.compile(r"[A-Za-z_][\w.:/ -]{0,254}")
 _SILENT = frozenset({"multisampled"})  # of variables: a file holds pixels, however they were sampled
 
 
@@ -109,8 +102,7 @@ def _is_half(reader: _Reader, attribute: str, key: str, found: object) -> bool:
 
 def _add_to_header(reader: _Reader, attribute: str, name: str, found: object, header: dict[str, HeaderValue]) -> None:
     made = _header_value(found)
-    plain = name.replace(":", "").lower()
-    if not _NAME.fullmatch(name) or plain in RESERVED or name.lower().startswith(("primray:", "cryptomatte")):
+    if not is_free_in_header(name):
         reader.leave(attribute, found, "the header says this of the picture itself")
     elif made is None:
         reader.leave(attribute, found, "headers here hold text, numbers and vectors of two to four")

@@ -19,6 +19,7 @@ from ....aov_names import (
     AovRequest,
     check_names,
     light_path_of,
+    occlusion_distance,
     without_prefix,
 )
 from ....diagnostics import Diagnostics
@@ -41,6 +42,7 @@ COMMON: dict[str, tuple[str, ...]] = {
     "camera_normal": ("Neye", "Ncam"),
     "st": ("uv", "UV", "__st"),
     "albedo": ("Albedo",),
+    "occlusion": ("ao", "AO", "ambientOcclusion", "AmbientOcclusion", "ambient_occlusion", "Occlusion", "occ"),
     "emission": ("Emission", "emissive"),
     "guide_albedo": ("denoise_albedo",),
     "guide_normal": ("denoise_normal",),
@@ -163,6 +165,8 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
         return None
     if name in NAMES:
         return NAMES[name]
+    if occlusion_distance(name) is not None:
+        return name
     if name.startswith(("semantics:labels:", LABELS)):
         return _labels(name.removeprefix("semantics:labels:").removeprefix(LABELS), var, diagnostics)
     if name.startswith(("primvars:", PRIMVAR)):

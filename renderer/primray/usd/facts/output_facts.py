@@ -1,0 +1,67 @@
+"""What a stage says of its outputs: RenderSettings, their products with files and variables, and render passes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pxr import Usd
+
+from ...diagnostics import Diagnostics
+from ...errors import SettingsError
+from ...settings import RenderSettings
+from ..adapters.rendering.product_outputs import picture_ordered
+from ..adapters.rendering.render_pass import settings_of_pass
+from ..adapters.rendering.render_product import ProductSettings
+from ..adapters.rendering.render_settings import products
+from ..querying.guarded import targets, type_name
+from ..querying.messages import scene_errors
+from ..querying.traversal import in_world
+
+MOST = 500  # of each list
+
+
+@scene_errors()
+def output_facts(stage: Usd.Stage, settings: RenderSettings) -> dict[str, Any]:
+    """Return the stage's RenderSettings and passes in order, and the products of the settings that a render follows."""
+    prims = list(in_world(stage))
+    found = products(stage, settings, Diagnostics())
+    followed = found[0].settings_path
+    return {
+        "render_settings": [_settings(prim, followed) for prim in prims if type_name(prim) == "RenderSettings"][:MOST],
+        "products": [_product(product, settings) for product in found if product.path][:MOST],
+        "render_passes": [_pass(stage, prim) for prim in prims if type_name(prim) == "RenderPass"][:MOST],
+    }
+
+
+def _settings(prim: Usd.Prim, followed: str) -> dict[str, Any]:
+    path = str(prim.GetPath())
+    return {"path": path, "followed": path == followed, "products": [str(p) for p in targets(prim, "products")]}
+
+
+def _product(product: ProductSettings, settings: RenderSettings) -> dict[str, Any]:
+    return {
+        "path": product.path,
+        "product_name": product.name,
+        "camera": product.camera,
+        "resolution": list(product.resolution) if product.resolution else None,
+        "picture": list(picture_ordered(product, settings)),
+        "variables": [
+            {
+                "path": v.path,
+                "name": v.name,
+                "source": v.source_name or v.name,
+                "source_type": v.source_type,
+                "data_type": v.data_type,
+            }
+            for v in product.variables
+        ],
+    }
+
+
+def _pass(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
+    path = str(prim.GetPath())
+    try:
+        source = settings_of_pass(stage, path)
+    except SettingsError:
+        source = None
+    return {"path": path, "render_settings": source}
