@@ -302,8 +302,8 @@ CODES: dict[str, Code] = {
         "An output beside the picture is in none of the parts that were merged, or not in all that it is the sum of.",
         "Ask all parts for the same outputs, and let one of them begin with sample 0."),
     "default-light": Code(Severity.INFO, Kind.CHOSEN,
-        "The stage has no light, and what glows lights less than half of what is seen: a studio light is added, which the "
-        "camera does not see.",
+        "The stage has no light, and what glows lights less than a third of what is seen: a studio light is added, which "
+        "the camera does not see.",
         "Add a light, or say `--studio-light off`; for an animation `on` or `off`, since each frame is judged by itself."),
     "staging": Code(Severity.INFO, Kind.CHOSEN,
         "A dome, a ground, another background or a turned camera is rendered that the stage does not have, as asked for.",

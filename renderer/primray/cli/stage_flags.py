@@ -84,7 +84,9 @@ NoDefaultLight = Annotated[
 ]
 Studio = Annotated[
     StudioLight,
-    typer.Option("--studio-light", help="auto: where the stage lights less than half of what is seen; on: beside its lights."),
+    typer.Option(
+        "--studio-light", help="auto: where the stage lights less than a third of what is seen; on: beside its lights."
+    ),
 ]
 Dome = Annotated[
     str | None,

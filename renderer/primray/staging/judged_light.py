@@ -27,7 +27,7 @@ BLOCK = 4  # pixels: each block's mean is judged
 SAMPLES = 3  # a pixel; a quick look, which no pilot comes before
 # A block is dark below this radiance, after the camera's exposure: the default view shows it as 2 of 255.
 DARK = 0.01
-LEAST_LIT = 0.5  # of what is seen: with less, most of the picture would be black
+LEAST_LIT = 0.35  # of what is seen: with less, most of the picture would be black
 
 
 def with_studio_where_dark(

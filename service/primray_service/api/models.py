@@ -67,7 +67,7 @@ class Settings(Sent):
     filter_width: float | None = Field(None, gt=0, le=64)
     default_light: bool = True
     studio_light: Literal["auto", "on", "off"] = Field(
-        "auto", description="auto: where the stage lights less than half of what is seen; on: beside its lights."
+        "auto", description="auto: where the stage lights less than a third of what is seen; on: beside its lights."
     )
     ground: Literal["shadow", "plane"] | None = Field(
         None, description="Below all that is drawn: only its shadow, or a grey plane; null: none."

@@ -82,8 +82,8 @@ def files_of(folder: Path, nodes: str, given: str = 'nodename="c"') -> list[str]
         (folder / "maps" / f"{name}.png").write_bytes(b"")
     surface, messages = surface_of(folder, unlit(SHOWS + nodes, given=given))
     assert messages == []
-    nodes = surface.pattern.nodes if surface.pattern else ()
-    named = [v for n in nodes for _, v in n.inputs if isinstance(v, TextureFile)]
+    found = surface.pattern.nodes if surface.pattern else ()
+    named = [v for n in found for _, v in n.inputs if isinstance(v, TextureFile)]
     named += [i.file for _, i in surface.inputs if isinstance(i, TextureInput)]
     return [Path(file.path).name for file in named]
 
