@@ -20,6 +20,7 @@ PLANES = (
     "guide_albedo",
     "guide_normal",
     "emission",
+    "occlusion",
     "prim",
     "material",
     "instance",
@@ -27,7 +28,7 @@ PLANES = (
 
 
 def first_hits(scene: Any, lanes: int, threads: int = 1, rows: int = 1 << 20) -> dict[str, np.ndarray]:
-    hits = core_module().FirstHits(scene, list(PLANES), [])
+    hits = core_module().FirstHits(scene, list(PLANES), [], occlusion_distance=1.0)
     for row in range(0, scene.resolution[1], rows):
         hits.fill(lanes, threads, row, row + rows)
     found: dict[str, np.ndarray] = hits.take()
@@ -53,7 +54,7 @@ def test_what_is_asked_for_beside_does_not_show(name: str) -> None:
     scene = SCENES[name]().build()
     everything = first_hits(scene, core_module().MAX_LANES)
     for plane in PLANES:
-        hits = core_module().FirstHits(scene, [plane], [])
+        hits = core_module().FirstHits(scene, [plane], [], occlusion_distance=1.0)
         hits.fill(core_module().MAX_LANES, 2, 0, scene.resolution[1])
         assert hits.take()[plane].tobytes() == everything[plane].tobytes()
 

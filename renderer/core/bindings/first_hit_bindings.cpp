@@ -17,7 +17,8 @@ struct FirstHits {
 };
 
 // `names`: the planes that are wanted; `primvars`: (name, its wider twin, width) of each; `replicate` as in FirstHitPlanes.
-void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars, uint32_t replicate, float occlusion_distance) {
+void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars, uint32_t replicate,
+          float occlusion_distance) {
   new (self) FirstHits{scene, {}};
   FirstHitPlanes& p = self->planes;
   p.replicate = replicate, p.occlusion_distance = occlusion_distance;

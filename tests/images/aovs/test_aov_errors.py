@@ -39,7 +39,7 @@ def test_they_are_there_where_asked_for_and_change_nothing(tmp_path: Path) -> No
     assert image.report["pixels_sha256"] == plain.report["pixels_sha256"]
     assert all(aov.errors is None for aov in plain.aovs.values())
     assert {name for name, aov in image.aovs.items() if aov.errors is not None} == set(FILTERED) == {
-        "albedo", "emission", "guide_albedo", "guide_normal",
+        "albedo", "emission", "guide_albedo", "guide_normal", "occlusion",
     }  # fmt: skip
     again = primray.read_image(image.save(tmp_path / "a.exr"))
     for name, aov in image.aovs.items():

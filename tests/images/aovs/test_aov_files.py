@@ -78,7 +78,8 @@ def test_every_aov_is_a_part_of_the_exr(tmp_path: Path) -> None:
         assert stored.dtype == (np.uint32 if AOVS[name].unsigned else np.float32)
         assert np.array_equal(stored.reshape(aov.values.shape), aov.values.astype(stored.dtype))
         assert not spec.get_string_attribute("primray:isa")
-        assert spec.get_string_attribute("primray:meaning") == AOVS[name].meaning
+        assert spec.get_string_attribute("primray:meaning") == aov.meaning
+        assert aov.meaning == AOVS[name].meaning.replace("a distance", "100 scene units")
         assert spec.getattribute("worldtocamera") == first.getattribute("worldtocamera")
     assert json.loads(found["prim"][0].get_string_attribute("primray:ids")) == {"1": "/a_ball", "2": "/b_box", "3": "/c_wall"}
     assert {spec.channelnames for spec, _ in found.values()} >= {("Z",), ("normal.X", "normal.Y", "normal.Z"), ("prim",)}

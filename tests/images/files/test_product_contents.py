@@ -290,3 +290,21 @@ def test_inspect_lists_outputs_with_their_files(capsys: pytest.CaptureFixture[st
         "/Render/all, from /Render/settings",
     ):
         assert line in said
+
+
+def test_products_of_a_frame_in_parts_are_the_same(tmp_path: Path) -> None:
+    from primray.render.prepare import open_once
+    from primray.render.products import products_of, renders_of
+
+    write(Path("s.usda"), {"a": ("rgba N", ""), "b": ("z key noise", "")})
+    settings = primray.RenderSettings(spp=4, resolution=(24, 16))
+    ((joint, made),) = renders_of(products_of(open_once("s.usda", settings), settings))
+    whole = primray.render("s.usda", joint, progress=False)
+    apart = primray.render("s.usda", joint, progress=False, executor=primray.LocalProcesses(2))
+    assert apart.file == whole.file
+    for product in made:
+        files = [str(tmp_path / f"{name}.exr") for name in ("whole", "apart")]
+        for image, file in zip((whole, apart), files, strict=True):
+            product.image_of(image).save(file)
+        assert parts(Path(files[0])) == parts(Path(files[1]))
+        assert pixels(files[0]) == pixels(files[1])

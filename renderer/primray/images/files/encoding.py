@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...aov_names import CRYPTOMATTES
-from ...description.picture_file import COMPRESSIONS, HeaderValue, is_free_in_header
 from ...diagnostic_codes import CODES
 from ...diagnostics import Diagnostic
 from ...errors import SettingsError
 
 if TYPE_CHECKING:
     import numpy.typing as npt
+
+    from ...description.picture_file import HeaderValue
 
 # Bits that there are of a format, the first unless another is asked for. 32 are scene-linear floats, no view.
 BIT_DEPTHS = {".png": (8, 16), ".tif": (16, 8, 32), ".tiff": (16, 8, 32)}
@@ -41,6 +42,10 @@ class Encoding:
 
     def __post_init__(self) -> None:
         """SettingsError for a compression or an attribute that no EXR has."""
+        if not self.compression and self.level is None and not self.header:
+            return
+        from ...description.picture_file import COMPRESSIONS, is_free_in_header
+
         if self.compression not in ("", *COMPRESSIONS):
             sentence = f"{self.compression!r} is no compression of an EXR; there are {', '.join(COMPRESSIONS)}"
             raise SettingsError(sentence, where="compression", code="exr-setting")
