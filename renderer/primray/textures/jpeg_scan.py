@@ -14,6 +14,7 @@ _LEAST = 64  # bytes: more than two whole blocks of coefficients in the shortest
 _SEQUENTIAL, _PROGRESSIVE = (0xC0, 0xC1), 0xC2
 _DHT, _SOI, _EOI, _SOS = 0xC4, 0xD8, 0xD9, 0xDA
 _NEXT_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)  # neither stuffed bytes nor restarts
+_ZEROS = re.compile(rb"\0+")
 _HOLE = b"\0" * _LEAST
 
 
@@ -22,15 +23,18 @@ def zeroed_part(data: bytes) -> int | None:
     if _HOLE not in data:
         return None
     tables: dict[int, int] = {}  # by class and number: the symbol whose codeword is all zeros, which is the first
-    frame = 0
+    frame, blocks = 0, 0
     for marker, start, end in _segments(data):
         if marker == _DHT:
             tables.update(_first_symbols(data[start:end]))
         elif marker in (*_SEQUENTIAL, _PROGRESSIVE):
-            frame = marker
+            frame, blocks = marker, _blocks(data[start:end])
         elif marker == _SOS:
-            scan = data.find(_HOLE, end, _end_of_scan(data, end))
-            if scan >= 0 and frame and _is_hole(data[start:end], tables, frame):
+            last = _end_of_scan(data, end)
+            scan = data.find(_HOLE, end, last)
+            zeros = _ZEROS.match(data, scan, last) if scan >= 0 and frame else None
+            # Two bytes a block are more than the codewords of a flat picture.
+            if zeros and (_is_hole(data[start:end], tables, frame) or len(zeros[0]) > 2 * blocks):
                 return scan
     return None
 
@@ -51,6 +55,14 @@ def _segments(data: bytes) -> Iterator[tuple[int, int, int]]:
 def _end_of_scan(data: bytes, at: int) -> int:
     found = _NEXT_MARKER.search(data, at)
     return found.start() if found is not None else len(data)
+
+
+def _blocks(frame: bytes) -> int:
+    """Return at most how many blocks of 8 by 8 a frame's components have together."""
+    if len(frame) < 6:
+        return 0
+    height, width = int.from_bytes(frame[1:3], "big"), int.from_bytes(frame[3:5], "big")
+    return ((height + 15) // 8) * ((width + 15) // 8) * frame[5]
 
 
 def _first_symbols(tables: bytes) -> Iterator[tuple[int, int]]:
