@@ -8,7 +8,7 @@ import numpy as np
 
 from ..diagnostic_codes import CODES, Severity
 from ..fidelity import Kind
-from ..report.emptiness import why_empty
+from ..report.emptiness import IMAGES, why_empty
 from .examined import Examined
 from .finding import Finding, Question
 
@@ -50,7 +50,7 @@ def _missing(seen: Examined) -> Iterator[Finding]:
     of_code: dict[str, list[str]] = {}
     for told in seen.diagnostics:
         severe = told.severity is Severity.ERROR or told.code == "payloads-unloaded"
-        if told.kind is Kind.MISSING and severe and told.code not in ("asset-missing", "texture-unreadable", "tile-missing"):
+        if told.kind is Kind.MISSING and severe and told.code not in IMAGES:
             of_code.setdefault(told.code, []).append(told.prim_path)
     for code, prims in of_code.items():
         yield Finding(Question.EMPTY, code, CODES[code].meaning, CODES[code].advice, tuple(dict.fromkeys(prims)))

@@ -14,6 +14,8 @@ from ..diagnostics import Diagnostic
 from ..fidelity import Kind
 from .prepared import Prepared
 
+# Codes of images that are missing: what a light or a material lacks hides no geometry.
+IMAGES = frozenset({"asset-missing", "texture-unreadable", "tile-missing"})
 UNKNOWN = (
     "without faces, wholly transparent, in no instance or level of detail that is drawn, or of a kind that is not rendered"
 )
@@ -35,7 +37,9 @@ def is_bare(prepared: Prepared, told: Iterable[Diagnostic]) -> bool:
 
 
 def _missing(told: Iterable[Diagnostic]) -> list[Diagnostic]:
-    return [d for d in told if d.kind is Kind.MISSING and (d.severity is Severity.ERROR or d.code == "payloads-unloaded")]
+    """Return what says that geometry may be missing: not that an image is, of a light or of a material."""
+    told = [d for d in told if d.kind is Kind.MISSING and d.code not in IMAGES]
+    return [d for d in told if d.severity is Severity.ERROR or d.code == "payloads-unloaded"]
 
 
 def why_empty(prepared: Prepared, pixels: Floats, told: Iterable[Diagnostic]) -> str:

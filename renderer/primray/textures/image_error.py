@@ -9,6 +9,8 @@ from __future__ import annotations
 import tempfile
 from typing import Any
 
+from .jpeg_scan import zeroed_part
+
 END_OF_JPEG = b"\xff\xd9"  # the marker EOI: ITU-T T.81, B.2.1
 # Messages of libjpeg (jerror.h) about what is beside the pixels, or read as it was meant.
 _HARMLESS = (
@@ -35,15 +37,21 @@ def fault_of_pixels(image: Any, path: str) -> str:
     `image` is an OpenImageIO ImageInput. Progressive JPEGs are decoded as it is opened, so errors since then count.
     """
     if not image.has_error:
-        return ""
+        return _hole(path) if image.format_name() == "jpeg" else ""
     message = last_error(image)
     if image.format_name() != "jpeg":
         return message
     if _ENDS_EARLY in message:
-        return "" if _lacks_only_its_end(path) else message
+        return _hole(path) if _lacks_only_its_end(path) else message
     if any(harmless in message for harmless in _HARMLESS):
-        return "" if _has_end(path) else _ENDS_EARLY  # the first warning alone is kept
+        return _hole(path) if _has_end(path) else _ENDS_EARLY  # the first warning alone is kept
     return message
+
+
+def _hole(path: str) -> str:
+    with open(path, "rb") as file:
+        at = zeroed_part(file.read())
+    return "" if at is None else f"its coefficients are zeros from byte {at} on"
 
 
 def _has_end(path: str) -> bool:

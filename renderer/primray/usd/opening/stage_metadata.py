@@ -133,4 +133,5 @@ def layer_names(stage: Usd.Stage) -> list[str]:
 
 
 def _is_empty(layer: Sdf.Layer) -> bool:
-    return bool(layer.anonymous and layer.empty)
+    """Return whether a layer in memory has no prims of its own: one that hands on other layers, as a session does, names them."""
+    return bool(layer.anonymous and (layer.empty or (layer.subLayerPaths and not layer.rootPrims)))

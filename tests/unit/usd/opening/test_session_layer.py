@@ -16,6 +16,7 @@ from primray.live.viewed_scene import ViewedScene
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 from primray.usd.opening.stage import scratch_copy
+from primray.usd.opening.stage_metadata import layer_names
 
 SHOT = """#usda 1.0
 (
@@ -236,3 +237,10 @@ def test_files_that_it_leads_to_are_watched(folder: Path) -> None:
     scene = ViewedScene(root, RenderSettings(session_layer=session, resolution=(16, 12)))
     scene.open()
     assert {root, session, str(folder / "sphere.usda")} <= scene.files()
+
+
+def test_layers_of_a_stage_name_the_session_layer_and_not_what_hands_it_on(tmp_path: Path) -> None:
+    (tmp_path / "a.usda").write_text('#usda 1.0\ndef "A" {\n}\n')
+    (tmp_path / "s.usda").write_text('#usda 1.0\nover "A" {\n}\n')
+    stage = open_stage(tmp_path / "a.usda", Diagnostics(), Composition(session_layer=str(tmp_path / "s.usda")))
+    assert [Path(name).name for name in layer_names(stage)] == ["s.usda", "a.usda"]
