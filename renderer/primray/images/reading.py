@@ -14,8 +14,8 @@ from ..errors import SettingsError
 from ..settings import Eye
 from .aov import Aov
 from .aov_parts import read_aovs, record_part
-from .image import BACKGROUND, CHANNELS, LIT, Image, chromaticities_of
 from .exposure import needs_alpha
+from .image import BACKGROUND, CHANNELS, LIT, Image, chromaticities_of
 from .image_file import FLOATS
 from .image_file import read_image as read_measured
 from .opened_picture import open_picture
