@@ -133,5 +133,5 @@ def layer_names(stage: Usd.Stage) -> list[str]:
 
 
 def _is_empty(layer: Sdf.Layer) -> bool:
-    """Return whether a layer in memory has no prims of its own: one that hands on other layers, as a session does, names them."""
+    """Return whether a layer in memory has no prims of its own: one that hands others on says so by them."""
     return bool(layer.anonymous and (layer.empty or (layer.subLayerPaths and not layer.rootPrims)))
