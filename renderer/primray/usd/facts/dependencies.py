@@ -11,7 +11,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
-from ..materials.file_places import files_at, has_places
+from ..materialx.file_places import files_at, has_places
 from ..materialx.files import files_of_documents
 from ..opening.file_names import FileNames
 from ..opening.stage import open_layer, usd_messages

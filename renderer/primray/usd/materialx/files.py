@@ -6,8 +6,8 @@ import os
 from collections.abc import Iterable
 
 from ...errors import AssetError
-from ..materials.file_places import files_at, has_places
 from .documents import MOST_INCLUDES, beside, names_in
+from .file_places import files_at, has_places
 from .stand_ins import is_document
 
 

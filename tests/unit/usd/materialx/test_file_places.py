@@ -14,7 +14,7 @@ from primray.description import Pattern, SceneDescription, TextureFile, TextureI
 from primray.description.pattern_reads import pattern_files
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.materials.file_places import Frames, frames_of, with_frame
+from primray.usd.materialx.file_places import Frames, frames_of, with_frame
 
 _OF_THE_STAGE = ("camera-automatic", "primvar-missing", "default-light")
 EMISSION = "color3f inputs:emission_color.connect = </m/t.outputs:out>"
