@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 from .patterns import UV_TEXTURE, NodeOutput, Pattern, PatternNode
+from .shading import PrimvarInput, TextureInput
 from .texture_file import TextureFile
 
 COLOR_PRIMVAR = "displayColor"  # what geomcolor means
@@ -68,6 +71,25 @@ def pattern_files(pattern: Pattern) -> dict[TextureFile, set[str]]:
                 channels = named if isinstance(named, str) else _CHANNELS.get(node.type, "rgb")
                 found.setdefault(value, set()).update(channels)
     return found
+
+
+def plain_images(pattern: Pattern | None) -> Iterator[TextureInput]:
+    """Yield the images of a pattern that are laid on by a primvar as it is; coordinates that are computed are not followed."""
+    for node in pattern.nodes if pattern is not None else ():
+        inputs = dict(node.inputs)
+        file, name = inputs.get("file"), _coordinates_of(pattern, inputs)
+        if isinstance(file, TextureFile) and name:
+            yield TextureInput(file, "rgb", PrimvarInput(name, (0.0, 0.0)))
+
+
+def _coordinates_of(pattern: Pattern | None, inputs: Mapping[str, object]) -> str:
+    """Return the primvar that an image's coordinates are, "" where they are computed."""
+    given = inputs.get("texcoord", inputs.get("st", "UV0"))
+    if isinstance(given, NodeOutput) and pattern is not None:
+        node = pattern.nodes[given.node]
+        read = _primvars_of(node) if node.category in ("texcoord", "geompropvalue") else []
+        return read[0][0] if read and read[0][1] == 2 else ""
+    return primvar_of_set(0) if given == "UV0" else ""
 
 
 def reads_world_space(pattern: Pattern, node: int) -> bool:

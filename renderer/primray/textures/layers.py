@@ -66,4 +66,5 @@ def _channels(names: tuple[str, ...], label: str, layer: str) -> list[int]:
         own = own or (list(range(len(names))) if label == layer else [])
     if not own and layer.lower() in _PLAIN:
         own = [i for i, prefix in enumerate(prefixes) if not prefix]
-    return own
+    # One channel by its whole name ("N.Y"), as programs list those of a file: its numbers alone.
+    return own or [i for i, name in enumerate(names) if layer in (name, f"{label}.{name}")]

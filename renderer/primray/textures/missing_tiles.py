@@ -20,6 +20,7 @@ from ..description import (
     TextureFile,
     TextureInput,
 )
+from ..description.pattern_reads import plain_images
 from ..diagnostics import Diagnostics
 
 FIRST, ACROSS = 1001, 10  # ten tiles in s, then the next row in t (UsdShade: 1001 to 1100)
@@ -60,7 +61,7 @@ def _message(file: TextureFile, missing: list[int]) -> str:
 def _sets_of(surface: Surface) -> dict[TextureFile, list[TextureInput]]:
     """Inputs that read a set of tiles, each way of laying it on once."""
     found: dict[TextureFile, dict[object, TextureInput]] = {}
-    for _, reads in surface.inputs:
+    for reads in (*(reads for _, reads in surface.inputs), *plain_images(surface.pattern)):
         if isinstance(reads, TextureInput) and reads.file.tiles:
             found.setdefault(reads.file, {}).setdefault((reads.st, reads.st_transform), reads)
     return {file: list(ways.values()) for file, ways in found.items()}

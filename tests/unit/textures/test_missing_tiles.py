@@ -12,6 +12,8 @@ import pytest
 from tests.textured import UNIT_ST, glowing, look_at_plate, pixels_of, plate, primvar, texture
 
 from primray.description import Interpolation, SubdivisionMesh, TextureFile
+from primray.description.pattern_reads import plain_images
+from primray.description.patterns import NodeOutput, Pattern, PatternNode
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
 from primray.textures.missing_tiles import note_missing_tiles, tiles_met
@@ -129,3 +131,37 @@ def test_it_is_told_where_textures_are_loaded(tmp_path: Path) -> None:
     load_textures(d.description, notes, None)
     assert [(n.code, n.prim_path) for n in notes] == [("texture-unreadable", "/m"), ("tile-missing", "/m")]
     assert "has no 1002," in list(notes)[1].message
+
+
+def image_of(*nodes: PatternNode, coordinates: Any) -> Pattern:
+    image = PatternNode("image", "color3", "ND_image_color3", (("file", SET), ("texcoord", coordinates)))
+    return Pattern((*nodes, image))
+
+
+ST = PatternNode("geompropvalue", "vector2", "ND_geompropvalue_vector2", (("geomprop", "uv"), ("default", (0.0, 0.0))))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "primvar"),
+    [
+        (image_of(coordinates="UV0"), "st"),
+        (image_of(ST, coordinates=NodeOutput(0, "out")), "uv"),
+        (image_of(replace(ST, category="texcoord", inputs=(("index", (1.0,)),)), coordinates=NodeOutput(0, "out")), "st1"),
+        (image_of(replace(ST, category="noise2d", inputs=()), coordinates=NodeOutput(0, "out")), None),
+        (image_of(coordinates=(0.5, 0.5)), None),
+        (None, None),
+    ],
+)
+def test_images_of_patterns_are_laid_on_by_primvars(pattern: Pattern | None, primvar: str | None) -> None:
+    assert [reads.st.name for reads in plain_images(pattern)] == [primvar] * (primvar is not None)
+
+
+def test_tiles_that_a_pattern_reads_are_told() -> None:
+    d = look_at_plate(glowing(texture(file=SET)), IMAGES, (4, 4), plate())
+    [surface] = d.description.surfaces
+    notes = Diagnostics()
+    pattern = image_of(coordinates="UV0")
+    surfaces = (replace(surface, inputs=(), pattern=pattern),)
+    note_missing_tiles(replace(d.description, shapes=(plate(HALF),), surfaces=surfaces), notes)
+    assert [note.code for note in notes] == ["tile-missing"]
+    assert "1002" in next(iter(notes)).message
