@@ -279,3 +279,12 @@ def test_flags_say_how_an_exr_is_stored(tmp_path: Path, capsys: pytest.CaptureFi
         assert run([*command, str(tmp_path / "a.png"), *flags]) == 2
     assert run([*command, str(tmp_path / "a.png"), "--metadata", "a=b"]) == 2
     assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize(("name", "attributes"), [("picture.exr", []), ("", []), ("picture.png", ["comment", "compression"])])
+def test_what_is_said_of_a_product_that_is_no_exr_is_reported(name: str, attributes: list[str]) -> None:
+    parameters = 'string driver:parameters:comment = "a take"\ntoken driver:parameters:compression = "zips"'
+    made = stage(product=parameters)
+    made.GetPrimAtPath("/Render/product").GetAttribute("productName").Set(name)
+    found = [attribute.rpartition(":")[2] for code, attribute in codes(rendered(made)) if code == "output-parameter"]
+    assert sorted(found) == attributes

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -52,8 +53,10 @@ class _Reader:
         self.diagnostics.add(NOT_HERE, str(self.prim.GetPath()), f"{attribute} = {found!r}: {why}.", attribute)
 
 
-def product_file(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> PictureFile:
-    """What the product's driver is told."""
+def product_file(product: Usd.Prim, name: str, when: When, diagnostics: Diagnostics) -> PictureFile:
+    """Return what the product's driver is told. `name`: the product's, whose suffix says whether it is an EXR."""
+    if PurePosixPath(name).suffix.lower() not in ("", ".exr"):
+        return _plain_file(product, when, diagnostics)
     reader = _Reader(product, when, diagnostics)
     compression, level, half, header = "", None, tuple[str, ...](), dict[str, HeaderValue]()
     for attribute, name, found in reader.parameters(PREFIXES):
@@ -72,6 +75,14 @@ def product_file(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Pic
         else:
             _add_to_header(reader, attribute, name, found, header)
     return PictureFile(half, compression, level, tuple(header.items()))
+
+
+def _plain_file(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> PictureFile:
+    """Report all that is said of a file which is no EXR: pictures of other formats have none of it."""
+    reader = _Reader(product, when, diagnostics)
+    for attribute, _, found in reader.parameters(PREFIXES):
+        reader.leave(attribute, found, "the product is no EXR, and has nothing of this")
+    return PictureFile()
 
 
 def _compression(reader: _Reader, attribute: str, found: object) -> str:

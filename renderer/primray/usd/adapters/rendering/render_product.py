@@ -71,13 +71,14 @@ def product_of(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: D
     name, kind = reader.own("productName", ""), reader.own("productType", "raster")
     if kind != "raster":
         reader.note("productType", f"productType = {kind!r} is not made: a raster image is.")
+    name = name if isinstance(name, str) else ""
     return replace(
         reader.product(),
         path=str(product.GetPath()),
-        name=name if isinstance(name, str) else "",
+        name=name,
         type="raster",
         variables=tuple(_variables(product, when, diagnostics)),
-        file=product_file(product, when, diagnostics),
+        file=product_file(product, name, when, diagnostics),
     )
 
 
