@@ -78,6 +78,7 @@ def with_denoised(image: Image, made: Denoised) -> Image:
         metadata |= {f"denoised.error.{metric}.estimate": found["estimate"]}
         metadata |= {f"denoised.error.{metric}.ci95": " ".join(map(str, found["ci95"]))}
     own = Image(pixels, {}, metadata, image.camera, image.channels, None, image.color_space, image.frame)
+    own = replace(own, file=image.file.beside())
     return replace(image, denoised=own, report={**image.report, "denoised": says})
 
 

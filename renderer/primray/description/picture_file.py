@@ -49,6 +49,10 @@ class PictureFile:
     products: tuple[tuple[str, PictureFile], ...] = ()  # files of the products that the image is for, by path
     lit_behind: bool = False  # there may be light behind what covers the picture, so views of it have no alpha
 
+    def beside(self) -> PictureFile:
+        """Return what holds of another picture of the same view, such as a denoised one: what is behind it alone."""
+        return PictureFile(lit_behind=self.lit_behind)
+
     def as_json(self) -> dict[str, Any]:
         values: dict[str, Any] = {"half": list(self.half), "compression": self.compression, "level": self.level}
         values["header"] = dict(self.header)

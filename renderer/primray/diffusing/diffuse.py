@@ -40,6 +40,7 @@ def diffuse(image: Image, diffusion: Diffusion) -> tuple[Image, dict[str, Any]]:
     says = asdict(diffusion) | dict(zip(("blades", "blade_rotation_deg"), aperture_of(diffusion, *blades), strict=True))
     metadata = {f"diffusion.{name}": value for name, value in says.items()}
     made = Image(pixels, {}, metadata, camera, image.channels, errors, image.color_space, frame)
+    made = replace(made, file=image.file.beside())
     return made, says | _energy(psf, image.pixels, pixels)
 
 

@@ -67,7 +67,7 @@ def _picture_of(part: Aov, record: Image) -> Image:
         values = np.concatenate([values, record.pixels[..., 3:]], axis=2)
     pixels, errors = np.split(values, [len(CHANNELS)], axis=2)
     told = errors if errors.shape[2] else None
-    return Image(pixels, errors=told, color_space=record.color_space, frame=record.frame)
+    return Image(pixels, errors=told, color_space=record.color_space, frame=record.frame, file=record.file.beside())
 
 
 def _record_part(name: str, eye: Eye | None) -> int:

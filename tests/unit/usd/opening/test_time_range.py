@@ -27,7 +27,7 @@ def layer(path: Path, ends: tuple[float | None, float | None], *sublayers: Path)
 ENDS = [(None, None), (1.0, 10.0), (None, 20.5), (0.0, None)]
 
 
-@pytest.mark.parametrize(("of_root", "of_session"), product(ENDS, [None, *ENDS]))
+@pytest.mark.parametrize(("of_root", "of_session"), list(product(ENDS, [None, *ENDS])))
 def test_the_range_is_the_stages(
     of_root: tuple[float | None, float | None], of_session: tuple[float | None, float | None] | None, tmp_path: Path
 ) -> None:
