@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pytest
 
+from primray.diagnostics import Diagnostic
 from primray.settings import RenderSettings
 from primray.usd import translate
 
@@ -26,6 +29,11 @@ def as_usd_says(seeds: range) -> None:
     assert count > 5 * len(seeds)  # not of stages with nothing on them
 
 
+def told(diagnostics: Iterable[Diagnostic]) -> set[tuple[str, str]]:
+    """Of all but the near plane, which is not held against instances: what is alike is one without caches."""
+    return {(d.code, d.message) for d in diagnostics if d.code != "near-plane"}
+
+
 def as_without_caches(seeds: range) -> None:
     shared = 0
     for seed in seeds:
@@ -35,7 +43,7 @@ def as_without_caches(seeds: range) -> None:
             without_caches(patched)
             apart, said_apart = translate(stage, SETTINGS)
         assert leaves_described(cached) == leaves_described(apart), f"seed {seed}"
-        assert {(d.code, d.message) for d in said} == {(d.code, d.message) for d in said_apart}, f"seed {seed}"
+        assert told(said) == told(said_apart), f"seed {seed}"
         shared += len(apart.shapes) - len(cached.shapes)
     assert shared > 3 * len(seeds)  # so that much is held to be alike
 

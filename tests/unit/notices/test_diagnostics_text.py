@@ -88,6 +88,7 @@ def test_rows_of_older_reports_have_neither_kind_nor_attribute() -> None:
 STAGE = """#usda 1.0
 def Camera "cam"
 {
+    float2 clippingRange = (0.1, 100)
 }
 def Sphere "ball" (prepend apiSchemas = ["FancyAPI"])
 {

@@ -30,7 +30,7 @@ def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Pl
     eye, ends = camera.world_from_camera[:3, 3], _ends(camera, near)
     along = -camera.world_from_camera[:3, 2] / near  # its product with what is seen from the eye is 0 there, 1 on the plane
     nearest = np.full(len(ends), np.inf)
-    paths = []
+    paths: list[str] = []
     for k, depth in _between(shapes, static, eye, along):
         placed, shape = static[k], shapes[static[k].shape]
         rotation = placed.matrix[:3, :3]
@@ -45,7 +45,7 @@ def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Pl
     share = float(np.mean(nearest < 1))
     if share < LEAST_SHARE:
         return
-    distance = near * float(nearest.min())
+    distance, paths = near * float(nearest.min()), sorted(paths)
     message = (
         f"The near plane at {near:g} cuts off what is in {share:.0%} of the picture, the nearest of it at {distance:.3g}: "
         f"{', '.join(paths[:3])}{' and others' if len(paths) > 3 else ''}. If it is not to be cut open, author a clippingRange "
