@@ -302,6 +302,8 @@ NEW_SETTINGS = (
     "stop_at",
     "aov_errors",
     "region",
+    "fail_on",
+    "allow",
 )
 
 

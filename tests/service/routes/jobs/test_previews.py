@@ -222,7 +222,7 @@ def test_a_damaged_preview_is_no_picture(damage: Any, server: RunningServer, cli
 
 
 def helper_of(server: RunningServer) -> int | None:
-    found = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(server.process.pid)], capture_output=True, text=True)
+    found = subprocess.run(["ps", "-ww", "-o", "pid=,args=", "--ppid", str(server.process.pid)], capture_output=True, text=True)
     lines = [line.split(None, 1) for line in found.stdout.splitlines()]
     return next((int(pid) for pid, command in lines if "pictures.process" in command), None)
 
