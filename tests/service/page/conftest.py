@@ -121,11 +121,11 @@ def render(page: Page, *, width: int = 64, target: str | None = None, samples: i
     return page.url.rpartition("/")[2]
 
 
-def wait_for_state(page: Page, state: str, timeout_s: float = 60.0) -> None:
+def wait_for_state(page: Page, state: str, timeout_s: float = 180.0) -> None:
     page.wait_for_selector(f'.head .state[data-state="{state}"]', timeout=1000 * timeout_s)
 
 
-def until(page: Page, expression: str, timeout_s: float = 60.0) -> None:
+def until(page: Page, expression: str, timeout_s: float = 180.0) -> None:
     """Until the expression is true. Playwright's own waiting evaluates text inside the page, which its policy forbids."""
     end = time.monotonic() + timeout_s
     while not page.evaluate(expression):
