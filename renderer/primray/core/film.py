@@ -28,6 +28,7 @@ class Film:
             self._film = module().Film.from_state(width, height, dict(state))
         self._exposure_scale = scene._exposure_scale
         self._image: tuple[int, tuple[Floats, Floats]] | None = None
+        self._spread: tuple[int, tuple[int, int]] | None = None
 
     def image(self) -> tuple[Floats, Floats]:
         """Mean R, G, B, coverage (H, W, 4) and the standard errors of R, G, B (H, W, 3); inf where there is no estimate."""
@@ -61,8 +62,11 @@ class Film:
 
     @property
     def samples_per_pixel(self) -> tuple[int, int]:
-        total = self.counts.sum(axis=0)
-        return int(total.min()), int(total.max())
+        """The fewest and the most; counted once for the samples that there are, since every measurement asks."""
+        if self._spread is None or self._spread[0] != self.samples:
+            total = self.counts.sum(axis=0)
+            self._spread = self.samples, (int(total.min()), int(total.max()))
+        return self._spread[1]
 
     @property
     def samples(self) -> int:
