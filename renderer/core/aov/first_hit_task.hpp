@@ -92,15 +92,12 @@ class FirstHitTask {
   void filtered(const PixelRect& r) { means(r, false, planes_.albedo, planes_.emission); }
 
   void occlusion(const PixelRect& r) {
-    const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
+    const int slots = (r.x1 - r.x0) * (r.y1 - r.y0) * kFilteredSamples;
     double sum = 0;
     for (int at = 0; at < slots; at += W) {
       alignas(64) int32_t x[W], y[W];
       alignas(64) uint32_t index[W];
-      for (int i = 0; i < W; ++i) {
-        const int slot = at + i < slots ? at + i : slots - 1, pixel = slot / kFilteredSamples;
-        x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = uint32_t(slot % kFilteredSamples);
-      }
+      place(r, at, slots, x, y, index);
       const I px = frame_x(x), py = frame_y(y);
       const auto seed = Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(planes_.replicate));
       const Sampler<W> sampler{reverse_bits(load<W>(index)), seed};
@@ -146,6 +143,16 @@ class FirstHitTask {
   using I = vint<W>;
   using B = vbool<W>;
   using V = vvec3<W>;
+
+  // The pixels, and the numbers of their samples, of W slots from `at` on: kFilteredSamples for each pixel of the rectangle,
+  // one pixel after the other. Lanes beyond the last slot repeat it.
+  static void place(const PixelRect& r, int at, int slots, int32_t (&x)[W], int32_t (&y)[W], uint32_t (&index)[W]) {
+    const int width = r.x1 - r.x0;
+    for (int i = 0; i < W; ++i) {
+      const int slot = at + i < slots ? at + i : slots - 1, pixel = slot / kFilteredSamples;
+      x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = uint32_t(slot % kFilteredSamples);
+    }
+  }
 
   // Of kOcclusionRays from a surface seen along `d`, the share that meets nothing.
   F open_share(B hit, const Interaction<W>& it, const V& d, const Sampler<W>& sampler) const {
@@ -220,16 +227,13 @@ class FirstHitTask {
 
   // Means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
   void means(const PixelRect& r, bool guide, std::vector<float>& first, std::vector<float>& second) {
-    const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
+    const int slots = (r.x1 - r.x0) * (r.y1 - r.y0) * kFilteredSamples;
     const vuint<W> replicate(planes_.replicate);
     double sums[6] = {};
     for (int at = 0; at < slots; at += W) {
       alignas(64) int32_t x[W], y[W];
       alignas(64) uint32_t index[W];
-      for (int i = 0; i < W; ++i) {
-        const int slot = at + i < slots ? at + i : slots - 1, pixel = slot / kFilteredSamples;
-        x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = uint32_t(slot % kFilteredSamples);
-      }
+      place(r, at, slots, x, y, index);
       const I px = frame_x(x), py = frame_y(y);
       const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, replicate)};
       const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
