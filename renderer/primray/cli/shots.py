@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import SettingsError
-from ..render.frame_names import FrameName, check_names, frame_name, has_frame_holder
+from ..render.frame_names import FrameName, check_names, frame_name
 from ..settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -65,16 +65,10 @@ def product_shots(
 
 
 def _name_in_frames(product: Product, time_codes: list[float] | None) -> FrameName:
-    name = frame_name(_numbered(product.file_name, time_codes))
+    name = frame_name(product.file_name)
+    if time_codes is not None and len(time_codes) > 1:
+        name = name.with_holder()
     if time_codes is None and name.has_holder:  # the stage's author meant one
         raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
     check_names([name], time_codes)
-    return name
-
-
-def _numbered(name: str, time_codes: list[float] | None) -> str:
-    """With a place for the frame's number where there are several."""
-    path = Path(name)
-    if time_codes is not None and len(time_codes) > 1 and not has_frame_holder(name):
-        return str(path.with_name(f"{path.stem}.####{path.suffix}"))
     return name

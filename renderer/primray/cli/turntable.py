@@ -38,14 +38,6 @@ def turntable_numbers(count: int | None, fps: float | None, time_codes: Sequence
     return [float(number) for number in range(1, count + 1)]
 
 
-def numbered(name: FrameName, many: bool) -> FrameName:
-    """With a place for the picture's number where it has none."""
-    if not many or name.has_holder:
-        return name
-    path = Path(name.pattern)
-    return FrameName(name.literal, f"{path.stem}.####{path.suffix}")
-
-
 def turntable_shots(
     settings: RenderSettings, numbers: Sequence[float], names: list[FrameName], report: FrameName | None
 ) -> list[Shot]:

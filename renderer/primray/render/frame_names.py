@@ -33,6 +33,13 @@ class FrameName:
     def has_holder(self) -> bool:
         return _HOLDER.search(self.pattern) is not None
 
+    def with_holder(self) -> FrameName:
+        """Return the name with a place for the number, before the extension, where it has none."""
+        if self.has_holder:
+            return self
+        name = PurePosixPath(self.pattern)
+        return FrameName(self.literal, f"{name.stem}.####{name.suffix}")
+
     def of(self, frame: float | None) -> str:
         """SettingsError if a holder cannot hold the frame's fraction; None: no frames were asked for."""
         return self.literal + (self.pattern if frame is None else _filled(self.pattern, frame))
@@ -50,10 +57,6 @@ def frame_name(text: str) -> FrameName:
 def default_name(stem: str, many: bool) -> FrameName:
     """The picture of a stage, named after it."""
     return FrameName(stem, ".####.exr" if many else ".exr")
-
-
-def has_frame_holder(name: str) -> bool:
-    return frame_name(name).has_holder
 
 
 def with_number(name: str, number: int) -> str:

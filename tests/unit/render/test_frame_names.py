@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray.errors import SettingsError
-from primray.render.frame_names import check_names, default_name, frame_name, has_frame_holder, name_of_frame
+from primray.render.frame_names import check_names, default_name, frame_name, name_of_frame
 
 
 @pytest.mark.parametrize(
@@ -37,8 +37,8 @@ def test_names(name: str, frame: float | None, expected: str) -> None:
 
 
 def test_only_a_files_own_name_has_holders() -> None:
-    assert has_frame_holder("a.#.exr")
-    assert not has_frame_holder("take#2/a.exr")
+    assert frame_name("a.#.exr").has_holder
+    assert not frame_name("take#2/a.exr").has_holder
 
 
 def test_what_is_named_after_a_stage_is_literal() -> None:

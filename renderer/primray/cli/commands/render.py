@@ -34,7 +34,7 @@ from ..shots import Shot, moments, product_shots
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
 from ..tev_outputs import EVERY_S, MOST_SHARE, is_tev, output_name
-from ..turntable import numbered, playable, turntable_numbers, turntable_shots, write_movie
+from ..turntable import playable, turntable_numbers, turntable_shots, write_movie
 
 if TYPE_CHECKING:
     import typer
@@ -150,7 +150,8 @@ def render(
             "a turntable is not of products, stereo pairs or checkpoints", where="--turntable", code="turntable"
         )
     names = _names_of([name for name in (output, *(outputs or ())) if name is not None], scene, turns or time_codes)
-    names = [numbered(name, turns is not None and len(turns) > 1) for name in names]
+    if turns is not None and len(turns) > 1:
+        names = [name.with_holder() for name in names]
     if preview:
         spp, denoise = _previewed(spp, target_error, time_limit)
     settings = RenderSettings(
@@ -259,7 +260,9 @@ def _render_turntable(
     snapshot_s: float | None,
     fps: float | None,
 ) -> None:
-    of_report = numbered(frame_name(report), len(numbers) > 1) if report else None
+    of_report = frame_name(report) if report else None
+    if of_report is not None and len(numbers) > 1:
+        of_report = of_report.with_holder()
     movie = playable(names) if fps is not None else None
     shots = turntable_shots(settings, numbers, names, of_report)
     check_shots(shots, looks)
