@@ -18,7 +18,10 @@ MOST_THINGS = 4096
 MOST_TRIANGLES = 1 << 22  # of one mesh
 SMALL = 512  # points of a mesh
 ACROSS, DOWN = 24, 18  # rays
+CORNERS = [0, ACROSS - 1, ACROSS * DOWN - 1, ACROSS * (DOWN - 1)]  # of the rays' grid, in their order around it
 LEAST_SHARE = 0.01  # of the rays
+DEPTH = 4  # of the sides of the rays' pyramid
+NO_TRIANGLES = np.empty((0, 3), np.int64)
 LOOKED_AT = 512  # triangles within the rays' box that rays are traced against; of more, their centres tell as much
 
 
@@ -28,17 +31,12 @@ def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Pl
     if not is_plain or not near > 0 or len(static) > MOST_THINGS:
         return
     eye, ends = camera.world_from_camera[:3, 3], _ends(camera, near)
-    along = -camera.world_from_camera[:3, 2] / near  # its product with what is seen from the eye is 0 there, 1 on the plane
+    sides = _sides(camera, near, ends - eye)
     nearest = np.full(len(ends), np.inf)
     paths: list[str] = []
-    for k, depth in _between(shapes, static, eye, along):
-        placed, shape = static[k], shapes[static[k].shape]
-        rotation = placed.matrix[:3, :3]
-        if not isinstance(shape, Mesh | SubdivisionMesh | Sphere) or abs(np.linalg.det(rotation)) == 0:
-            continue
-        own = np.asarray(np.linalg.inv(rotation), np.float64)
-        start, way = own @ (eye - placed.matrix[:3, 3]), (ends - eye) @ own.T
-        found = _sphere_hits(shape, start, way) if isinstance(shape, Sphere) else _mesh_hits(shape, start, way, depth)
+    for k in _between(shapes, static, eye, sides):
+        shape = shapes[static[k].shape]
+        found = _hits(shape, static[k].matrix, eye, ends - eye, sides)
         if (found < 1).any():
             paths.append(shape.path)
         nearest = np.minimum(nearest, found)
@@ -65,35 +63,82 @@ def _ends(camera: Camera, near: float) -> Doubles:
     return found
 
 
-def _between(shapes: Sequence[Shape], static: Sequence[Placed], eye: Doubles, along: Doubles) -> Iterator[tuple[int, Doubles]]:
-    """Which of the placed shapes have something between the eye (depth 0) and the plane (depth 1), and the vector (3,) in
-    their own space whose product with a point, less that of the eye, is its depth. Small meshes are looked at together."""
+def _sides(camera: Camera, near: float, way: Doubles) -> Doubles:
+    """Return vectors (5, 3) in world space, whose products with what is seen from the eye are, within the pyramid of the rays,
+    not negative; the last of them is the depth, 0 at the eye and 1 at the plane."""
+    middle = way.mean(axis=0)
+    edges = middle + 1.001 * (way[CORNERS] - middle)  # a little wider, for rounding
+    normals = np.cross(edges, np.roll(edges, -1, axis=0))
+    normals *= np.sign(normals @ middle)[:, None]
+    return np.vstack([normals, -camera.world_from_camera[:3, 2] / near])
+
+
+def _between(shapes: Sequence[Shape], static: Sequence[Placed], eye: Doubles, sides: Doubles) -> Iterator[int]:
+    """Return which of the placed shapes may have something between the eye (depth 0) and the plane (depth 1).
+
+    Small meshes are looked at together.
+    """
     if not static:
         return
     matrices = np.stack([placed.matrix for placed in static])
-    vectors, at = along @ matrices[:, :3, :3], (matrices[:, :3, 3] - eye) @ along
+    vectors, at = sides[DEPTH] @ matrices[:, :3, :3], (matrices[:, :3, 3] - eye) @ sides[DEPTH]
     few: list[int] = []
     for k, placed in enumerate(static):
         shape = shapes[placed.shape]
         if isinstance(shape, Sphere):
             reach = abs(shape.radius) * float(np.linalg.norm(vectors[k]))
             if at[k] - reach < 1 and at[k] + reach > 0:
-                yield k, vectors[k]
+                yield k
         elif isinstance(shape, Mesh | SubdivisionMesh):
             if 0 < len(shape.points) <= SMALL:
                 few.append(k)
             elif len(shape.points):
-                depth = shape.points @ vectors[k].astype(np.float32)
-                if depth.min() + at[k] < 1 and depth.max() + at[k] > 0:
-                    yield k, vectors[k]
+                yield k
     if few:
         points = [shapes[static[k].shape].points for k in few]  # type: ignore[union-attr]
         counts = np.array([len(p) for p in points])
-        depth = (np.concatenate(points) * np.repeat(vectors[few], counts, axis=0)).sum(axis=1) + np.repeat(at[few], counts)
+        depth = np.einsum("nk,nk->n", np.concatenate(points), np.repeat(vectors[few].astype(points[0].dtype), counts, axis=0))
+        depth += np.repeat(at[few], counts)
         starts = np.cumsum(counts) - counts
-        meets = (np.minimum.reduceat(depth, starts) < 1) & (np.maximum.reduceat(depth, starts) > 0)
-        for k in np.array(few)[meets].tolist():
-            yield k, vectors[k]
+        is_between = (np.minimum.reduceat(depth, starts) < 1) & (np.maximum.reduceat(depth, starts) > 0)
+        yield from np.array(few)[is_between].tolist()
+
+
+def _hits(shape: Shape, matrix: Doubles, eye: Doubles, way: Doubles, sides: Doubles) -> Doubles:
+    """Return fractions (N,) of the way to the plane at which rays hit a placed shape first; inf where they do not."""
+    rotation, eye = matrix[:3, :3], eye - matrix[:3, 3]
+    triangles = NO_TRIANGLES
+    if isinstance(shape, Mesh | SubdivisionMesh):
+        triangles = _within(shape, sides @ rotation, sides @ eye)
+    if not (isinstance(shape, Sphere) or len(triangles)) or abs(np.linalg.det(rotation)) == 0:
+        return np.full(len(way), np.inf)
+    own = np.asarray(np.linalg.inv(rotation), np.float64)
+    start, way = own @ eye, way @ own.T
+    if isinstance(shape, Sphere):
+        return _sphere_hits(shape, start, way)
+    assert isinstance(shape, Mesh | SubdivisionMesh)
+    return _triangle_hits(np.asarray(shape.points, np.float64)[triangles] - start, way, sides[DEPTH] @ rotation)
+
+
+def _within(shape: Mesh | SubdivisionMesh, sides: Doubles, of_eye: Doubles) -> npt.NDArray[np.int64]:
+    """Return the triangles (T, 3) of which no side of the pyramid has all corners beyond it (outcodes, Cohen and Sutherland).
+
+    A cage is taken for its surface. `sides` are in the shape's space, `of_eye` (5,) are their products with the eye.
+    """
+    codes = np.zeros(len(shape.points), np.uint8)
+    for k in (DEPTH, 0, 1, 2, 3):  # most shapes end at the first
+        distances = shape.points @ sides[k].astype(shape.points.dtype)
+        low, high = float(distances.min()), float(distances.max())
+        if high < of_eye[k] or (k == DEPTH and low > of_eye[k] + 1):
+            return NO_TRIANGLES
+        codes |= (distances < of_eye[k]).view(np.uint8) << np.uint8(k)
+        if k == DEPTH:
+            codes |= (distances > of_eye[k] + 1).view(np.uint8) << np.uint8(5)
+    triangles = shape.triangles if isinstance(shape, Mesh) else _fans(shape)
+    if len(triangles) > MOST_TRIANGLES:
+        return NO_TRIANGLES
+    found: npt.NDArray[np.int64] = triangles[(codes[triangles[:, 0]] & codes[triangles[:, 1]] & codes[triangles[:, 2]]) == 0]
+    return found
 
 
 def _sphere_hits(shape: Sphere, start: Doubles, way: Doubles) -> Doubles:
@@ -106,21 +151,29 @@ def _sphere_hits(shape: Sphere, start: Doubles, way: Doubles) -> Doubles:
     return np.where((inside > 0) & (found > 0), found, np.inf)
 
 
-def _mesh_hits(shape: Mesh | SubdivisionMesh, start: Doubles, way: Doubles, along: Doubles) -> Doubles:
-    """As _sphere_hits; a cage is taken for its surface."""
+def _triangle_hits(corners: Doubles, way: Doubles, along: Doubles) -> Doubles:
+    """Return what _sphere_hits does, for rays from the origin and triangles (T, 3, 3)."""
     found = np.full(len(way), np.inf)
-    triangles = shape.triangles if isinstance(shape, Mesh) else _fans(shape)
-    if len(triangles) > MOST_TRIANGLES:
+    corners = corners[_parts_pyramid(corners, way)]
+    if not len(corners):
         return found
-    of_corners = ((shape.points - start) @ along)[triangles]
-    triangles = triangles[(of_corners.min(axis=1) <= 1) & (of_corners.max(axis=1) >= 0)]
-    corners = np.asarray(shape.points, np.float64)[triangles] - start
     low, high = np.minimum(way.min(axis=0), 0), np.maximum(way.max(axis=0), 0)
     corners = corners[((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)]
     if len(corners) > LOOKED_AT:
         return _splatted(corners.mean(axis=1), along, way)
     for k in range(0, len(corners), 64):
         found = np.minimum(found, _nearest(corners[k : k + 64], way))
+    return found
+
+
+def _parts_pyramid(corners: Doubles, way: Doubles) -> npt.NDArray[np.bool_]:
+    """Return whether the eye and the corners of the rays' grid are on different sides of each triangle's plane."""
+    a = corners[:, 0]
+    normals = np.cross(corners[:, 1] - a, corners[:, 2] - a)
+    of_plane = np.einsum("nk,nk->n", normals, a)
+    heights = normals @ (1.001 * way[CORNERS]).T
+    low, high = np.minimum(heights.min(axis=1), 0), np.maximum(heights.max(axis=1), 0)
+    found: npt.NDArray[np.bool_] = (low <= of_plane) & (of_plane <= high)
     return found
 
 
