@@ -32,7 +32,8 @@ from .writing import (
 )
 
 GRAPHS = ROOT.AppendChild("NodeGraphs")
-_IMAGE_COLORS = ("color3", "color4")
+_GEOMETRIC_COLORS = (*GEOMPROP_NODES, "geomcolor")
+_COLORS = ("color3", "color4")
 _IN_UNITS = ("float", "vector2", "vector3", "vector4")  # types of what can be converted as it is computed
 
 
@@ -61,8 +62,8 @@ def own(document: Any, category: str) -> list[Any]:
 def has_colors(element: Any, definition: Any) -> bool:
     """Return whether a value may have a colour space: colours, and the file of an image of colours."""
     if element.getType() == "filename":
-        return any(o.getType() in _IMAGE_COLORS for o in outputs_of(definition))
-    return element.getType() in _IMAGE_COLORS
+        return any(o.getType() in _COLORS for o in outputs_of(definition))
+    return element.getType() in _COLORS
 
 
 class NodeGraphs:
@@ -292,6 +293,8 @@ class _Nodes:
             return
         if definition is not None:
             set_identifier(prim, definition.getName())
+        if node.getCategory() in _GEOMETRIC_COLORS and node.getType() in _COLORS:
+            self._note_color_space(node)
         for element in node.getInputs():
             made = input_of(prim, element)
             self._graphs.write_value(made, element, definition, self._path, self._tokens)
@@ -315,6 +318,13 @@ class _Nodes:
             return False
         self._graphs.properties.write(prim, name, node.getType())
         return True
+
+    def _note_color_space(self, node: Any) -> None:
+        """Report a colour space of colours that geometry gives: primvars are read in the space that USD says they have."""
+        for element in (node, node.getInput("geomprop")):
+            if element is not None and element.hasAttribute("colorspace"):
+                space = element.getAttribute("colorspace")
+                self._graphs.note(self._path, f"{element.getNamePath()} has the colour space {space!r}, which has no effect.")
 
     def _read_factor(self, node: Any, definition: Any) -> float:
         """Return what converts the numbers that a node reads from a file, or from a geometric property that has a unit."""

@@ -237,3 +237,15 @@ def test_files_of_an_included_document_lie_beside_it(tmp_path: Path) -> None:
     layer = layer_of_document(str(tmp_path / "looks.mtlx"))
     files = [layer.GetAttributeAtPath(f"/MaterialX/NodeGraphs/{name}.inputs:file").default.path for name in "ij"]
     assert files == ["part/maps/a.png", "top.png"]  # what lies beside the includer alone is found there
+
+
+@pytest.mark.parametrize("kind", ["geompropvalue", "geomcolor"])
+@pytest.mark.parametrize("at", ["node", "input", "document"])
+def test_the_color_space_of_a_geometric_property_is_reported(tmp_path: Path, kind: str, at: str) -> None:
+    own = {where: f" {ACES}" if where == at else "" for where in ("node", "input", "document")}
+    name = ("geomprop", "string", "tint") if kind == "geompropvalue" else ("index", "integer", "0")
+    given = '<input name="{}" type="{}" value="{}"{}/>'.format(*name, own["input"] if kind == "geompropvalue" else "")
+    node = f'<{kind} name="c" type="color3"{own["node"]}>{given}</{kind}>'
+    _, messages = surface_of(tmp_path, unlit(node, own["document"]))
+    is_said = at == "node" or (at == "input" and kind == "geompropvalue")
+    assert any("has the colour space 'acescg'" in message for message in messages) is is_said
