@@ -26,7 +26,7 @@ Stages of [scenes/features](../scenes/features/README.md), one for each thing th
 
 ![Ten features](features.png)
 
-`scenes/showcase/meadow`, which `make demo` renders: 14,000 tufts of grass, glass, gold and a sky, 636 samples a pixel.
+`scenes/showcase/meadow`: 14,000 tufts of grass, glass, gold and a sky, 636 samples a pixel.
 
 ![A meadow](showcase.png)
 
