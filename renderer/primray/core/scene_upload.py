@@ -35,6 +35,7 @@ from ..refine.stretched_curves import stretched_apart
 from .core_inputs import filled
 from .light_upload import LightGroups, LightUpload
 from .scene_record import SceneRecord
+from .shape_rows import ShapeRows
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .spare_memory import WORTH_ITEMS, give_back
 from .surface_upload import MutableTextures, SurfaceUpload
@@ -105,7 +106,19 @@ def hand_over(
     scene = builder.finish()
     may_stay = d.exposure is None and boxes is full_boxes and not lights.are_worn
     return scene, Uploaded(
-        d, warnings, origin, scale, boxes, prototype_boxes, low, high, rows, headers, lights.groups, may_stay
+        d,
+        warnings,
+        origin,
+        scale,
+        boxes,
+        prototype_boxes,
+        low,
+        high,
+        rows,
+        headers,
+        lights.groups,
+        may_stay,
+        handing.shape_rows,
     )
 
 
@@ -139,6 +152,7 @@ class Uploaded:
     textures: MutableTextures  # those that could be read, without their texels
     light_groups: LightGroups
     may_stay: bool  # it can be opened again: no shape is a light, or reaches absurdly far
+    shape_rows: ShapeRows
 
     @property
     def bounds(self) -> Box | None:

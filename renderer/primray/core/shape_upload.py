@@ -18,6 +18,7 @@ from ..refine.far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
 from .core_inputs import filled
 from .light_upload import LightUpload
 from .scene_record import SceneRecord
+from .shape_rows import ShapeRows
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
 
 NO_FLOATS = np.zeros((0, 3), np.float32)
@@ -71,6 +72,7 @@ class ShapeUpload:
         self._moving = any(isinstance(s, Mesh | Curves) and s.motion is not None for s in shapes)
         self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
         self._rows: list[int] = []
+        self.shape_rows = ShapeRows()
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
@@ -125,10 +127,12 @@ class ShapeUpload:
         return sorted(enumerate(placed), key=order)
 
     def _note_mesh(self, placed: Placed) -> None:
+        self.shape_rows.note_mesh(self._builder.mesh_rows, self._shapes[placed.shape].path)
         if self._record is not None:
             self._record.note_shape(self._record.meshes, placed.shape, placed.instance, self._builder.mesh_rows)
 
     def _note_curved(self, placed: Placed) -> None:
+        self.shape_rows.note_curved(self._builder.curved_rows, self._shapes[placed.shape].path)
         if self._record is not None:
             self._record.note_shape(self._record.curved, placed.shape, placed.instance, self._builder.curved_rows)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..arrays import Doubles
 from ..description import LightType
+from ..report.vague_error import weighed_errors
 from ..sampling.sampling import Sampling
 from ..settings import Metric
 from .examined import Examined
@@ -50,15 +51,11 @@ def time_to_error(seen: Examined, target: float = ONE_PERCENT) -> dict[str, Any]
 
 def error_parts(seen: Examined) -> Doubles | None:
     """(H, W) parts of the picture's error, of sum 1; None where it has none that is known."""
-    values = _weighed(seen.image.pixels, seen.image.errors, seen.image.pixels)
+    if seen.image.errors is None:
+        return None
+    values = weighed_errors(seen.image.pixels, seen.image.errors)
     total = float(values.sum())
     return values / total if total > 0 and math.isfinite(total) else None
-
-
-def _weighed(pixels: Any, errors: Any, reference: Any) -> Doubles:
-    squares = np.where(np.isfinite(errors), errors, 0.0).astype(np.float64) ** 2
-    values: Doubles = (squares / (reference[..., :3].astype(np.float64) ** 2 + 0.01)).mean(axis=2)
-    return values
 
 
 def _time(seen: Examined) -> Iterator[Finding]:
@@ -129,7 +126,7 @@ def _error_alone(seen: Examined, index: int) -> float:
     sampling = Sampling.begin(scene, limited)
     sampling.run(None)
     pixels, errors = sampling.film.image()
-    return float(_weighed(pixels, errors, seen.image.pixels).mean()) * sampling.film.samples / pixels[..., 0].size
+    return float(weighed_errors(pixels, errors, seen.image.pixels).mean()) * sampling.film.samples / pixels[..., 0].size
 
 
 def _lights(seen: Examined, part: Doubles) -> Iterator[Finding]:

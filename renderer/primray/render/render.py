@@ -209,6 +209,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
     from ..report.unfinished import kept_without
+    from ..report.vague_error import note_vague_error
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
     if failed:
@@ -229,6 +230,8 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
+    with kept_without("what rules the error", diagnostics):
+        note_vague_error(prepared, report, pixels, errors, diagnostics)
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report |= {"labels": of_labels} if of_labels else {}
     report["frame"] = asdict(prepared.frame)

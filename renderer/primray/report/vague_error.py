@@ -1,0 +1,62 @@
+"""Errors whose interval says next to nothing, and what rules them: the few pixels that have half of it, and the prim there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..core import first_hits
+from ..diagnostics import Diagnostics
+from .prepared import Prepared
+
+CODE = "error-vague"
+FACTOR = 100.0  # between an interval's ends
+FEW_SAMPLES = 16  # a pixel, on average
+
+
+def note_vague_error(
+    prepared: Prepared, report: Mapping[str, Any], pixels: Floats, errors: Floats | None, diagnostics: Diagnostics
+) -> None:
+    """Report an error whose interval spans a factor of 100 and more, with the prim that rules it and what narrows it.
+
+    `pixels` are (H, W, 4), `errors` are their standard errors (H, W, 3).
+    """
+    metric = report["settings"]["error_metric"]
+    found = (report["error"] or {}).get(metric)
+    if found is None or errors is None:
+        return
+    low, high = found["ci95"]
+    if not high >= FACTOR * low or not math.isfinite(high):
+        return
+    span = f"a factor of {high / low:.3g}" if low > 0 else f"0 to {high:.3g}"
+    samples = report["samples"] / pixels[..., 0].size
+    helps = "Doctor measures which light brings it; a larger light, or --denoise, helps."
+    if samples < FEW_SAMPLES:
+        helps = f"{samples:.3g} samples a pixel are few for an estimate: take more (--spp)."
+    path, said = _rulers(prepared, pixels, errors)
+    diagnostics.add(CODE, path, f"The interval of {metric} spans {span} and is of no use: {said}. {helps}")
+
+
+def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = None) -> Doubles:
+    """Return squared standard errors (H, W) over (value^2 + 0.01), as relMSE weighs them; the values are the reference's."""
+    squares = np.where(np.isfinite(errors), errors, 0.0).astype(np.float64) ** 2
+    reference = pixels if reference is None else reference
+    values: Doubles = (squares / (reference[..., :3].astype(np.float64) ** 2 + 0.01)).mean(axis=2)
+    return values
+
+
+def _rulers(prepared: Prepared, pixels: Floats, errors: Floats) -> tuple[str, str]:
+    """Return the prim where the error is largest, or an empty string, and how many pixels have half of the error."""
+    part = weighed_errors(pixels, errors)
+    ordered = np.sort(part, axis=None)[::-1]
+    count = int(np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())) + 1
+    y, x = (int(at) for at in np.unravel_index(int(part.argmax()), part.shape))
+    number = int(first_hits(prepared.scene, ["prim"], [], prepared.settings)["prim"][y, x, 0])
+    path = prepared.scene.uploaded.shape_rows.path_of(number)
+    where = f"on {path}" if path else "where no geometry is seen"
+    subject = "1 pixel has" if count == 1 else f"{count:,} pixels have"
+    return path, f"{subject} half of the error of {part.size:,}, the most of it at ({x}, {y}), {where}"
