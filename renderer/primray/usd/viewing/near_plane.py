@@ -128,16 +128,34 @@ def _within(shape: Mesh | SubdivisionMesh, sides: Doubles, of_eye: Doubles) -> n
     codes = np.zeros(len(shape.points), np.uint8)
     for k in (DEPTH, 0, 1, 2, 3):  # most shapes end at the first
         distances = shape.points @ sides[k].astype(shape.points.dtype)
+        at_eye = float(of_eye[k])  # as a Python float it does not widen the arrays
         low, high = float(distances.min()), float(distances.max())
-        if high < of_eye[k] or (k == DEPTH and low > of_eye[k] + 1):
+        if high < at_eye or (k == DEPTH and low > at_eye + 1):
             return NO_TRIANGLES
-        codes |= (distances < of_eye[k]).view(np.uint8) << np.uint8(k)
+        codes |= (distances < at_eye).view(np.uint8) * np.uint8(1 << k)
         if k == DEPTH:
-            codes |= (distances > of_eye[k] + 1).view(np.uint8) << np.uint8(5)
-    triangles = shape.triangles if isinstance(shape, Mesh) else _fans(shape)
-    if len(triangles) > MOST_TRIANGLES:
+            codes |= (distances > at_eye + 1).view(np.uint8) * np.uint8(1 << 5)
+    if isinstance(shape, SubdivisionMesh):
+        return _fans_within(shape, codes)
+    if len(shape.triangles) > MOST_TRIANGLES:
         return NO_TRIANGLES
-    found: npt.NDArray[np.int64] = triangles[(codes[triangles[:, 0]] & codes[triangles[:, 1]] & codes[triangles[:, 2]]) == 0]
+    of_corners = codes.take(shape.triangles)
+    found: npt.NDArray[np.int64] = shape.triangles[(of_corners[:, 0] & of_corners[:, 1] & of_corners[:, 2]) == 0]
+    return found
+
+
+def _fans_within(cage: SubdivisionMesh, codes: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
+    """Return the fans (T, 3) of the faces of which no side has all corners beyond it; `codes` are its points' outcodes."""
+    counts, corners = np.asarray(cage.face_counts, np.int64), np.asarray(cage.face_points)
+    counts = counts[counts > 0]
+    if not len(counts) or len(corners) > 3 * MOST_TRIANGLES:
+        return NO_TRIANGLES
+    starts = np.cumsum(counts) - counts
+    faces = np.flatnonzero(np.bitwise_and.reduceat(codes.take(corners), starts) == 0)
+    fans = np.maximum(counts[faces] - 2, 0)
+    first = np.repeat(starts[faces], fans)
+    k = np.arange(len(first)) - np.repeat(np.cumsum(fans) - fans, fans)
+    found: npt.NDArray[np.int64] = np.stack([corners[first], corners[first + k + 1], corners[first + k + 2]], axis=1)
     return found
 
 
@@ -203,15 +221,3 @@ def _nearest(corners: Doubles, way: Doubles) -> Doubles:
         is_hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
     found: Doubles = np.where(is_hit, t, np.inf).min(axis=1)
     return found
-
-
-def _fans(cage: SubdivisionMesh) -> npt.NDArray[np.intp]:
-    """(T, 3) corners of its faces' fans."""
-    counts = np.asarray(cage.face_counts, np.int64)
-    starts = np.cumsum(counts) - counts
-    face = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
-    k = np.arange(len(face)) - np.repeat(
-        np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0), np.maximum(counts - 2, 0)
-    )
-    corners = np.asarray(cage.face_points)
-    return np.stack([corners[starts[face]], corners[starts[face] + k + 1], corners[starts[face] + k + 2]], axis=1)
