@@ -143,7 +143,7 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
             if (made := _of_other_model(source, path, ctx)) is not None:
                 return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
-            foreign.append(source)
+            foreign.insert(len(foreign) if output in first else 0, source)  # a renderer's own output comes before the universal
     if foreign and (made := _of_other_renderer(foreign, path, ctx)) is not None:
         return _with_priority(made, prim, ctx) if PRIORITY in names else made, None
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"

@@ -1,7 +1,7 @@
 """Arnold's surfaces in the record of known surfaces (Arnold User Guide; arnold-usd's `arnold:` ids).
 
-`standard_surface` is where MaterialX's comes from, with the same names and the same defaults; a node of colours that is bound as a
-surface shines with its colour, as in Arnold.
+`standard_surface` is where MaterialX's comes from, with the same names and the same defaults; a node of colours that is bound
+as a surface shines with its colour, as in Arnold.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 
 from ....description import NodeOutput, Operand
-from ...materialx.definitions import WIDTHS, InputDefinition, definition
+from ...materialx.definitions import InputDefinition, definition
 from ..known_surfaces import open_pbr_surface, standard_surface
 from ..known_surfaces.record import NORMAL, TANGENT, KnownSurface, Reader
 from ..network import Node
-from . import maths
 from .arnold_nodes import NODES
 from .arnold_patterns import PATTERNS
 from .maths import BLACK, ONE, ZERO
@@ -42,7 +41,7 @@ def _input(n: ForeignInputs, wanted: InputDefinition) -> Operand:
         if isinstance(value, NodeOutput):
             return value
         return TANGENT if "tangent" in wanted.name else NORMAL
-    assert isinstance(default, tuple) and wanted.type in WIDTHS
+    assert isinstance(default, tuple)
     return n.constants(wanted.name, *default) if wanted.type == "boolean" else n.operand(wanted.name, wanted.type, default)
 
 
@@ -160,6 +159,9 @@ _AOVS = {f"{name}{i}": ANY for i in range(1, 9) for name in ("aov_id", "id")}
 AT_REST: dict[str, object] = {
     **_AOVS,
     **_KNOTS,
+    **dict.fromkeys(
+        ("r", "g", "b", "a", "rgb", "rgba", "float", "int", "x", "y", "z", "vector", "output"), ANY
+    ),  # HtoA's outputs
     "name": ANY,
     "caustics": ANY,
     "transmit_aovs": ANY,

@@ -106,11 +106,11 @@ def _range(n: ForeignInputs) -> Operand:
 
 
 def _layered(n: ForeignInputs) -> Operand:
-    """Each enabled layer over those below, by its mix: overwrite, multiply, add and others that MaterialX has."""
+    """Each enabled layer over those of higher numbers, by its mix: overwrite, multiply, add and others that MaterialX has."""
     value: Operand = BLACK
     alpha: Operand = ZERO
-    for i in range(1, _LAYERS + 1):
-        if n.is_on(f"enable{i}", i == 1):
+    for i in range(_LAYERS, 0, -1):
+        if n.is_on(f"enable{i}", True):
             mix, color = n.number(f"mix{i}", 1.0), n.color(f"input{i}", 0.0)
             own = n.alpha(f"input{i}") if n.wants_alpha else ONE
             value = maths.mixed(n.e, value, _blended(n, f"operation{i}", value, color), mix)
@@ -177,7 +177,7 @@ def _to_number(n: ForeignInputs) -> Operand:
         return n.alpha("input")
     if mode in ("average", "sum", "luminance"):
         weights = {"average": (1 / 3, 1 / 3, 1 / 3), "sum": WHITE, "luminance": maths.LUMA}
-        return maths.weighted(e, color, weights[mode])  # type: ignore[arg-type]
+        return maths.weighted(e, color, weights[mode])
     parts = [maths.channel(e, color, i) for i in range(3)]
     if mode in ("r", "g", "b"):
         return parts["rgb".index(mode)]

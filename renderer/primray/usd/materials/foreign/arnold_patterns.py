@@ -1,4 +1,4 @@
-"""Arnold's nodes that vary over a surface: images, ramps, checkers, noise, user data, normals (Arnold User Guide, "Shaders")."""
+"""Arnold's nodes that vary over a surface: images, ramps, checkers, noise, user data, normals (Arnold User Guide)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _image(n: ForeignInputs) -> Operand:
     n.lost |= {name for name, wrap in zip(("swrap", "twrap"), wraps, strict=True) if wrap == "file"}
     wrap_s, wrap_t = ("periodic" if wrap == "file" else wrap for wrap in wraps)
     at = Lookup(_image_coordinates(n), wrap_s, wrap_t, n.choice("filter", _FILTERS, "smart_bicubic") == "closest")
-    texels = image(n, "filename", n.text("color_space", "auto"), at, (*missing[:3], missing[3]))
+    texels = image(n, "filename", n.text("color_space", "auto"), at, missing)
     if n.wants_alpha:
         n.asked |= {"multiply", "offset", "single_channel"}
         return e.apply("ND_extract_color4", **{"in": texels, "index": (3.0,)})
@@ -103,7 +103,7 @@ def _along_ramp(n: ForeignInputs) -> Operand:
 
 
 def _checkerboard(n: ForeignInputs) -> Operand:
-    """Two checks a unit of the coordinates at frequency 1, color1 at the origin."""
+    """Two checks a unit of the coordinates at frequency 1, color2 at the origin."""
     frequency = tuple(2.0 * n.constants(f"{axis}_frequency", 1.0)[0] for axis in "uv")
     offset = tuple(2.0 * n.constants(f"{axis}_offset", 0.0)[0] for axis in "uv")
     st = moved(n, texture_set(n, "uvset"), frequency, offset)
@@ -112,7 +112,7 @@ def _checkerboard(n: ForeignInputs) -> Operand:
     odd = n.e.apply("ND_modulo_float", in1=total, in2=(2.0,))
     if n.constants("contrast", 1.0) != ONE:
         n.lost.add("contrast")
-    return maths.mixed(n.e, n.color("color1", 1.0), n.color("color2", 0.0), odd)
+    return maths.mixed(n.e, n.color("color2", 0.0), n.color("color1", 1.0), odd)
 
 
 def _noise(n: ForeignInputs) -> Operand:

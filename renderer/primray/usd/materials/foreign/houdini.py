@@ -1,6 +1,6 @@
 """Houdini's principled shader in the record of known surfaces (Houdini documentation, "Principled Shader VOP").
 
-Solaris writes it as a shader whose source asset is the operator's definition, with the parameters that are not at their defaults.
+Solaris writes it as a shader whose source asset is the operator's definition, with what is not at its default.
 Its textures are parameters of its own: NAME_texture, read where NAME_useTexture says so, times the parameter itself.
 """
 
@@ -8,19 +8,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pxr import Sdf
-
 from ....description import Operand
-from ...querying.guarded import default_value
 from ..known_surfaces import disney_principled
 from ..known_surfaces.record import NORMAL, WHITE, ZERO, KnownSurface, Reader
 from ..network import Node
 from . import maths
 from .images import Lookup, image
+from .principled import PRINCIPLED, is_principled
 from .values import ANY, ForeignInputs, Vocabulary
 
-PRINCIPLED = "principledshader"
-_ASSETS = ("info:sourceAsset", "info:karma:sourceAsset", "info:vex:sourceAsset", "info:VEX:sourceAsset")
 _WRAPS = {"repeat": "periodic", "streak": "clamp", "decal": "black"}
 _CHANNELS = ("r", "g", "b", "a")
 
@@ -31,12 +27,7 @@ def kind_of(node: Node) -> str:
         return PRINCIPLED
     if node.id:
         return ""
-    for name in _ASSETS:
-        attribute = node.prim.GetAttribute(name)
-        asset = default_value(attribute) if attribute else None
-        if isinstance(asset, Sdf.AssetPath) and f"/{PRINCIPLED}" in asset.path and "Displacement" not in asset.path:
-            return PRINCIPLED
-    return ""
+    return PRINCIPLED if is_principled(node.prim) else ""
 
 
 def _principled(n: ForeignInputs) -> KnownSurface:
@@ -130,7 +121,7 @@ def _texels(n: ForeignInputs, name: str, *, is_color: bool) -> Operand | None:
 
 
 def _space(n: ForeignInputs, name: str, is_color: bool) -> str:
-    """The one that it names; else textures of colours are sRGB's where their files hold integers, and numbers are as they are."""
+    """The space that it names; else colours are sRGB's where their files hold integers, and numbers are as they are."""
     said = n.text(f"{name}_textureColorSpace") or n.text(f"{name}_sourceColorSpace")
     if said in ("", "auto", "automatic"):
         return "auto" if is_color else "raw"

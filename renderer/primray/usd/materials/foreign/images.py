@@ -28,9 +28,7 @@ class Lookup:
     nearest: bool = False
 
 
-def image(
-    n: ForeignInputs, name: str, space: str, at: Lookup, missing: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-) -> Operand:
+def image(n: ForeignInputs, name: str, space: str, at: Lookup, missing: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)) -> Operand:
     """Return the four channels of the file that an input names, `missing` where there is none.
 
     `space` is a name; "auto": sRGB for formats that hold integers, linear for others.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 from ....description import Operand
 from ...materialx.expressions import Expressions
 
@@ -89,7 +91,7 @@ def ramp(e: Expressions, x: Operand, knots: list[tuple[float, Operand, bool]], *
     """Return the colour of a ramp at x: of each knot its place, its colour, and whether it holds until the next."""
     ordered = sorted(knots, key=lambda knot: knot[0])
     value = ordered[0][1]
-    for (low, _, holds), (high, color, _) in zip(ordered, ordered[1:], strict=False):
+    for (low, _, holds), (high, color, _) in itertools.pairwise(ordered):
         if holds:
             at = e.apply("ND_ifgreatereq_float", value1=x, value2=(high,), in1=ONE, in2=ZERO)
         else:

@@ -47,7 +47,7 @@ def _texels(n: ForeignInputs, space: str) -> Operand:
     if n.constants("firstChannel", 0.0) != ZERO:
         n.lost.add("firstChannel")
     at = Lookup(_manifold_of(n))
-    return image(n, "filename", space, at, missing)  # type: ignore[arg-type]
+    return image(n, "filename", space, at, missing)
 
 
 def _manifold_of(n: ForeignInputs) -> Operand:

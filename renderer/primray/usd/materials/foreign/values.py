@@ -1,4 +1,4 @@
-"""Networks of another renderer's nodes as operands: what a vocabulary consists of, and the inputs of a node that its rules read.
+"""Networks of another renderer's nodes as operands: what a vocabulary consists of, and the inputs that a node's rule reads.
 
 A network may hold USD's and MaterialX's nodes, too; those are evaluated as everywhere else.
 """
