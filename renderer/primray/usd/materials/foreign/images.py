@@ -15,6 +15,7 @@ from .values import ForeignInputs
 _ENCODED = frozenset({"bmp", "gif", "jpeg", "jpg", "png", "psd", "tga", "webp"})  # formats that hold integers only
 _SRGB = frozenset({"srgb", "srgb_texture", "srgb - texture", "utility - srgb - texture", "input - generic - srgb - texture"})
 _LINEAR = frozenset({"raw", "linear", "utility - raw", "data", "non-color", "identity", "auto linear"})
+_TILES = ("<udim>", "%(UDIM)d", "_MAPID_")  # Arnold's, Houdini's and RenderMan's names of <UDIM>
 _WRAPS = {"periodic": "periodic", "repeat": "periodic", "clamp": "clamp", "mirror": "mirror", "black": "constant"}
 
 
@@ -34,7 +35,7 @@ def image(n: ForeignInputs, name: str, space: str, at: Lookup, missing: tuple[fl
     `space` is a name; "auto": sRGB for formats that hold integers, linear for others.
     """
     n.asked.add(name)
-    file = texture_file(n.node, n.values.ctx, name=name)
+    file = texture_file(n.node, n.values.ctx, name=name, tiles=_TILES)
     if not isinstance(file, TextureFile) or not file.path:
         return missing
     file = in_space(file, _space(n, file.path, space), True, n.values.ctx)

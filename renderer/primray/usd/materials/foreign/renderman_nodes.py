@@ -108,7 +108,7 @@ def _normal_map(n: ForeignInputs) -> Outputs:
     e = n.e
     given = n.color("inputRGB", 0.5, 0.5, 1.0)
     if not isinstance(given, NodeOutput):
-        given = e.apply("ND_convert_color4_color3", **{"in": _texels(n, "raw")}) if n.text("filename") else given
+        given = e.apply("ND_convert_color4_color3", **{"in": _texels(n, "raw")}) if n.source("filename") is not None else given
     n.asked.add("linearize")
     coded = e.apply("ND_convert_color3_vector3", **{"in": given})
     flips_x = n.is_on("flipX")
@@ -128,7 +128,7 @@ def _normal_map(n: ForeignInputs) -> Outputs:
 def _bump(n: ForeignInputs) -> Outputs:
     """A normal by slopes of a height along the texture coordinates, one unit of which counts as one of the scene."""
     height = n.number("inputBump")
-    if isinstance(height, tuple) and n.text("filename"):
+    if isinstance(height, tuple) and n.source("filename") is not None:
         height = n.e.apply("ND_extract_color4", **{"in": _texels(n, "raw"), "index": ZERO})
     if isinstance(height, tuple) or n.is_on("disable"):
         return {"": (0.0, 0.0, 0.0)}
