@@ -226,6 +226,10 @@ CODES: dict[str, Code] = {
     "mdl-material": Code(Severity.WARNING, Kind.APPROXIMATED,
         "A material of one of MDL's stock modules, such as OmniPBR or OmniGlass, is translated by its documented inputs.",
         "Add a UsdPreviewSurface or a MaterialX surface to the material for another renderer's look."),
+    "translated": Code(Severity.WARNING, Kind.APPROXIMATED,
+        "A material that carries only Arnold's, RenderMan's or Houdini's shaders is translated by their documentation; the "
+        "message names the nodes, and the inputs that are approximated or left out.",
+        "Add a UsdPreviewSurface or a MaterialX surface to it, or say `--no-translated-shaders` for its displayColor."),
     "material-input": Code(Severity.WARNING, Kind.DEFAULTED,
         "An input of a material cannot be read and its default is used, or is approximated, or has no effect yet.",
         "Feed the input by a value, a texture or a primvar reader; an open_pbr_surface says what is rendered exactly."),

@@ -53,6 +53,7 @@ OF_SCENE = (
     *STAGING,
     "default_wrap",
     "render_context",
+    "translated_shaders",
     "motion_blur",
     "shutter",
     "motion_error",

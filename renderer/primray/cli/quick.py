@@ -111,6 +111,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "preview": (FLAG, ("--preview",)),
     "default_wrap": (DefaultWrap, ("--default-wrap",)),
     "render_context": (RenderContext, ("--render-context",)),
+    "no_translated_shaders": (FLAG, ("--no-translated-shaders",)),
     "purposes": (str, ("--purposes", "--purpose")),
     "variants": (LIST, ("--variant", "--variants")),
     "no_payloads": (FLAG, ("--no-payloads",)),

@@ -111,6 +111,13 @@ MaterialContext = Annotated[
     RenderContext,
     typer.Option("--render-context", help="Of a material that has both, the surface output that counts."),
 ]
+NoTranslatedShaders = Annotated[
+    bool,
+    typer.Option(
+        "--no-translated-shaders",
+        help="Materials that carry only Arnold's, RenderMan's or Houdini's shaders show displayColor.",
+    ),
+]
 Purposes = Annotated[
     str | None,
     typer.Option(

@@ -94,6 +94,8 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["error_metric"] = settings.error_metric.value
     values["default_wrap"] = settings.default_wrap.value
     values["render_context"] = settings.render_context.value
+    if settings.translated_shaders:  # as renders before there was a choice
+        del values["translated_shaders"]
     values["eye"] = settings.eye.value if settings.eye is not None else None
     values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
     values = {name: value for name, value in values.items() if name not in STAGING or value != STAGING[name]}

@@ -93,6 +93,7 @@ class RenderSettings:
     orbit_deg: float = 0.0  # the camera is turned so far around the middle of what is drawn, about the up axis
     default_wrap: DefaultWrap = DefaultWrap.BLACK
     render_context: RenderContext = RenderContext.MTLX  # of a material's outputs, which is taken first
+    translated_shaders: bool = True  # False: materials that carry only other renderers' shaders show displayColor
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders

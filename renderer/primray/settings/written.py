@@ -72,6 +72,7 @@ class SettingsValues(TypedDict, total=False):
     orbit_deg: float
     default_wrap: DefaultWrap | Literal["black", "clamp", "repeat", "mirror"]
     render_context: RenderContext | Literal["mtlx", "universal"]
+    translated_shaders: bool
     rendering_color_space: str | None
     purposes: Iterable[str] | None
     aovs: Iterable[str] | None
@@ -108,7 +109,9 @@ READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask", "joint_products"), _TEXTS),
-    **dict.fromkeys(("default_light", "dome_visible", "strict", "motion_blur", "denoise", "aov_errors"), yes_or_no),
+    **dict.fromkeys(
+        ("default_light", "dome_visible", "strict", "motion_blur", "denoise", "aov_errors", "translated_shaders"), yes_or_no
+    ),
     **dict.fromkeys(DIFFUSION, _NUMBER),
     "eye": optional(choice(Eye)),
     "shutter": optional(two_numbers),

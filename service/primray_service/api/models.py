@@ -84,6 +84,9 @@ class Settings(Sent):
     render_context: Literal["mtlx", "universal"] = Field(
         "mtlx", description="Of a material that has both, the surface output that counts."
     )
+    translated_shaders: bool = Field(
+        True, description="false: materials that carry only other renderers' shaders show displayColor."
+    )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
     fail_on: list[Annotated[str, Field(max_length=64)]] = Field(

@@ -43,6 +43,7 @@ class Settings(TypedDict, total=False):
     ground: Literal["shadow", "plane"] | None
     default_wrap: Literal["black", "clamp", "repeat", "mirror"]
     render_context: Literal["mtlx", "universal"]
+    translated_shaders: bool
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None
     strict: bool
     fail_on: list[str]

@@ -131,6 +131,10 @@ def read_authored(attribute: Usd.Attribute, when: When) -> AuthoredPrimvar | Non
 
 def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -> Primvar | None:
     name, interpolation = authored.name, authored.interpolation
+    if authored.element_size > 1 and _fits_without_element_size(authored, sizes):
+        message = f"{name} has a value for each element and an elementSize of {authored.element_size}, which is ignored."
+        ctx.warn("invalid-primvar", path, message, name)
+        authored = replace(authored, element_size=1)
     values = as_columns(authored.values, authored.element_size)
     if values is None:
         of_size = f" of elementSize {authored.element_size}" if authored.element_size != 1 else ""
@@ -152,6 +156,19 @@ def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -
         ctx.warn("invalid-primvar", path, f"{name} ({interpolation}) has {count} values where {needed} are needed.", name)
         return None
     return Primvar(values, interpolation, indices)
+
+
+def _fits_without_element_size(authored: AuthoredPrimvar, sizes: Sizes) -> bool:
+    """Return whether an array is one value for each element if elementSize does not count, and is not if it does.
+
+    Some exporters write the number of a face's corners there.
+    """
+    needed = sizes.of(authored.interpolation)
+    listed = len(authored.values) if authored.indices is None else len(authored.indices)
+    if listed != needed:
+        return False
+    grouped = as_columns(authored.values, authored.element_size)
+    return grouped is None or authored.indices is None
 
 
 def note_many_values(name: str, count: int, path: str, ctx: Context) -> None:
