@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .camera import Camera, Projection
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
+    from .compare.sequences import SequenceComparison
     from .examining.inspected import inspect
     from .images.aov import Aov
     from .images.image import Image
@@ -61,6 +62,7 @@ __all__ = [
     "RenderSettings",
     "RenderWarning",
     "Scene",
+    "SequenceComparison",
     "StereoImage",
     "StopAt",
     "StudioLight",
@@ -91,6 +93,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Projection": "camera",
         "RenderWarning": "notices.announcement",
         "Scene": "keeping.scene",
+        "SequenceComparison": "compare.sequences",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
         "inspect": "examining.inspected",

@@ -134,8 +134,8 @@ def test_compare_takes_images_and_paths(tmp_path: Path) -> None:
     assert repr(found).startswith("<Comparison unchanged; tiles: 1 unchanged; mean difference +0 %")
     with pytest.raises(TypeError, match="verdict"):
         bool(found)
-    with pytest.raises(SettingsError, match="not ndarray"):
-        primray.compare(PIXELS, image)  # type: ignore[arg-type]
+    with pytest.raises(SettingsError, match="not int"):
+        primray.compare(3, image)  # type: ignore[call-overload]
 
 
 def test_compare_has_the_defaults_of_comparisons() -> None:
