@@ -89,6 +89,7 @@ NONSENSE: dict[str, list[Any]] = {
     "dome": [3, ""],
     "dome_rotation": ["half", None, float("inf")],
     "dome_visible": ["no", None],
+    "translated_shaders": ["no", None],
     "ground": ["grass", 1],
     "background": [3, ""],
     "orbit_deg": ["half", None, float("nan")],

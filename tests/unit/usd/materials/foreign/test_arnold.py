@@ -43,7 +43,8 @@ NODES: list[tuple[str, str, tuple[float, float, float]]] = [
     ("color_correct", INPUT + "float inputs:contrast = 2\n float inputs:contrast_pivot = 0.4", (0.0, 0.4, 0.8)),
     ("color_correct", INPUT + "float inputs:gamma = 0.5\n float inputs:mask = 0.5", (0.12, 0.28, 0.48)),
     ("color_correct", INPUT + "bool inputs:invert = 1\n color3f inputs:add = (0.1, 0, 0)", (0.7, 0.6, 0.4)),
-    ("range", INPUT + "float inputs:input_max = 2\n float inputs:output_min = 1\n float inputs:output_max = 3", (1.2, 1.4, 1.6)),
+    ("range", INPUT + "float inputs:input_max = 2\n float inputs:output_min = 1\n float inputs:output_max = 3",
+     (1.2, 1.4, 1.6)),
     ("layer_rgba", COLORS + "float inputs:mix1 = 0.5", (0.35, 0.325, 0.8)),
     ("layer_rgba", COLORS + 'string inputs:operation1 = "multiply"', (0.1, 0.1, 0.6)),
     ("switch_rgba", "int inputs:index = 2\n color3f inputs:input2 = (1, 2, 3)", (1.0, 2.0, 3.0)),
@@ -69,7 +70,7 @@ NODES: list[tuple[str, str, tuple[float, float, float]]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kind, inputs, expected", NODES, ids=[f"{kind} {i}" for i, (kind, *_) in enumerate(NODES)])
+@pytest.mark.parametrize(("kind", "inputs", "expected"), NODES, ids=[f"{kind} {i}" for i, (kind, *_) in enumerate(NODES)])
 def test_a_node_gives_the_colour_that_its_documentation_says(
     kind: str, inputs: str, expected: tuple[float, float, float]
 ) -> None:
@@ -98,7 +99,8 @@ def test_standard_surface_is_materialx_own() -> None:
     arnold, told = surface_of(stage(shader("arnold:standard_surface", inputs)))
     same, _ = surface_of(stage(shader("ND_standard_surface_surfaceshader", inputs), context="mtlx:"))
     assert arnold == same
-    assert len(told["translated"]) == 1 and "Approximated: " in told["translated"][0]
+    assert len(told["translated"]) == 1
+    assert "Approximated: " in told["translated"][0]
 
 
 def test_openpbr_surface_is_materialx_own() -> None:
@@ -131,17 +133,18 @@ SURFACES: dict[str, tuple[str, str, dict[str, Any], tuple[float, float, float]]]
 }
 
 
-@pytest.mark.parametrize("kind, inputs, expected, light", SURFACES.values(), ids=SURFACES)
+@pytest.mark.parametrize(("kind", "inputs", "expected", "light"), SURFACES.values(), ids=SURFACES)
 def test_a_surface_has_its_lobes(kind: str, inputs: str, expected: dict[str, Any], light: tuple[float, ...]) -> None:
     surface, _ = surface_of(stage(shader(f"arnold:{kind}", inputs)))
     assert lobes(surface) == close(expected)
     assert surface.emissive_color == pytest.approx(light)
 
 
-@pytest.mark.parametrize("kind, inputs", [("flat", "color3f inputs:color = (0.5, 0.25, 1)"), ("add", COLORS)])
+@pytest.mark.parametrize(("kind", "inputs"), [("flat", "color3f inputs:color = (0.5, 0.25, 1)"), ("add", COLORS)])
 def test_a_colour_that_is_bound_as_a_surface_shines_with_it(kind: str, inputs: str) -> None:
     surface, _ = surface_of(stage(shader(f"arnold:{kind}", inputs)))
-    assert surface.lambert and surface.open_pbr is None
+    assert surface.lambert
+    assert surface.open_pbr is None
     assert surface.emissive_color == pytest.approx((0.5, 0.25, 1.0) if kind == "flat" else (0.7, 0.65, 1.6))
 
 
@@ -160,7 +163,8 @@ def test_shaders_that_choose_or_mix_shaders() -> None:
 def test_a_shader_that_leads_back_to_itself_is_no_surface() -> None:
     looped = "token inputs:front.connect = </m/s.outputs:out>"
     surface, told = surface_of(stage(shader("arnold:two_sided", looped)))
-    assert surface.lambert and "shader-ignored" in told
+    assert surface.lambert
+    assert "shader-ignored" in told
 
 
 def test_channels_and_components_are_read_one_by_one() -> None:
@@ -187,7 +191,7 @@ def textured(inputs: str, tmp_path: Path, extension: str = "png") -> TextureInpu
 
 
 @pytest.mark.parametrize(
-    "inputs, extension, space",
+    ("inputs", "extension", "space"),
     [
         ("", "png", "sRGB"),
         ("", "exr", "raw"),
@@ -214,7 +218,8 @@ def test_where_an_image_is_looked_up(tmp_path: Path) -> None:
     assert placed.st.name == "map1"
     assert (placed.wrap_s.value, placed.wrap_t.value) == ("clamp", "black")
     assert placed.st_transform == pytest.approx((2.0, 0.0, 0.25, 0.0, -1.0, 1.0))
-    assert placed.scale[:3] == (0.5, 0.5, 0.5) and placed.bias[:3] == pytest.approx((0.1, 0.0, 0.0))
+    assert placed.scale[:3] == (0.5, 0.5, 0.5)
+    assert placed.bias[:3] == pytest.approx((0.1, 0.0, 0.0))
 
 
 def test_user_data_is_a_primvar() -> None:
@@ -235,7 +240,9 @@ def test_a_normal_map_is_in_the_tangents_frame(tmp_path: Path) -> None:
         stage(shader("arnold:standard_surface", "vector3f inputs:normal.connect = </m/n.outputs:out>"), nodes)
     )
     made = dict(surface.inputs)["normal"]
-    assert isinstance(made, TextureInput) and made.scale[:3] == (1.0, 1.0, 2.0) and made.bias[:3] == (-0.5, -0.5, -1.0)
+    assert isinstance(made, TextureInput)
+    assert made.scale[:3] == (1.0, 1.0, 2.0)
+    assert made.bias[:3] == (-0.5, -0.5, -1.0)
 
 
 def test_a_bump_is_a_pattern_of_slopes(tmp_path: Path) -> None:
@@ -247,7 +254,8 @@ def test_a_bump_is_a_pattern_of_slopes(tmp_path: Path) -> None:
     surface, told = surface_of(
         stage(shader("arnold:standard_surface", "vector3f inputs:normal.connect = </m/n.outputs:out>"), nodes)
     )
-    assert isinstance(dict(surface.inputs)["normal"], PatternInput) and surface.pattern is not None
+    assert isinstance(dict(surface.inputs)["normal"], PatternInput)
+    assert surface.pattern is not None
     assert [n.category for n in surface.pattern.nodes][-2:] == ["heighttonormal", "normalmap"]
     assert told["translated"] == [says("standard_surface", "bump2d", "image", end=" Approximated: n.bump_height.")]
 

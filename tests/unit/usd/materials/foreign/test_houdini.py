@@ -29,17 +29,18 @@ def test_its_values() -> None:
         "float inputs:metallic = 1\n vector3f inputs:emitcolor = (1, 0, 0)\n float inputs:emitint = 2\n float inputs:opac = 0.5"
     )
     assert lobes(surface)["base_color"] == pytest.approx((0.5, 0.25, 0.0))
-    assert lobes(surface)["specular_roughness"] == pytest.approx(0.4) and lobes(surface)["base_metalness"] == 1.0
+    assert lobes(surface)["specular_roughness"] == pytest.approx(0.4)
+    assert lobes(surface)["base_metalness"] == 1.0
     assert surface.emissive_color == pytest.approx((2.0, 0.0, 0.0))
-    assert surface.presence and surface.opacity == pytest.approx(0.5)
-    assert told["translated"] == [
-        "Houdini's shaders are translated by their documentation, not interpreted: principledshader."
-    ]
+    assert surface.presence
+    assert surface.opacity == pytest.approx(0.5)
+    assert told["translated"] == ["Houdini's shaders are translated by their documentation, not interpreted: principledshader."]
 
 
 def test_its_defaults() -> None:
     found = lobes(made(PLAIN)[0])
-    assert found["base_color"] == pytest.approx((0.2, 0.2, 0.2)) and found["specular_ior"] == pytest.approx(1.5)
+    assert found["base_color"] == pytest.approx((0.2, 0.2, 0.2))
+    assert found["specular_ior"] == pytest.approx(1.5)
 
 
 def test_its_colour_is_multiplied_by_the_points() -> None:
@@ -56,7 +57,8 @@ def test_it_is_known_by_its_id_and_by_older_operators() -> None:
 def test_other_operators_are_not_it() -> None:
     other = ASSET.replace("principledshader::2.0", "classicshader")
     surface, told = surface_of(stage(other, context="karma:"))
-    assert surface.lambert and "translated" not in told
+    assert surface.lambert
+    assert "translated" not in told
 
 
 TEXTURES: dict[str, tuple[str, str, dict[str, Any]]] = {
@@ -65,7 +67,7 @@ TEXTURES: dict[str, tuple[str, str, dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("name, field, expected", TEXTURES.values(), ids=TEXTURES)
+@pytest.mark.parametrize(("name", "field", "expected"), TEXTURES.values(), ids=TEXTURES)
 def test_its_textures(name: str, field: str, expected: dict[str, Any], tmp_path: Path) -> None:
     for tile in (1001, 1002):
         (tmp_path / f"t_{tile}.png").write_bytes(b"")
@@ -79,7 +81,8 @@ def test_its_textures(name: str, field: str, expected: dict[str, Any], tmp_path:
 
 def test_a_texture_that_is_off_is_not_read(tmp_path: Path) -> None:
     surface, told = made(PLAIN + f"asset inputs:basecolor_texture = @{tmp_path}/t.png@")
-    assert "open_pbr_base_color" not in dict(surface.inputs) and "asset-missing" not in told
+    assert "open_pbr_base_color" not in dict(surface.inputs)
+    assert "asset-missing" not in told
 
 
 def test_its_normal_map(tmp_path: Path) -> None:
@@ -89,4 +92,5 @@ def test_its_normal_map(tmp_path: Path) -> None:
         "float inputs:baseNormal_scale = 0.5\n int inputs:baseNormal_flipY = 1"
     )
     found = dict(surface.inputs)["normal"]
-    assert isinstance(found, TextureInput) and found.scale[:3] == (1.0, -1.0, 2.0)
+    assert isinstance(found, TextureInput)
+    assert found.scale[:3] == (1.0, -1.0, 2.0)

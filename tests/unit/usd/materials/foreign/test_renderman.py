@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.unit.usd.known_surface_text import close, lobes
+from tests.unit.usd.known_surface_text import lobes
 from tests.unit.usd.materials.foreign.foreign_text import node, shader, stage, surface_of
 
 from primray.description import PrimvarInput, TextureInput
@@ -46,7 +46,9 @@ def made(surface: str, nodes: str = "") -> tuple[Surface, dict[str, list[str]]]:
     return surface_of(stage(surface, nodes, context="ri:"))
 
 
-@pytest.mark.parametrize("kind, inputs, output, expected", NODES, ids=[f"{kind} {i}" for i, (kind, *_) in enumerate(NODES)])
+@pytest.mark.parametrize(
+    ("kind", "inputs", "output", "expected"), NODES, ids=[f"{kind} {i}" for i, (kind, *_) in enumerate(NODES)]
+)
 def test_a_node_gives_the_colour_that_its_documentation_says(
     kind: str, inputs: str, output: str, expected: tuple[float, float, float]
 ) -> None:
@@ -113,11 +115,16 @@ SURFACES: dict[str, tuple[str, str, dict[str, Any], str]] = {
         {"base_color": (1.0, 0.5, 0.0), **DISNEY},
         " Approximated: roughness.",
     ),
-    "PxrDiffuse": ("PxrDiffuse", "color3f inputs:diffuseColor = (1, 0.5, 0)", {"base_color": (1.0, 0.5, 0.0), "specular_weight": 0.0}, ""),
+    "PxrDiffuse": (
+        "PxrDiffuse",
+        "color3f inputs:diffuseColor = (1, 0.5, 0)",
+        {"base_color": (1.0, 0.5, 0.0), "specular_weight": 0.0},
+        "",
+    ),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind, inputs, expected, end", SURFACES.values(), ids=SURFACES)
+@pytest.mark.parametrize(("kind", "inputs", "expected", "end"), SURFACES.values(), ids=SURFACES)
 def test_a_surface_has_its_lobes(kind: str, inputs: str, expected: dict[str, Any], end: str) -> None:
     surface, told = made(shader(kind, inputs))
     found = {name: value for name, value in lobes(surface).items() if not name.startswith(("fuzz", "coat", "subsurface_"))}
@@ -129,7 +136,9 @@ def test_an_occluding_presence_and_a_glow() -> None:
     surface, _ = made(
         shader("PxrSurface", "float inputs:presence = 0.5\n float inputs:glowGain = 2\n color3f inputs:glowColor = (1, 0, 0)")
     )
-    assert surface.presence and surface.opacity == 0.5 and surface.emissive_color == (2.0, 0.0, 0.0)
+    assert surface.presence
+    assert surface.opacity == 0.5
+    assert surface.emissive_color == (2.0, 0.0, 0.0)
 
 
 def textured(inputs: str, tmp_path: Path, nodes: str = "") -> TextureInput:
@@ -142,7 +151,7 @@ def textured(inputs: str, tmp_path: Path, nodes: str = "") -> TextureInput:
     return found
 
 
-@pytest.mark.parametrize("inputs, space", [("", "raw"), ("int inputs:linearize = 1", "sRGB")])
+@pytest.mark.parametrize(("inputs", "space"), [("", "raw"), ("int inputs:linearize = 1", "sRGB")])
 def test_linearize_says_the_space_of_a_texture(inputs: str, space: str, tmp_path: Path) -> None:
     assert textured(inputs, tmp_path).file.color_space == space
 
@@ -157,7 +166,7 @@ PLACED = "token inputs:manifold.connect = </m/p.outputs:result>\n"
 
 
 @pytest.mark.parametrize(
-    "inputs, name, affine",
+    ("inputs", "name", "affine"),
     [
         ("", "st", (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)),
         ("int inputs:invertT = 0", "st", (1.0, 0.0, 0.0, 0.0, -1.0, 1.0)),
@@ -167,7 +176,8 @@ PLACED = "token inputs:manifold.connect = </m/p.outputs:result>\n"
 )
 def test_where_a_texture_is_looked_up(inputs: str, name: str, affine: tuple[float, ...], tmp_path: Path) -> None:
     found = textured(inputs, tmp_path, MANIFOLD)
-    assert found.st.name == name and found.st_transform == pytest.approx(affine)
+    assert found.st.name == name
+    assert found.st_transform == pytest.approx(affine)
 
 
 def test_a_primvar_is_read_by_its_name_and_type() -> None:
@@ -176,17 +186,19 @@ def test_a_primvar_is_read_by_its_name_and_type() -> None:
     assert dict(surface.inputs)["open_pbr_base_color"] == PrimvarInput("tint", (0.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("inputs, green", [("", 2.0), ("int inputs:orientation = 1", -2.0), ("int inputs:flipY = 1", -2.0)])
+@pytest.mark.parametrize(("inputs", "green"), [("", 2.0), ("int inputs:orientation = 1", -2.0), ("int inputs:flipY = 1", -2.0)])
 def test_a_normal_map_is_in_the_tangents_frame(inputs: str, green: float, tmp_path: Path) -> None:
     file = tmp_path / "n.tex"
     file.write_bytes(b"")
     text = node("n", "PxrNormalMap", f"asset inputs:filename = @{file}@\n{inputs}", "normal3f outputs:resultN")
     surface, _ = made(shader("PxrSurface", "normal3f inputs:bumpNormal.connect = </m/n.outputs:resultN>"), text)
     found = dict(surface.inputs)["normal"]
-    assert isinstance(found, TextureInput) and found.scale[:3] == (2.0, green, 2.0)
+    assert isinstance(found, TextureInput)
+    assert found.scale[:3] == (2.0, green, 2.0)
     assert found.file.color_space == "raw"
 
 
 def test_houdinis_versions_of_nodes_are_the_same() -> None:
     surface, told = made(shader("PxrDiffuse::3.0", "color3f inputs:diffuseColor = (1, 0, 0)"))
-    assert lobes(surface)["base_color"] == (1.0, 0.0, 0.0) and told["translated"] == [says("PxrDiffuse")]
+    assert lobes(surface)["base_color"] == (1.0, 0.0, 0.0)
+    assert told["translated"] == [says("PxrDiffuse")]
