@@ -26,6 +26,7 @@ from ..limits import Limits
 from ..problems import Problem
 from ..scenes.entries import candidates, choose
 from ..scenes.entries import layers as layers_of
+from ..scenes.recognize import without_layers
 from .asset_paths import Found, find, refuse_expression, split_package
 from .package import Container, File, read_file, read_folder, scene_layers
 
@@ -87,7 +88,7 @@ class _Check:
     def _read_layers(self) -> None:
         layers = scene_layers(self.files)
         if not layers:
-            raise Problem("not-usd", f"None of the {len(self.files.files)} files is a usd, usda, usdc or usdz layer.")
+            raise without_layers(sorted(self.files.files))
         if len(layers) > self.limits.layers:
             raise _too_large("layers", len(layers), self.limits.layers)
         for container, file in layers:
