@@ -38,7 +38,7 @@ async def receive_scene(
 ) -> tuple[SceneRow | None, bool, dict[str, bytes]]:
     """The scene in a request's body, whether it is new, and a form's other parts by name. A form may lack a file (None)."""
     head = UploadHead(request.headers, request.query_params.get("name", ""))
-    quotas = caller.quotas(service.quotas)
+    quotas = await asyncio.to_thread(service.quotas_of, caller)
     await _refuse_over_quota(service, caller, quotas, head.length or 0)
     async with staging(service.data) as staged:
         received, found = await receive(_body(request), head, staged, service.data, service.limits, fields)

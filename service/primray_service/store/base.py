@@ -149,8 +149,9 @@ class Store(Protocol):
     def job_versions(self, job_ids: Collection[str]) -> Mapping[str, int]:
         """Of those that are there."""
 
-    def jobs(self, tenant: str, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
-        """By creation, keyset pages: as fast at the end of 100,000 rows as at the start. ValueError for a bad cursor."""
+    def jobs(self, tenant: str | None, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
+        """By creation, keyset pages: as fast at the end of 100,000 rows as at the start; those of all tenants where `tenant`
+        is None, which cannot be asked for by label. ValueError for a bad cursor."""
 
     def frames(self, job_id: str, limit: int = 1000, after: int = -1) -> Sequence[Frame]: ...
 
@@ -169,6 +170,18 @@ class Store(Protocol):
         """Queued: canceled at once; preparing or running: canceling (canceled if none of its frames runs); canceling,
         canceled: no
         change; else Conflict."""
+
+    def request_pause(self, job_id: str, now: float) -> Job:
+        """Paused at once where none of its frames runs, else pausing until those have written a checkpoint or ended; its time
+        to live begins again. Pausing, paused: no change; Conflict for a job that has ended or is being canceled."""
+
+    def request_resume(self, job_id: str, now: float) -> Job:
+        """A paused job is queued again; of one that is pausing, the frames that stop run again. A job that is not paused does
+        not change; Conflict for one that has ended or is being canceled."""
+
+    def retry_frame(self, job_id: str, number: int, attempt: int, now: float, quotas: Quotas) -> Job:
+        """Queue a frame that ended in this attempt of its own again, without its checkpoint; its outputs stay until new ones
+        replace them. A job that had ended is queued again, in the same attempt. Conflict, QuotaExceeded, KeyError."""
 
     def continue_job(self, job_id: str, stop: Json, now: float, quotas: Quotas) -> Job:
         """A new attempt of a terminal job with other stop rules: every frame queued again, from its checkpoint. Conflict,
@@ -243,6 +256,9 @@ class Store(Protocol):
 
     def queue(self, most: int) -> QueueNow:
         """Jobs with frames that could be claimed, of high priority and old ones first, so many at most; and those that run."""
+
+    def running_frames(self, limit: int) -> Sequence[tuple[Job, Frame]]:
+        """Frames that run, of all tenants, with their jobs, by when they began."""
 
     def note_work(self, fence: int, work: str, seconds: float, now: float, most: int) -> None:
         """How long a frame of a work takes; of more works than `most` the one noted first is forgotten."""
@@ -331,6 +347,15 @@ class Store(Protocol):
     def session_has_ended(self, session: str) -> bool: ...
 
     def usage(self, tenant: str, now: float) -> Usage: ...
+
+    def usage_of_all(self, now: float, limit: int, after: str = "") -> Sequence[tuple[str, Usage]]:
+        """Usage of each tenant that has a key, set quotas, or has used anything, by name."""
+
+    def quotas_set(self, tenant: str) -> Json:
+        """Members of Quotas that an administrator set for a tenant."""
+
+    def set_quotas(self, tenant: str, quotas: Json, now: float) -> None:
+        """Set them in place of those set before; none: the tenant has its keys' quotas again."""
 
     def counts(self) -> Mapping[str, int]:
         """Jobs by state, over all tenants, for metrics: cheap at 100,000 jobs."""

@@ -134,7 +134,8 @@ def _wrong_jobs(db: Any) -> list[str]:
         if {state: number for state, number in stored.items() if number} != states:
             wrong.append(f"{row.id} counts {stored}, has {states}")
         running, queued = states.get("running", 0), states.get("queued", 0)
-        may, must = row.state in ("preparing", "running", "canceling"), row.state == "canceling"
+        may = row.state in ("preparing", "running", "canceling", "pausing")
+        must = row.state in ("canceling", "pausing")
         if (running and not may) or (must and not running):
             wrong.append(f"{row.id} is {row.state} with {running} frames that run")
         if row.state in TERMINAL and (queued or row.finished_at is None):

@@ -60,8 +60,9 @@ def render_chunk(
         "limits": asdict(limits),
         "traceparent": job.traceparent,
     }
-    # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene.
-    group = f"{job.id}/{job.attempt}" if asked.frames > 1 else ""
+    # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene. A frame that is
+    # retried has a group of its own, since its outputs have the names of those before.
+    group = f"{job.id}/{job.attempt}/{frame.attempt}" if asked.frames > 1 else ""
     return Chunk(
         chunk_id,
         "render",

@@ -167,7 +167,7 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         choose(asked.scene.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
     try:
         job, is_new = service.store.create_job(
-            job, times, caller.quotas(service.quotas), None if key is None else (key, fingerprint(asked))
+            job, times, service.quotas_of(caller), None if key is None else (key, fingerprint(asked))
         )
     except KeyReused:
         raise Problem("idempotency-key-reused", "The first request with this key asked for something else.") from None

@@ -24,6 +24,7 @@ scenes, jobs = schema.scenes, schema.jobs
 
 # As in the index's condition, to the letter: SQLite takes a partial index for no other.
 _TO_CHECK: ColumnElement[bool] = scenes.c.state == literal(SceneState.CHECKING.value, literal_execute=True)
+AWAITING_SCENE = (JobState.QUEUED, JobState.PAUSED)
 NOT_TERMINAL = [state.value for state in JobState if state not in TERMINAL]
 
 
@@ -117,11 +118,12 @@ class Scenes(Operations):
             values = {"state": state.value, "facts": facts, "warnings": warnings, "problem": problem}
             mine = (scenes.c.id == scene_id, scenes.c.tenant.in_(checked))
             transaction.execute(update(scenes).where(*mine).values(**values))
-            waiting = select(jobs.c.id).where(jobs.c.scene_id == scene_id, jobs.c.state == JobState.QUEUED.value)
+            waits = jobs.c.state.in_([state.value for state in AWAITING_SCENE])
+            waiting = select(jobs.c.id).where(jobs.c.scene_id == scene_id, waits)
             of_them = waiting.where(jobs.c.tenant.in_(checked)).order_by(jobs.c.id)
             for job_id in transaction.execute(of_them).scalars().all():
                 opened = open_job(transaction, job_id)
-                if opened is None or opened.job.state != JobState.QUEUED:
+                if opened is None or opened.job.state not in AWAITING_SCENE:
                     continue
                 if problem is not None:
                     opened.reject(problem, now)
