@@ -55,6 +55,8 @@ LINKS = leading_to(
     "jobs_show",
     "jobs_change",
     "jobs_cancel",
+    "interventions_pause",
+    "interventions_resume",
     "jobs_go_on",
     "events_events",
     "frames_frames",
