@@ -16,7 +16,7 @@ from .http.failures import MethodsByPath, add_handlers
 from .http.guard import OriginGuard, RequestGuard
 from .http.measured import Measured
 from .http.rates import RateHeaders, spend_request
-from .routes import account, documents, health, keys, metrics, page, scenes, sessions
+from .routes import account, documents, health, keys, metrics, packages, page, scenes, sessions
 from .routes.admin import jobs as admin_jobs
 from .routes.admin import tenants as admin_tenants
 from .routes.admin import workers as admin_workers
@@ -28,6 +28,7 @@ from .telemetry.tracing import instrument
 # Every router there is, in the order of the document. A path is looked for from the first to the last.
 ROUTERS: tuple[APIRouter, ...] = (
     scenes.router,
+    packages.router,
     submissions.router,
     jobs.router,
     interventions.router,

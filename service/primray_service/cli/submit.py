@@ -234,7 +234,7 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
             print(f"note: {plain(note)}", file=sys.stderr)
         try:
             with _showing(packed, as_json) as show:
-                uploaded = client.upload(packed.path, name=packed.name, show=show)
+                uploaded = _sent(client, packed, show)
         except KeyboardInterrupt:
             raise CommandError("interrupted", "nothing was submitted", INTERRUPTED) from None
     if uploaded.state == "rejected":
@@ -242,6 +242,23 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
         exit_code = SCENE_REJECTED if refusal.exit_code == FAILED else refusal.exit_code
         raise CommandError(refusal.code, refusal.message, exit_code, where=refusal.where)
     return uploaded, packed
+
+
+def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -> Scene:
+    """By content where the scene has several files: only those that the server lacks are sent."""
+    from ..client import ProblemError, UnexpectedAnswer
+
+    if packed.members is not None:
+        try:
+            return client.upload_files(packed.members, name=packed.name, show=show)
+        except OSError as error:
+            where = str(error.filename or "")
+            raise CommandError("unreadable-file", f"it cannot be read: {error.strerror}", SCENE_REJECTED, where=where) from None
+        except (ProblemError, UnexpectedAnswer) as error:
+            if getattr(error, "status", 0) not in (404, 405):
+                raise
+        packed.write()  # the server is of a version that takes whole packages alone
+    return client.upload(packed.path, name=packed.name, show=show)
 
 
 @contextmanager
@@ -256,5 +273,5 @@ def _showing(packed: SceneFile, as_json: bool) -> Iterator[Callable[[int, int], 
     with Progress(
         text, BarColumn(), DownloadColumn(), TransferSpeedColumn(), console=Console(stderr=True), transient=True
     ) as bar:
-        task = bar.add_task(f"sending {packed.name}", total=packed.path.stat().st_size)
-        yield lambda done, of: bar.update(task, completed=done)
+        task = bar.add_task(f"sending {packed.name}", total=None)
+        yield lambda done, of: bar.update(task, completed=done, total=of)

@@ -14,6 +14,7 @@
     reading.py    JSON into those; answers.py: answers that are JSON
     transport.py  one request: tried again where that is safe, its errors as exceptions
     events.py     server-sent events, through broken connections
+    upload.py     packages by content: only files that the server lacks
     download.py   files, gone on with where they broke off, checked against their digest
     errors.py     what is raised
 

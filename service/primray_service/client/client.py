@@ -22,6 +22,7 @@ from .errors import ProblemError, ServerUnreachable, TimedOut, UnexpectedAnswer
 from .events import Reading
 from .reading import read
 from .transport import Transport
+from .upload import upload_files
 
 DEFAULT_SERVER = "http://127.0.0.1:8700"
 LONG_POLL_S = 30.0
@@ -109,6 +110,14 @@ class Client:
             timeout_s=300.0,
         )
         return read(Scene, json_of(answer))
+
+    def upload_files(self, files: Mapping[str, str | os.PathLike[str]], *, name: str = "", show: Show = nothing) -> Scene:
+        """Upload a package by content: `files` by their paths in it. Only files that the server does not have from this
+        tenant are sent; one that broke off is resumed by calling it again.
+
+        ProblemError with status 404 or 405 from a server that does not know it yet.
+        """
+        return upload_files(self._transport, {path: Path(file) for path, file in files.items()}, name, show)
 
     def find_scene(self, scene_id: str) -> Scene | None:
         """None if the server does not have it."""

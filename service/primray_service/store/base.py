@@ -192,10 +192,28 @@ class Store(Protocol):
 
     def events(self, job_id: str, after: int, limit: int) -> Sequence[Event]: ...
 
-    def put_scene(self, scene: Scene, quotas: Quotas) -> tuple[Scene, bool]:
+    def contents(self, tenant: str, digests: Collection[str], now: float) -> Mapping[str, int]:
+        """Sizes of those that the tenant has, by digest; they were used now."""
+
+    def has_content(self, tenant: str, sha256: str) -> bool: ...
+
+    def put_content(self, tenant: str, sha256: str, size: int, now: float, quotas: Quotas) -> bool:
+        """Note that a tenant has a file of this digest; whether it is new. QuotaExceeded."""
+
+    def contents_of_scene(self, tenant: str, scene_id: str) -> Sequence[str]:
+        """Digests of the files that a scene was put together from; none of one that was uploaded whole."""
+
+    def unused_contents(self, fence: int, before: float, limit: int) -> Sequence[tuple[str, str]]:
+        """(tenant, digest) of what no scene has and nobody asked for since."""
+
+    def forget_content(self, tenant: str, sha256: str, before: float) -> bool:
+        """Remove a row if it is still unused; whether it was."""
+
+    def put_scene(self, scene: Scene, quotas: Quotas, contents: Collection[str] = ()) -> tuple[Scene, bool]:
         """The tenant's scene of these bytes, made if there was none (True). If another tenant's same scene was checked
         already, the
-        new row takes its findings. QuotaExceeded."""
+        new row takes its findings. `contents`: digests of the files that it is put together from; Conflict where the tenant
+        lacks one. QuotaExceeded."""
 
     def scene(self, tenant: str, scene_id: str) -> Scene | None: ...
 

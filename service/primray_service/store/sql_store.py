@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from ..jobs import Json
 from .database.engine import Database
 from .database.migrate import migrate
+from .operations.contents import Contents
 from .operations.frames import Frames
 from .operations.interventions import Interventions
 from .operations.jobs import Jobs
@@ -36,6 +37,7 @@ class SqlStore(
     WorkSeconds,
     Leases,
     Scenes,
+    Contents,
     Sums,
     Tenants,
     Keys,

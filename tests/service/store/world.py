@@ -164,6 +164,8 @@ def _wrong_sums(db: Any) -> list[str]:
         stored[tenant] = stored.get(tenant, 0) + number
     for tenant, number in db.execute(select(jobs.c.tenant, schema.outputs.c.bytes).join(jobs)):
         stored[tenant] = stored.get(tenant, 0) + number
+    for tenant, number in db.execute(select(schema.contents.c.tenant, schema.contents.c.bytes)):
+        stored[tenant] = stored.get(tenant, 0) + number
     said = {row.tenant: row.stored_bytes for row in db.execute(select(schema.tenants)) if row.stored_bytes}
     days: dict[str, float] = {}
     for row in db.execute(select(schema.usage_days)):

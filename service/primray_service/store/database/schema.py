@@ -264,6 +264,27 @@ Index(
     postgresql_where=text("state = 'checking'"),
 )
 
+# Files of packages by their digests: a tenant's own, whatever others have sent; counted once, however many scenes have them.
+contents = Table(
+    "contents",
+    metadata,
+    Column("tenant", Words, nullable=False),
+    Column("sha256", Words, nullable=False),
+    Column("bytes", BigInteger, nullable=False),
+    Column("used_at", Double, nullable=False),
+    PrimaryKeyConstraint("tenant", "sha256"),
+)
+Index("ix_contents_used_at", contents.c.used_at)
+scene_contents = Table(
+    "scene_contents",
+    metadata,
+    Column("tenant", Words, nullable=False),
+    Column("sha256", Words, nullable=False),
+    Column("scene_id", Words, nullable=False),
+    PrimaryKeyConstraint("tenant", "sha256", "scene_id"),
+)
+Index("ix_scene_contents_of_scene", scene_contents.c.tenant, scene_contents.c.scene_id)
+
 idempotency_keys = Table(
     "idempotency_keys",
     metadata,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from sqlalchemy import Connection, delete, exists, insert, literal, select, tuple_, update
@@ -15,6 +15,7 @@ from ..database import schema
 from ..database.cursors import read_cursor, write_cursor
 from ..database.rows import scene_of, values_of_scene
 from ..database.transaction import Transaction
+from .contents import note_contents, release_contents
 from .leases import check_fence, look_at_fence
 from .open_job import open_job
 from .operations import Operations
@@ -40,7 +41,7 @@ def lock_scene(transaction: Transaction[Any], tenant: str, scene_id: str, *, use
 
 
 class Scenes(Operations):
-    def put_scene(self, scene: Scene, quotas: Quotas) -> tuple[Scene, bool]:
+    def put_scene(self, scene: Scene, quotas: Quotas, contents: Collection[str] = ()) -> tuple[Scene, bool]:
         def work(transaction: Transaction[tuple[Scene, bool]]) -> tuple[Scene, bool]:
             # Whoever checks this scene writes all of its rows: wait for that, and find it checked.
             same = select(scenes).where(scenes.c.id == scene.id).order_by(scenes.c.tenant).with_for_update()
@@ -55,6 +56,8 @@ class Scenes(Operations):
             checked = [row for row in rows.values() if row.state != SceneState.CHECKING]
             for row in checked[:1]:
                 values |= {"state": row.state, "facts": row.facts, "warnings": row.warnings, "problem": row.problem}
+            if not note_contents(transaction, scene.tenant, scene.id, contents):
+                raise Conflict(f"{scene.tenant} lacks contents of {scene.id}")
             transaction.execute(insert(scenes).values(**values))
             count_bytes(transaction, scene.tenant, scene.stored_bytes)
             return scene_of(transaction.execute(same.where(scenes.c.tenant == scene.tenant)).one()), True
@@ -90,6 +93,7 @@ class Scenes(Operations):
                 raise Conflict(f"jobs use {scene_id}")
             transaction.execute(delete(scenes).where(scenes.c.id == scene_id, scenes.c.tenant == tenant))
             count_bytes(transaction, tenant, -rows[tenant].stored_bytes)
+            release_contents(transaction, tenant, scene_id)
             return len(rows) == 1
 
         return self._db.write(work)
