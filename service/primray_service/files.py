@@ -20,21 +20,24 @@ import shutil
 import stat
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from .objects import Objects, ObjectStoreFailed
 from .problems import Problem
+from .shared_roots import SharedRoots
 
 COPY_BYTES = 2**20
 
 
 @dataclass(frozen=True)
 class DataDirectory:
-    """`objects`: the store that servers share, where the folder is not what they share."""
+    """`objects`: the store that servers share, where the folder is not what they share; `shared_roots`: of shared storage,
+    which is only read."""
 
     root: Path
     objects: Objects | None = None
+    shared_roots: SharedRoots = field(default_factory=SharedRoots)
 
     def create(self) -> None:
         for folder in (self.root, self.scenes, self.contents, self.jobs, self.slots, self.incoming):

@@ -112,7 +112,7 @@ def url_of(config: ServeConfig, listener: socket.socket) -> str:
 async def running(config: ServeConfig) -> AsyncIterator[Service]:
     """The parts of a server, started; stopped afterwards."""
     objects = None if config.objects is None else await asyncio.to_thread(opened, config.objects)
-    data = DataDirectory(config.data, objects)
+    data = DataDirectory(config.data, objects, config.shared_roots)
     data.create()
     store = await asyncio.to_thread(open_store, config.database_url)
     await asyncio.to_thread(store.migrate)

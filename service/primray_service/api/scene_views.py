@@ -23,7 +23,7 @@ class Scene(View):
     )
     object: Literal["scene"]
     state: SceneState
-    kind: Literal["usda", "usdc", "usdz", "zip"]
+    kind: Literal["usda", "usdc", "usdz", "zip", "shared"]
     name: str
     bytes: int
     stored_bytes: int

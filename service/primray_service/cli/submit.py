@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from ..client.documents import Settings, Webhook
 
 
+SHARED = "shared:"  # NAME/path.usda: a stage on the service's shared storage
+
+
 def submit(
     scene: Annotated[
         Path, typer.Argument(metavar="SCENE", help="usda, usdc, usd, usdz, or a zip of them.", show_default=False)
@@ -167,10 +170,10 @@ def submit(
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
     with connected("submit", server, key_file) as client:
-        uploaded, packed = upload(client, scene, json)
+        uploaded, its_entry = uploaded_scene(client, scene, json)
         job = client.submit(
             uploaded,
-            entry=entry or packed.entry,
+            entry=entry or its_entry,
             settings=_settings(given(settings)),
             name=name,
             parallel=parallel_of(parallel),
@@ -221,6 +224,14 @@ def _settings(settings: dict[str, Any]) -> Settings | None:
 
 def _webhook(url: str | None) -> Webhook | None:
     return None if url is None else {"url": url}
+
+
+def uploaded_scene(client: Client, scene: Path, as_json: bool) -> tuple[Scene | str, str | None]:
+    """What the job names, and its entry; a stage on the service's shared storage is not sent."""
+    if str(scene).startswith(SHARED):
+        return str(scene), None
+    uploaded, packed = upload(client, scene, as_json)
+    return uploaded, packed.entry
 
 
 def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile]:

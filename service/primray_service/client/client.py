@@ -159,9 +159,14 @@ class Client:
         webhook: Webhook | None = None,
         idempotency_key: str | None = None,
     ) -> Job:
-        """A new job; however often its request has to be repeated, there is one. `idempotency_key`: to have that hold over
-        restarts of the caller, too."""
-        body: Json = {"scene": {"id": scene if isinstance(scene, str) else scene.id}}
+        """A new job, of a scene, its id, or a stage on the service's shared storage (shared:NAME/path.usda).
+
+        However often its request has to be repeated, there is one. `idempotency_key`: to have that hold over restarts of the
+        caller, too.
+        """
+        named = scene if isinstance(scene, str) else scene.id
+        where = {"shared": named.removeprefix("shared:")} if named.startswith("shared:") else {"id": named}
+        body: Json = {"scene": where}
         if entry is not None:
             body["scene"]["entry"] = entry
         optional: Json = {"settings": settings, "name": name, "parallel": parallel, "priority": priority}

@@ -91,5 +91,6 @@ def capabilities(caller: Reader, service: Serving) -> Response:
             "nodes": capacity.nodes,
         },
         "sandbox": leading.sandbox,
+        "shared_roots": service.data.shared_roots.names(caller.tenant),
     }
     return json_answer(found)

@@ -73,7 +73,7 @@ def _take(staged: Path, scene_id: str, data: DataDirectory) -> None:
 def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
     """What a worker needs of a scene is here. Blocks."""
     folder = data.scene(scene.id)
-    if data.objects is None:
+    if data.objects is None or scene.kind == "shared":
         return
     if folder.exists():
         os.utime(folder)  # used just now: cache.py

@@ -151,6 +151,7 @@ ANSWERS: list[tuple[str, Any]] = [
     (r"GET /v1/(scenes|jobs|keys)(\?.*)?|GET .*/(outputs|frames)", {"items": []}),
     (r"POST /v1/keys", KEY),
     (r"GET /v1/usage", USAGE),
+    (r"POST /v1/packages", {"id": SCENE_ID, "state": "ready"}),
     (r".* /v1/scenes.*", {"id": SCENE_ID, "state": "ready"}),
     (r".*", JOB),
 ]
@@ -175,6 +176,7 @@ def ask_for_everything(server: Scripted, folder: Path) -> set[str]:
     with Client(server.url, "key", retries=0) as client:
         calls: dict[str, Callable[[], object]] = {
             "upload": lambda: client.upload(folder / "shot.usda"),
+            "upload_files": lambda: client.upload_files({"shot.usda": folder / "shot.usda"}, name="shot.zip"),
             "find_scene": lambda: client.find_scene(SCENE_ID),
             "scene": lambda: client.scene(SCENE_ID),
             "wait_for_scene": lambda: client.wait_for_scene(SCENE_ID),
