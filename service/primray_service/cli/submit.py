@@ -256,12 +256,16 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
 
 
 def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -> Scene:
-    """By content where the scene has several files: only those that the server lacks are sent."""
+    """By content where the scene has several files, or is a larger usdz: only what the server lacks is sent."""
     from ..client import ProblemError, UnexpectedAnswer
+    from ..client.upload import CUT_FROM_BYTES
 
-    if packed.members is not None:
+    members = packed.members
+    if members is None and packed.path.suffix.lower() == ".usdz" and packed.path.stat().st_size >= CUT_FROM_BYTES:
+        members = {packed.name: packed.path}
+    if members is not None:
         try:
-            return client.upload_files(packed.members, name=packed.name, show=show)
+            return client.upload_files(members, name=packed.name, show=show)
         except OSError as error:
             where = str(error.filename or "")
             raise CommandError("unreadable-file", f"it cannot be read: {error.strerror}", SCENE_REJECTED, where=where) from None

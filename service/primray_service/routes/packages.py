@@ -21,7 +21,7 @@ from ..jobs import Scene
 from ..limits import Quotas
 from ..problems import Problem
 from ..scenes.contents import keep_package, missing_of
-from ..scenes.manifest import FileOfPackage, Manifest, manifest_of
+from ..scenes.manifest import FileOfPackage, Manifest, Part, manifest_of
 from ..scenes.recognize import display_name
 from ..scenes.threads import to_the_end
 from ..service import Service
@@ -33,10 +33,18 @@ DIGEST = "^[0-9a-f]{64}$"
 Digest = Annotated[str, Path(pattern=DIGEST, description="SHA-256 of the file, in hexadecimal digits.")]
 
 
+class PackagePart(Sent):
+    sha256: str = Field(pattern=DIGEST)
+    bytes: int = Field(ge=1, le=2**50)
+
+
 class PackageFile(Sent):
     path: str = Field(min_length=1, max_length=4096, description="In the package, with / between folders.")
     sha256: str = Field(pattern=DIGEST)
     bytes: int = Field(ge=0, le=2**50)
+    parts: list[PackagePart] | None = Field(
+        None, min_length=1, description="Stretches of the file that are sent by themselves, in order, as of a usdz its members."
+    )
 
 
 class PackageRequest(Sent):
@@ -64,6 +72,7 @@ EXAMPLE = {"name": "shot.zip", "files": [{"path": "shot.usda", "sha256": "0" * 6
             "unsupported-media-type",
             "invalid-request",
             "upload-too-large",
+            "digest-mismatch",
             "not-usd",
             "package-unsafe",
             "package-too-large",
@@ -85,10 +94,13 @@ async def package(
     `missing` lists the digests that this tenant has not sent: PUT each to /v1/contents/{sha256}, then ask again. An upload that
     broke off is resumed in the same way. What other tenants have sent makes no difference.
     """
-    files = [FileOfPackage(file.path, file.sha256, file.bytes) for file in asked.files]
+    files = [
+        FileOfPackage(file.path, file.sha256, file.bytes, [Part(part.sha256, part.bytes) for part in file.parts or ()])
+        for file in asked.files
+    ]
     manifest = manifest_of(files, display_name(asked.name), service.limits)
     missing = await asyncio.to_thread(missing_of, manifest, caller.tenant, service.store, time.time())
-    kept = None if missing else await _kept(service, caller.tenant, manifest, await _quotas(service, caller))
+    kept = None if missing else await _kept(service, caller, manifest)
     if kept is None:
         missing = missing or await asyncio.to_thread(missing_of, manifest, caller.tenant, service.store, time.time())
         if not missing:
@@ -106,9 +118,12 @@ async def _quotas(service: Service, caller: Caller) -> Quotas:
     return await asyncio.to_thread(service.quotas_of, caller)
 
 
-async def _kept(service: Service, tenant: str, manifest: Manifest, quotas: Quotas) -> tuple[Scene, bool] | None:
+async def _kept(service: Service, caller: Caller, manifest: Manifest) -> tuple[Scene, bool] | None:
+    quotas = await _quotas(service, caller)
+    if await asyncio.to_thread(service.store.scene, caller.tenant, manifest.scene_id) is None:
+        await refuse_over_quota(service, caller, quotas, manifest.joined_bytes)  # before it is put together
     return await to_the_end(
-        lambda: keep_package(manifest, tenant, service.store, service.data, service.limits, quotas, time.time())
+        lambda: keep_package(manifest, caller.tenant, service.store, service.data, service.limits, quotas, time.time())
     )
 
 

@@ -7,6 +7,7 @@ lock of scenes/ keeps the two together.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -20,7 +21,7 @@ from ..jobs import Json, Scene, SceneState
 from ..limits import Limits, Quotas
 from ..problems import Problem
 from ..store.base import Conflict, Store
-from .manifest import Manifest, read_manifest
+from .manifest import FileOfPackage, Manifest, read_manifest
 from .preparing import ABOUT, locked, sync_all
 from .receive import Received
 from .staging import staging_here
@@ -28,6 +29,7 @@ from .zip_directory import unsafe
 from .zip_names import ARCHIVE_HEAD_BYTES, archive_kind
 
 MANIFEST = "manifest.json"
+JOINED_BYTES = 2**20
 
 
 def keep_content(received: Received, tenant: str, store: Store, data: DataDirectory, quotas: Quotas, now: float) -> bool:
@@ -54,8 +56,9 @@ def missing_of(manifest: Manifest, tenant: str, store: Store, now: float) -> lis
     """Digests that the tenant has to send, in the order of the package's files. Problem for a size that is another's."""
     known = store.contents(tenant, manifest.sizes, now)
     for file in manifest.files:
-        if file.bytes and known.get(file.sha256, file.bytes) != file.bytes:
-            raise Problem("invalid-request", f"The file {file.path!r} has {known[file.sha256]} bytes, by its digest.")
+        for part in file.sent:
+            if known.get(part.sha256, part.bytes) != part.bytes:
+                raise Problem("invalid-request", f"The file {file.path!r} has {known[part.sha256]} bytes, by its digest.")
     return [sha256 for sha256 in manifest.sizes if sha256 not in known]
 
 
@@ -129,8 +132,8 @@ def sweep(store: Store, data: DataDirectory) -> None:
 
 
 def _row(manifest: Manifest, tenant: str, now: float) -> Scene:
-    """Its files are counted as the tenant's contents; only the list is the scene's own."""
-    own = len(manifest.text)
+    """Its files are counted as the tenant's contents; the list is the scene's own, and what is put together from parts."""
+    own = len(manifest.text) + manifest.joined_bytes
     state = SceneState.CHECKING
     return Scene(manifest.scene_id, tenant, state, "zip", manifest.name, manifest.bytes, own, now, now)
 
@@ -142,18 +145,39 @@ def _put_together(manifest: Manifest, tenant: str, staged: Path, data: DataDirec
     for file in manifest.files:
         target = package / file.path
         target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        if not file.bytes:
+        contents = [_brought(part.sha256, tenant, data) for part in file.sent]
+        if file.parts:
+            _join(contents, target, file, data, limits)
+        elif contents:
+            _link(contents[0], target, data, limits)
+        else:
             target.touch(0o600)
-            continue
-        content = data.content(tenant, f"sha256:{file.sha256}")
-        if not data.bring(content):
-            raise FileNotFoundError(file.sha256)
-        _refuse_archive(content, file.path)
-        _link(content, target, data, limits)
+        _refuse_archive(target, file.path)
     about: Json = {"kind": "zip", "files": len(manifest.files), "unpacked_bytes": manifest.bytes}
     (staged / MANIFEST).write_bytes(manifest.text)
     (staged / ABOUT).write_text(json.dumps(about))
     sync_all(staged)
+
+
+def _brought(sha256: str, tenant: str, data: DataDirectory) -> Path:
+    content = data.content(tenant, f"sha256:{sha256}")
+    if not data.bring(content):
+        raise FileNotFoundError(sha256)
+    return content
+
+
+def _join(parts: list[Path], target: Path, file: FileOfPackage, data: DataDirectory, limits: Limits) -> None:
+    """A file from its parts, whose digest must be the one that was told."""
+    _refuse_without_room(file.bytes, data, limits)
+    with target.open("xb") as joined:
+        os.chmod(target, 0o600)
+        for part in parts:
+            with part.open("rb") as content:
+                shutil.copyfileobj(content, joined, JOINED_BYTES)
+    with target.open("rb") as joined:
+        found = hashlib.file_digest(joined, "sha256").hexdigest()
+    if found != file.sha256:
+        raise Problem("digest-mismatch", f"The parts of {file.path!r} have the digest {found} together, not {file.sha256}.")
 
 
 def _refuse_archive(content: Path, path: str) -> None:
@@ -169,9 +193,13 @@ def _link(content: Path, target: Path, data: DataDirectory, limits: Limits) -> N
     except OSError as error:
         if error.errno not in NO_LINKS:
             raise
-        if data.free_bytes() < limits.free_disk_bytes + content.stat().st_size:
-            raise Problem("storage-full", "The server's disk has no room for this package.") from None
+        _refuse_without_room(content.stat().st_size, data, limits)
         shutil.copyfile(content, target, follow_symlinks=False)
+
+
+def _refuse_without_room(coming: int, data: DataDirectory, limits: Limits) -> None:
+    if data.free_bytes() < limits.free_disk_bytes + coming:
+        raise Problem("storage-full", "The server's disk has no room for this package.")
 
 
 @contextmanager

@@ -21,10 +21,26 @@ FORMAT = "primray-package-1"
 
 
 @dataclass(frozen=True)
+class Part:
+    sha256: str
+    bytes: int
+
+
+@dataclass(frozen=True)
 class FileOfPackage:
+    """`parts`: stretches that are sent by themselves, in order, as a usdz is cut at its members; none: it is sent whole."""
+
     path: str
     sha256: str
     bytes: int
+    parts: Sequence[Part] = ()
+
+    @property
+    def sent(self) -> Sequence[Part]:
+        """What is sent of it; the empty file is not."""
+        if self.parts:
+            return self.parts
+        return (Part(self.sha256, self.bytes),) if self.bytes else ()
 
 
 @dataclass(frozen=True)
@@ -45,19 +61,28 @@ class Manifest:
 
     @property
     def sizes(self) -> Mapping[str, int]:
-        """By digest, without the empty file, which everybody has."""
-        return {file.sha256: file.bytes for file in self.files if file.bytes}
+        """Of what is sent, by digest."""
+        return {part.sha256: part.bytes for file in self.files for part in file.sent}
+
+    @property
+    def joined_bytes(self) -> int:
+        """Of files that are put together from parts, and so stored beside them."""
+        return sum(file.bytes for file in self.files if file.parts)
 
 
 def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Manifest:
     """Problem for a list that no package could have: it is judged as a zip's directory would be."""
-    if len(files) > limits.package_entries:
-        raise Problem("package-unsafe", f"The package has {len(files)} files; {limits.package_entries} are allowed.")
+    count = sum(max(len(file.parts), 1) for file in files)
+    if count > limits.package_entries:
+        raise Problem("package-unsafe", f"The package has {count} files or parts; {limits.package_entries} are allowed.")
     refuse_names([_member(file) for file in files], limits)
     sizes: dict[str, int] = {}
     for file in files:
-        if sizes.setdefault(file.sha256, file.bytes) != file.bytes or (file.sha256 == EMPTY) != (file.bytes == 0):
-            raise Problem("invalid-request", f"The file {shown(file.path)!r} has a size that its digest cannot have.")
+        for part in (file, *file.parts):
+            if sizes.setdefault(part.sha256, part.bytes) != part.bytes or (part.sha256 == EMPTY) != (part.bytes == 0):
+                raise Problem("invalid-request", f"The file {shown(file.path)!r} has a size that its digest cannot have.")
+        if file.parts and sum(part.bytes for part in file.parts) != file.bytes:
+            raise Problem("invalid-request", f"The parts of the file {shown(file.path)!r} have not its size.")
         if file.bytes > limits.upload_bytes:
             raise Problem("upload-too-large", f"A file may have {limits.upload_bytes} bytes.", limit=limits.upload_bytes)
     total = sum(file.bytes for file in files)
@@ -73,11 +98,12 @@ def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Ma
 def read_manifest(text: bytes, name: str = "") -> Manifest:
     """A list that `manifest_of` wrote."""
     rows = json.loads(text)["files"]
-    return Manifest([FileOfPackage(path, sha256, size) for path, sha256, size in rows], name, text)
+    files = [FileOfPackage(path, sha256, size, [Part(*part) for part in parts]) for path, sha256, size, *parts in rows]
+    return Manifest(files, name, text)
 
 
 def _text(files: Sequence[FileOfPackage]) -> bytes:
-    rows = [[file.path, file.sha256, file.bytes] for file in files]
+    rows = [[file.path, file.sha256, file.bytes, *([part.sha256, part.bytes] for part in file.parts)] for file in files]
     return json.dumps({"format": FORMAT, "files": rows}, separators=(",", ":"), ensure_ascii=False).encode()
 
 
