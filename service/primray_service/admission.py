@@ -74,7 +74,7 @@ def invalid(member: str, detail: str) -> Problem:
 
 
 def new_job(
-    request: JobRequest, tenant: str, limits: Limits, now: float, *, request_id: str = "", traceparent: str = ""
+    request: JobRequest, scene_id: str, tenant: str, limits: Limits, now: float, *, request_id: str = "", traceparent: str = ""
 ) -> tuple[Job, list[float | None]]:
     """A queued job and its frames' time codes; Problem with the member that is at fault."""
     check_labels(request.labels, limits)
@@ -86,7 +86,7 @@ def new_job(
         id=ids.job_id(now),
         tenant=tenant,
         state=JobState.QUEUED,
-        scene_id=request.scene.id,
+        scene_id=scene_id,
         entry=request.scene.entry,
         settings=request.settings.model_dump(mode="json"),
         created_at=now,

@@ -25,6 +25,16 @@ class SceneReference(Sent):
     entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
 
 
+class SceneOfRequest(Sent):
+    """A scene that was uploaded, by its `id`, or a stage on the service's shared storage."""
+
+    id: str | None = Field(None, pattern=r"^sha256:[0-9a-f]{64}$", description="What POST /v1/scenes answered.")
+    shared: str | None = Field(
+        None, max_length=4096, description="NAME/path.usda: a stage in the shared root NAME, in the place of `id`."
+    )
+    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+
+
 class StopRules(Sent):
     """A frame ends when the first of these is reached; none given: 64 samples a pixel."""
 
@@ -132,7 +142,7 @@ class Webhook(Sent):
 
 
 class JobRequest(Sent):
-    scene: SceneReference
+    scene: SceneOfRequest
     settings: Settings = Settings()
     name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
     parallel: Parallel | None = Field(None, description=OF_PARALLEL)
@@ -164,7 +174,7 @@ class FormJob(Sent):
 
     def with_scene(self, scene_id: str) -> JobRequest:
         return JobRequest(
-            scene=SceneReference(id=scene_id, entry=self.scene.entry),
+            scene=SceneOfRequest(id=scene_id, entry=self.scene.entry),
             settings=self.settings,
             name=self.name,
             parallel=self.parallel,

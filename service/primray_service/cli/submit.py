@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from ..client.documents import Settings, Webhook
 
 
+SHARED = "shared:"  # NAME/path.usda: a stage on the service's shared storage
+
+
 def submit(
     scene: Annotated[
         Path, typer.Argument(metavar="SCENE", help="usda, usdc, usd, usdz, or a zip of them.", show_default=False)
@@ -169,10 +172,10 @@ def submit(
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
     with connected("submit", server, key_file) as client:
-        uploaded, packed = upload(client, scene, json)
+        uploaded, its_entry = uploaded_scene(client, scene, json)
         job = client.submit(
             uploaded,
-            entry=entry or packed.entry,
+            entry=entry or its_entry,
             settings=_settings(given(settings)),
             name=name,
             parallel=parallel_of(parallel),
@@ -225,6 +228,14 @@ def _webhook(url: str | None) -> Webhook | None:
     return None if url is None else {"url": url}
 
 
+def uploaded_scene(client: Client, scene: Path, as_json: bool) -> tuple[Scene | str, str | None]:
+    """What the job names, and its entry; a stage on the service's shared storage is not sent."""
+    if str(scene).startswith(SHARED):
+        return str(scene), None
+    uploaded, packed = upload(client, scene, as_json)
+    return uploaded, packed.entry
+
+
 def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile]:
     """Packed where that is needed, sent unless the server has it."""
     with tempfile.TemporaryDirectory(prefix="primray-submit-") as scratch:
@@ -236,7 +247,7 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
             print(f"note: {plain(note)}", file=sys.stderr)
         try:
             with _showing(packed, as_json) as show:
-                uploaded = client.upload(packed.path, name=packed.name, show=show)
+                uploaded = _sent(client, packed, show)
         except KeyboardInterrupt:
             raise CommandError("interrupted", "nothing was submitted", INTERRUPTED) from None
     if uploaded.state == "rejected":
@@ -244,6 +255,27 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
         exit_code = SCENE_REJECTED if refusal.exit_code == FAILED else refusal.exit_code
         raise CommandError(refusal.code, refusal.message, exit_code, where=refusal.where)
     return uploaded, packed
+
+
+def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -> Scene:
+    """By content where the scene has several files, or is a larger usdz: only what the server lacks is sent."""
+    from ..client import ProblemError, UnexpectedAnswer
+    from ..client.upload import CUT_FROM_BYTES
+
+    members = packed.members
+    if members is None and packed.path.suffix.lower() == ".usdz" and packed.path.stat().st_size >= CUT_FROM_BYTES:
+        members = {packed.name: packed.path}
+    if members is not None:
+        try:
+            return client.upload_files(members, name=packed.name, show=show)
+        except OSError as error:
+            where = str(error.filename or "")
+            raise CommandError("unreadable-file", f"it cannot be read: {error.strerror}", SCENE_REJECTED, where=where) from None
+        except (ProblemError, UnexpectedAnswer) as error:
+            if getattr(error, "status", 0) not in (404, 405):
+                raise
+        packed.write()  # the server is of a version that takes whole packages alone
+    return client.upload(packed.path, name=packed.name, show=show)
 
 
 @contextmanager
@@ -258,5 +290,5 @@ def _showing(packed: SceneFile, as_json: bool) -> Iterator[Callable[[int, int], 
     with Progress(
         text, BarColumn(), DownloadColumn(), TransferSpeedColumn(), console=Console(stderr=True), transient=True
     ) as bar:
-        task = bar.add_task(f"sending {packed.name}", total=packed.path.stat().st_size)
-        yield lambda done, of: bar.update(task, completed=done)
+        task = bar.add_task(f"sending {packed.name}", total=None)
+        yield lambda done, of: bar.update(task, completed=done, total=of)

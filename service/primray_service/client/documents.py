@@ -65,6 +65,15 @@ class Settings(TypedDict, total=False):
     mask: list[str] | None
 
 
+class QuotaChanges(TypedDict, total=False):
+    requests_per_s: float | None
+    burst: int
+    queued_jobs: int | None
+    running_jobs: int | None
+    stored_bytes: int | None
+    cpu_s_per_day: float | None
+
+
 class Webhook(TypedDict, total=False):
     url: str
     events: list[Literal["started", "frame.completed", "completed"]]
@@ -139,7 +148,7 @@ class SceneOfJob:
 @dataclass(frozen=True)
 class Job:
     id: str
-    state: str  # queued, preparing, running, canceling, succeeded, failed, canceled, expired
+    state: str  # queued, preparing, running, pausing, paused, canceling, succeeded, failed, canceled, expired
     created_at: datetime
     scene: SceneOfJob
     name: str | None = None  # None: of a server or a time before jobs had names
@@ -160,6 +169,7 @@ class Job:
     error: Json | None = None
     usage: Json = field(default_factory=dict)
     webhook: Json | None = None
+    tenant: str = ""  # in what an administrator gets
 
     @property
     def is_terminal(self) -> bool:
@@ -226,6 +236,48 @@ class Usage:
     stored_bytes: Share
     cpu_s_per_day: Share
     cpu_s_total: float
+
+
+@dataclass(frozen=True)
+class TenantUsage(Usage):
+    """As an administrator gets it; `quotas_set`: members of `quotas` that an administrator has set."""
+
+    quotas: Json = field(default_factory=dict)
+    quotas_set: Json = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class WorkerNode:
+    """`why` it takes no work; empty: it does."""
+
+    id: str
+    slots: int = 0
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class RunningFrame:
+    job: str
+    tenant: str
+    frame: int
+    name: str | None = None
+    priority: int = 50
+    state: str = "running"
+    time_code: float | None = None
+    phase: str = ""
+    fraction: float = 0.0
+    started_at: datetime | None = None
+    cpu_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Workers:
+    dispatcher: str  # here, elsewhere, nowhere: where the server that dispatches is
+    slots: int
+    cores: int = 0
+    memory_bytes: int = 0
+    nodes: list[WorkerNode] = field(default_factory=list)
+    running: list[RunningFrame] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def prepare(received: Received, data: DataDirectory, limits: Limits) -> Json:
                 unpacked = unpack(file, members, staged / "package", limits, data.free_bytes)
                 about |= {"files": unpacked.files, "unpacked_bytes": unpacked.bytes}
     (staged / ABOUT).write_text(json.dumps(about))
-    _sync_all(staged)
+    sync_all(staged)
     return about
 
 
@@ -84,7 +84,7 @@ def refuse_as_usdz(received: Received, about: Json) -> None:
         raise problem_of(about["no_usdz_because"])
 
 
-def _sync_all(folder: Path) -> None:
+def sync_all(folder: Path) -> None:
     """All files of a folder: one call for the whole file system, since a package may have thousands."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

@@ -8,11 +8,14 @@ import { stateWords } from "../base/words.js";
 
 const SHOWN = 200;
 
-export function frameStrip(job, onChoose) {
+const ENDED = new Set(["succeeded", "failed", "canceled"]);
+
+export function frameStrip(job, onChoose, onRetry) {
   const list = element("div", { class: "frames", role: "group", "aria-label": "Frames" });
   const pages = element("div", { class: "pages" });
   const follow = button("Follow", () => choose(null), { "aria-pressed": "true", class: "quiet", title: "Show the frame that is being rendered" });
-  const root = element("section", { class: "strip", hidden: true }, element("div", { class: "strip-head" }, element("h2", {}, "Frames"), follow, pages), list);
+  const retry = button("Render again", () => chosen !== null && onRetry(chosen), { class: "quiet", hidden: true });
+  const root = element("section", { class: "strip", hidden: true }, element("div", { class: "strip-head" }, element("h2", {}, "Frames"), follow, retry, pages), list);
   const chips = new Map();
   let [frames, first, chosen] = [[], 0, null];
   let total = 0;
@@ -43,6 +46,9 @@ export function frameStrip(job, onChoose) {
       }
     }
     for (const frame of frames) draw(frame, now);
+    const one = frames.find((frame) => frame.number === chosen);
+    retry.hidden = !ENDED.has(one?.state);
+    if (one) write(retry, `Render frame ${one.time_code ?? one.number} again`);
     fill(
       pages,
       first > 0 && button(`Earlier`, () => page(-SHOWN), { class: "quiet" }),

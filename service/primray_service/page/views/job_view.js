@@ -32,7 +32,7 @@ export function jobView(root, [id]) {
   const plot = curve();
   const notes = diagnostics();
   const files = outputs(id);
-  const strip = frameStrip(id, chooseFrame);
+  const strip = frameStrip(id, chooseFrame, retryFrame);
   const details = facts();
   const doing = actions(id, { changed: refresh, failed: (failure) => fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter })) });
   let job = null;
@@ -96,7 +96,7 @@ export function jobView(root, [id]) {
 
   async function show(found) {
     const terminal = TERMINAL.has(found.state);
-    const wasEnded = ended && job?.attempt === found.attempt;
+    const wasEnded = ended && job?.attempt === found.attempt && job.finished_at === found.finished_at;
     job = found;
     ended = terminal;
     draw();
@@ -148,6 +148,17 @@ export function jobView(root, [id]) {
     const request = { scene: { id: job.scene.id, ...(job.scene.entry && { entry: job.scene.entry }) }, settings: { ...job.settings, ...frames, region }, name: `region of ${title.textContent}`.slice(0, 200), priority: job.priority, labels: job.labels };
     try {
       location.hash = `#/jobs/${encodeURIComponent((await send("POST", "/v1/jobs", request)).id)}`;
+    } catch (failure) {
+      if (!failure.problem) throw failure;
+      fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter }));
+    }
+  }
+
+  async function retryFrame(number) {
+    try {
+      await send("POST", jobPath(id, `/frames/${number}/retry`));
+      await refresh();
+      follow();
     } catch (failure) {
       if (!failure.problem) throw failure;
       fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter }));
