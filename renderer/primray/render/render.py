@@ -229,6 +229,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
+    report |= {"stage_settings": prepared.asked.as_json()} if prepared.asked.asked else {}
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report |= {"labels": of_labels} if of_labels else {}
     report["frame"] = asdict(prepared.frame)
