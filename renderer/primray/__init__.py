@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from .camera import Camera, Projection
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
+    from .examining.diagnosis import Diagnosis, doctor
+    from .examining.estimated import CostEstimate, estimate
     from .examining.inspected import inspect
+    from .examining.machine import MachineCheck
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
@@ -43,7 +46,9 @@ __all__ = [
     "Camera",
     "Checkpointing",
     "Comparison",
+    "CostEstimate",
     "DefaultWrap",
+    "Diagnosis",
     "Diffusion",
     "DirectionTable",
     "Distortion",
@@ -53,6 +58,7 @@ __all__ = [
     "Ground",
     "Image",
     "LocalProcesses",
+    "MachineCheck",
     "Metric",
     "PrimrayError",
     "Product",
@@ -67,7 +73,9 @@ __all__ = [
     "Verdict",
     "__version__",
     "compare",
+    "doctor",
     "errors",
+    "estimate",
     "inspect",
     "read_image",
     "render",
@@ -82,17 +90,22 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Camera": "camera",
         "Checkpointing": "checkpoints.checkpointing",
         "Comparison": "compare.comparison",
+        "CostEstimate": "examining.estimated",
+        "Diagnosis": "examining.diagnosis",
         "DirectionTable": "lens.distortion",
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
         "LocalProcesses": "render.local_processes",
+        "MachineCheck": "examining.machine",
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "notices.announcement",
         "Scene": "keeping.scene",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
+        "doctor": "examining.diagnosis",
+        "estimate": "examining.estimated",
         "inspect": "examining.inspected",
         "read_image": "images.reading",
         "render_products": "render.products",
