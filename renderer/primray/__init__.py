@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
     from .compare.sequences import SequenceComparison
+    from .examining.diagnosis import Diagnosis, doctor
+    from .examining.estimated import CostEstimate, estimate
     from .examining.inspected import inspect
+    from .examining.machine import MachineCheck
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
@@ -44,7 +47,9 @@ __all__ = [
     "Camera",
     "Checkpointing",
     "Comparison",
+    "CostEstimate",
     "DefaultWrap",
+    "Diagnosis",
     "Diffusion",
     "DirectionTable",
     "Distortion",
@@ -54,6 +59,7 @@ __all__ = [
     "Ground",
     "Image",
     "LocalProcesses",
+    "MachineCheck",
     "Metric",
     "PrimrayError",
     "Product",
@@ -69,7 +75,9 @@ __all__ = [
     "Verdict",
     "__version__",
     "compare",
+    "doctor",
     "errors",
+    "estimate",
     "inspect",
     "read_image",
     "render",
@@ -84,11 +92,14 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Camera": "camera",
         "Checkpointing": "checkpoints.checkpointing",
         "Comparison": "compare.comparison",
+        "CostEstimate": "examining.estimated",
+        "Diagnosis": "examining.diagnosis",
         "DirectionTable": "lens.distortion",
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
         "LocalProcesses": "render.local_processes",
+        "MachineCheck": "examining.machine",
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "notices.announcement",
@@ -96,6 +107,8 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "SequenceComparison": "compare.sequences",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
+        "doctor": "examining.diagnosis",
+        "estimate": "examining.estimated",
         "inspect": "examining.inspected",
         "read_image": "images.reading",
         "render_products": "render.products",

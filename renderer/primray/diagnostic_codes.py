@@ -281,6 +281,10 @@ CODES: dict[str, Code] = {
     "render-settings-input": Code(Severity.WARNING, Kind.IGNORED,
         "Something in RenderSettings, its products or passes is ignored.",
         "Author a value that is supported, or ask for it on the command line."),
+    "foreign-settings": Code(Severity.INFO, Kind.CHOSEN,
+        "Samples or depth that RenderSettings author for another renderer: the message says what they are taken for, or why "
+        "they are not.",
+        "Nothing, if it is meant; flags and primray's own attributes (docs/stage-settings.md) take their place."),
     "render-var": Code(Severity.WARNING, Kind.IGNORED,
         "A render variable cannot be had, or not as it asks: it is left out, or fitted.",
         "Name an output that there is (docs/aovs.md) and a type of numbers, or remove it."),

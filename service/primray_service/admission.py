@@ -214,13 +214,13 @@ def render_settings(settings: Settings) -> RenderSettings:
         resolution=settings.resolution,
         spp=stop.max_samples,
         target_error=stop.target_error,
-        error_metric=Metric(stop.metric),
+        error_metric=None if stop.metric is None else Metric(stop.metric),
         time_limit_s=stop.max_seconds,
         adaptive=settings.adaptive,
         denoise=settings.denoise,
         stop_at=StopAt(settings.stop_at),
         max_depth=settings.max_depth,
-        filter=Filter(settings.filter),
+        filter=None if settings.filter is None else Filter(settings.filter),
         filter_width=settings.filter_width,
         seed=settings.seed,
         default_light=settings.default_light,
@@ -309,9 +309,16 @@ NEW_SETTINGS = (
 )
 
 
+def _as_of_old(settings: Json) -> None:
+    """Write what versions before 0.3 wrote for members that were left out, so that their keys stand for the same request."""
+    settings["filter"] = settings["filter"] or "box"
+    settings["stop"]["metric"] = settings["stop"]["metric"] or "relmse"
+
+
 def fingerprint(request: JobRequest) -> str:
     """The same for requests that ask for the same, however their JSON is written."""
     said = request.model_dump(mode="json")
+    _as_of_old(said["settings"])
     for members, model, names in ((said, JobRequest, NEW_MEMBERS), (said["settings"], Settings, NEW_SETTINGS)):
         for name in names:
             if members[name] == model.model_fields[name].default:

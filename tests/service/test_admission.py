@@ -69,7 +69,7 @@ def job(stop: Json, state: JobState = JobState.SUCCEEDED) -> Job:
 )
 def test_a_job_that_succeeded_goes_further(before, asked, after):
     found = continued(job(before), ContinuedRules.model_validate(asked), LIMITS)
-    empty = {"target_error": None, "metric": "relmse", "max_samples": None, "max_seconds": None}
+    empty = {"target_error": None, "metric": None, "max_samples": None, "max_seconds": None}
     assert found == {**empty, **after}
 
 

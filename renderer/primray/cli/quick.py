@@ -52,7 +52,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "target_error": (_number, ("--target-error",)),
     "error_metric": (Metric, ("--error-metric", "--metric")),
     "time_limit": (_number, ("--time-limit", "--max-seconds")),
-    "denoise": (FLAG, ("--denoise",)),
+    "denoise": (SWITCH, ("--denoise", "--no-denoise")),
     "stop_at": (StopAt, ("--stop-at",)),
     "sample_range": (str, ("--sample-range",)),
     "checkpoint": (str, ("--checkpoint",)),

@@ -170,7 +170,13 @@ Region = Annotated[
     ),
 ]
 MotionError = Annotated[
-    float, typer.Option("--motion-error", metavar="PIXELS", help="Pixels that the path of anything may be off.")
+    float | None,
+    typer.Option(
+        "--motion-error",
+        metavar="PIXELS",
+        help="Pixels that the path of anything may be off.",
+        show_default="the stage's, else 0.02",
+    ),
 ]
 LensFlaws = Annotated[
     list[str] | None,

@@ -36,10 +36,11 @@ class SceneOfRequest(Sent):
 
 
 class StopRules(Sent):
-    """A frame ends when the first of these is reached; none given: 64 samples a pixel."""
+    """A frame ends when the first of these is reached; none given: what the stage's render settings ask for, else 64 samples a
+    pixel, as frames of parallel jobs always do."""
 
     target_error: float | None = Field(None, gt=0, description="Stop when the estimate of the error is not above this.")
-    metric: Literal["relmse", "rmse", "display"] = "relmse"
+    metric: Literal["relmse", "rmse", "display"] | None = Field(None, description="null: the stage's, else relmse.")
     max_samples: int | None = Field(None, ge=1, description="Samples a pixel.")
     max_seconds: float | None = Field(None, gt=0, description="Seconds of sampling, a frame.")
 
@@ -71,9 +72,11 @@ class Settings(Sent):
     resolution: tuple[int, int] | None = Field(None, description="Width and height; one of them 0: by the camera's aspect.")
     stop: StopRules = StopRules()
     seed: int = Field(0, ge=0, lt=2**32)
-    max_depth: int | None = Field(None, ge=1, le=2**20, description="Scatterings; 1: direct light only.")
+    max_depth: int | None = Field(
+        None, ge=1, le=2**20, description="Scatterings; 1: direct light only; null: the stage's, else no limit."
+    )
     adaptive: bool | None = None
-    filter: Literal["box", "gaussian", "blackman-harris"] = "box"
+    filter: Literal["box", "gaussian", "blackman-harris"] | None = Field(None, description="null: the stage's, else box.")
     filter_width: float | None = Field(None, gt=0, le=64)
     default_light: bool = True
     studio_light: Literal["auto", "on", "off"] = Field(
@@ -85,8 +88,9 @@ class Settings(Sent):
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."
     )
-    denoise: bool = Field(
-        False, description="A denoised picture beside the record, with its error; previews of outputs show it."
+    denoise: bool | None = Field(
+        None,
+        description="A denoised picture beside the record, with its error; outputs' previews show it; null: as the stage asks.",
     )
     stop_at: Literal["picture", "denoised"] = Field(
         "picture", description="Whose error stop.target_error is of; a denoised picture's is measured as relmse or rmse."
@@ -110,7 +114,9 @@ class Settings(Sent):
     shutter: tuple[float, float] | None = Field(
         None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
     )
-    motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that the path of anything may be off (0.02).")
+    motion_error: float | None = Field(
+        None, gt=0, le=1e6, description="Pixels that the path of anything may be off; null: the stage's, else 0.02."
+    )
     diffusion: float | None = Field(
         None, ge=0, le=1, description="Of all light, what the lens diffuses: a part of the EXR; null: as the camera says."
     )

@@ -15,7 +15,7 @@ TERMINAL = frozenset({"succeeded", "failed", "canceled", "expired"})
 
 class StopRules(TypedDict, total=False):
     target_error: float | None
-    metric: Literal["relmse", "rmse", "display"]
+    metric: Literal["relmse", "rmse", "display"] | None
     max_samples: int | None
     max_seconds: float | None
 
@@ -34,9 +34,9 @@ class Settings(TypedDict, total=False):
     seed: int
     max_depth: int | None
     adaptive: bool | None
-    denoise: bool
+    denoise: bool | None
     stop_at: Literal["picture", "denoised"]
-    filter: Literal["box", "gaussian", "blackman-harris"]
+    filter: Literal["box", "gaussian", "blackman-harris"] | None
     filter_width: float | None
     default_light: bool
     studio_light: Literal["auto", "on", "off"]

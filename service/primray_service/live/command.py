@@ -35,7 +35,7 @@ def view(
     display: output_flags.Display = None,
     view: output_flags.View = None,
     look: output_flags.Look = None,
-    exposure: output_flags.Exposure = "0",
+    exposure: output_flags.Exposure = None,
     no_default_light: stage_flags.NoDefaultLight = False,
     studio_light: stage_flags.Studio = StudioLight.AUTO,
     dome: stage_flags.Dome = None,
@@ -92,6 +92,6 @@ def view(
 
     check_view(view, display)
     check_look(look)
-    looks = Looks(view, display, look, option_values.exposure_of(exposure))
+    looks = Looks(view, display, look, option_values.exposure_of(exposure) or 0.0)
     with problems_as_errors():
         serve(ViewedScene(scene, settings), settings.most_samples, looks, Path(scene).name, port, opens=not no_open)

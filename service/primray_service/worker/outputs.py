@@ -24,19 +24,19 @@ DEFAULT_NAMES = ("beauty.exr", "beauty.png", "report.json")
 def write_pictures(image: Image, names: Sequence[str], folder: Path, diagnostics: Diagnostics) -> dict[str, Any]:
     """The report, with what writing took; what a view does not show well goes to `diagnostics`. Records come first: of a view
     that fails nothing else is lost."""
-    from primray.images.exposure import View, view_fault
+    from primray.images.exposure import view_fault
     from primray.images.image import faults_of_exr
     from primray.report.unfinished import kept_without
 
-    start, view = time.perf_counter(), View(space=image.color_space)
+    start, view, stops = time.perf_counter(), image.view_of(), image.file.view.exposure
     for name in sorted(names, key=lambda name: not name.endswith(".exr")):
         if name.endswith(".exr"):
             image.write(folder / name, view, 0.0)
             diagnostics.extend(faults_of_exr(image, Encoding()))
         elif not name.endswith(".json"):
             with kept_without(name, diagnostics):
-                image.write(folder / name, view, 0.0)
-                faults = (view.assumption(), view_fault(image.shown.pixels, view))
+                image.write(folder / name, view, stops)
+                faults = (view.assumption(), view_fault(image.shown.pixels, view, stops))
                 diagnostics.extend(fault for fault in faults if fault is not None)
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     return {**image.report, "outputs": list(names), "stages_s": stages_s}

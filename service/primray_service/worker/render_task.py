@@ -93,7 +93,23 @@ def _prepare(command: Mapping[str, Any], job: Path, stages: StageOfFrames, costs
     settings = _settings(command)
     _limit_images(command.get("limits") or {})
     more_follow = bool(command.get("stay"))
-    return stages.prepare(str(job / command["file"]), settings, costs, diagnostics, more_follow=more_follow)
+    prepared = stages.prepare(str(job / command["file"]), settings, costs, diagnostics, more_follow=more_follow)
+    return within_limits(prepared, command.get("limits") or {}, diagnostics)
+
+
+# What a stage may ask for, and the limit of jobs that it is under.
+LIMITED = {"spp": "samples", "time_limit_s": "seconds"}
+
+
+def within_limits(prepared: Prepared, limits: Mapping[str, Any], diagnostics: Diagnostics) -> Prepared:
+    """Return what is prepared, with no more samples and seconds asked for by the stage than a job could ask for."""
+    for one in prepared.asked.asked:
+        most = limits.get(LIMITED.get(one.name, ""))
+        if most is not None and one.value > most:
+            message = f"{one.attribute} = {one.value:g} is more than this server allows: {most:g} is used."
+            diagnostics.add("render-settings-input", one.prim, message, one.attribute)
+            prepared = replace(prepared, settings=replace(prepared.settings, **{one.name: most}))
+    return prepared
 
 
 def _checkpoint(command: Mapping[str, Any], job: Path) -> Path | None:
@@ -107,7 +123,7 @@ def _settings(command: Mapping[str, Any]) -> RenderSettings:
     if values.get("max_memory_bytes") is None and limits.get("memory_bytes") is not None:
         values["max_memory_bytes"] = int(limits["memory_bytes"])
     try:
-        return settings_of_json({"filter": "box", "error_metric": "relmse"} | values)
+        return settings_of_json(values)
     except (TypeError, ValueError) as error:
         raise Problem("settings-rejected", f"The settings make no sense: {error}.") from error
 

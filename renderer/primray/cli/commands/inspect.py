@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ...settings import (
     DEFAULT_DICING_RATE,
-    DEFAULT_MOTION_ERROR,
     AutoCamera,
     DefaultWrap,
     RenderContext,
@@ -49,7 +48,7 @@ def inspect(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    motion_error: stage_flags.MotionError = None,
     lens: stage_flags.LensFlaws = None,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,

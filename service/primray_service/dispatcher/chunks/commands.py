@@ -112,7 +112,7 @@ def merge_chunk(
         "do": "merge",
         "parts": list(merged),
         "number": frame.checkpoint,
-        "metric": stop.get("metric", "relmse"),
+        "metric": stop.get("metric") or "relmse",
         "target": stop.get("target_error"),
         "most": stop.get("max_samples"),
         "limits": asdict(limits),
@@ -146,7 +146,8 @@ def _open_scene(job: Job, scene: Scene) -> str:
 def _settings_of(job: Job, frame: Frame, capacity: Capacity, asked: Asked) -> RenderSettings:
     settings = frame_settings(job.settings, frame, capacity)
     if job.parallel is not None:  # in one place too: the picture is not to depend on how many there are
-        settings = replace(settings, adaptive=False)
+        spp = settings.spp if settings.stops_early else settings.most_samples  # in parts the stage's are not known
+        settings = replace(settings, adaptive=False, spp=spp, error_metric=settings.metric)
     return settings if asked.taken is None else replace(settings, spp=asked.taken, time_limit_s=None)
 
 

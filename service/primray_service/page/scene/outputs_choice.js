@@ -41,7 +41,7 @@ export function outputsChoice(facts, aovs) {
     const chosen = [...ticks].filter(([, { input }]) => input.checked).map(([name]) => name);
     return {
       ...(product?.value && { products: [product.value] }),
-      denoise: denoise.checked,
+      denoise: denoise.checked || null, // the stage may ask for one
       aov_errors: errors.checked,
       aovs: which?.value === "ordered" ? null : [...chosen, ...own],
       purposes: asked.length === 0 || asked.join() === USUAL.join() ? null : asked,
