@@ -6,6 +6,7 @@ not finite are read as 0, and noted.
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -163,9 +164,8 @@ def _fits_without_element_size(authored: AuthoredPrimvar, sizes: Sizes) -> bool:
 
     Some exporters write the number of a face's corners there.
     """
-    needed = sizes.of(authored.interpolation)
-    listed = len(authored.values) if authored.indices is None else len(authored.indices)
-    if listed != needed:
+    listed = authored.values if authored.indices is None else authored.indices
+    if not isinstance(listed, Sized) or len(listed) != sizes.of(authored.interpolation):
         return False
     grouped = as_columns(authored.values, authored.element_size)
     return grouped is None or authored.indices is None

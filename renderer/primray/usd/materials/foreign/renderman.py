@@ -115,7 +115,8 @@ def _reflected(n: ForeignInputs, lobe: str) -> Operand:
     n.asked.add(f"{lobe}FaceColor")
     iors = n.constants(f"{lobe}Ior", 1.5, 1.5, 1.5)
     absorbed = n.constants(f"{lobe}ExtinctionCoeff", 0.0, 0.0, 0.0)
-    conductor = tuple(((i - 1) ** 2 + k * k) / ((i + 1) ** 2 + k * k) for i, k in zip(iors, absorbed, strict=True))
+    pairs = [(min(max(i, 0.0), 1e6), min(abs(k), 1e6)) for i, k in zip(iors, absorbed, strict=True)]
+    conductor = tuple(((i - 1) ** 2 + k * k) / ((i + 1) ** 2 + k * k) for i, k in pairs)
     return maths.binary(n.e, "multiply", edge, conductor)
 
 
