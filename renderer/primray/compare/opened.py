@@ -25,7 +25,7 @@ def read_picture(path: str | os.PathLike[str]) -> MeasuredImage:
     return read_array(path) if _is_array_file(path) else read_image(path)
 
 
-def opened(picture: Comparable) -> MeasuredImage:
+def opened(picture: object) -> MeasuredImage:
     """Return what is to be compared as a picture; SettingsError for what is none."""
     if isinstance(picture, str | os.PathLike):
         return read_picture(picture)
@@ -33,10 +33,10 @@ def opened(picture: Comparable) -> MeasuredImage:
         return measured(picture)
     if isinstance(picture, np.ndarray):
         return measured_array(picture, "the array")
-    if not isinstance(picture, MeasuredImage):
-        kind = type(picture).__name__
-        raise SettingsError(f"pictures are compared as a primray.Image, an array or a file's path, not {kind}")
-    return picture
+    if isinstance(picture, MeasuredImage):
+        return picture
+    kind = type(picture).__name__
+    raise SettingsError(f"pictures are compared as a primray.Image, an array or a file's path, not {kind}")
 
 
 def aovs_of(picture: Comparable) -> Mapping[str, Aov]:

@@ -77,6 +77,16 @@ class SequenceComparison:
         return next(verdict for verdict in _ORDER if verdict in found)
 
     @property
+    def identical(self) -> bool:
+        """Whether both sides have the same pictures, bit for bit."""
+        return not (self.only_a or self.only_b) and all(pair.facts.get("identical") for pair in self.pairs)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the comparisons take for granted, each once."""
+        return tuple(dict.fromkeys(note for pair in self.pairs for note in pair.facts.get("notes", ())))
+
+    @property
     def failed(self) -> tuple[PairComparison, ...]:
         return tuple(pair for pair in self.pairs if pair.error is not None)
 

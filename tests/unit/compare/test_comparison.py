@@ -181,6 +181,7 @@ def test_where_and_how_large() -> None:
     assert finding is not None
     assert finding.signed == pytest.approx(-0.1, rel=0.5)
     whole = compare(*pair(RAMP, brighter(RAMP), 1024))
+    assert whole.relative_error is not None
     assert whole.relative == pytest.approx(0.0187, abs=4 * whole.relative_error)  # 2 % of the mean over the root mean square
 
 

@@ -43,6 +43,9 @@ def test_frames_are_paired_by_their_numbers_whatever_the_padding() -> None:
     assert [pair.name for pair in found.pairs] == ["2", "3", "4", "5"]
     assert [pair.verdict.value for pair in found.pairs] == ["unchanged", "changed", "changed", "unchanged"]
     assert (found.only_a, found.only_b, found.verdict) == (("1",), ("6",), Verdict.CHANGED)
+    assert not found.identical
+    same = primray.compare("a/shot.####.exr", "a/shot.####.exr")
+    assert (same.identical, same.notes, same.verdict) == (True, (), Verdict.UNCHANGED)
     assert {pair.facts["alpha"] for pair in found.pairs} == {0.001 / 4}  # the pairs share the false alarms
     assert found.worst is not None
     assert found.worst.name == "4"

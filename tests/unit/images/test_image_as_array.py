@@ -128,6 +128,7 @@ def test_compare_takes_images_and_paths(tmp_path: Path) -> None:
     path = image.save(tmp_path / "a.exr")
     for a, b in ((image, path), (path, image), (primray.read_image(path), image), (str(path), path)):
         found = primray.compare(a, b, tile=8)
+        assert isinstance(found, primray.Comparison)
         assert found.identical
         assert found.of.samples == (4, 4)
         assert not found.notes

@@ -242,7 +242,7 @@ def _summary(whole: SequenceComparison, asked: Asked) -> Iterator[str]:
             yield f"  {len(names)} {whole.kind if len(names) == 1 else plural} in {which} alone: {_listed(names)}"
     if whole.worst is not None and any(not pair.facts.get("identical") for pair in whole.pairs):
         yield f"  worst: {whole.kind} {whole.worst.name}: {whole.worst.line}"
-    for note in dict.fromkeys(note for pair in whole.pairs for note in pair.facts.get("notes", ())):
+    for note in whole.notes:
         yield f"  note: {note}"
 
 

@@ -16,6 +16,7 @@ _SHEET, _BEHIND, _FAILED = 0.10, 0.25, (0.32, 0.08, 0.08)  # behind all, behind 
 _WHITE, _ODD = (0.92, 0.92, 0.92), (1.0, 0.65, 0.2)
 _FONT, _TITLE_FONT = 13, 17  # pixels
 _GAP, _STRIP, _TITLE = 8, 20, 30  # between cells, below each picture, above all
+Text = tuple[int, int, str, int, tuple[float, float, float]]  # x, y of the base line, words, size, colour
 _ERROR = re.compile(r"^error: ", re.MULTILINE)
 
 
@@ -27,7 +28,7 @@ def contact_sheet(title: str, groups: Sequence[Sequence[Outcome]], columns: int,
     cell_height, across = height + _STRIP + _GAP, max(map(len, rows))
     shape = (_TITLE + len(rows) * cell_height + _GAP, across * (width + _GAP) + _GAP, 3)
     sheet = np.full(shape, _SHEET, np.float32)
-    texts = [(_GAP, _TITLE - 10, _fitting(title, shape[1] - 2 * _GAP, _TITLE_FONT), _TITLE_FONT, _WHITE)]
+    texts: list[Text] = [(_GAP, _TITLE - 10, _fitting(title, shape[1] - 2 * _GAP, _TITLE_FONT), _TITLE_FONT, _WHITE)]
     for y, row in enumerate(rows):
         for x, outcome in enumerate(row):
             left, top = _GAP + x * (width + _GAP), _TITLE + y * cell_height
@@ -42,9 +43,6 @@ def contact_sheet(title: str, groups: Sequence[Sequence[Outcome]], columns: int,
             color = _ODD if outcome.marks or picture is None else _WHITE
             texts.append((left, top + height + 15, _fitting(label, width, _FONT), _FONT, color))
     return _with_texts(sheet, texts)
-
-
-Text = tuple[int, int, str, int, tuple[float, ...]]  # x, y of the base line, words, size, colour
 
 
 def _picture(outcome: Outcome) -> Floats | None:
