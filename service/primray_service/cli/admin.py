@@ -49,7 +49,7 @@ def jobs(
             for document in islice(client.admin.documents(tenant=tenant, state=state), count):
                 print_line({"type": "job", **document})
             return
-        rows = [("JOB", "TENANT", "STATE", "PRIORITY", "DONE", "QUEUE", "NAME")]
+        rows: list[tuple[str, ...]] = [("JOB", "TENANT", "STATE", "PRIORITY", "DONE", "QUEUE", "NAME")]
         rows += [_row(job) for job in islice(client.admin.jobs(tenant=tenant, state=state), count)]
     _print_table(rows)
 

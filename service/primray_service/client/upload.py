@@ -34,10 +34,10 @@ class Stretch:
 
     file: Path
     begin: int
-    bytes: int
+    size: int
 
     def read(self) -> Iterator[bytes]:
-        left = self.bytes
+        left = self.size
         with self.file.open("rb") as opened:
             opened.seek(self.begin)
             while left and (part := opened.read(min(left, PART_BYTES))):
@@ -72,10 +72,10 @@ def _listed(files: Mapping[str, Path], name: str) -> tuple[dict[str, Stretch], J
     rows: list[Json] = []
     for path, file in sorted(files.items()):
         whole = Stretch(file, 0, file.stat().st_size)
-        row: Json = {"path": path, "sha256": whole.sha256(), "bytes": whole.bytes}
+        row: Json = {"path": path, "sha256": whole.sha256(), "bytes": whole.size}
         cut = [(stretch.sha256(), stretch) for stretch in _members_of(whole)]
         if cut:
-            row["parts"] = [{"sha256": sha256, "bytes": stretch.bytes} for sha256, stretch in cut]
+            row["parts"] = [{"sha256": sha256, "bytes": stretch.size} for sha256, stretch in cut]
         places |= dict(cut) or {row["sha256"]: whole}
         rows.append(row)
     return places, {"name": name, "files": rows}
@@ -83,9 +83,9 @@ def _listed(files: Mapping[str, Path], name: str) -> tuple[dict[str, Stretch], J
 
 def _members_of(whole: Stretch) -> list[Stretch]:
     """A usdz, cut at its larger members; none of any other file, nor of one that is not worth it."""
-    if whole.file.suffix.lower() != ".usdz" or whole.bytes < CUT_FROM_BYTES:
+    if whole.file.suffix.lower() != ".usdz" or whole.size < CUT_FROM_BYTES:
         return []
-    cuts = {0, whole.bytes}
+    cuts = {0, whole.size}
     try:
         with zipfile.ZipFile(whole.file) as package, whole.file.open("rb") as opened:
             for member in package.infolist():
@@ -98,7 +98,7 @@ def _members_of(whole: Stretch) -> list[Stretch]:
         return []  # the server says what is wrong with it
     places = sorted(cuts)
     stretches = [Stretch(whole.file, begin, end - begin) for begin, end in itertools.pairwise(places)]
-    return stretches if 1 < len(stretches) <= MOST_PARTS and places[-1] == whole.bytes else []
+    return stretches if 1 < len(stretches) <= MOST_PARTS and places[-1] == whole.size else []
 
 
 def _send(transport: Transport, sha256: str, stretch: Stretch, before: int, total: int, show: Show) -> int:
@@ -109,6 +109,6 @@ def _send(transport: Transport, sha256: str, stretch: Stretch, before: int, tota
             yield part
             show(done, total)
 
-    headers = {"Content-Type": "application/octet-stream", "Content-Length": str(stretch.bytes)}
+    headers = {"Content-Type": "application/octet-stream", "Content-Length": str(stretch.size)}
     transport.request("PUT", f"/v1/contents/{sha256}", headers=headers, content=parts, repeatable=True, timeout_s=300.0)
-    return before + stretch.bytes
+    return before + stretch.size

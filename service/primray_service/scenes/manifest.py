@@ -78,7 +78,7 @@ def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Ma
     refuse_names([_member(file) for file in files], limits)
     sizes: dict[str, int] = {}
     for file in files:
-        for part in (file, *file.parts):
+        for part in (Part(file.sha256, file.bytes), *file.parts):
             if sizes.setdefault(part.sha256, part.bytes) != part.bytes or (part.sha256 == EMPTY) != (part.bytes == 0):
                 raise Problem("invalid-request", f"The file {shown(file.path)!r} has a size that its digest cannot have.")
         if file.parts and sum(part.bytes for part in file.parts) != file.bytes:

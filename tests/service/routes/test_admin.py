@@ -79,7 +79,7 @@ def test_a_tenants_key_is_refused(server: RunningServer, tenant: Any, method: st
     tenant.post(f"/v1/jobs/{job}/cancel")
     said = []
     for each in (job, "job_" + "0" * 26):
-        body = {"json": {}} if method == "PATCH" else {}
+        body: dict[str, Any] = {"json": {}} if method == "PATCH" else {}
         answer = tenant.request(method, path.format(job=each), **body)
         said.append({**problem(answer, 403, "forbidden"), "request_id": ""})
     assert said[0] == said[1]

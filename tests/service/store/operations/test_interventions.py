@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -20,7 +21,7 @@ def frame_of(world: World, job: Job, number: int = 0) -> Frame:
 
 
 def checkpointed(world: World, frame: Frame) -> None:
-    given = {"attempt": frame.attempt, "follows": 0, "file": "frames/0/checkpoint-1.prc", "now": world.tick()}
+    given: Any = {"attempt": frame.attempt, "follows": 0, "file": "frames/0/checkpoint-1.prc", "now": world.tick()}
     assert world.store.accept_checkpoint(world.fence, "c1", frame.job_id, frame.number, **given)
 
 
