@@ -11,7 +11,7 @@ from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "decisions"
 INDEX = FOLDER / "README.md"
-MOST_RECORDS = 15  # of a topic
+MOST_RECORDS = 20  # of a topic
 # The folders, in the order in which a scene becomes a picture and a picture a job.
 TOPICS = {
     "usd": "From a stage to its description",

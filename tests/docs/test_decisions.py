@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from .decisions import FOLDER, INDEX, Record, faults, index, read, records
+from .decisions import FOLDER, INDEX, MOST_RECORDS, Record, faults, index, read, records
 
 GOOD = """# A title
 
@@ -80,7 +80,7 @@ def test_a_record_does_not_name_an_earlier_one():
 def test_topics_are_listed_and_small():
     many = [
         Record(f"lights/{i}.md", "T", "2026-11-22", "current", dict.fromkeys(("Choice", "Why", "Rejected"), "-"))
-        for i in range(16)
+        for i in range(MOST_RECORDS + 1)
     ]
-    assert any("16 records" in fault for fault in faults(many))
+    assert any(f"{MOST_RECORDS + 1} records" in fault for fault in faults(many))
     assert any("no topic" in fault for fault in faults([replace(many[0], path="other/a.md")]))
