@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ..settings import Filter, Metric
+from .option_values import OnOff
 
 Samples = Annotated[
     int | None,
@@ -50,6 +51,22 @@ MaxDepth = Annotated[
     int | None,
     typer.Option("--max-depth", metavar="N", help="Surface scatterings, 1 = direct light only.", show_default="no limit"),
 ]
+ClampIndirect = Annotated[
+    float | None,
+    typer.Option(
+        "--clamp-indirect",
+        metavar="V",
+        help="A stated bias: a sample's light of two scatterings and more has V at most; the report says what that takes away.",
+        show_default="no clamp",
+    ),
+]
+Caustics = Annotated[
+    OnOff,
+    typer.Option(
+        "--caustics",
+        help="off, a stated bias: light that reaches diffuse surfaces over specular ones is left out, and reported.",
+    ),
+]
 PixelFilter = Annotated[Filter, typer.Option("--filter", help="Pixel filter.")]
 FilterWidth = Annotated[
     float | None, typer.Option("--filter-width", metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
@@ -60,7 +77,12 @@ Threads = Annotated[
 Seed = Annotated[int, typer.Option("--seed", "--lock-random", metavar="N", help="Of the random numbers.")]
 MaxMemory = Annotated[
     str | None,
-    typer.Option("--max-memory", metavar="SIZE", help="Fail a render that needs more: 4G, 500M.", show_default="no limit"),
+    typer.Option(
+        "--max-memory",
+        metavar="SIZE",
+        help="The process holds no more, or the render fails: 4G, 500M; auto: what the container or machine has.",
+        show_default="no limit",
+    ),
 ]
 Ray = Annotated[
     str | None,

@@ -24,6 +24,7 @@ def compare(
     tolerance: float = 0.01,
     tile: int = 32,
     aovs: Iterable[str] = (),
+    allow_bias: bool = False,
 ) -> Comparison:
     """Whether picture `b` has changed from `a` beyond their noise, each an image or the path of an EXR with error channels.
 
@@ -36,7 +37,7 @@ def compare(
     `alpha` is the rate of false alarms, over all tiles together; `tolerance` the smallest relative difference that matters;
     tiles are `tile` pixels across. `aovs` names outputs beside the pictures that are judged as well, ["all"] all that both
     have: means of samples by their errors (`aov_errors`), ids by names, what is exact by its values. SettingsError if the two
-    cannot be compared.
+    cannot be compared: unless `allow_bias`, both must have the same `clamp_indirect` and `caustics`.
     """
     from .aov_tests import compare_with_aovs
     from .comparison import compare as compare_measured
@@ -45,9 +46,10 @@ def compare(
         aovs = [aovs]
     pictures, asked = (_opened(a), _opened(b)), list(aovs)
     if not asked:
-        return compare_measured(*pictures, alpha=alpha, tolerance=tolerance, tile=tile)
+        return compare_measured(*pictures, alpha=alpha, tolerance=tolerance, tile=tile, allow_bias=allow_bias)
     both = _aovs_of(a), _aovs_of(b)
-    return compare_with_aovs(pictures, both, asked, alpha=alpha, tolerance=tolerance, tile=tile)
+    criteria = {"alpha": alpha, "tolerance": tolerance}
+    return compare_with_aovs(pictures, both, asked, tile=tile, allow_bias=allow_bias, **criteria)
 
 
 def _aovs_of(picture: object) -> Mapping[str, Aov]:

@@ -40,6 +40,9 @@ def compare(
         list[FurtherMetric] | None,
         typer.Option("--metric", help="Beside the verdict, which it does not change (primray[flip]).", show_default=False),
     ] = None,
+    allow_bias: Annotated[
+        bool, typer.Option("--allow-bias", help="Compare pictures of different --clamp-indirect or --caustics.")
+    ] = False,
     difference: Annotated[
         str | None, typer.Option(metavar="FILE", help="PNG or EXR of the difference in units of its noise.", show_default=False)
     ] = None,
@@ -49,7 +52,7 @@ def compare(
 ) -> None:
     """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 6: needs more samples, 2: usage."""
     try:
-        verdict = _compare(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric))
+        verdict = _compare(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric), allow_bias)
     except PrimrayError as error:
         error.exit_code = 2  # whatever went wrong: 1 would say that the picture has changed
         raise
@@ -71,6 +74,7 @@ def _compare(
     report: str | None,
     json: bool,
     with_flip: bool,
+    allow_bias: bool,
 ) -> str:
     from ...compare.aov_tests import aovs_in, compare_with_aovs
     from ...compare.comparison_report import as_json, lines
@@ -92,7 +96,8 @@ def _compare(
             raise SettingsError("the output would replace a picture that is compared", where=output, code="output-folder")
     pictures = read_image(a), read_image(b)
     both = (aovs_in(a), aovs_in(b)) if aovs else ({}, {})
-    result = compare_with_aovs(pictures, both, aovs, alpha=alpha, tolerance=tolerance, tile=tile)
+    criteria = {"alpha": alpha, "tolerance": tolerance}
+    result = compare_with_aovs(pictures, both, aovs, tile=tile, allow_bias=allow_bias, **criteria)
     seen = flip(*pictures) if with_flip else None
     facts = {"a": a, "b": b, **as_json(result)} | ({} if seen is None else {"flip": seen.as_json()})
     if difference is not None:
