@@ -34,6 +34,7 @@ ORDER = (
     "fidelity",
     "diagnostic_codes",
     "refusal",
+    "process_memory",
     "diagnostics",
     "settings",
     "notices",
