@@ -44,6 +44,7 @@ _MEMBERS = (
     ("target error", "settings.stop.target_error"),
     ("time limit", "settings.stop.max_seconds"),
     ("depth", "settings.max_depth"),
+    ("clamp", "settings.clamp_indirect"),
     ("filter", "settings.filter_width"),
     ("seed", "settings.seed"),
     ("dicing rate", "settings.dicing_rate"),
@@ -220,6 +221,8 @@ def render_settings(settings: Settings) -> RenderSettings:
         denoise=settings.denoise,
         stop_at=StopAt(settings.stop_at),
         max_depth=settings.max_depth,
+        clamp_indirect=settings.clamp_indirect,
+        caustics=settings.caustics,
         filter=None if settings.filter is None else Filter(settings.filter),
         filter_width=settings.filter_width,
         seed=settings.seed,
@@ -306,6 +309,8 @@ NEW_SETTINGS = (
     "region",
     "fail_on",
     "allow",
+    "clamp_indirect",
+    "caustics",
 )
 
 

@@ -192,3 +192,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
 class _Summary:
     memory_bytes: int
     triangles: int = 12
+
+    @property
+    def memory_parts(self) -> dict[str, int]:
+        return {"geometry": self.memory_bytes}

@@ -80,6 +80,8 @@ NONSENSE: dict[str, list[Any]] = {
     "adaptive": ["yes", 1],
     "sample_range": ["0:4", (1, 4), (0,)],
     "max_depth": [0, "deep"],
+    "clamp_indirect": [0, "bright", float("inf")],
+    "caustics": ["off", None],
     "filter": ["gauss", 1],
     "filter_width": ["wide", 0],
     "threads": [0, "all"],

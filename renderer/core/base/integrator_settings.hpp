@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 namespace primray {
 
@@ -23,6 +24,11 @@ struct IntegratorSettings {
   GuideLog* log = nullptr;                 // of paths that learn a guide
   const CausticGuide* caustics = nullptr;  // what scattered rays are drawn by towards metal and glass
   const RouteTables* routes = nullptr;     // light path expressions that the film asks for
+  // Bound on the largest channel of what one sample brings over two scatterings and more; infinite: no bound. Pilots and guides
+  // have none, so a clamp changes no path.
+  float clamp_indirect = std::numeric_limits<float>::infinity();
+
+  bool clamps() const { return clamp_indirect < std::numeric_limits<float>::infinity(); }
 };
 
 constexpr int kMostLightSamples = 4;

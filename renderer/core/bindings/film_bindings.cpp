@@ -14,6 +14,9 @@
 namespace primray {
 namespace {
 
+// Names of the arrays that hold parts and bins of each Removal.
+constexpr const char* kRemovalNames[kRemovals][2] = {{"clamped", "clamped_bins"}, {"caustics", "caustics_bins"}};
+
 nb::dict state_of(const Film& f) {
   const size_t h = size_t(f.height), w = size_t(f.width), tiles = size_t(f.tiles());
   nb::dict state;
@@ -27,6 +30,12 @@ nb::dict state_of(const Film& f) {
       to_numpy(std::vector<int64_t>{f.camera_rays, f.scattered_rays, f.shadow_rays, f.invalid_samples, f.samples}, {5});
   if (f.expressions > 0)
     state["routed"] = to_numpy(std::vector(f.routed), {size_t(f.expressions), kReplicates, h, w, Film::kColors, 2});
+  for (size_t why = 0; why < kRemovals; ++why) {
+    const PixelSums& sums = f.removed[why];
+    if (!sums.any()) continue;
+    state[kRemovalNames[why][0]] = to_numpy(std::vector(sums.parts), {kReplicates, h, w, Film::kColors, 2});
+    state[kRemovalNames[why][1]] = to_numpy(std::vector(sums.bins), {kReplicates, h, w, Film::kColors});
+  }
   return state;
 }
 
@@ -41,7 +50,12 @@ std::unique_ptr<Film> film_from(int width, int height, const nb::dict& state) {
   int expressions = 0;
   if (state.contains("routed"))
     expressions = int(nb::cast<nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>>(state["routed"]).shape(0));
-  auto f = std::make_unique<Film>(width, height, expressions);
+  int removals = 0;
+  for (int why = 0; why < kRemovals; ++why) removals |= int(state.contains(kRemovalNames[why][0])) << why;
+  auto f = std::make_unique<Film>(width, height, expressions, removals);
+  for (size_t why = 0; why < kRemovals; ++why)
+    if (PixelSums& sums = f->removed[why]; sums.any())
+      take(state, kRemovalNames[why][0], sums.parts), take(state, kRemovalNames[why][1], sums.bins);
   if (expressions > 0) take(state, "routed", f->routed);
   take(state, "parts", f->parts), take(state, "bins", f->bins), take(state, "counts", f->counts);
   take(state, "covered", f->covered), take(state, "next", f->next), take(state, "tile_rays", f->tile_rays);
@@ -92,6 +106,28 @@ nb::tuple routed_image(const Film& f, double exposure) {
                         to_numpy(std::move(errors), {n, h, w, size_t(Film::kColors)}));
 }
 
+// Light that is left out, of rows [first, end): means (rows, W, 3) and differences of both replicates (rows, W, 3), each
+// distributed as the mean's error; NaN where a pixel has samples of one replicate only.
+nb::tuple removed_rows(const Film& f, int why, double exposure, int first, int end) {
+  if (why < 0 || why >= kRemovals || !f.removed[size_t(why)].any()) throw Error("invariant", "the film counts no such light");
+  if (first < 0 || end < first || end > f.height) throw Error("invariant", "the film has no such rows");
+  const size_t from = size_t(first) * size_t(f.width), pixels = size_t(end) * size_t(f.width) - from;
+  std::vector<double> means(pixels * Film::kColors), differences(pixels * Film::kColors);
+  {
+    const nb::gil_scoped_release release;
+    for (size_t p = 0; p < pixels; ++p) {
+      const PixelEstimate found = estimate_removed(f, Removal(why), from + p, exposure);
+      for (size_t c = 0; c < Film::kColors; ++c) {
+        means[Film::kColors * p + c] = found.mean[c];
+        differences[Film::kColors * p + c] = found.measured ? found.difference[c] : std::numeric_limits<double>::quiet_NaN();
+      }
+    }
+  }
+  const size_t h = size_t(end - first), w = size_t(f.width);
+  return nb::make_tuple(to_numpy(std::move(means), {h, w, size_t(Film::kColors)}),
+                        to_numpy(std::move(differences), {h, w, size_t(Film::kColors)}));
+}
+
 nb::dict error_of(const Film& f, double exposure, int64_t most_pixels, int threads) {
   FrameError e;
   {
@@ -133,7 +169,8 @@ void bind_film(nb::module_& m) {
   m.attr("REPLICATES") = kReplicates;
   m.def("exact_sum", &sum_of, nb::arg("terms"), nb::arg("group"));
   nb::class_<Film>(m, "Film")
-      .def(nb::init<int, int, int>(), nb::arg("width"), nb::arg("height"), nb::arg("expressions") = 0)
+      .def(nb::init<int, int, int, int>(), nb::arg("width"), nb::arg("height"), nb::arg("expressions") = 0,
+           nb::arg("removals") = 0)
       .def_static("from_state", &film_from, nb::arg("width"), nb::arg("height"), nb::arg("state"))
       .def("state", &state_of)
       .def("merge", &Film::merge, nb::arg("other"))
@@ -141,6 +178,7 @@ void bind_film(nb::module_& m) {
           "start_at", [](Film& f, uint32_t first) { std::fill(f.next.begin(), f.next.end(), first); }, nb::arg("first"))
       .def("image", &image, nb::arg("exposure"))
       .def("routed_image", &routed_image, nb::arg("exposure"))
+      .def("removed_rows", &removed_rows, nb::arg("why"), nb::arg("exposure"), nb::arg("first"), nb::arg("end"))
       .def_ro("expressions", &Film::expressions)
       .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"),
            "Sums over pixels and colours; see film/frame_error.hpp.")

@@ -1,7 +1,9 @@
 // The extension module: one for each ISA class, same contents.
 #include "base/error.hpp"
+#include "base/memory_watch.hpp"
 #include "bindings/arrays.hpp"
 #include "embree/embree.hpp"
+#include "embree/memory_limit.hpp"
 
 #include <nanobind/stl/string.h>
 
@@ -19,6 +21,16 @@ NB_MODULE(PRIMRAY_MODULE, m) {
         return nb::make_tuple(memory.now, memory.peak);
       },
       "Bytes that Embree holds now and held at most.");
+  m.def("limit_embree_memory", &limit_embree_memory, nb::arg("bytes"), "Embree's builds fail beyond so many bytes.");
+  m.def(
+      "watch_memory",
+      [](int64_t bytes, const std::string& before, const std::string& after, const std::string& json_before,
+         const std::string& json_after, int exit_code) {
+        watch_memory(bytes, {before, after, json_before, json_after, exit_code});
+      },
+      nb::arg("bytes"), nb::arg("before") = "", nb::arg("after") = "", nb::arg("json_before") = "", nb::arg("json_after") = "",
+      nb::arg("exit_code") = 4,
+      "End the process, saying so, before it holds so many bytes; 0: no more.");
   // Core errors carry a code; Python makes them into the classes of primray.errors.
   static PyObject* core_error = nb::exception<Error>(m, "CoreError").release().ptr();
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {

@@ -11,7 +11,7 @@ namespace {
 
 // (S, events), (S, ends) and a mask a class, as renderer/primray/light_paths makes them.
 RouteTables tables_of(const InArray<uint8_t>& next, const InArray<uint8_t>& class_of, const InArray<uint32_t>& members,
-                      int expressions, bool counts_straight) {
+                      int expressions, bool counts_straight, int leaves_out) {
   RouteTables t;
   const size_t states = next.size() / kRouteEvents, ends = states > 0 ? class_of.size() / states : 0;
   if (states < 1 || states > RouteTables::kMostStates || ends < 1 || ends >= RouteTables::kMostEnds ||
@@ -21,6 +21,7 @@ RouteTables tables_of(const InArray<uint8_t>& next, const InArray<uint8_t>& clas
   t.class_of.assign(class_of.data(), class_of.data() + class_of.size());
   t.members.assign(members.data(), members.data() + members.size());
   t.ends = int(ends), t.expressions = expressions, t.counts_straight = counts_straight;
+  t.leaves_out = leaves_out;
   for (const uint8_t of : t.class_of)
     if (of >= t.members.size()) throw Error("internal", "a light path has a class that there is not");
   return t;
@@ -35,10 +36,11 @@ void bind_settings(nb::module_& m) {
       .def(
           "__init__",
           [](RouteTables* self, const InArray<uint8_t>& next, const InArray<uint8_t>& class_of,
-             const InArray<uint32_t>& members, int expressions, bool counts_straight) {
-            new (self) RouteTables(tables_of(next, class_of, members, expressions, counts_straight));
+             const InArray<uint32_t>& members, int expressions, bool counts_straight, int leaves_out) {
+            new (self) RouteTables(tables_of(next, class_of, members, expressions, counts_straight, leaves_out));
           },
-          nb::arg("next"), nb::arg("class_of"), nb::arg("members"), nb::arg("expressions"), nb::arg("counts_straight"))
+          nb::arg("next"), nb::arg("class_of"), nb::arg("members"), nb::arg("expressions"), nb::arg("counts_straight"),
+          nb::arg("leaves_out") = -1)
       .def_ro("expressions", &RouteTables::expressions);
   nb::class_<IntegratorSettings>(m, "IntegratorSettings")
       .def(nb::init<>())
@@ -46,6 +48,7 @@ void bind_settings(nb::module_& m) {
       .def_rw("threads", &IntegratorSettings::threads)
       .def_rw("seed", &IntegratorSettings::seed)
       .def_rw("splits", &IntegratorSettings::splits)
+      .def_rw("clamp_indirect", &IntegratorSettings::clamp_indirect)
       .def_rw("screen_block", &IntegratorSettings::screen_block)
       .def_prop_rw(
           "light_samples", [](const IntegratorSettings& s) { return s.light_samples; },

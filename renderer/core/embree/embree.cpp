@@ -4,9 +4,11 @@
 #include <dlfcn.h>
 
 #include <atomic>
+#include <limits>
 #include <mutex>
 
 #include "base/error.hpp"
+#include "embree/memory_limit.hpp"
 
 namespace primray {
 namespace {
@@ -24,10 +26,16 @@ constexpr ptrdiff_t kWantedVersion = 40400;
 rtc::Api api{};
 rtc::Device device = nullptr;
 std::mutex load_mutex;
-std::atomic<int64_t> bytes_now{0}, bytes_peak{0};
+std::atomic<int64_t> bytes_now{0}, bytes_peak{0}, bytes_most{std::numeric_limits<int64_t>::max()};
 
-bool count_memory(void*, ptrdiff_t bytes, bool) {
+// Embree asks before it allocates (`post` is false) or says that it has. An answer of false makes it end with its error for being
+// out of memory; it frees what it had by then.
+bool count_memory(void*, ptrdiff_t bytes, bool post) {
   const int64_t now = bytes_now += bytes;
+  if (bytes > 0 && !post && now > bytes_most.load()) {
+    bytes_now -= bytes;
+    return false;
+  }
   int64_t peak = bytes_peak.load();
   while (now > peak && !bytes_peak.compare_exchange_weak(peak, now)) {
   }
@@ -103,6 +111,7 @@ void load_embree(const std::string& path) {
 
 const rtc::Api& embree() { return api; }
 rtc::Device embree_device() { return device; }
+void limit_embree_memory(int64_t bytes) { bytes_most = bytes; }
 EmbreeMemory embree_memory() { return {bytes_now.load(), bytes_peak.load()}; }
 
 void check_embree() {

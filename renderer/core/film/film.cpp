@@ -8,7 +8,7 @@
 
 namespace primray {
 
-Film::Film(int w, int h, int expression_count)
+Film::Film(int w, int h, int expression_count, int removals)
     : width(w),
       height(h),
       tiles_x((w + kTile - 1) / kTile),
@@ -20,13 +20,19 @@ Film::Film(int w, int h, int expression_count)
       next(size_t(kReplicates) * tiles_x * tiles_y),
       tile_rays(size_t(tiles_x) * tiles_y),
       expressions(expression_count),
-      routed(size_t(expression_count) * kReplicates * w * h * kColors * 2) {}
+      routed(size_t(expression_count) * kReplicates * w * h * kColors * 2) {
+  for (int why = 0; why < kRemovals; ++why)
+    if (removals >> why & 1) removed[size_t(why)].resize(bins.size());
+}
 
 void Film::merge(const Film& other) {
   if (other.width != width || other.height != height)
     throw Error("settings-error", "films of different resolutions cannot be merged");
   if (other.expressions != expressions)
     throw Error("settings-error", "films of different light path expressions cannot be merged");
+  for (size_t why = 0; why < kRemovals; ++why)
+    if (other.removed[why].bins.size() != removed[why].bins.size())
+      throw Error("settings-error", "films that leave out different light cannot be merged");
   std::vector<ExactSum> terms(size_t(expressions), ExactSum{});
   for (size_t p = 0; p < counts.size(); ++p) {
     for (int c = 0; c < kColors; ++c) {
@@ -34,6 +40,8 @@ void Film::merge(const Film& other) {
       add_routed(p, c, terms.data());
       add(p, c, other.sum(p, c));
     }
+    for (size_t why = 0; why < kRemovals; ++why)
+      for (size_t i = p * kColors; removed[why].any() && i < (p + 1) * kColors; ++i) removed[why].add(i, other.removed[why].at(i));
     counts[p] += other.counts[p], covered[p] += other.covered[p];
   }
   for (size_t i = 0; i < next.size(); ++i) next[i] = std::max(next[i], other.next[i]);
@@ -72,6 +80,11 @@ PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure) {
 
 PixelEstimate estimate_routed(const Film& film, int expression, size_t pixel, double exposure) {
   return estimate(film, pixel, exposure, [&](size_t p, int color) { return film.routed_sum(expression, p, color); });
+}
+
+PixelEstimate estimate_removed(const Film& film, Removal why, size_t pixel, double exposure) {
+  const PixelSums& sums = film.removed[why];
+  return estimate(film, pixel, exposure, [&](size_t p, int color) { return sums.at(p * Film::kColors + size_t(color)); });
 }
 
 }  // namespace primray

@@ -18,6 +18,24 @@ namespace primray {
 constexpr int kReplicates = 2;
 constexpr int kTile = 16;  // pixels across
 
+// Exact sums of values in one order: as `Film::parts` and `Film::bins`.
+struct PixelSums {
+  std::vector<int64_t> parts;  // value, (high, low)
+  std::vector<int8_t> bins;
+
+  void resize(size_t values) { parts.resize(2 * values), bins.resize(values, int8_t(kLowestBin)); }
+  bool any() const { return !bins.empty(); }
+  ExactSum at(size_t i) const { return {parts[2 * i], parts[2 * i + 1], bins[i]}; }
+  void add(size_t i, const ExactSum& term) {
+    ExactSum s = at(i);
+    s.add(term);
+    parts[2 * i] = s.high, parts[2 * i + 1] = s.low, bins[i] = int8_t(s.bin);
+  }
+};
+
+// Light that is sampled and left out of the picture, by why: a clamp of indirect light, or caustics that are off.
+enum Removal : int { kClamped, kCaustics, kRemovals };
+
 struct Film {
   static constexpr int kColors = 3;
   // Of the arrays by pixel.
@@ -37,11 +55,14 @@ struct Film {
   // add up to `parts` to the last digit.
   int expressions = 0;
   std::vector<int64_t> routed;
+  // Light left out of `parts`, by pixel and color as these, where it is counted.
+  std::array<PixelSums, kRemovals> removed;
   std::atomic<int64_t> camera_rays{0}, scattered_rays{0}, shadow_rays{0}, invalid_samples{0}, samples{0};
 
   std::array<std::mutex, 64> locks;
 
-  Film(int w, int h, int expression_count = 0);
+  // `removals`: a bit for each Removal that is counted.
+  Film(int w, int h, int expression_count = 0, int removals = 0);
   int tiles() const { return tiles_x * tiles_y; }
   std::mutex& lock_of(int tile) { return locks[size_t(tile) % locks.size()]; }
   size_t pixels() const { return size_t(width) * height; }
@@ -91,5 +112,7 @@ struct PixelEstimate {
 PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure);
 // The same of the light that matches an expression.
 PixelEstimate estimate_routed(const Film& film, int expression, size_t pixel, double exposure);
+// Estimates the light that is left out of a pixel.
+PixelEstimate estimate_removed(const Film& film, Removal why, size_t pixel, double exposure);
 
 }  // namespace primray

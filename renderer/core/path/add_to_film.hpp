@@ -11,11 +11,15 @@
 namespace primray {
 
 // Moves the finite ones of samples [slot, slot + count) to the front; their number.
-inline int drop_invalid(Worker& w, int slot, int count) {
+inline int drop_invalid(Worker& w, int slot, int count, const Film& film) {
   int kept = slot;
   for (int s = slot; s < slot + count; ++s) {
     if (!std::isfinite(w.r[s]) || !std::isfinite(w.g[s]) || !std::isfinite(w.b[s])) continue;
     w.r[kept] = w.r[s], w.g[kept] = w.g[s], w.b[kept] = w.b[s], w.a[kept] = w.a[s];
+    if (film.removed[kClamped].any())
+      for (float* const color : {w.r, w.g, w.b}) color[Worker::kSlots + kept] = color[Worker::kSlots + s];
+    if (film.removed[kCaustics].any())
+      for (size_t c = 0; c < 3; ++c) w.caustics[c * Worker::kSlots + size_t(kept)] = w.caustics[c * Worker::kSlots + size_t(s)];
     ++kept;
   }
   return kept - slot;
@@ -63,22 +67,32 @@ inline void add_routes(RouteStore& routes, const Worker& w, int slot, int count,
   }
 }
 
+// Adds what samples [slot, slot + count) of pixel `p` brought and the picture leaves out.
+inline void add_removed(PixelSums& removed, size_t p, const float* const (&colors)[3], int slot, int count) {
+  for (size_t c = 0; c < 3; ++c) removed.add(p * Film::kColors + c, exact_sum(colors[c] + slot, count));
+}
+
 // The samples of the block's `pixels`, `samples` each of both replicates, and the rays that they took, which are counted anew
 // then.
 inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int samples, Film& film) {
   const int tile = block.film_y / kTile * film.tiles_x + block.film_x / kTile;
   const std::lock_guard lock(film.lock_of(tile));
+  const float* const clamped[] = {w.r + Worker::kSlots, w.g + Worker::kSlots, w.b + Worker::kSlots};
+  const float* const left_out = w.caustics.data();
+  const float* const caustics[] = {left_out, left_out + Worker::kSlots, left_out + 2 * Worker::kSlots};
   int64_t invalid = 0;
   for (int i = 0; i < pixels; ++i) {
     int slot = i * samples;
     for (int replicate = 0; replicate < kReplicates; slot += block.count[replicate++]) {
       const size_t p = film.at(replicate, block.film_x + w.pixel_x[i], block.film_y + w.pixel_y[i]);
       if (film.expressions > 0) add_routes(*w.routes, w, slot, block.count[replicate], p, film);
-      const int asked = block.count[replicate], valid = drop_invalid(w, slot, asked);
+      const int asked = block.count[replicate], valid = drop_invalid(w, slot, asked, film);
       if (valid > 0) {
         film.add(p, 0, exact_sum(w.r + slot, valid)), film.add(p, 1, exact_sum(w.g + slot, valid));
         film.add(p, 2, exact_sum(w.b + slot, valid));
       }
+      if (film.removed[kClamped].any() && valid > 0) add_removed(film.removed[kClamped], p, clamped, slot, valid);
+      if (film.removed[kCaustics].any() && valid > 0) add_removed(film.removed[kCaustics], p, caustics, slot, valid);
       film.counts[p] += uint32_t(valid);
       for (int s = slot; s < slot + valid; ++s) film.covered[p] += int64_t(finished_coverage(w.a[s]) * float(Film::kCovered));
       invalid += asked - valid;

@@ -27,11 +27,13 @@ PRIMRAY_RARE CameraRay<W> weighed_ray(const Round& round, const PathLanes<W>& p,
   return ray;
 }
 
-inline void weigh(Worker& w, int slots) {
+// Weighs the sums [first, first + slots) of samples.
+inline void weigh(Worker& w, int first, int slots) {
   for (int i = 0; i < slots; ++i) {
     const vec3& weight = w.weights[size_t(i)];
-    w.r[i] *= weight.x, w.g[i] *= weight.y, w.b[i] *= weight.z;
-    if (w.routes) w.routes->weigh(i, {weight.x, weight.y, weight.z});
+    const int sum = first + i;
+    w.r[sum] *= weight.x, w.g[sum] *= weight.y, w.b[sum] *= weight.z;
+    if (w.routes) w.routes->weigh(sum, {weight.x, weight.y, weight.z});
   }
 }
 

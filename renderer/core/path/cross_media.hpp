@@ -90,7 +90,7 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   vbool<W> stays = active;
   vvec3<W> gathered(F(0.0f));
   const MetLights<W> met = meet_lights(scene.lights, in_medium, hit, p, hits.t, gathered, &medium, inside.lead);
-  add_to_slots(round, in_medium, p.slot, p.beta * gathered * radiance_from(scene, inside.bodies));
+  add_to_slots(round, in_medium, sum_of(round, p.slot, p.depth), p.beta * gathered * radiance_from(scene, inside.bodies));
   if (round.needs.routes) {
     note_met_lights(round, in_medium, p, hits, hit, RoutesInMedium<W>{&medium, inside.lead});
     add_noted(round, p, p.beta * radiance_from(scene, inside.bodies));

@@ -91,14 +91,15 @@ PRIMRAY_RARE void note_shown(Round& round, vbool<W> m, const Hits<W>& hits, cons
 template <int W>
 PRIMRAY_RARE void add_noted(Round& round, const PathLanes<W>& p, const vvec3<W>& weight) {
   RouteStore& store = *round.worker.routes;
+  const vint<W> sum = sum_of(round, p.slot, p.depth);
   for (int i = 0; i < W; ++i)
     for (const MetLight& met : store.met) {
       if (!(met.lanes >> i & 1)) continue;
       const float share[3] = {p.diffuse_share.x[i], p.diffuse_share.y[i], p.diffuse_share.z[i]};
       RoutedLight r{p.route_diffuse[i], p.route_other[i], same_ends(met.end[i]), {}};
       for (int c = 0; c < 3; ++c) r.share[c] = share_of(share[c] * met.diffuse, (1 - share[c]) * met.specular);
-      store.add(p.slot[i], 0, r, weight.x[i] * met.L[0][i]), store.add(p.slot[i], 1, r, weight.y[i] * met.L[1][i]);
-      store.add(p.slot[i], 2, r, weight.z[i] * met.L[2][i]);
+      store.add(sum[i], 0, r, weight.x[i] * met.L[0][i]), store.add(sum[i], 1, r, weight.y[i] * met.L[1][i]);
+      store.add(sum[i], 2, r, weight.z[i] * met.L[2][i]);
     }
   store.met.clear();
 }

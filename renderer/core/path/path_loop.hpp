@@ -7,15 +7,19 @@
 #include "path/camera_rays.hpp"
 #include "path/cross_media.hpp"
 #include "path/outline_rays.hpp"
+#include "path/removed_light.hpp"
 #include "path/shade.hpp"
 #include "path/trace.hpp"
 #include "path/trace_shadows.hpp"
 
 namespace primray {
 
-inline void clear_slots(Worker& w, int slots) {
+inline void clear_slots(Worker& w, int slots, bool clamps) {
   for (float* sums : {w.r, w.g, w.b, w.a}) std::fill_n(sums, slots, 0.0f);
-  if (w.routes) w.routes->clear(slots);
+  if (w.routes) w.routes->clear(0, slots);
+  if (!clamps) return;
+  for (float* sums : {w.r, w.g, w.b}) std::fill_n(sums + Worker::kSlots, slots, 0.0f);
+  if (w.routes) w.routes->clear(Worker::kSlots, slots);
 }
 
 inline void clear_queues(Round& round) {
@@ -47,11 +51,14 @@ void render_tile_block(const Scene& scene, const IntegratorSettings& settings, c
   round.pixels = list_pixels(block, worker);
   round.outlined = scene.outlines.any() && find_outlines(round);
   const int slots = round.pixels * round.samples;
-  clear_slots(worker, slots);
+  clear_slots(worker, slots, settings.clamps());
   worker.pool->count = 0;
   if (round.outlined) look_for_outlines<W>(round);
   run_rounds<W>(round, slots);
-  if (scene.camera.flawed) weigh(worker, slots);
+  if (scene.camera.flawed) weigh(worker, 0, slots);
+  if (scene.camera.flawed && settings.clamps()) weigh(worker, Worker::kSlots, slots);
+  if (round.leaves_out_caustics()) leave_out_caustics(worker, slots, settings.clamps());
+  if (settings.clamps()) clamp_indirect(worker, slots, settings.clamp_indirect);
   add_to_film(block, worker, round.pixels, round.samples, film);
 }
 

@@ -47,12 +47,15 @@ struct Round {
         samples(task.count[0] + task.count[1]) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
     if (follows_bodies() && !worker.inside) worker.inside = std::make_unique<InsideStore>();
-    if (needs.routes && !worker.routes) worker.routes = std::make_unique<RouteStore>(*settings.routes, Worker::kSlots);
+    if (needs.routes && !worker.routes)
+      worker.routes = std::make_unique<RouteStore>(*settings.routes, settings.clamps() ? Worker::kSums : Worker::kSlots);
+    if (leaves_out_caustics()) worker.caustics.resize(3 * size_t(Worker::kSlots));
     if (scene.camera.flawed) worker.weights.resize(Worker::kSlots, vec3(1.0f));
   }
 
   bool has_special() const { return scene.lights.has_special(); }
   bool follows_bodies() const { return scene.interiors.followed; }
+  bool leaves_out_caustics() const { return settings.routes && settings.routes->leaves_out >= 0; }
 
   // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
   // with the next. The parts of a split path have indices of their own, so there their first two directions do.
@@ -83,6 +86,13 @@ PRIMRAY_RARE vbool<W> has_crossed_medium(const Round& round, int at) {
 template <int W>
 PRIMRAY_RARE vfloat<W> radiance_met(const Round& round, int at) {
   return radiance_from(round.scene, round.worker.inside->pool->template at<W>(at).bodies);
+}
+
+// The sum that light belongs to which reaches samples `slot` over so many scatterings.
+template <int W>
+PRIMRAY_INLINE vint<W> sum_of(const Round& round, vint<W> slot, vint<W> scatterings) {
+  if (!round.settings.clamps()) return slot;
+  return slot + select(scatterings > vint<W>(1), vint<W>(Worker::kSlots), vint<W>(0));
 }
 
 // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.

@@ -161,10 +161,11 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (crosses)
     put_shadow_bodies(round, useful & special, useful & !special, beyond, *v.crossing, lead_of(v.it.offset, v.ng, s.wi));
   if (round.needs.routes) put_shadow_routes<W, Lobes>(round, useful & special, useful & !special, p, f, beyond, light);
+  const vint<W> sum = sum_of(round, p.slot, p.depth + vint<W>(1));
   if (any(useful & special))
-    w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, light, p.ray.time, round.needs);
+    w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, sum, light, p.ray.time, round.needs);
   useful &= !special;
-  if (any(useful)) w.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot, p.ray.time, round.needs);
+  if (any(useful)) w.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, sum, p.ray.time, round.needs);
 }
 
 // One sample of the lights; at a path's first surface that is no mirror, as many as pilots found worth their rays.

@@ -157,7 +157,8 @@ PRIMRAY_INLINE void look_for_sky(Round& round, vbool<W> last, const PathLanes<W>
   if (!any(lit)) return;
   if (crossing) look_for_sky_inside(round, lit, *crossing, s, lead, carried);
   if (round.needs.routes) put_sky_routes(round, lit, n);
-  round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, n.slot, n.ray.time, round.needs);
+  const vint<W> sum = sum_of(round, n.slot, n.depth);
+  round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, sum, n.ray.time, round.needs);
 }
 
 template <int W, class Lobes>

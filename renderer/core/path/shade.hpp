@@ -287,7 +287,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   if (round.follows_bodies()) gathered = gathered * radiance_met<W>(round, at);
   if (!any(hit)) {
     if (round.needs.routes) add_met_routes(round, at, p);
-    return add_to_slots(round, active, p.slot, p.beta * gathered);
+    return add_to_slots(round, active, sum_of(round, p.slot, p.depth), p.beta * gathered);
   }
 
   Interaction<W> it = interact(scene, hit, p.ray, hits);
@@ -305,7 +305,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
     if (round.follows_bodies()) shines = shines * radiance_met<W>(round, at);
     gathered += shines;
   }
-  add_to_slots(round, active, p.slot, p.beta * gathered);
+  add_to_slots(round, active, sum_of(round, p.slot, p.depth), p.beta * gathered);
   if (round.needs.routes) add_met_routes(round, at, p), resolve_routes(p);
 
   const V wo = -p.ray.d;

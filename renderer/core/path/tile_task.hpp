@@ -39,7 +39,10 @@ struct Worker {
   std::unique_ptr<InsideStore> inside;                  // of scenes whose bodies are followed
   std::unique_ptr<RouteStore> routes;                   // for light path expressions
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
-  alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];
+  // With a clamp, light of two scatterings and more is summed kSlots further on (path/removed_light.hpp).
+  static constexpr int kSums = 2 * kSlots;
+  alignas(64) float r[kSums], g[kSums], b[kSums], a[kSlots];
+  std::vector<float> caustics;  // of samples, channel by channel, where these are left out of the picture
   std::vector<vec3> weights;  // of samples, behind a lens that takes some of their light
   uint8_t pixel_x[kTile * kTile], pixel_y[kTile * kTile];
   std::span<const LightOutlines::Part> outlines[kTile * kTile];

@@ -74,6 +74,9 @@ PassStatistics render_pass(const Scene& scene, const IntegratorSettings& setting
     throw Error("invariant", "the pass does not fit the film");
   if (film.expressions != (settings.routes ? settings.routes->expressions : 0))
     throw Error("invariant", "the film holds other light path expressions");
+  const bool caustics_left_out = settings.routes && settings.routes->leaves_out >= 0;
+  if (film.removed[kClamped].any() != settings.clamps() || film.removed[kCaustics].any() != caustics_left_out)
+    throw Error("invariant", "the film counts other light that is left out");
   std::vector<Span> spans(tiles);
   for (size_t t = 0; t < tiles; ++t)
     for (int r = 0; r < kReplicates; ++r) spans[t].first[r] = film.next[r * tiles + t], spans[t].end[r] = ends[r * tiles + t];

@@ -35,8 +35,10 @@ struct RouteTables {
   std::vector<uint8_t> class_of;                           // state, end
   std::vector<uint32_t> members;                           // by class: a bit for each expression
   int ends = 0, expressions = 0;
+  int leaves_out = -1;           // a bit of `members`: light that matches it is no part of the picture; -1: none
   bool counts_straight = false;  // some state is left straight through a surface
 
+  bool is_left_out(int of_class) const { return leaves_out >= 0 && (members[size_t(of_class)] >> leaves_out & 1); }
   uint8_t class_at(int32_t state, int32_t end) const { return class_of[size_t(state) * size_t(ends) + size_t(end)]; }
 };
 

@@ -29,7 +29,7 @@ from ..sampling.error import Estimate, FrameError
 from ..sampling.error_curve import ErrorCurve, Row
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
-from ..settings import MAX_SPP, SAMPLE_BLOCK, STAGING, Metric, RenderSettings
+from ..settings import BIAS, MAX_SPP, SAMPLE_BLOCK, STAGING, Metric, RenderSettings
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 from .frame_json import frame_of
 from .kept_beside import KeptBeside, contents_of, of_contents
@@ -128,6 +128,7 @@ def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, An
         "core": core.build_digest(),
         **core.versions(),
         **{name: values[name] for name in OF_PIXELS},
+        **{name: values[name] for name in BIAS if name in values},
         **{f"scene.{name}": digest for name, digest in scene.items()},
     }
 
@@ -214,7 +215,8 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     beside = of_contents(header["beside"], kept, frame.size) if header.get("beside") is not None else None
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
     light_paths = light_paths_of_json(header["light_paths"])
-    _check_film(film, width, height, tiles, 0 if light_paths is None else len(light_paths.expressions))
+    settings = dict(header["settings"])
+    _check_film(film, width, height, tiles, 0 if light_paths is None else len(light_paths.expressions), settings)
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
     splits = core.Splits(*header["splits"])
     busy, shaded = header["lanes"]
@@ -225,7 +227,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
         path=path,
         about=About(
             identity=dict(header["identity"]),
-            settings=dict(header["settings"]),
+            settings=settings,
             camera=camera_of(header["camera"]),
             frame=frame,
             counts=dict(header["counts"]),
@@ -266,7 +268,7 @@ def _is_number(value: Any) -> bool:
     return math.isfinite(float(value)) and float(value) >= 0
 
 
-def _check_film(film: Arrays, width: int, height: int, tiles: int, expressions: int) -> None:
+def _check_film(film: Arrays, width: int, height: int, tiles: int, expressions: int, settings: Mapping[str, Any]) -> None:
     pixels = (REPLICATES, height, width)
     shapes: dict[str, tuple[str, tuple[int, ...]]] = {
         "parts": ("<i8", (*pixels, COLORS, 2)),
@@ -279,8 +281,13 @@ def _check_film(film: Arrays, width: int, height: int, tiles: int, expressions: 
     }
     if expressions:
         shapes["routed"] = ("<i8", (expressions, *pixels, COLORS, 2))
+    for why, name in core.REMOVALS.items():
+        if settings.get(name, BIAS[name]) != BIAS[name]:
+            shapes |= {why: ("<i8", (*pixels, COLORS, 2)), f"{why}_bins": ("|i1", (*pixels, COLORS))}
     _valid({name: (array.dtype.str, array.shape) for name, array in film.items()} == shapes)
-    _valid(BINS[0] <= film["bins"].min() and film["bins"].max() <= BINS[1] and film["next"].max() <= 4 * MAX_SPP)
+    bins = [array for name, array in film.items() if name.endswith("bins")]
+    _valid(all(BINS[0] <= array.min() and array.max() <= BINS[1] for array in bins))
+    _valid(film["next"].max() <= 4 * MAX_SPP)
 
 
 def _plan(samples: int, arrays: Arrays, pixels: int, tiles: int) -> Plan:

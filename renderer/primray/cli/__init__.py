@@ -12,6 +12,7 @@ import os
 import sys
 from typing import NoReturn
 
+from .. import process_memory
 from ..errors import InternalError, PrimrayError
 from .habits.command_line import without_habits
 from .quick import render_arguments
@@ -22,6 +23,7 @@ from .terminal.streams import finish, make_lasting
 def main() -> None:
     """Entry point of the console script."""
     _start()
+    process_memory.owns_process = True
     arguments = sys.argv[1:]
     code = run(arguments)
     if arguments[:1] != ["render"]:

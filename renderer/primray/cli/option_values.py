@@ -11,6 +11,7 @@ from typing import Literal
 from ..aov_names import AOVS
 from ..errors import SettingsError
 from ..images.files.encoding import BIT_DEPTHS, Encoding
+from ..process_memory import available_bytes
 from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK
 from .standard_output import suffix_of
@@ -244,9 +245,11 @@ def sample_range_of(text: str | None) -> tuple[int, int] | None:
 
 
 def bytes_of(text: str | None) -> int | None:
-    """ "4G", "500M", "1.5GiB" or plain bytes; units are powers of 1024."""
+    """ "4G", "500M", "1.5GiB" or plain bytes, units being powers of 1024; "auto": what this process may hold at most."""
     if text is None:
         return None
+    if text.strip() == "auto":
+        return available_bytes()
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     if match is None:
         raise SettingsError(f"{text!r} is no amount of memory; write one like 4G or 500M", code="max-memory")

@@ -296,11 +296,16 @@ def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str
     low, high = report["samples_per_pixel"]
     samples = f"{low}" if low == high else f"{low} to {high}"
     names = ", ".join(files) or "not written"
+    lines = [_error_line(report)]
+    if "left_out" in report:
+        from ..report.left_out import left_out_lines
+
+        lines += left_out_lines(report)
     if "view_exposure" in report:
         names += f" (exposure {report['view_exposure']:+.2f})"
     return (
         f"{names}: {width} x {height}, {samples} samples a pixel in {report['stages_s']['render']:.2f} s "
-        f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)\n{_error_line(report)}"
+        f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)\n" + "\n".join(lines)
     )
 
 

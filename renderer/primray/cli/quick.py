@@ -60,6 +60,8 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "resume": (str, ("--resume",)),
     "adaptive": (SWITCH, ("--adaptive", "--no-adaptive")),
     "max_depth": (_whole, ("--max-depth",)),
+    "clamp_indirect": (_number, ("--clamp-indirect",)),
+    "caustics": (OnOff, ("--caustics",)),
     "pixel_filter": (Filter, ("--filter",)),
     "filter_width": (_number, ("--filter-width",)),
     "threads": (_whole, ("--threads", "-j")),

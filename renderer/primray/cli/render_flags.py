@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ..settings import Filter, Metric
+from .option_values import OnOff
 
 Samples = Annotated[
     int | None,
@@ -56,6 +57,22 @@ MaxDepth = Annotated[
         show_default="the stage's, else no limit",
     ),
 ]
+ClampIndirect = Annotated[
+    float | None,
+    typer.Option(
+        "--clamp-indirect",
+        metavar="V",
+        help="A stated bias: a sample's light of two scatterings and more has V at most; the report says what that takes away.",
+        show_default="no clamp",
+    ),
+]
+Caustics = Annotated[
+    OnOff,
+    typer.Option(
+        "--caustics",
+        help="off, a stated bias: light that reaches diffuse surfaces over specular ones is left out, and reported.",
+    ),
+]
 PixelFilter = Annotated[Filter | None, typer.Option("--filter", help="Pixel filter.", show_default="the stage's, else box")]
 FilterWidth = Annotated[
     float | None, typer.Option("--filter-width", metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
@@ -66,7 +83,12 @@ Threads = Annotated[
 Seed = Annotated[int, typer.Option("--seed", "--lock-random", metavar="N", help="Of the random numbers.")]
 MaxMemory = Annotated[
     str | None,
-    typer.Option("--max-memory", metavar="SIZE", help="Fail a render that needs more: 4G, 500M.", show_default="no limit"),
+    typer.Option(
+        "--max-memory",
+        metavar="SIZE",
+        help="The process holds no more, or the render fails: 4G, 500M; auto: what the container or machine has.",
+        show_default="no limit",
+    ),
 ]
 Ray = Annotated[
     str | None,

@@ -28,6 +28,7 @@ def compare(
     tolerance: float = ...,
     tile: int = ...,
     aovs: Iterable[str] = ...,
+    allow_bias: bool = ...,
 ) -> Comparison: ...
 
 
@@ -40,6 +41,7 @@ def compare(
     tolerance: float = ...,
     tile: int = ...,
     aovs: Iterable[str] = ...,
+    allow_bias: bool = ...,
 ) -> Comparison: ...
 
 
@@ -52,6 +54,7 @@ def compare(
     tolerance: float = ...,
     tile: int = ...,
     aovs: Iterable[str] = ...,
+    allow_bias: bool = ...,
 ) -> Comparison | SequenceComparison: ...
 
 
@@ -63,6 +66,7 @@ def compare(
     tolerance: float = 0.01,
     tile: int = 32,
     aovs: Iterable[str] = (),
+    allow_bias: bool = False,
 ) -> Comparison | SequenceComparison:
     """Whether picture `b` has changed from `a` beyond their noise, each an image, an array or the path of a file.
 
@@ -75,7 +79,7 @@ def compare(
     `alpha` is the rate of false alarms, over all tiles together; `tolerance` the smallest relative difference that matters;
     tiles are `tile` pixels across. `aovs` names outputs beside the pictures that are judged as well, ["all"] all that both
     have: means of samples by their errors (`aov_errors`), ids by names, what is exact by its values. SettingsError if the two
-    cannot be compared.
+    cannot be compared: unless `allow_bias`, both must have the same `clamp_indirect` and `caustics`.
 
     Where neither has standard errors (arrays, .npy files, PNGs, EXRs of others) values alone are judged: `Comparison.by` is
     "values", or "display" for display values (PNG, JPEG, TIFF; arrays of uint8 and uint16), whose differences are shares of
@@ -91,9 +95,9 @@ def compare(
     if isinstance(a, str | os.PathLike) and isinstance(b, str | os.PathLike):
         found = pairing(os.fspath(a), os.fspath(b))
         if found is not None:
-            return compare_pairs(found, alpha=alpha, tolerance=tolerance, tile=tile, aovs=asked)
+            return compare_pairs(found, alpha=alpha, tolerance=tolerance, tile=tile, aovs=asked, allow_bias=allow_bias)
     pictures = opened(a), opened(b)
     if not asked:
-        return compare_measured(*pictures, alpha=alpha, tolerance=tolerance, tile=tile)
+        return compare_measured(*pictures, alpha=alpha, tolerance=tolerance, tile=tile, allow_bias=allow_bias)
     both = aovs_of(a), aovs_of(b)
-    return compare_with_aovs(pictures, both, asked, alpha=alpha, tolerance=tolerance, tile=tile)
+    return compare_with_aovs(pictures, both, asked, alpha=alpha, tolerance=tolerance, tile=tile, allow_bias=allow_bias)

@@ -71,14 +71,14 @@ def _is_unmeasured(aov: Aov) -> bool:
 
 
 def compare_with_aovs(
-    pictures: Pictures, both: Both, asked: Iterable[str], *, alpha: float, tolerance: float, tile: int
+    pictures: Pictures, both: Both, asked: Iterable[str], *, alpha: float, tolerance: float, tile: int, allow_bias: bool = False
 ) -> Comparison:
     """Of the pictures and of AOVs: changed if one of them has, undecided if one of them is. Those that noise is in share the
     false alarms with the picture. SettingsError if they cannot be compared."""
     names, notes = names_in(both, asked)
     noisy = sum(1 for name in names if _is_noisy(both[0][name]) or _is_noisy(both[1][name]))
     judging = Judging(alpha / (1 + noisy), tolerance, tile)
-    result = compare(*pictures, alpha=judging.alpha, tolerance=tolerance, tile=tile)
+    result = compare(*pictures, alpha=judging.alpha, tolerance=tolerance, tile=tile, allow_bias=allow_bias)
     found = tuple(_compared(name, (both[0][name], both[1][name]), pictures, judging) for name in names)
     verdicts = {result.verdict, *(one.verdict for one in found)}
     worst = next(verdict for verdict in (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED) if verdict in verdicts)

@@ -17,6 +17,7 @@ import numpy as np
 from ..arrays import Doubles
 from ..errors import SettingsError
 from ..images.image_file import MeasuredImage
+from ..settings import BIAS
 from .by_values import DISPLAY_NOTE, LINEAR_NOTE, apart
 from .difference import Difference, difference
 from .difference_tests import Family, Grid, Resolution, Tests, threshold
@@ -151,9 +152,15 @@ def compare(
     alpha: float = DEFAULT_ALPHA,
     tolerance: float = DEFAULT_TOLERANCE,
     tile: int = DEFAULT_TILE,
+    allow_bias: bool = False,
 ) -> Comparison:
-    """Judge by standard errors, or by values where neither has any; SettingsError if the two cannot be compared."""
+    """Judge by standard errors, or by values where neither has any; SettingsError if the two cannot be compared.
+
+    `allow_bias`: even if they were asked to leave out different light.
+    """
     check_criteria(alpha, tolerance, tile)
+    if not allow_bias:
+        _require_same_bias(a, b)
     of = difference(a, b)
     if a.stderr is None and b.stderr is None:
         seen = flip(a, b) if a.is_display and has_flip() else None
@@ -240,6 +247,24 @@ def check_criteria(alpha: float, tolerance: float, tile: int) -> None:
         raise SettingsError(f"the tolerance must be a relative difference from 0, not {tolerance}", code="tolerance")
     if tile < SMALLEST_TILE:
         raise SettingsError(f"tiles must be at least {SMALLEST_TILE} pixels across, not {tile}", code="tile")
+
+
+def _require_same_bias(a: MeasuredImage, b: MeasuredImage) -> None:
+    """Raise SettingsError where one picture is clamped, or has no caustics, and the other is not alike; a header that says
+    nothing of a bias has none."""
+    for name, none in BIAS.items():
+        values = [_bias_of(picture, name, none) for picture in (a, b)]
+        if values[0] != values[1]:
+            has, other = (f"{text} in {picture.name or side}" for text, picture, side in zip(values, (a, b), "AB", strict=True))
+            sentence = f"the pictures leave out different light: {name.replace('_', ' ')} is {has} and {other}"
+            raise SettingsError(f"{sentence}; --allow-bias compares them nevertheless", code="different-bias")
+
+
+def _bias_of(picture: MeasuredImage, name: str, none: object) -> str:
+    value = picture.metadata.get(f"settings.{name}", none)
+    if isinstance(none, bool):
+        return "on" if bool(value) else "off"
+    return "off" if value is None else f"{float(str(value)):g}"
 
 
 def _tests_for_one(family: Family, families: list[Family]) -> int:

@@ -161,6 +161,7 @@ def compare_pairs(
     tolerance: float,
     tile: int,
     aovs: Iterable[str] = (),
+    allow_bias: bool = False,
     each: Callable[[Pair, PairComparison, Comparison | None], None] | None = None,
 ) -> SequenceComparison:
     """Compare all pairs; `each` is called with every pair's result as it is found, while its pixels are there."""
@@ -169,7 +170,7 @@ def compare_pairs(
     for pair in found.pairs:
         comparison: Comparison | None = None
         try:
-            comparison = _compared(pair, asked, alpha=share, tolerance=tolerance, tile=tile)
+            comparison = _compared(pair, asked, alpha=share, tolerance=tolerance, tile=tile, allow_bias=allow_bias)
             result = _result(pair, comparison)
         except PrimrayError as error:
             failed: dict[str, Any] = {"verdict": None, "error": {"code": error.code, "message": error.message}}

@@ -5,7 +5,7 @@ looks at what is seen.
 """
 
 from .building import build, dice
-from .film import TILE, Film, samples_of_replicates, uniform_ends
+from .film import REMOVALS, TILE, Film, samples_of_replicates, uniform_ends
 from .first_hit_planes import FilmSamples, coverage, first_hits
 from .isa_class import DEFAULT_LANES, ISA_FLAGS, build_digest, isa, lanes, load, module, runnable_isas, versions
 from .limits import NO_DEPTH_LIMIT, max_depth, threads
@@ -16,6 +16,7 @@ __all__ = [
     "DEFAULT_LANES",
     "ISA_FLAGS",
     "NO_DEPTH_LIMIT",
+    "REMOVALS",
     "TILE",
     "CoreScene",
     "Film",

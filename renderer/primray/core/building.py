@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from .. import process_memory
 from ..description import SceneDescription, Shape
+from ..errors import LimitError
 from ..refine import dice as dicing
 from ..refine.nurbs.description import with_patches_diced
 from ..refine.ribbons import dice_ribbons
@@ -46,18 +48,36 @@ def build(
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     record = SceneRecord() if description.aovs else None
     try:
+        limit_hierarchies(settings)
         scene, uploaded = hand_over(
             module(), description, textures, width, inverse_cdf(settings.pixel_filter, width), shapes, record
         )
     except module().CoreError as error:
+        if error.args[0] == "out-of-memory" and settings.max_memory_bytes is not None:
+            held = int(module().embree_memory()[1]) / process_memory.MIB
+            allowed = settings.max_memory_bytes / process_memory.MIB
+            sentence = f"acceleration structures of more than {held:.0f} MiB do not fit into the {allowed:.0f} MiB allowed"
+            raise LimitError(sentence, code=process_memory.CODE) from error
         raise_as_ours(error)
+    finally:
+        module().limit_embree_memory(2**62)
     return core_scene(scene, uploaded, description, record)
+
+
+def limit_hierarchies(settings: RenderSettings) -> None:
+    """Have Embree's builds fail rather than hold more than is left of the memory allowed."""
+    limit = settings.max_memory_bytes
+    if limit is None:
+        return
+    left = limit if process_memory.held is None else limit - process_memory.MARGIN - process_memory.resident_bytes()
+    module().limit_embree_memory(int(max(left, 0)) + int(module().embree_memory()[0]))
 
 
 def core_scene(scene: Any, uploaded: Uploaded, d: SceneDescription, record: SceneRecord | None) -> CoreScene:
     warnings = [*uploaded.warnings, *noted_emitters(scene)]
     made = CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, uploaded.bounds)
     made.uploaded = uploaded
+    made.light_groups = uploaded.light_groups
     made.routes = routes_of(d.aovs, uploaded.light_groups)
     if made.routes is not None:
         made.warnings += missing_groups(made.routes, uploaded.light_groups)

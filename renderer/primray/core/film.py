@@ -9,21 +9,31 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Floats
+from ..settings import BIAS, RenderSettings
 from .core_errors import raise_as_ours
 from .isa_class import module
 from .scene import CoreScene
 
+# The settings that leave sampled light out of a picture, by the name of what the film counts of it (film/film.hpp, Removal).
+REMOVALS = {"clamped": "clamp_indirect", "caustics": "caustics"}
 TILE = 16  # pixels across; kTile in film.hpp
 
 
 class Film:
     """What a scene's render has gathered so far; arrays are of shape (H, W, ...), R = 2 replicates."""
 
-    def __init__(self, scene: CoreScene, state: Mapping[str, npt.NDArray[Any]] | None = None) -> None:
+    def __init__(
+        self,
+        scene: CoreScene,
+        state: Mapping[str, npt.NDArray[Any]] | None = None,
+        settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+    ) -> None:
+        """Begin a film for a render with these settings, or continue the one that `state` is of."""
         width, height = scene.resolution
         if state is None:
             expressions = 0 if scene.routes is None else len(scene.routes.expressions)
-            self._film = module().Film(width, height, expressions)
+            removals = [getattr(settings, name) != BIAS[name] for name in REMOVALS.values()]
+            self._film = module().Film(width, height, expressions, sum(1 << why for why, on in enumerate(removals) if on))
         else:
             self._film = module().Film.from_state(width, height, dict(state))
         self._exposure_scale = scene._exposure_scale
@@ -42,6 +52,14 @@ class Film:
         What expressions take apart adds up to the picture but for the rounding of doubles.
         """
         found: tuple[npt.NDArray[np.float64], Floats] = self._film.routed_image(self._exposure_scale)
+        return found
+
+    def removed_rows(self, why: str, first: int, end: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return R, G, B of the light of these rows that was sampled and left out (`REMOVALS`), and differences of the
+        replicates that are distributed as its errors; NaN where there is no estimate."""
+        number = list(REMOVALS).index(why)
+        found: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+        found = self._film.removed_rows(number, self._exposure_scale, first, end)
         return found
 
     @property

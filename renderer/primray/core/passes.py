@@ -59,7 +59,8 @@ def render_pass(
         screen_block=settings.screen_block,
         guide=guide,
         caustics=caustics,
-        routes=None if scene.routes is None else scene.routes.tables,
+        routes=scene.route_tables(settings),
+        **({} if settings.clamp_indirect is None else {"clamp_indirect": scene.clamp_of(settings.clamp_indirect)}),
     )
     to = np.ascontiguousarray(ends, np.uint32)
     try:
@@ -71,7 +72,7 @@ def render_pass(
 
 def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
     """One uniform pass of `settings.spp` samples, without looking at the error on the way."""
-    film = Film(scene)
+    film = Film(scene, settings=settings)
     splits = choose_splits(scene, settings)
     render_pass(scene, film, uniform_ends(film, settings.most_samples), splits, settings, progress)
     return film

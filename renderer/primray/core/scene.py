@@ -10,9 +10,12 @@ from ..settings import RenderSettings
 from .core_errors import raise_as_ours
 from .core_inputs import integrator_settings
 from .isa_class import lanes, module
-from .light_paths.routes import Routes
+from .light_paths.routes import Routes, tables_without_caustics
+from .light_upload import LightGroups
 from .limits import max_depth, threads
 from .scene_record import InstanceNumbers, SceneRecord
+
+LARGEST_CLAMP = 3e38  # infinity is no clamp in the core
 
 
 class Splits(NamedTuple):
@@ -43,16 +46,19 @@ class CoreScene:
         self.rendering_space = rendering_space
         self.bounds = bounds  # (3,) low and high corner of what is placed in the world, without a few outliers
         self.routes: Routes | None = None  # where light path expressions are asked for
+        self.light_groups: LightGroups | None = None
+        self._without_caustics: Any = None  # route tables, of renders that leave caustics out
         self.uploaded: Any = None  # scene_upload.Uploaded, of scenes that may be built again
-        self._guides: dict[tuple[int, Splits], Any] = {}
+        # By depth, and whether there are caustics.
+        self._guides: dict[tuple[int, bool, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}
-        self._splits: dict[int, Splits] = {}
+        self._splits: dict[tuple[int, bool], Splits] = {}
 
     def splits(self, settings: RenderSettings) -> Splits:
-        """What a pilot finds best, once: a function of scene and depth alone, but for a quick look."""
+        """What a pilot finds best, once: a function of scene, depth and whether there are caustics, but for a quick look."""
         if settings.is_quick_look:
             return Splits()
-        depth = max_depth(settings)
+        depth = max_depth(settings), settings.caustics
         if depth not in self._splits:
             pilot = integrator_settings(module(), settings, caustics=self.caustics(settings))
             try:
@@ -65,23 +71,38 @@ class CoreScene:
         """Where light comes from, learnt once from paths of their own; None where that would not pay, and for a quick look."""
         if settings.is_quick_look:
             return None
-        depth = max_depth(settings)
-        if (depth, splits) not in self._guides:
+        depth = max_depth(settings), settings.caustics
+        if (*depth, splits) not in self._guides:
             asked = integrator_settings(
                 module(), settings, splits=splits.paths, light_samples=splits.lights, caustics=self.caustics(settings)
             )
-            self._guides[depth, splits] = module().learn_guide(self._scene, asked, lanes())
-        return self._guides[depth, splits]
+            self._guides[*depth, splits] = module().learn_guide(self._scene, asked, lanes())
+        return self._guides[*depth, splits]
 
     def caustics(self, settings: RenderSettings) -> Any:
         """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, where
-        it would not pay, and for a quick look."""
-        if settings.is_quick_look:
+        it would not pay, where they are left out, and for a quick look."""
+        if settings.is_quick_look or not settings.caustics:
             return None
         depth = max_depth(settings)
         if depth not in self._caustics:
             self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings), lanes())
         return self._caustics[depth]
+
+    def route_tables(self, settings: RenderSettings) -> Any:
+        """Return the tables that the core follows light paths by, or None where nothing depends on them."""
+        if settings.caustics:
+            return None if self.routes is None else self.routes.tables
+        if self._without_caustics is None:
+            expressions = () if self.routes is None else self.routes.expressions
+            assert self.light_groups is not None
+            self._without_caustics = tables_without_caustics(expressions, self.light_groups)
+        return self._without_caustics
+
+    def clamp_of(self, value: float) -> float:
+        """Return a bound of the picture's values as one of radiance, which the film has before exposure."""
+        scale = abs(self._exposure_scale)
+        return min(value / scale, LARGEST_CLAMP) if scale > 0 else LARGEST_CLAMP
 
     def forget_guides(self) -> None:
         """What was learnt, as if the scene were new: for renders of another depth."""

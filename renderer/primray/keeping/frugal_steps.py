@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..process_memory import resident_bytes
 from .kept_steps import KeptSteps
 
 if TYPE_CHECKING:
@@ -29,11 +29,3 @@ class FrugalSteps(KeptSteps):
         if resident_bytes() > KEPT_PART * there_is:
             self.forget()
         return scene
-
-
-def resident_bytes() -> float:
-    """Of this process."""
-    try:
-        return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:  # there is no /proc
-        return float("inf")

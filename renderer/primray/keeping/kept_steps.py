@@ -45,6 +45,8 @@ def lasting(settings: RenderSettings) -> RenderSettings:
         adaptive=None,
         sample_range=None,
         max_depth=None,
+        clamp_indirect=None,
+        caustics=True,
         threads=None,
         seed=0,
         ground=None,

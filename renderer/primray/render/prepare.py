@@ -9,9 +9,10 @@ import os
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from .. import process_memory
 from ..aov_names import taxonomy_of
 from ..diagnostics import Diagnostics
-from ..errors import LimitError, SettingsError, UnsupportedError
+from ..errors import SettingsError, UnsupportedError
 from ..garbage import without_collection
 from ..report.prepared import Prepared
 from ..settings import STAGING, Ground, Metric, RenderSettings
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from ..report.summary import ImageSize
 
 DENOISING_PIXEL_BYTES = 1000  # what Open Image Denoise and the halves take, a little more than was measured
+REMOVED_PIXEL_BYTES = 102  # the exact sums of both replicates of what a clamp takes, or of caustics
 FILM_PIXEL_BYTES = 126  # of the core's, which is not loaded yet where memory is checked; a test holds them equal
 
 
@@ -87,7 +89,10 @@ def _prepare(
     from ..description.background import is_lit_behind
     from ..description.picture_file import PLAIN
     from ..report.report import resolve_settings
+    from ..report.texture_sizes import texture_sizes
 
+    if process_memory.held is not None:
+        process_memory.held.read_stage()
     with costs.stage("translate"):
         description, translating = steps.translate(stage, settings)
         diagnostics.name_files(translating.shown)
@@ -95,6 +100,9 @@ def _prepare(
         settings, asked = with_stage_settings(settings, description.asked, diagnostics)
         file = _with_usable_views(description, diagnostics)
         description = with_additions(description, settings, diagnostics)
+        if process_memory.held is not None:
+            sizes = texture_sizes(description, usd.read_asset).values()
+            check_memory(description, settings, [size for size in sizes if size], film_copies=int(fingerprinted))
         description, textures = steps.load_textures(description, diagnostics, settings)
         diagnostics.raise_if_refused(settings.refusal)
     images = steps.image_sizes(textures)
@@ -241,8 +249,20 @@ def check_memory(
     from ..report.summary import summary
 
     width, height = description.frame.size
-    pixel_bytes = film_copies * FILM_PIXEL_BYTES + aov_bytes(description.aovs) + settings.denoises * DENOISING_PIXEL_BYTES
-    needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
-    if needed > limit_bytes:
-        sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
-        raise LimitError(sentence, code="memory-limit")
+    removals = (settings.clamp_indirect is not None) + (not settings.caustics)
+    of_pixel = {
+        "checkpoint": film_copies * FILM_PIXEL_BYTES,
+        "AOVs": aov_bytes(description.aovs),
+        "denoising": settings.denoises * DENOISING_PIXEL_BYTES,
+        "what is left out": removals * REMOVED_PIXEL_BYTES,
+    }
+    parts = dict(summary(description, settings.dicing_rate, images).memory_parts)
+    parts |= {name: size * width * height for name, size in of_pixel.items()}
+    if process_memory.held is not None:
+        from ..report.summary import PROCESS_BYTES, VIEW_BYTES
+
+        of_process = PROCESS_BYTES + max(VIEW_BYTES - sum(parts.values()), 0)
+        parts["the process without a scene"] = of_process + process_memory.MARGIN
+        process_memory.held.expect(parts)
+    if sum(parts.values()) > limit_bytes:
+        raise process_memory.too_little(limit_bytes, parts)

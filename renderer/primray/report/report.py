@@ -13,12 +13,13 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from ..installed_packages import version_of
-from ..settings import DEFAULT_FILTER_WIDTH, SELDOM, STAGING, Metric, RenderSettings
+from ..settings import BIAS, DEFAULT_FILTER_WIDTH, SELDOM, STAGING, Metric, RenderSettings
 from ..version import __version__
 
 if TYPE_CHECKING:
     from ..camera import Camera
     from ..color.color_space import ColorSpace
+    from ..core import Film
     from ..description import SceneDescription
     from ..sampling.sampling import Sampling
 
@@ -103,6 +104,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["eye"] = settings.eye.value if settings.eye is not None else None
     values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
     values = {name: value for name, value in values.items() if name not in STAGING or value != STAGING[name]}
+    values = {name: value for name, value in values.items() if name not in BIAS or value != BIAS[name]}
     values |= {name: value.value for name, value in values.items() if name in STAGING and isinstance(value, Enum)}
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["shutter"] = list(settings.shutter) if settings.shutter else None
@@ -156,7 +158,8 @@ def make_report(
     film, settings, stop = sampling.film, sampling.settings, sampling.stop
     assert stop is not None
     error = sampling.rows[-1].error.as_json() if sampling.rows else dict.fromkeys(metric.value for metric in Metric)
-    return ({} if costs.checkpoint is None else {"checkpoint": costs.checkpoint}) | {
+    optional = ({} if costs.checkpoint is None else {"checkpoint": costs.checkpoint}) | _left_out(film, settings, space)
+    return optional | {
         "stages_s": costs.stages_s,
         "samples": int(film.samples),
         "samples_per_pixel": [int(n) for n in film.samples_per_pixel],
@@ -186,6 +189,15 @@ def make_report(
         "settings": settings_as_json(settings),
         "versions": package_versions() | core["versions"],
     }
+
+
+def _left_out(film: Film, settings: RenderSettings, space: ColorSpace) -> dict[str, Any]:
+    """Return what was left out of the picture, where a setting asked for that."""
+    if all(getattr(settings, name) == none for name, none in BIAS.items()):
+        return {}
+    from .left_out import left_out
+
+    return {"left_out": left_out(film, settings, space)}
 
 
 # What two renders of the same picture may differ in; the rest goes into the image's header.

@@ -85,6 +85,7 @@ class Summary:
     textures: int  # files
     memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, textures, film
     process_bytes: int  # estimate of the whole process's peak
+    memory_parts: dict[str, int]  # what `memory_bytes` are for
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -106,17 +107,18 @@ def summary(
     instances, stored, placement_bytes = _instances(description)
     width, height = description.frame.size
     loading, kept = _image_bytes(images, width * height)
-    memory = (
-        2 * _array_bytes(shapes)
-        + max(sum(count) * TRIANGLE_BYTES, loading)  # hierarchies are built when the images are gone
-        + kept
+    hierarchies = sum(count) * TRIANGLE_BYTES
+    parts = {
+        "geometry": 2 * _array_bytes(shapes)
         + sum(n * _diced_bytes(s) for n, s in zip(count, shapes, strict=True) if isinstance(s, SubdivisionMesh | NurbsPatch))
         + sum(int(s.segments.sum()) for s in shapes if isinstance(s, Curves)) * SEGMENT_BYTES
-        + len(shapes) * SHAPE_BYTES
-        + stored * INSTANCE_BYTES
-        + placement_bytes
-        + width * height * PIXEL_BYTES
-    )
+        + len(shapes) * SHAPE_BYTES,
+        "acceleration structures": hierarchies,
+        "textures": kept + max(loading - hierarchies, 0),  # hierarchies are built when the images are gone
+        "instances": stored * INSTANCE_BYTES + placement_bytes,
+        "film": width * height * PIXEL_BYTES,
+    }
+    memory = sum(parts.values())
     return Summary(
         camera=description.camera.path,
         resolution=description.resolution,
@@ -133,6 +135,7 @@ def summary(
         textures=len(texture_files(description)),
         memory_bytes=memory,
         process_bytes=PROCESS_BYTES + max(memory, VIEW_BYTES),
+        memory_parts=parts,
     )
 
 

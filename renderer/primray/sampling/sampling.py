@@ -68,7 +68,7 @@ class Sampling:
 
     @classmethod
     def begin(cls, scene: core.CoreScene, settings: RenderSettings) -> Sampling:
-        film = core.Film(scene)
+        film = core.Film(scene, settings=settings)
         sampling = cls(scene, film, core.choose_splits(scene, settings), Schedule(settings))
         if settings.sample_range is not None:
             sampling.done = settings.sample_range[0]

@@ -26,9 +26,10 @@ from .limits import (
     limit_pixels,
 )
 from .render_settings import PURPOSES, RenderSettings, with_values
-from .written import DIFFUSION, SELDOM, STAGING, SettingsValues
+from .written import BIAS, DIFFUSION, SELDOM, STAGING, SettingsValues
 
 __all__ = [
+    "BIAS",
     "DEFAULT_DICING_RATE",
     "DEFAULT_FILTER_WIDTH",
     "DEFAULT_MOTION_ERROR",

@@ -78,6 +78,10 @@ class RenderSettings:
     adaptive: bool | None = None  # more samples where the error is; None: wherever an error is asked for
     sample_range: tuple[int, int] | None = None  # only these of each pixel's samples, to be merged with others
     max_depth: int | None = None  # surface scatterings, 1 = direct light only
+    # A stated bias: of each sample, light of two scatterings and more is scaled so that its largest channel is no more than
+    # this, in the picture's values.
+    clamp_indirect: float | None = None
+    caustics: bool = True  # False: light that reaches a diffuse surface over specular ones is left out, a stated bias
     filter: Filter | None = None  # None: the stage's, else box
     filter_width: float | None = None
     threads: int | None = None  # None: every core this process may use
@@ -224,6 +228,9 @@ class RenderSettings:
         require(depth is None or depth >= 1, f"the depth must be 1 (direct light only) or more, not {depth}", "max_depth")
         usable = width is None or (math.isfinite(width) and width > 0)
         require(usable, f"the filter's width must be a number of pixels above 0, not {width}", "filter_width")
+        clamp = self.clamp_indirect
+        usable = clamp is None or (math.isfinite(clamp) and clamp > 0)
+        require(usable, f"the clamp of indirect light must be above 0, not {clamp}", "clamp_indirect")
         require(threads is None or threads >= 1, f"the threads must be 1 or more, not {threads}", "threads")
         allowed = threads is None or threads <= MAX_THREADS
         limit(allowed, f"{threads} threads are more than the {MAX_THREADS} allowed", "threads")

@@ -37,6 +37,10 @@ STAGING: Mapping[str, object] = {
 }
 
 
+# What leaves sampled light out of the picture, and the values that leave out none: files and reports name only others.
+BIAS: Mapping[str, object] = {"clamp_indirect": None, "caustics": True}
+
+
 class SettingsValues(TypedDict, total=False):
     """What may be written for the fields of RenderSettings, by the same names."""
 
@@ -58,6 +62,8 @@ class SettingsValues(TypedDict, total=False):
     adaptive: bool | None
     sample_range: Iterable[int] | None
     max_depth: int | None
+    clamp_indirect: float | None
+    caustics: bool
     filter: Filter | Literal["box", "gaussian", "blackman-harris"] | None
     filter_width: float | None
     threads: int | None
@@ -106,10 +112,12 @@ READERS: Mapping[str, Reader] = {
         ("render_settings", "render_pass", "product", "rendering_color_space", "session_layer", "dome", "background"), _TEXT
     ),
     **dict.fromkeys(("resolution", "sample_range"), _PAIR),
-    **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width", "motion_error"), _NUMBER),
+    **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width", "motion_error", "clamp_indirect"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask", "joint_products"), _TEXTS),
-    **dict.fromkeys(("default_light", "dome_visible", "strict", "motion_blur", "aov_errors", "translated_shaders"), yes_or_no),
+    **dict.fromkeys(
+        ("default_light", "dome_visible", "strict", "motion_blur", "aov_errors", "translated_shaders", "caustics"), yes_or_no
+    ),
     **dict.fromkeys(DIFFUSION, _NUMBER),
     "eye": optional(choice(Eye)),
     "shutter": optional(two_numbers),

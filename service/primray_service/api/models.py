@@ -75,6 +75,13 @@ class Settings(Sent):
     max_depth: int | None = Field(
         None, ge=1, le=2**20, description="Scatterings; 1: direct light only; null: the stage's, else no limit."
     )
+    clamp_indirect: float | None = Field(
+        None,
+        gt=0,
+        le=1e30,
+        description="A stated bias: most that a sample brings over two scatterings and more; null: no clamp.",
+    )
+    caustics: bool = Field(True, description="false: light over specular surfaces to diffuse ones is left out, a stated bias.")
     adaptive: bool | None = None
     filter: Literal["box", "gaussian", "blackman-harris"] | None = Field(None, description="null: the stage's, else box.")
     filter_width: float | None = Field(None, gt=0, le=64)

@@ -13,6 +13,7 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.json_lines import print_line
+from primray.cli.option_values import OnOff
 from primray.settings import (
     DEFAULT_DICING_RATE,
     AutoCamera,
@@ -61,6 +62,8 @@ def submit(
     stop_at: output_flags.StopAtWhich = StopAt.PICTURE,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
+    clamp_indirect: render_flags.ClampIndirect = None,
+    caustics: render_flags.Caustics = OnOff.ON,
     aovs: output_flags.Aovs = None,
     aov_errors: output_flags.AovErrors = False,
     pixel_filter: render_flags.PixelFilter = None,
@@ -138,6 +141,8 @@ def submit(
         "denoise": denoise,
         "stop_at": stop_at.value if stop_at is not StopAt.PICTURE else None,
         "max_depth": max_depth,
+        "clamp_indirect": clamp_indirect,
+        "caustics": False if caustics is OnOff.OFF else None,
         "filter": None if pixel_filter is None else pixel_filter.value,
         "filter_width": filter_width,
         "default_light": False if no_default_light else None,

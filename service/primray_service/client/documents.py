@@ -33,6 +33,8 @@ class Settings(TypedDict, total=False):
     stop: StopRules
     seed: int
     max_depth: int | None
+    clamp_indirect: float | None
+    caustics: bool
     adaptive: bool | None
     denoise: bool | None
     stop_at: Literal["picture", "denoised"]

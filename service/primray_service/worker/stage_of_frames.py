@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from primray.diagnostics import Diagnostics
-from primray.keeping.frugal_steps import KEPT_PART, resident_bytes
+from primray.keeping.frugal_steps import KEPT_PART
 from primray.keeping.kept_stage import KeptStage
+from primray.process_memory import resident_bytes
 from primray.render import Prepared, prepare
 from primray.render.prepare import composing_settings
 from primray.report.report import Costs

@@ -35,6 +35,7 @@ ORDER = (
     "fidelity",
     "diagnostic_codes",
     "refusal",
+    "process_memory",
     "diagnostics",
     "settings",
     "notices",

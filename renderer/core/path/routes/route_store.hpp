@@ -60,8 +60,8 @@ struct RouteStore {
       : tables(t), slots(most_slots), sums(t.members.size() * 3 * size_t(most_slots)) {}
 
   float* column(int of_class, int channel) { return sums.data() + (size_t(of_class) * 3 + size_t(channel)) * size_t(slots); }
-  void clear(int used) {
-    for (size_t i = 0; i < sums.size(); i += size_t(slots)) std::fill_n(sums.data() + i, used, 0.0f);
+  void clear(int first, int used) {
+    for (size_t i = size_t(first); i < sums.size(); i += size_t(slots)) std::fill_n(sums.data() + i, used, 0.0f);
   }
   void weigh(int slot, const float (&weight)[3]) {
     for (int k = 0; k < int(tables.members.size()); ++k)

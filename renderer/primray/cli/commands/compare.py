@@ -56,6 +56,9 @@ def compare(
         list[FurtherMetric] | None,
         typer.Option("--metric", help="Beside the verdict, which it does not change (primray[flip]).", show_default=False),
     ] = None,
+    allow_bias: Annotated[
+        bool, typer.Option("--allow-bias", help="Compare pictures of different --clamp-indirect or --caustics.")
+    ] = False,
     difference: Annotated[
         str | None,
         typer.Option(
@@ -71,7 +74,7 @@ def compare(
     """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 6: needs more samples, 2: usage."""
     from ...compare.sequences import pairing
 
-    asked = Asked(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric))
+    asked = Asked(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric), allow_bias)
     try:
         found = pairing(a, b)
         code = EXIT_CODES[_compare_pictures(asked)] if found is None else _compare_pairs(asked, found)
@@ -93,6 +96,11 @@ class Asked:
     report: str | None
     json: bool
     with_flip: bool
+    allow_bias: bool
+
+    @property
+    def criteria(self) -> dict[str, Any]:
+        return {"alpha": self.alpha, "tolerance": self.tolerance, "tile": self.tile, "allow_bias": self.allow_bias}
 
 
 def names_of(texts: list[str] | None) -> list[str]:
@@ -114,8 +122,7 @@ def _compare_pictures(asked: Asked) -> str:
     _check_outputs(asked, [Path(asked.a), Path(asked.b)])
     pictures = read_picture(asked.a), read_picture(asked.b)
     both = (aovs_of(asked.a), aovs_of(asked.b)) if asked.aovs else ({}, {})
-    criteria: dict[str, Any] = {"alpha": asked.alpha, "tolerance": asked.tolerance, "tile": asked.tile}
-    result = compare_with_aovs(pictures, both, asked.aovs, **criteria)
+    result = compare_with_aovs(pictures, both, asked.aovs, **asked.criteria)
     seen = flip(*pictures) if asked.with_flip and result.flip is None else None
     facts = {"a": asked.a, "b": asked.b, **as_json(result)} | ({} if seen is None else {"flip": seen.as_json()})
     if asked.difference is not None:
@@ -175,8 +182,7 @@ def _compare_pairs(asked: Asked, found: Pairing) -> int:
             verdict = "cannot be compared" if result.error is not None else result.verdict.value
             print(f"{found.kind} {pair.name}: {verdict}: {line}", flush=True)
 
-    criteria: dict[str, Any] = {"alpha": asked.alpha, "tolerance": asked.tolerance, "tile": asked.tile, "aovs": asked.aovs}
-    whole = compare_pairs(found, **criteria, each=show)
+    whole = compare_pairs(found, aovs=asked.aovs, **asked.criteria, each=show)
     facts = _facts_of(whole, asked)
     _write_report(asked, {**facts, "pairs": rows})
     if asked.json:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from ... import process_memory
 from ...errors import SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
 from ...settings import (
@@ -75,6 +76,8 @@ def render(
     resume: output_flags.Resume = None,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
+    clamp_indirect: render_flags.ClampIndirect = None,
+    caustics: render_flags.Caustics = OnOff.ON,
     pixel_filter: render_flags.PixelFilter = None,
     filter_width: render_flags.FilterWidth = None,
     threads: render_flags.Threads = None,
@@ -169,6 +172,8 @@ def render(
         adaptive=adaptive,
         sample_range=option_values.sample_range_of(sample_range),
         max_depth=max_depth,
+        clamp_indirect=clamp_indirect,
+        caustics=caustics is OnOff.ON,
         filter=pixel_filter,
         filter_width=filter_width,
         threads=option_values.threads_of(threads),
@@ -218,6 +223,7 @@ def render(
         encoding=option_values.encoding_of(bit_depth, half, compression, metadata),
         names_space=rendering_color_space is not None,
     )
+    process_memory.hold(settings.max_memory_bytes, json, _memory_watch)
     if stereo:
         require_files([str(name) for name in names])
         require_whole_renders({"--checkpoint": checkpoint, "--resume": resume, "--snapshot": snapshot})
@@ -238,6 +244,13 @@ def render(
             return _render_on_ray(ray, scene, shots, looks)
         checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, t) for t in moments(time_codes)]
         _render_shots(scene, shots, looks, _check_checkpoints(checkpointing), snapshot)
+
+
+def _memory_watch() -> process_memory.Watch:
+    from ...core import module
+
+    watch: process_memory.Watch = module().watch_memory
+    return watch
 
 
 PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps

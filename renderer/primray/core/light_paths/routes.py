@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ...aov_names import AovRequest, light_paths_of
@@ -13,6 +13,11 @@ from ..light_upload import LightGroups
 
 if TYPE_CHECKING:
     from ...light_paths.tables import Tables
+
+
+# Light that reaches a diffuse surface, or a medium, over specular scatterings alone: mirrored, glossy or refracted, however
+# rough. Cycles and Arnold leave out the same where caustics are off.
+CAUSTICS = "C.*[DV][GS]+[LO]"
 
 
 @dataclass(frozen=True)
@@ -39,13 +44,26 @@ def routes_of(requests: Sequence[AovRequest], groups: LightGroups) -> Routes | N
     return Routes(expressions, made.masks(made.ends_at(groups.others, groups.domes)), tables)
 
 
-def _tables(made: Tables) -> Any:
+def tables_without_caustics(expressions: Sequence[str], groups: LightGroups) -> Any:
+    """Return the core's tables of these expressions, whose light and the picture's is all but caustics."""
+    from ...light_paths.tables import tables_of
+
+    made = tables_of((*expressions, CAUSTICS), groups.names)
+    try:
+        return _tables(replace(made, expressions=len(expressions)), leaves_out=len(expressions))
+    except module().CoreError as error:
+        raise_as_ours(error)
+
+
+def _tables(made: Tables, leaves_out: int = -1) -> Any:
+    """Return the core's tables; light that matches expression `leaves_out` is no part of the picture."""
     return module().RouteTables(
         next=made.next,
         class_of=made.class_of,
         members=made.members,
         expressions=made.expressions,
         counts_straight=made.counts_straight,
+        leaves_out=leaves_out,
     )
 
 

@@ -1,0 +1,120 @@
+"""How much memory this process holds and may hold, for commands that have a process of their own.
+
+Estimates refuse what does not fit before it is made; whatever they miss, a thread of the core ends the process before it holds
+more than the limit, saying what was estimated. A process that is the user's own, such as a notebook, is never ended.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+from .errors import LimitError
+
+MIB = 2**20
+CODE = "memory-limit"
+MARGIN = 24 * MIB  # kMargin of base/memory_watch.cpp: a process is ended with this much room left
+PLACEHOLDER = "@HELD@"
+
+
+def resident_bytes() -> float:
+    """Return what this process holds; infinite where the system does not say."""
+    try:
+        return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:  # there is no /proc
+        return float("inf")
+
+
+def available_bytes() -> int:
+    """Return what this process may hold at most: the least of its cgroups' limits and the machine's memory."""
+    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), *_cgroup_limits()]
+    return min(limits)
+
+
+def _cgroup_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> Iterator[int]:
+    """Yield the memory limits of the cgroups that this process is in, of both versions and up to the root."""
+    try:
+        lines = own.read_text("ascii").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return
+    for line in lines:
+        number, controllers, path = line.split(":", 2)
+        if number == "0":
+            top, name = root, "memory.max"
+        elif "memory" in controllers.split(","):
+            top, name = root / "memory", "memory.limit_in_bytes"
+        else:
+            continue
+        parts = Path(path.lstrip("/"))
+        for folder in (parts, *parts.parents):
+            try:
+                text = (top / folder / name).read_text("ascii").strip()
+            except (OSError, UnicodeDecodeError):
+                continue
+            if text.isdigit():  # "max": none
+                yield int(text)
+
+
+# The core's watch_memory: limit, what is said before and after the MiB held, in words and as JSON, and the exit code.
+Watch = Callable[[int, str, str, str, str, int], None]
+
+
+class Held:
+    """A process that is held to `limit` bytes. `is_json`: what ends it is told as JSON lines as well."""
+
+    def __init__(self, limit: int, is_json: bool, watch: Watch) -> None:
+        self.limit, self._is_json, self._watch = limit, is_json, watch
+        self._further = ""
+
+    def expect(self, parts: Mapping[str, int]) -> None:
+        """Say what the render is estimated to need, for the message of a process that is ended."""
+        self._further = f"; the render was estimated to need {described(parts)}"
+        self.watch()
+
+    def read_stage(self) -> None:
+        """Say that the stage is being read, so that nothing is known yet of what it needs."""
+        self._further = "; it was reading the stage, and `primray inspect` estimates what a render of it needs"
+        self.watch()
+
+    def watch(self) -> None:
+        """Have the process ended before it holds more than the limit."""
+        limit = f"{self.limit / MIB:.0f} MiB are allowed"
+        message = f"the process holds {PLACEHOLDER} MiB and {limit}, so it ends before it holds more{self._further}"
+        before, after = f"error: {CODE}: {message}\n".split(PLACEHOLDER)
+        line = {"type": "error", "code": CODE, "message": message, "where": "", "exit_code": LimitError.exit_code}
+        json_before, json_after = (json.dumps(line) + "\n").split(PLACEHOLDER) if self._is_json else ("", "")
+        self._watch(self.limit, before, after, json_before, json_after, LimitError.exit_code)
+
+
+held: Held | None = None  # set where a command runs in a process of its own with a limit
+owns_process = False  # set by the command line, which may end its process
+
+
+def hold(limit: int | None, is_json: bool, watch: Callable[[], Watch]) -> None:
+    """Hold the process to `limit` bytes from now on, where it is the command's own.
+
+    LimitError where it holds that much already.
+    """
+    global held
+    if limit is None or not owns_process:
+        return
+    now = resident_bytes()
+    if now + MARGIN > limit:
+        raise too_little(limit, {"the process before it opens the stage": int(now + MARGIN)})
+    held = Held(limit, is_json, watch())
+    held.read_stage()
+
+
+def too_little(limit: int, parts: Mapping[str, int]) -> LimitError:
+    """Return the error of a render that needs all of this where `limit` is allowed."""
+    sentence = f"the render needs about {described(parts)}; {limit / MIB:.0f} MiB are allowed"
+    return LimitError(sentence, code=CODE)
+
+
+def described(parts: Mapping[str, int]) -> str:
+    """Return the sum of what is needed, with what takes it, the largest first."""
+    of = sorted(parts.items(), key=lambda item: -item[1])
+    shown = ", ".join(f"{name} {size / MIB:.0f}" for name, size in of if size >= MIB / 2)
+    return f"{sum(parts.values()) / MIB:.0f} MiB" + (f" ({shown})" if shown else "")
