@@ -14,7 +14,7 @@ from primray.render.prepare import open_once, prepare
 from primray.report.report import Costs
 from primray.settings import RenderSettings
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = Path(__file__).parents[3] / "scenes"
 
 
 def test_a_vague_error_names_the_prim_that_rules_it() -> None:
