@@ -1,4 +1,4 @@
-"""deploy/Caddyfile, run by Caddy itself before a real server: TLS on one port, nothing without it, and sessions that are Secure."""
+"""deploy/Caddyfile, run by Caddy itself before a real server: TLS on one port, nothing without it, sessions that are Secure."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def outside(server: RunningServer, tmp_path_factory: pytest.TempPathFactory) -> 
     try:
         until = time.monotonic() + START_S
         while not answers(port, authority):
-            assert process.poll() is None and time.monotonic() < until, (folder / "log").read_text()[-4000:]
+            assert process.poll() is None, (folder / "log").read_text()[-4000:]
+            assert time.monotonic() < until, (folder / "log").read_text()[-4000:]
             time.sleep(0.05)
         with httpx2.Client(base_url=f"https://localhost:{port}", verify=trusting(authority), trust_env=False) as client:
             yield client
