@@ -76,7 +76,8 @@ def start(data: Path, **settings: Any) -> RunningServer:
 def config_of(settings: dict[str, Any]) -> ServeConfig:
     known = {field.name for field in dataclasses.fields(ServeConfig)}
     assert set(settings) <= known, set(settings) - known
-    tuples: dict[str, Any] = {name: tuple(settings[name]) for name in ("allowed_hosts", "webhook_networks") if name in settings}
+    lists = ("allowed_hosts", "allowed_origins", "webhook_networks")
+    tuples: dict[str, Any] = {name: tuple(settings[name]) for name in lists if name in settings}
     return ServeConfig(
         **{
             **settings,
