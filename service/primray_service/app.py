@@ -52,6 +52,7 @@ def create_app(service: Service) -> FastAPI:
     app.state.rates = RequestRates()
     app.state.request_metrics = RequestMetrics()
     app.state.methods = MethodsByPath(ROUTERS)
+    app.state.login_page = page.login_page
     add_handlers(app)
     # The last that is added comes first: Measured, RequestGuard, CORS, OriginGuard, RateHeaders, then the routers.
     app.add_middleware(RateHeaders)

@@ -45,7 +45,16 @@ def add_handlers(app: FastAPI) -> None:
 
 async def _of_problem(request: Request, problem: Exception) -> Response:
     assert isinstance(problem, Problem)
+    if problem.slug == "unauthenticated" and _is_opened_by_a_person(request):
+        answer: Response = request.app.state.login_page(problem)
+        return answer
     return problem_answer(problem, request_id_of(request))
+
+
+def _is_opened_by_a_person(request: Request) -> bool:
+    """Whether a browser opens the address as a page: a script's or a picture's request has another mode."""
+    is_page = "text/html" in request.headers.get("accept", "")
+    return request.method == "GET" and is_page and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
 
 
 async def _of_quota(request: Request, error: Exception) -> Response:
