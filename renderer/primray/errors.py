@@ -13,6 +13,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class PrimrayError(Exception):
     """Base of all; `code` is stable, `where` is a prim path, an asset, a layer or a setting ("": the whole request is meant).
@@ -82,3 +84,11 @@ class RenderCancelled(PrimrayError):
 class InternalError(PrimrayError):
     code = "internal"
     exit_code = 1
+
+
+def did_you_mean(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """Return "did you mean X?" with the known name that is nearest to `name`, or `otherwise` where none is near."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, list(known), 1)
+    return f"did you mean {near[0]}?" if near else otherwise

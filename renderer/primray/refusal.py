@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from .diagnostic_codes import CODES
-from .errors import SettingsError
+from .errors import SettingsError, did_you_mean
 
 # Names of several codes. A file that is not there, or that nobody can read, has one of these codes, whatever names it.
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -50,8 +50,5 @@ def check_codes(names: Iterable[str], where: str) -> None:
     known = [*GROUPS, *CODES]
     for name in names:
         if name not in known:
-            from difflib import get_close_matches
-
-            near = get_close_matches(name, known, 1)
-            hint = f"did you mean {near[0]}?" if near else "docs/diagnostics.md lists them"
+            hint = did_you_mean(name, known, "docs/diagnostics.md lists them")
             raise SettingsError(f"there is no diagnostic {name!r}; {hint}", where=where, code="unknown-diagnostic")

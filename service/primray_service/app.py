@@ -12,6 +12,7 @@ from primray import __version__
 
 from .access.auth import Keys, Sessions, session_secret
 from .access.quotas import RequestRates
+from .http.cors import allow_origins
 from .http.failures import MethodsByPath, add_handlers
 from .http.guard import OriginGuard, RequestGuard
 from .http.measured import Measured
@@ -59,10 +60,12 @@ def create_app(service: Service) -> FastAPI:
     app.state.rates = RequestRates()
     app.state.request_metrics = RequestMetrics()
     app.state.methods = MethodsByPath(ROUTERS)
+    app.state.login_page = page.login_page
     add_handlers(app)
-    # The last that is added comes first: Measured, RequestGuard, OriginGuard, RateHeaders, then the routers.
+    # The last that is added comes first: Measured, RequestGuard, CORS, OriginGuard, RateHeaders, then the routers.
     app.add_middleware(RateHeaders)
     app.add_middleware(OriginGuard, config=service.config)
+    allow_origins(app, service.config)
     app.add_middleware(RequestGuard)
     app.add_middleware(Measured, metrics=app.state.request_metrics)
     instrument(app)

@@ -17,6 +17,9 @@ from .shared_roots import SharedRoots
 # As Ray writes labels: a name, maybe with a domain before it, and a value.
 LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]*=[A-Za-z0-9][A-Za-z0-9._-]*")
 
+# As browsers write it: lower case, a port only if it is not the scheme's own.
+ORIGIN = re.compile(r"https?://([a-z0-9.-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
+
 
 @dataclass(frozen=True)
 class ServeConfig:
@@ -43,6 +46,7 @@ class ServeConfig:
     require_keys: bool | None = None  # None: unless on loopback
     allow_unsandboxed: bool = False
     allowed_hosts: tuple[str, ...] = ()  # names, beside its own address, that the server answers for
+    allowed_origins: tuple[str, ...] = ()  # of pages elsewhere that browsers let read and change what a key of theirs may
     dispatch: bool = True  # whether this server takes part in holding the lease
     metrics_key: bool = True  # /metrics needs an admin key where keys are needed
     webhook_networks: tuple[str, ...] = ()  # private networks that webhooks may call, for tests and closed networks
@@ -51,7 +55,7 @@ class ServeConfig:
     log_json: bool = True
 
     def __post_init__(self) -> None:
-        """SettingsError for an executor that there is not, and for labels that are none."""
+        """SettingsError for an executor that there is not, and for labels and origins that are none."""
         by_name.check_name(self.executor)
         if self.objects is not None and self.database is None:
             said = "servers that share an object store share a database: name it, postgresql+psycopg://..."
@@ -62,6 +66,10 @@ class ServeConfig:
         for label in self.ray_labels:
             if not LABEL.fullmatch(label):
                 raise SettingsError(f"{label!r} is no label of nodes: NAME=VALUE", where="ray_labels", code="ray-label")
+        for origin in self.allowed_origins:
+            if not ORIGIN.fullmatch(origin):
+                said = f"{origin!r} is no origin: SCHEME://HOST or SCHEME://HOST:PORT, as browsers send it, without a path or *"
+                raise SettingsError(said, where="allowed_origins", code="allow-origin")
 
     @property
     def on_loopback(self) -> bool:

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import tempfile
+import tomllib
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -20,6 +21,7 @@ from .manifests import ROOT
 
 FILES = ["compose.yaml", "compose.ray.yaml"]
 SECRETS = {"PRIMRAY_DB_PASSWORD": "apassword", "PRIMRAY_RAY_TOKEN": "a" * 64}
+GIVEN = {**SECRETS, "PRIMRAY_HOST": "render.example"}
 
 
 def loaded(file: Path) -> subprocess.CompletedProcess[str]:
@@ -32,7 +34,7 @@ def loaded(file: Path) -> subprocess.CompletedProcess[str]:
 @cache
 def read(name: str) -> str:
     """Secrets are filled in here: the library's program does not look into its environment when it is asked for the model."""
-    text = re.sub(r"\$\{(\w+)(:\?[^}]*)?\}", lambda found: SECRETS[found[1]], (ROOT / "deploy" / name).read_text())
+    text = re.sub(r"\$\{(\w+)(:[?-][^}]*)?\}", lambda found: GIVEN[found[1]], (ROOT / "deploy" / name).read_text())
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, name)
         file.write_text(text)
@@ -79,7 +81,7 @@ def test_the_servers_flags_are_ours(name: str) -> None:
     server = project(name)["services"]["server"]
     assert server["command"][0] == "serve"
     check_serve_flags(server["command"][1:])
-    assert set(server["environment"]) <= {"PRIMRAY_DATABASE", "RAY_AUTH_MODE", "RAY_AUTH_TOKEN"}
+    assert set(server["environment"]) <= {"PRIMRAY_DATABASE", "FORWARDED_ALLOW_IPS", "RAY_AUTH_MODE", "RAY_AUTH_TOKEN"}
     assert server["environment"]["PRIMRAY_DATABASE"] == "postgresql+psycopg://primray:apassword@database/primray"
 
 
@@ -132,12 +134,37 @@ def test_its_addresses_and_sizes_agree() -> None:
     assert server["--limit"] == f"memory_bytes={int(node['--memory']) // 2**30}G"
 
 
-def test_only_the_server_is_seen_from_outside() -> None:
+@pytest.mark.parametrize(("name", "server"), [(FILES[0], "server"), (FILES[1], "machine")])
+def test_only_the_proxy_is_published_and_only_with_tls(name: str, server: str) -> None:
+    found = project(name)
+    services, proxy = found["services"], found["services"]["proxy"]
+    assert {name for name, service in services.items() if "ports" in service} == {"proxy"}
+    assert {(str(port["published"]), port["target"]) for port in proxy["ports"]} == {("443", 443)}
+    assert proxy["environment"] == {"PRIMRAY_HOST": GIVEN["PRIMRAY_HOST"], "PRIMRAY_SERVER": f"{server}:8700"}
+    assert set(proxy["networks"]) & set(services[server]["networks"]) == {"outside"}
+    assert flags_of(services["server"]["command"][1:])["--allow-host"] == GIVEN["PRIMRAY_HOST"]
+    # The server believes the proxy's X-Forwarded-Proto, and has no other client.
+    assert services["server"]["environment"]["FORWARDED_ALLOW_IPS"] == "*"
+    assert "outside" not in services["database"]["networks"]
+    assert all(network.get("internal") for each, network in found["networks"].items() if each != "outside")
+    (configuration,) = [mount for mount in proxy["volumes"] if mount["target"] == "/etc/caddy/Caddyfile"]
+    assert configuration["read_only"] is True
+    assert Path(configuration["source"]).name == "Caddyfile"
+
+
+def test_nodes_and_database_have_no_way_out() -> None:
     found = project(FILES[1])
-    published = {name for name, service in found["services"].items() if "ports" in service}
-    assert published == {"machine"}
-    assert [port["target"] for port in found["services"]["machine"]["ports"]] == [8700]
     assert set(found["services"]["node"]["networks"]) == {"ray"}
     assert set(found["services"]["database"]["networks"]) == {"database"}
-    assert found["networks"]["ray"]["internal"]
-    assert found["networks"]["database"]["internal"]
+
+
+def test_the_image_has_the_denoiser_and_the_object_stores_client() -> None:
+    """Of extras that there are; compose's image with Ray has them too."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    (default,) = re.findall(r"^ARG EXTRAS=(\S+)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    for names in (default, project(FILES[1])["services"]["node"]["build"]["args"]["EXTRAS"]):
+        chosen = set(names.split(","))
+        assert chosen <= set(extras)
+        packages = " ".join(requirement for name in chosen for requirement in extras[name])
+        for package in ("pyoidn", "s3fs", "psycopg", "uvicorn"):
+            assert package in packages, package

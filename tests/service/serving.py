@@ -79,7 +79,8 @@ def config_of(settings: dict[str, Any]) -> ServeConfig:
     settings["shared_roots"] = roots_of(settings.pop("shared_roots", ()), settings.pop("shared_tenants", ()))
     known = {field.name for field in dataclasses.fields(ServeConfig)}
     assert set(settings) <= known, set(settings) - known
-    tuples: dict[str, Any] = {name: tuple(settings[name]) for name in ("allowed_hosts", "webhook_networks") if name in settings}
+    lists = ("allowed_hosts", "allowed_origins", "webhook_networks")
+    tuples: dict[str, Any] = {name: tuple(settings[name]) for name in lists if name in settings}
     return ServeConfig(
         **{
             **settings,

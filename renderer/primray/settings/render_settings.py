@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from ..aov_names import check_names, light_paths_of, requests_of
 from ..camera_choice import Matrix
 from ..composition import Composition
-from ..errors import SettingsError
+from ..errors import SettingsError, did_you_mean
 from ..lens.diffusion import fault_of
 from ..refusal import Refusal, check_codes
 from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
@@ -326,10 +326,7 @@ def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
     names = [field.name for field in fields(RenderSettings)]
     for name in values:
         if name not in names:
-            from difflib import get_close_matches
-
-            near = get_close_matches(name, names, 1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
+            hint = did_you_mean(name, names, f"there are {', '.join(names)}")
             raise SettingsError(f"there is no setting {name}; {hint}", where=name, code="unknown-setting")
     return replace(settings, **values) if values else settings
 

@@ -60,17 +60,19 @@ def connected(command: str, server: str | None, key_file: Path | None) -> Iterat
             raise CommandError("no-server", f"{error}. {advice}") from None
         except ProblemError as error:
             document = {"type": f"/problems/{error.slug}", "detail": error.detail, **error.document}
-            raise error_of(document, _advice(error.status, client.has_key)) from None
+            if error.status == 401:
+                document["detail"] = _about_the_key(client.has_key)
+            raise error_of(document) from None
         except ClientError as error:
             raise CommandError("unexpected-answer", str(error)) from None
 
 
-def _advice(status: int, has_key: bool) -> str:
-    if status == 401 and not has_key:
-        return " Set PRIMRAY_API_KEY, or name a file that holds the key with --key-file."
-    if status == 401:
-        return " The key was sent, and the server does not accept it: was it revoked, cut off, or made for another server?"
-    return ""
+def _about_the_key(was_sent: bool) -> str:
+    """In the words of this command: the server's are of headers, which it has no say in."""
+    if was_sent:
+        return "the key was sent, and the server does not accept it: was it revoked, cut off, or made for another server?"
+    how = "Set PRIMRAY_API_KEY, or name a file that holds the key with --key-file (or PRIMRAY_API_KEY_FILE)"
+    return f"the server wants an API key, and none was sent. {how}. Its operator makes keys with `primray keys create`."
 
 
 def key_of(file: Path | None) -> str | None:

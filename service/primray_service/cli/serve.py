@@ -105,6 +105,14 @@ def serve(
         list[str] | None,
         typer.Option(metavar="NAME", help="A name that the service answers for; may be repeated.", show_default=False),
     ] = None,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ORIGIN",
+            help="A page elsewhere that browsers let use the API (CORS), such as https://portal.example; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
     webhook_network: Annotated[
         list[str] | None,
         typer.Option(metavar="CIDR", help="A private network that webhooks may call; may be repeated.", show_default=False),
@@ -145,6 +153,7 @@ def serve(
         require_keys=True if require_keys else None,
         allow_unsandboxed=allow_unsandboxed,
         allowed_hosts=tuple(allow_host or ()),
+        allowed_origins=tuple(allow_origin or ()),
         dispatch=not no_dispatch,
         metrics_key=not open_metrics,
         webhook_networks=tuple(webhook_network or ()),

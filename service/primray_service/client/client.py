@@ -122,7 +122,8 @@ class Client:
     def find_scene(self, scene_id: str) -> Scene | None:
         """None if the server does not have it."""
         path = f"/v1/scenes/{quote(scene_id, safe=':')}"
-        if self._transport.request("HEAD", path, accept=frozenset({404})).status_code == 404:
+        # A refusal of HEAD has no body; GET is refused with the words.
+        if self._transport.request("HEAD", path, accept=frozenset({401, 403, 404})).status_code == 404:
             return None
         return self.scene(scene_id)
 

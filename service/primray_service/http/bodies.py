@@ -10,6 +10,7 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect
 
+from ..api.near import hint_of
 from ..api.words import in_own_words
 from ..problems import Problem
 from .callers import service_of
@@ -81,7 +82,7 @@ def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
     try:
         return model.model_validate_json(body if meant is document else json.dumps(meant))
     except ValidationError as error:
-        raise invalid(error, where) from None
+        raise invalid(error, where, model) from None
 
 
 def _with_whole_numbers(value: Any) -> Any:
@@ -155,12 +156,20 @@ def _check_text(value: Any) -> None:
             _check_text(member)
 
 
-def invalid(error: ValidationError, where: str = "") -> Problem:
-    """All that a model found, in a few words each; nothing of what was sent is repeated but names."""
+def invalid(error: ValidationError, where: str = "", model: type[BaseModel] | None = None) -> Problem:
+    """All that a model found, in a few words each, with what was probably meant; nothing of what was sent is repeated but
+    names."""
     errors = [
-        {"member": ".".join([where] * bool(where) + [str(part)[:100] for part in found["loc"]]), "detail": found["msg"]}
-        for found in error.errors(include_url=False, include_input=False, include_context=False)[:20]
+        {
+            "member": ".".join([where] * bool(where) + [str(part)[:100] for part in found["loc"]]),
+            "detail": f"{found['msg']}{hint_of(found, model)}",
+        }
+        for found in error.errors(include_url=False)[:20]
     ]
     first = errors[0]
     place = f"{first['member']}: " if first["member"] else ""
-    return Problem("invalid-request", f"{place}{first['detail']}.", member=first["member"], errors=errors)
+    return Problem("invalid-request", f"{place}{_sentence(first['detail'])}", member=first["member"], errors=errors)
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith("?") else f"{text}."

@@ -13,6 +13,7 @@ from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
 from ..access.quotas import exceeded
+from ..api.near import hint_of
 from ..objects import ObjectStoreFailed
 from ..problems import Problem
 from ..store.base import QuotaExceeded, Unavailable
@@ -44,7 +45,16 @@ def add_handlers(app: FastAPI) -> None:
 
 async def _of_problem(request: Request, problem: Exception) -> Response:
     assert isinstance(problem, Problem)
+    if problem.slug == "unauthenticated" and _is_opened_by_a_person(request):
+        answer: Response = request.app.state.login_page(problem)
+        return answer
     return problem_answer(problem, request_id_of(request))
+
+
+def _is_opened_by_a_person(request: Request) -> bool:
+    """Whether a browser opens the address as a page: a script's or a picture's request has another mode."""
+    is_page = "text/html" in request.headers.get("accept", "")
+    return request.method == "GET" and is_page and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
 
 
 async def _of_quota(request: Request, error: Exception) -> Response:
@@ -69,12 +79,17 @@ async def _of_validation(request: Request, error: Exception) -> Response:
     """Parameters of the path, the query and the header."""
     assert isinstance(error, RequestValidationError)
     found = [
-        {"member": ".".join(str(part)[:100] for part in one["loc"][1:]), "in": str(one["loc"][0]), "detail": one["msg"]}
+        {
+            "member": ".".join(str(part)[:100] for part in one["loc"][1:]),
+            "in": str(one["loc"][0]),
+            "detail": f"{one['msg']}{hint_of(one)}",
+        }
         for one in error.errors()[:20]
     ]
     first = found[0]
+    said = first["detail"] if first["detail"].endswith("?") else f"{first['detail']}."
     problem = Problem(
-        "invalid-request", f"{first['member']} in the {first['in']}: {first['detail']}.", member=first["member"], errors=found
+        "invalid-request", f"{first['member']} in the {first['in']}: {said}", member=first["member"], errors=found
     )
     return problem_answer(problem, request_id_of(request))
 

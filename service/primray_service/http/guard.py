@@ -87,16 +87,17 @@ class RequestGuard:
 
 
 class OriginGuard:
-    """Only for hosts that are this server, and changes only from its own pages."""
+    """Only for hosts that are this server, and changes only from its own pages and from origins that were allowed."""
 
     def __init__(self, app: ASGIApp, config: ServeConfig) -> None:
         self._app = app
         self._hosts = hosts_of(config)
+        self._origins = frozenset(config.allowed_origins)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "http":
             try:
-                check_origin(Headers(scope=scope), scope["method"], self._hosts)
+                check_origin(Headers(scope=scope), scope["method"], self._hosts, self._origins)
                 check_text(scope["path"], scope["query_string"])
             except Problem as problem:
                 await problem_answer(problem, scope["primray.request_id"])(scope, receive, send)
@@ -112,8 +113,8 @@ def hosts_of(config: ServeConfig) -> frozenset[str]:
     return frozenset(name.lower().rstrip(".") for name in own)
 
 
-def check_origin(headers: Headers, method: str, hosts: frozenset[str]) -> None:
-    """Problem unless Host is one of ours and, where something may change, Origin is that host."""
+def check_origin(headers: Headers, method: str, hosts: frozenset[str], origins: frozenset[str] = frozenset()) -> None:
+    """Problem unless Host is one of ours and, where something may change, Origin is that host or one of `origins`."""
     host = headers.get("host", "")
     name = _name_of(host)
     if "*" not in hosts and name not in hosts and not _is_address(name):
@@ -125,6 +126,8 @@ def check_origin(headers: Headers, method: str, hosts: frozenset[str]) -> None:
     if method in SAFE_METHODS:
         return
     origin = headers.get("origin")
+    if origin in origins:
+        return
     if origin is not None and _authority(urlsplit_or_none(origin)) != _with_port(host, origin):
         raise Problem("cross-origin", "Changes are taken only from this server's own pages.", origin=origin[:200])
     if origin is None and headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):

@@ -7,6 +7,11 @@ import { problemBox } from "./base/problem_box.js";
 
 let open = null;
 
+// The server speaks of headers, to programs; people are told what happened to their session.
+function reason(problem) {
+  return /session/.test(problem?.detail ?? "") ? "Your session has ended." : "This server shows its jobs only to people with a key.";
+}
+
 export function keyForm(problem, onDone) {
   if (open) return;
   const key = element("input", { type: "password", autocomplete: "current-password", required: true, spellcheck: "false" });
@@ -14,8 +19,15 @@ export function keyForm(problem, onDone) {
   const form = element(
     "form",
     { class: "card" },
-    element("h2", { id: "key-title" }, "This server wants an API key"),
-    element("p", {}, problem?.detail || "Its operator makes keys with “primray keys create”."),
+    element("h2", { id: "key-title" }, "Log in with an API key"),
+    element("p", {}, reason(problem)),
+    element(
+      "p",
+      {},
+      "Paste the key that you were given: it begins with “primray_”. If you have none, ask whoever runs this server, who makes one with ",
+      element("code", {}, "primray keys create"),
+      ".",
+    ),
     field("API key", key, "It is sent once, for a cookie that only this browser has; it is not stored in the page."),
     answer,
     element("button", { class: "main" }, "Log in"),

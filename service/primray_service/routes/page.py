@@ -71,6 +71,12 @@ async def index(request: Request) -> Response:
     return _answer(request, "index.html")
 
 
+def login_page(problem: Problem) -> Response:
+    """Return what a person sees in place of the problem "unauthenticated": words, and a field for the key."""
+    headers = {**HEADERS, **problem.headers, "cache-control": "no-store"}
+    return Response(files()["login.html"].content, problem.status, headers, media_type=MEDIA_TYPES[".html"])
+
+
 @router.get("/page/view-table")
 async def view_table(request: Request, service: Serving, space: Space) -> Response:
     """What the server's pictures are seen through (pictures/view_table.py)."""

@@ -212,6 +212,13 @@ def test_keys(keyed: RunningServer, primray: Command) -> None:
     """The first is made in the data directory while the server runs; that one makes and revokes others over HTTP."""
     server = keyed
     assert "Set PRIMRAY_API_KEY" in primray("status", PRIMRAY_SERVER=server.url).stderr
+    scene = server.data / "shot.usda"
+    scene.write_text("#usda 1.0\n")
+    unsent = primray("submit", str(scene), PRIMRAY_SERVER=server.url)  # whose first request is a HEAD, refused without a word
+    assert unsent.returncode == 1
+    assert unsent.stderr.startswith(
+        "error: unauthenticated: the server wants an API key, and none was sent. Set PRIMRAY_API_KEY"
+    )
     made = primray("keys", "create", "--data", str(server.data), "--scopes", "admin", "--name", "first")
     assert made.returncode == 0, made.stderr
     admin = {"PRIMRAY_SERVER": server.url, "PRIMRAY_API_KEY": made.stdout.strip()}

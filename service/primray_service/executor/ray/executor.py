@@ -41,12 +41,14 @@ def ray_executor(config: ServeConfig, data: DataDirectory) -> RayExecutor:
         cores=config.ray_cores,
         labels=dict(label.split("=", 1) for label in config.ray_labels),
         allow_unsandboxed=config.allow_unsandboxed,
+        waits=True,
     )
 
 
 class RayExecutor:
     """`slots`: chunks at a time (None: as many as the nodes have room for); `cores`: that one takes of a node (None: 8, or all
-    of the smallest node's); `labels`: of nodes that take work (all of them)."""
+    of the smallest node's); `labels`: of nodes that take work (all of them); `waits`: it starts without a cluster, or without a
+    node that takes work, and has no slots until there is one."""
 
     def __init__(
         self,
@@ -58,6 +60,7 @@ class RayExecutor:
         cores: int | None = None,
         labels: Mapping[str, str] | None = None,
         allow_unsandboxed: bool = False,
+        waits: bool = False,
     ) -> None:
         self._settings: Json = {
             "address": address,
@@ -68,6 +71,7 @@ class RayExecutor:
             "allow_unsandboxed": allow_unsandboxed,
         }
         self._address = address
+        self._waits = waits
         self._slots = Slots(data.slots, ulid(time.time()))
         self._cluster: Json = {"slots": 0, "cores": cores or 1, "memory_bytes": limits.memory_bytes, "nodes": []}
         self._link: Link | None = None
@@ -93,29 +97,50 @@ class RayExecutor:
         except OSError as error:
             raise Problem("unavailable", f"The Ray driver cannot be started: {error.strerror}.") from error
         except NotConnected as error:
-            raise Problem("unavailable", f"{error.why}.", code=error.code) from error
-        self._why_not = ""
-        if not self._settings["slots"] and not self._working_nodes():
-            why = self._why_no_node()
-            await self._link.close()
-            raise Problem("unavailable", f"{why}.", code=protocol.NO_NODE)
-        self._keeping = asyncio.create_task(self._keep_connected(self._link))
+            # A wrong address, a wrong token and a missing package stay wrong however long the server waits.
+            if not self._waits or error.code != protocol.UNREACHABLE:
+                raise Problem("unavailable", f"{error.why}.", code=error.code) from error
+            self._why_not = "the Ray cluster is not there yet; jobs wait"  # who asks does not learn its address
+            LOG.warning("%s; the server starts, and jobs wait until the cluster is there", error.why)
+        else:
+            self._why_not = ""
+            await self._require_node(self._link)
+        self._keeping = asyncio.create_task(self._keep_connected())
 
-    async def _keep_connected(self, link: Link) -> None:
-        """Until the server stops: notice that the cluster is gone, and connect again when it is back."""
+    async def _require_node(self, link: Link) -> None:
+        """Problem where no node takes work and nothing waits for one to come; a warning where something does."""
+        if self._settings["slots"] or self._working_nodes():
+            return
+        why = self._why_no_node()
+        if self._waits:
+            LOG.warning("%s; the server starts, and jobs wait until a node does", why)
+            return
+        await link.close()
+        raise Problem("unavailable", f"{why}.", code=protocol.NO_NODE)
+
+    async def _keep_connected(self) -> None:
+        """Until the server stops: connect when the cluster is there, and notice when it is gone."""
         while True:
+            link = self._link or await self._connected()
             last = await link.ended()
             self._lost(f"the Ray cluster at {self._address} is gone: {last or 'its driver ended'}")
-            pause_s = FIRST_PAUSE_S
-            while self._link is None:
-                await asyncio.sleep(pause_s)
-                pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
-                try:
-                    self._link = link = await Link.connect(self._settings, self._on_line)
-                except (NotConnected, OSError) as error:
-                    LOG.warning("the Ray cluster at %s is away still: %s", self._address, error)
+
+    async def _connected(self) -> Link:
+        """Try until the cluster answers. What is wrong is logged when it changes, not at each attempt."""
+        pause_s, logged = FIRST_PAUSE_S, ""
+        while True:
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+            try:
+                self._link = link = await Link.connect(self._settings, self._on_line)
+            except (NotConnected, OSError) as error:
+                if str(error) != logged:
+                    LOG.warning("the Ray cluster at %s is away; it is tried again: %s", self._address, error)
+                logged = str(error)
+                continue
             self._why_not = ""
-            LOG.warning("the Ray cluster at %s is back", self._address)
+            LOG.warning("the Ray cluster at %s is there: %d slots", self._address, self.capacity().slots)
+            return link
 
     def _lost(self, why: str) -> None:
         self._link, self._why_not = None, "the Ray cluster is gone; jobs wait"  # whoever asks is not told where it was
