@@ -10,8 +10,8 @@ from pathlib import Path
 from primray.report.report import settings_as_json
 from primray.settings import RenderSettings
 
-from ...admission import render_settings
-from ...api.models import Settings
+from ...admission import ALL, products_by_name, render_settings
+from ...api.models import FileSettings, Settings
 from ...executor.base import Capacity, Chunk
 from ...files import DataDirectory
 from ...jobs import Frame, Job, Json, Part, Scene
@@ -21,6 +21,7 @@ from ...scenes.entries import choose
 from ...scenes.names import file_name
 
 MERGE_CPU_S = 900.0  # reading and measuring some large films
+FILE_SETTINGS = tuple(FileSettings.model_fields)
 CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
 
 
@@ -59,7 +60,8 @@ def render_chunk(
         "fraction": 0.0 if begin else float(frame.progress.get("fraction", 0.0)),
         "limits": asdict(limits),
         "traceparent": job.traceparent,
-    }
+        "files": {name: job.settings[name] for name in FILE_SETTINGS if job.settings.get(name)},
+    } | _products_of(job, frame, asked.frames)
     # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene.
     group = f"{job.id}/{job.attempt}" if asked.frames > 1 else ""
     return Chunk(
@@ -74,6 +76,14 @@ def render_chunk(
         scene=_open_scene(job, scene),
         keep_s=limits.scene_kept_s,
     )
+
+
+def _products_of(job: Job, frame: Frame, frames: int) -> Json:
+    """The products that are written under their own names, and how the names of this frame's files end."""
+    products = products_by_name(job.settings)
+    if products is None:
+        return {}
+    return {"products": {"named": None if products == [ALL] else products, "name_end": name_end(job, frame, frames)}}
 
 
 def part_chunk(
@@ -188,13 +198,18 @@ def frame_settings(asked: Json, frame: Frame, capacity: Capacity) -> RenderSetti
 
 
 def output_names(job: Job, frame: Frame, frames: int) -> tuple[str, ...]:
-    """In the job's outputs folder and in URLs. Jobs of several frames have the time code in them; later attempts have their
+    """In the job's outputs folder and in URLs. Frames that are asked for by number have it in them; later attempts have their
     number, since whoever fetched a name may keep what it meant."""
+    end = name_end(job, frame, frames)
+    if products_by_name(job.settings) is not None:
+        return (f"report{end}.json",)
+    return tuple(f"{stem}{end}.{suffix}" for stem, suffix in (("beauty", "exr"), ("beauty", "png"), ("report", "json")))
+
+
+def name_end(job: Job, frame: Frame, frames: int) -> str:
+    """What is before the extension in the names of all files of a frame."""
     attempt = f"-{job.attempt}" if job.attempt > 1 else ""
-    code = f".{_code_text(frame)}" if frames > 1 else ""
-    return tuple(
-        f"{stem}{attempt}{code}.{suffix}" for stem, suffix in (("beauty", "exr"), ("beauty", "png"), ("report", "json"))
-    )
+    return f"{attempt}.{_code_text(frame)}" if frames > 1 or frame.time_code is not None else attempt
 
 
 def _code_text(frame: Frame) -> str:

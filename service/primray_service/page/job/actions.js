@@ -21,6 +21,7 @@ export function actions(id, { changed, failed }) {
       row,
       kind === "going" && button("Cancel", () => run(() => send("POST", jobPath(id, "/cancel"))), { title: "Stops it and keeps the picture made so far" }),
       kind === "ended" && button("Continue…", () => goOn(job), { class: "main" }),
+      kind === "ended" && element("a", { class: job.state === "failed" ? "button main" : "button", href: `#/again/${encodeURIComponent(id)}` }, "Submit again…"),
       element("a", { class: "button", href: `#/compare/${encodeURIComponent(id)}` }, "Compare"),
       element("a", { class: "button", href: jobPath(id, "/log"), target: "_blank", rel: "noopener" }, "Log"),
       kind === "ended" && button("Delete", remove, { class: "danger" }),

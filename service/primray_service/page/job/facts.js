@@ -13,9 +13,9 @@ function errorOf(found) {
 }
 
 export function facts() {
-  const failure = element("div", {});
+  const failure = element("div", {}); // the problem of a job that failed, which a view puts first
   const list = element("dl", { class: "facts" });
-  const root = element("div", {}, failure, element("details", { class: "card" }, element("summary", {}, "Settings and figures"), list));
+  const root = element("div", {}, element("details", { class: "card" }, element("summary", {}, "Settings and figures"), list));
   let told = "";
 
   function show(job, scene) {
@@ -55,5 +55,5 @@ export function facts() {
     fill(failure, found && problemBox(found));
   }
 
-  return { root, show, problem };
+  return { root, failure, show, problem };
 }

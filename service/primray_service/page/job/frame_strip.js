@@ -8,7 +8,8 @@ import { stateWords } from "../base/words.js";
 
 const SHOWN = 200;
 
-export function frameStrip(job, onChoose) {
+// `onFrames(frames)`: those that are shown, whenever they are read.
+export function frameStrip(job, onChoose, onFrames = () => {}) {
   const list = element("div", { class: "frames", role: "group", "aria-label": "Frames" });
   const pages = element("div", { class: "pages" });
   const follow = button("Follow", () => choose(null), { "aria-pressed": "true", class: "quiet", title: "Show the frame that is being rendered" });
@@ -29,6 +30,7 @@ export function frameStrip(job, onChoose) {
     const after = first > 0 ? `&after=${first - 1}` : "";
     frames = (await get(jobPath(job, `/frames?limit=${SHOWN}${after}`))).items;
     update();
+    onFrames(frames);
   }
 
   function update() {
@@ -75,5 +77,5 @@ export function frameStrip(job, onChoose) {
     chip.setAttribute("aria-label", `Frame ${name}: ${stateWords(frame.state)}`);
   }
 
-  return { root, load };
+  return { root, load, choose };
 }

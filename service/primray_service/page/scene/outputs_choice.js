@@ -5,16 +5,19 @@ import { choice, element, field, labelled, ticked } from "../base/dom.js";
 const LOOKED_AT = ["depth", "normal", "albedo", "prim"]; // what a viewer is good for, where the stage orders nothing
 const PURPOSES = ["default", "render", "proxy", "guide"];
 const USUAL = ["default", "render"];
+const [BEAUTY, ALL] = ["beauty", "*"]; // the first product; all of them
+const productOf = (was) => (!was?.products || was.products[0] === BEAUTY ? "" : was.products[0]);
 
-export function outputsChoice(facts, aovs) {
-  const product = facts.products.length > 1 ? choice([["", "the first of the render settings"], ...facts.products.map(({ path }) => [path, path])], "") : null;
-  const denoise = element("input", { type: "checkbox" });
+// `was`: the settings of a job that the choice begins with.
+export function outputsChoice(facts, aovs, was = null) {
+  const product = facts.products.length > 1 ? choice([["", "the first of the render settings"], [ALL, "all, each under its own name"], ...facts.products.map(({ path }) => [path, path])], productOf(was)) : null;
+  const denoise = element("input", { type: "checkbox", checked: was?.denoise });
   const ordered = facts.products.some(({ vars }) => vars.length > 0);
-  const ticks = new Map(aovs.map(({ name, meaning }) => [name, tick(name, meaning, !ordered && LOOKED_AT.includes(name))]));
-  const others = element("input", { type: "text", placeholder: "primvar:NAME, labels:TAXONOMY, C<RD>.*", spellcheck: "false", autocomplete: "off" });
-  const which = ordered ? choice([["ordered", "as the stage orders"], ["chosen", "these"]], "ordered", { on: { change: arrange } }) : null;
-  const purposes = new Map(PURPOSES.map((name) => [name, tick(name, "", USUAL.includes(name))]));
-  const errors = element("input", { type: "checkbox" });
+  const ticks = new Map(aovs.map(({ name, meaning }) => [name, tick(name, meaning, was?.aovs ? was.aovs.includes(name) : !ordered && LOOKED_AT.includes(name))]));
+  const others = element("input", { type: "text", value: (was?.aovs ?? []).filter((name) => !ticks.has(name)).join(", "), placeholder: "primvar:NAME, labels:TAXONOMY, C<RD>.*", spellcheck: "false", autocomplete: "off" });
+  const which = ordered ? choice([["ordered", "as the stage orders"], ["chosen", "these"]], was?.aovs ? "chosen" : "ordered", { on: { change: arrange } }) : null;
+  const purposes = new Map(PURPOSES.map((name) => [name, tick(name, "", (was?.purposes ?? USUAL).includes(name))]));
+  const errors = element("input", { type: "checkbox", checked: was?.aov_errors });
   const list = element("div", { class: "ticks" }, [...ticks.values()].map(({ root }) => root));
   const more = field("And by name", others);
   const root = element(
@@ -40,7 +43,7 @@ export function outputsChoice(facts, aovs) {
     const own = others.value.split(",").map((name) => name.trim()).filter(Boolean);
     const chosen = [...ticks].filter(([, { input }]) => input.checked).map(([name]) => name);
     return {
-      ...(product?.value && { products: [product.value] }),
+      ...(product && { products: [product.value || BEAUTY] }),
       denoise: denoise.checked,
       aov_errors: errors.checked,
       aovs: which?.value === "ordered" ? null : [...chosen, ...own],

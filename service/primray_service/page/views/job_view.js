@@ -27,12 +27,14 @@ export function jobView(root, [id]) {
   const state = element("span", { class: "state" });
   const link = element("p", { class: "note", role: "status" });
   const trouble = element("div", {});
-  const picture = viewer(id, { onFirst: () => performance.mark("first-pixel"), onRegion: renderRegion });
+  const picture = viewer(id, { onFirst: () => performance.mark("first-pixel"), onRegion: renderRegion, onPlayed: (number) => strip.choose(number) });
   const bar = progress();
   const plot = curve();
   const notes = diagnostics();
   const files = outputs(id);
-  const strip = frameStrip(id, chooseFrame);
+  const strip = frameStrip(id, chooseFrame, (frames) => {
+    picture.sequence(frames.filter((each) => each.state === "succeeded").map((each) => each.number), scene?.frame_range?.fps);
+  });
   const details = facts();
   const doing = actions(id, { changed: refresh, failed: (failure) => fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter })) });
   let job = null;
@@ -50,6 +52,7 @@ export function jobView(root, [id]) {
     root,
     element("div", { class: "head" }, title, state, tags),
     trouble,
+    details.failure,
     element(
       "div",
       { class: "job" },
