@@ -22,6 +22,7 @@ RUN python3 -m venv /build \
 COPY pyproject.toml LICENSE NOTICE README.md ./
 COPY renderer renderer
 COPY service service
+COPY schemas/usd schemas/usd
 ARG EXTRAS=server,postgres,otel
 # What was compiled is found again by the next build, if its sources are the same.
 RUN --mount=type=cache,target=/ccache \

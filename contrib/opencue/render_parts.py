@@ -13,17 +13,17 @@ from __future__ import annotations
 import argparse
 import re
 import shlex
+import sys
 from itertools import pairwise
 from pathlib import Path
 
 from outline import Outline, cuerun
 from outline.modules.shell import Shell
-
-FRAME = "#IFRAME#"  # OpenCue's: becomes the frame's number
+from render_flags import PLACE, add_flags, flags, layer_arguments, split_extra
 
 
 def main() -> None:
-    asked = parsed()
+    asked = parsed(sys.argv[1:])
     launcher = cuerun.OutlineLauncher(job_of(asked), range=asked.frames)
     if asked.print:
         launcher.setup()
@@ -37,12 +37,12 @@ def job_of(asked: argparse.Namespace) -> Outline:
     folder.mkdir(parents=True, exist_ok=True)
     # Without places for the frame's number, which primray would fill in.
     stem = folder / re.sub(r"[^\w-]", "_", asked.output.name)
-    points = [f"{stem}.{FRAME}.{part + 1}-of-{asked.parts}" for part in range(asked.parts)]
+    points = [f"{stem}.{PLACE}.{part + 1}-of-{asked.parts}" for part in range(asked.parts)]
     ranges = sample_ranges(asked.samples, asked.parts)
     job = Outline(asked.name, frame_range=asked.frames)
     merging = Shell("merge", command=merge_command(points, asked.output), cores=1)
     for number, (point, span) in enumerate(zip(points, ranges, strict=True), 1):
-        layer = Shell(f"part_{number}", command=render_command(asked, point, span), cores=asked.threads)
+        layer = Shell(f"part_{number}", command=render_command(asked, point, span), **layer_arguments(asked))
         job.add_layer(layer)
     job.add_layer(merging)
     for number in range(1, asked.parts + 1):
@@ -52,8 +52,8 @@ def job_of(asked: argparse.Namespace) -> Outline:
 
 def render_command(asked: argparse.Namespace, point: str, span: tuple[int, int]) -> str:
     """A frame that OpenCue runs again goes on from what it had saved."""
-    words = ["primray", "render", str(asked.scene), "-o", f"{point}.exr", "--frames", FRAME, "--threads", str(asked.threads)]
-    words += ["--sample-range", f"{span[0]}:{span[1]}", "--aov", "none"]
+    words = ["primray", "render", str(asked.scene), "-o", f"{point}.exr", "--frames", PLACE]
+    words += ["--sample-range", f"{span[0]}:{span[1]}", *flags(asked, ["--aov", "none"]), *asked.extra]
     file = f"{point}.prc"
     there, begin, go_on = map(shlex.join, (["-e", file], [*words, "--checkpoint", file], [*words, "--resume", file]))
     return f"if [ {there} ]; then {go_on}; else {begin}; fi"
@@ -73,17 +73,21 @@ def sample_ranges(samples: int, parts: int) -> list[tuple[int, int]]:
     return list(pairwise(ends))
 
 
-def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Render frames of a USD stage on OpenCue, each frame's samples in parts.")
+def parsed(arguments: list[str]) -> argparse.Namespace:
+    own, extra = split_extra(arguments)
+    parser = argparse.ArgumentParser(
+        description="Render frames of a USD stage on OpenCue, each frame's samples in parts.",
+        epilog="After --: further flags of primray render.",
+    )
     parser.add_argument("scene", type=Path, help="the stage")
     parser.add_argument("output", type=Path, help="a picture's name; #### becomes the frame")
     parser.add_argument("--frames", default="1", help="such as 1-100")
     parser.add_argument("--samples", type=int, default=256, help="a pixel, of all parts together")
     parser.add_argument("--parts", type=int, default=4, help="that a frame's samples are divided among")
-    parser.add_argument("--threads", type=int, default=8, help="of one part, and cores that it takes")
-    parser.add_argument("--name", default="primray", help="of the job")
-    parser.add_argument("--print", action="store_true", help="what would be sent, and send nothing")
-    return parser.parse_args()
+    add_flags(parser)
+    asked = parser.parse_args(own)
+    asked.extra = extra
+    return asked
 
 
 if __name__ == "__main__":

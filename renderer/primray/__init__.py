@@ -25,7 +25,11 @@ if TYPE_CHECKING:
     from .camera import Camera, Projection
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
+    from .compare.sequences import SequenceComparison
+    from .examining.diagnosis import Diagnosis, doctor
+    from .examining.estimated import CostEstimate, estimate
     from .examining.inspected import inspect
+    from .examining.machine import MachineCheck
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
@@ -43,7 +47,9 @@ __all__ = [
     "Camera",
     "Checkpointing",
     "Comparison",
+    "CostEstimate",
     "DefaultWrap",
+    "Diagnosis",
     "Diffusion",
     "DirectionTable",
     "Distortion",
@@ -53,6 +59,7 @@ __all__ = [
     "Ground",
     "Image",
     "LocalProcesses",
+    "MachineCheck",
     "Metric",
     "PrimrayError",
     "Product",
@@ -61,13 +68,16 @@ __all__ = [
     "RenderSettings",
     "RenderWarning",
     "Scene",
+    "SequenceComparison",
     "StereoImage",
     "StopAt",
     "StudioLight",
     "Verdict",
     "__version__",
     "compare",
+    "doctor",
     "errors",
+    "estimate",
     "inspect",
     "read_image",
     "render",
@@ -82,17 +92,23 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Camera": "camera",
         "Checkpointing": "checkpoints.checkpointing",
         "Comparison": "compare.comparison",
+        "CostEstimate": "examining.estimated",
+        "Diagnosis": "examining.diagnosis",
         "DirectionTable": "lens.distortion",
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
         "LocalProcesses": "render.local_processes",
+        "MachineCheck": "examining.machine",
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "notices.announcement",
         "Scene": "keeping.scene",
+        "SequenceComparison": "compare.sequences",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
+        "doctor": "examining.diagnosis",
+        "estimate": "examining.estimated",
         "inspect": "examining.inspected",
         "read_image": "images.reading",
         "render_products": "render.products",

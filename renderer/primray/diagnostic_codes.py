@@ -226,6 +226,10 @@ CODES: dict[str, Code] = {
     "mdl-material": Code(Severity.WARNING, Kind.APPROXIMATED,
         "A material of one of MDL's stock modules, such as OmniPBR or OmniGlass, is translated by its documented inputs.",
         "Add a UsdPreviewSurface or a MaterialX surface to the material for another renderer's look."),
+    "translated": Code(Severity.WARNING, Kind.APPROXIMATED,
+        "A material that carries only Arnold's, RenderMan's or Houdini's shaders is translated by their documentation; the "
+        "message names the nodes, and the inputs that are approximated or left out.",
+        "Add a UsdPreviewSurface or a MaterialX surface to it, or say `--no-translated-shaders` for its displayColor."),
     "material-input": Code(Severity.WARNING, Kind.DEFAULTED,
         "An input of a material cannot be read and its default is used, or is approximated, or has no effect yet.",
         "Feed the input by a value, a texture or a primvar reader; an open_pbr_surface says what is rendered exactly."),
@@ -277,6 +281,10 @@ CODES: dict[str, Code] = {
     "render-settings-input": Code(Severity.WARNING, Kind.IGNORED,
         "Something in RenderSettings, its products or passes is ignored.",
         "Author a value that is supported, or ask for it on the command line."),
+    "foreign-settings": Code(Severity.INFO, Kind.CHOSEN,
+        "Samples or depth that RenderSettings author for another renderer: the message says what they are taken for, or why "
+        "they are not.",
+        "Nothing, if it is meant; flags and primray's own attributes (docs/stage-settings.md) take their place."),
     "render-var": Code(Severity.WARNING, Kind.IGNORED,
         "A render variable cannot be had, or not as it asks: it is left out, or fitted.",
         "Name an output that there is (docs/aovs.md) and a type of numbers, or remove it."),

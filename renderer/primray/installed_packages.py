@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 _SUFFIX = ".dist-info"
+SCHEMAS = "PXR_PLUGINPATH_NAME"  # the variable by which USD finds the schemas of plug-ins
 
 
 @cache
@@ -44,6 +45,13 @@ def library_of(package: str, prefix: str) -> Path | None:
     except metadata.PackageNotFoundError:
         return None
     return next((Path(str(file.locate())) for file in files if file.name.startswith(prefix)), None)
+
+
+def schema_folder() -> Path:
+    """Return the folder of the applied schemas that primray reads: the installed package's, else the source tree's."""
+    package = Path(__file__).resolve().parent
+    installed = package / "schemas"
+    return installed if installed.is_dir() else package.parents[1] / "schemas/usd"
 
 
 @cache

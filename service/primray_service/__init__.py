@@ -8,6 +8,7 @@
     limits.py           what is allowed
     store/              the only SQL: SQLite or PostgreSQL
     files.py            the data directory; objects.py: an object store that servers share in its place
+    shared_roots.py     shared storage whose stages jobs may name
     leading.py          what the server that dispatches can do, for answers that are the same on all servers
     held.py             what is locked by whoever uses it, made while others sweep
     scenes/             uploads: streamed, recognised, unpacked, safely

@@ -78,7 +78,7 @@ def invalid(member: str, detail: str) -> Problem:
 
 
 def new_job(
-    request: JobRequest, tenant: str, limits: Limits, now: float, *, request_id: str = "", traceparent: str = ""
+    request: JobRequest, scene_id: str, tenant: str, limits: Limits, now: float, *, request_id: str = "", traceparent: str = ""
 ) -> tuple[Job, list[float | None]]:
     """A queued job and its frames' time codes; Problem with the member that is at fault."""
     check_labels(request.labels, limits)
@@ -90,7 +90,7 @@ def new_job(
         id=ids.job_id(now),
         tenant=tenant,
         state=JobState.QUEUED,
-        scene_id=request.scene.id,
+        scene_id=scene_id,
         entry=request.scene.entry,
         settings=request.settings.model_dump(mode="json"),
         created_at=now,
@@ -244,13 +244,13 @@ def render_settings(settings: Settings) -> RenderSettings:
         resolution=settings.resolution,
         spp=stop.max_samples,
         target_error=stop.target_error,
-        error_metric=Metric(stop.metric),
+        error_metric=None if stop.metric is None else Metric(stop.metric),
         time_limit_s=stop.max_seconds,
         adaptive=settings.adaptive,
         denoise=settings.denoise,
         stop_at=StopAt(settings.stop_at),
         max_depth=settings.max_depth,
-        filter=Filter(settings.filter),
+        filter=None if settings.filter is None else Filter(settings.filter),
         filter_width=settings.filter_width,
         seed=settings.seed,
         default_light=settings.default_light,
@@ -262,6 +262,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         background=settings.background,
         default_wrap=DefaultWrap(settings.default_wrap),
         render_context=RenderContext(settings.render_context),
+        translated_shaders=settings.translated_shaders,
         motion_blur=settings.motion_blur,
         shutter=settings.shutter,
         lens_flaws=tuple(settings.lens_flaws),
@@ -327,6 +328,7 @@ NEW_SETTINGS = (
     "ground",
     "default_wrap",
     "render_context",
+    "translated_shaders",
     "motion_blur",
     "shutter",
     "motion_error",
@@ -352,9 +354,16 @@ NEW_SETTINGS = (
 )
 
 
+def _as_of_old(settings: Json) -> None:
+    """Write what versions before 0.3 wrote for members that were left out, so that their keys stand for the same request."""
+    settings["filter"] = settings["filter"] or "box"
+    settings["stop"]["metric"] = settings["stop"]["metric"] or "relmse"
+
+
 def fingerprint(request: JobRequest) -> str:
     """The same for requests that ask for the same, however their JSON is written."""
     said = request.model_dump(mode="json")
+    _as_of_old(said["settings"])
     for members, model, names in ((said, JobRequest, NEW_MEMBERS), (said["settings"], Settings, NEW_SETTINGS)):
         for name in names:
             if members[name] == model.model_fields[name].default:

@@ -16,8 +16,11 @@ from .http.failures import MethodsByPath, add_handlers
 from .http.guard import OriginGuard, RequestGuard
 from .http.measured import Measured
 from .http.rates import RateHeaders, spend_request
-from .routes import account, documents, health, keys, metrics, page, scenes, sessions
-from .routes.jobs import convergence, events, frames, jobs, logs, outputs, previews, submissions
+from .routes import account, documents, health, keys, metrics, packages, page, scenes, sessions
+from .routes.admin import jobs as admin_jobs
+from .routes.admin import tenants as admin_tenants
+from .routes.admin import workers as admin_workers
+from .routes.jobs import convergence, events, frames, interventions, jobs, logs, outputs, previews, submissions
 from .service import Service
 from .telemetry.metrics import RequestMetrics
 from .telemetry.tracing import instrument
@@ -25,8 +28,10 @@ from .telemetry.tracing import instrument
 # Every router there is, in the order of the document. A path is looked for from the first to the last.
 ROUTERS: tuple[APIRouter, ...] = (
     scenes.router,
+    packages.router,
     submissions.router,
     jobs.router,
+    interventions.router,
     events.router,
     frames.router,
     convergence.router,
@@ -34,6 +39,9 @@ ROUTERS: tuple[APIRouter, ...] = (
     outputs.router,
     logs.router,
     keys.router,
+    admin_jobs.router,
+    admin_tenants.router,
+    admin_workers.router,
     sessions.router,
     account.router,
     health.router,
@@ -92,8 +100,10 @@ def create_routes() -> FastAPI:
 
 
 def _operation_id(route: APIRoute) -> str:
-    """jobs_show: the resource and what is done."""
-    return f"{route.endpoint.__module__.rpartition('.')[2]}_{route.name}"
+    """jobs_show, admin_jobs_show: the resource and what is done."""
+    module = route.endpoint.__module__.rpartition("primray_service.routes.")[2]
+    resource = module.removeprefix("jobs.").replace(".", "_")
+    return f"{resource}_{route.name}"
 
 
 def _answer_head(router: APIRouter) -> None:

@@ -12,6 +12,7 @@ from primray.errors import SettingsError
 
 from .executor import by_name
 from .limits import Limits, Quotas
+from .shared_roots import SharedRoots
 
 # As Ray writes labels: a name, maybe with a domain before it, and a value.
 LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]*=[A-Za-z0-9][A-Za-z0-9._-]*")
@@ -30,6 +31,7 @@ class ServeConfig:
     database: str | None = None
     limits: Limits = field(default_factory=Limits)
     quotas: Quotas = field(default_factory=Quotas)  # of tenants whose keys name none
+    shared_roots: SharedRoots = field(default_factory=SharedRoots)  # of shared storage, that jobs may name
     slots: int | None = None  # renders at a time; None: one for eight cores
     executor: str = by_name.DEFAULT  # where renders run: a name of executor/by_name.py
     cores: int | None = None  # None: all that this process may use
@@ -54,6 +56,9 @@ class ServeConfig:
         if self.objects is not None and self.database is None:
             said = "servers that share an object store share a database: name it, postgresql+psycopg://..."
             raise SettingsError(said, where="database", code="objects-database")
+        if self.shared_roots.roots and self.executor == "ray":
+            said = "shared roots are read by workers on the server's own machine: --executor local"
+            raise SettingsError(said, where="shared_roots", code="shared-root")
         for label in self.ray_labels:
             if not LABEL.fullmatch(label):
                 raise SettingsError(f"{label!r} is no label of nodes: NAME=VALUE", where="ray_labels", code="ray-label")

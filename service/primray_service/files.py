@@ -3,6 +3,7 @@
 scenes/<hex>/upload         a scene as sent; scenes/<hex>/package/... a zip's members (nothing else is unpacked)
 jobs/<id>/outputs/...       what a job made; jobs/<id>/frames/<n>/ checkpoint-<k>.prc, preview.raw, log.txt, and
                             part-<first>-<k>.prc of frames that are rendered in parts
+contents/<tenant>/<sha256>  files of packages that were uploaded by content; those packages' members are links to them
 slots/<id>/job, out         the two folders that a worker sees; removed when it is done
 incoming/                   uploads under way
 
@@ -13,34 +14,46 @@ is what is in use, and copies of what was.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import stat
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from .objects import Objects, ObjectStoreFailed
 from .problems import Problem
+from .shared_roots import SharedRoots
 
 COPY_BYTES = 2**20
 
 
 @dataclass(frozen=True)
 class DataDirectory:
-    """`objects`: the store that servers share, where the folder is not what they share."""
+    """`objects`: the store that servers share, where the folder is not what they share; `shared_roots`: of shared storage,
+    which is only read."""
 
     root: Path
     objects: Objects | None = None
+    shared_roots: SharedRoots = field(default_factory=SharedRoots)
 
     def create(self) -> None:
-        for folder in (self.root, self.scenes, self.jobs, self.slots, self.incoming):
+        for folder in (self.root, self.scenes, self.contents, self.jobs, self.slots, self.incoming):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     @property
     def scenes(self) -> Path:
         return self.root / "scenes"
+
+    @property
+    def contents(self) -> Path:
+        return self.root / "contents"
+
+    def content(self, tenant: str, sha256: str) -> Path:
+        """In a folder whose name begins with the tenant's digest: names of tenants may differ in case alone."""
+        return self.contents / f"{hashlib.sha256(tenant.encode()).hexdigest()[:16]}-{tenant}" / _hex_of(sha256)
 
     @property
     def jobs(self) -> Path:

@@ -1,8 +1,10 @@
 """What a job and its frames are, and which moves between their states are legal. Pure: time and ids are arguments.
 
     queued -> preparing -> running -> succeeded | failed | canceled | expired         (canceling on the way to canceled)
+                                   -> paused -> queued                                 (pausing on the way to paused)
 
-Terminal states never change, except that `continue` makes a new attempt, which is queued again.
+Terminal states never change, except that `continue` makes a new attempt, and a retry renders one frame again: both queue the
+job again.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ class JobState(StrEnum):
     PREPARING = "preparing"  # its scene is checked, or opened and built by a worker
     RUNNING = "running"  # at least one frame has taken samples in this attempt
     CANCELING = "canceling"
+    PAUSING = "pausing"  # its running frames write a checkpoint and give their workers back
+    PAUSED = "paused"  # no frame runs, none is begun
     SUCCEEDED = "succeeded"
     FAILED = "failed"
     CANCELED = "canceled"
@@ -41,9 +45,15 @@ FRAME_TERMINAL = frozenset({_F.SUCCEEDED, _F.FAILED, _F.CANCELED})
 
 # A dispatcher that died, or a frame that gave way to another, takes a job back to queued. Terminal states go on by `continue`.
 MOVES: Mapping[JobState, frozenset[JobState]] = {
-    _J.QUEUED: frozenset({_J.PREPARING, _J.FAILED, _J.CANCELED, _J.EXPIRED}),
-    _J.PREPARING: frozenset({_J.RUNNING, _J.QUEUED, _J.SUCCEEDED, _J.FAILED, _J.CANCELING, _J.CANCELED, _J.EXPIRED}),
-    _J.RUNNING: frozenset({_J.QUEUED, _J.SUCCEEDED, _J.FAILED, _J.CANCELING, _J.CANCELED, _J.EXPIRED}),
+    _J.QUEUED: frozenset({_J.PREPARING, _J.FAILED, _J.CANCELED, _J.EXPIRED, _J.PAUSED}),
+    _J.PREPARING: frozenset(
+        {_J.RUNNING, _J.QUEUED, _J.SUCCEEDED, _J.FAILED, _J.CANCELING, _J.CANCELED, _J.EXPIRED, _J.PAUSING, _J.PAUSED}
+    ),
+    _J.RUNNING: frozenset({_J.QUEUED, _J.SUCCEEDED, _J.FAILED, _J.CANCELING, _J.CANCELED, _J.EXPIRED, _J.PAUSING, _J.PAUSED}),
+    _J.PAUSING: frozenset(
+        {_J.PAUSED, _J.PREPARING, _J.RUNNING, _J.SUCCEEDED, _J.FAILED, _J.CANCELING, _J.CANCELED, _J.EXPIRED}
+    ),
+    _J.PAUSED: frozenset({_J.QUEUED, _J.FAILED, _J.CANCELED, _J.EXPIRED}),
     _J.CANCELING: frozenset({_J.CANCELED}),
     _J.SUCCEEDED: frozenset({_J.QUEUED}),
     _J.FAILED: frozenset({_J.QUEUED}),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
@@ -27,6 +28,7 @@ class Leading:
     where: Literal["here", "elsewhere", "nowhere"]
     capacity: Capacity
     sandbox: Json
+    nodes: Sequence[Json] = ()  # that its executor has workers on; none: this machine alone
 
 
 class WhoLeads:
@@ -54,7 +56,9 @@ class WhoLeads:
         said = leader.about.get("executor")
         if said is None or set(said) != set(COUNTS):  # by another version
             return Leading("elsewhere", self._executor.capacity(), {})
-        return Leading("elsewhere", Capacity(**{name: int(said[name]) for name in COUNTS}), leader.about.get("sandbox", {}))
+        capacity = Capacity(**{name: int(said[name]) for name in COUNTS})
+        return Leading("elsewhere", capacity, leader.about.get("sandbox", {}), leader.about.get("nodes", ()))
 
     def _own(self, where: Literal["here", "nowhere"]) -> Leading:
-        return Leading(where, self._executor.capacity(), self._executor.health().get("sandbox", {}))
+        health = self._executor.health()
+        return Leading(where, self._executor.capacity(), health.get("sandbox", {}), health.get("nodes", ()))

@@ -23,6 +23,8 @@ class Limits:
     path_bytes: int = 1024
     usdz_depth: int = 2
     upload_idle_s: float = 60.0  # between two pieces of a body
+    manifest_bytes: int = 8 * MiB  # of a package's list of files, as JSON
+    content_kept_s: float = 24 * 3600.0  # a file that arrived, and that no scene has
     # A request
     json_bytes: int = 256 * KiB
     labels: int = 32

@@ -21,7 +21,6 @@ import structlog
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from .access.tenants import quotas_of
 from .app import create_app
 from .changes import Changes
 from .config import ServeConfig
@@ -113,7 +112,7 @@ def url_of(config: ServeConfig, listener: socket.socket) -> str:
 async def running(config: ServeConfig) -> AsyncIterator[Service]:
     """The parts of a server, started; stopped afterwards."""
     objects = None if config.objects is None else await asyncio.to_thread(opened, config.objects)
-    data = DataDirectory(config.data, objects)
+    data = DataDirectory(config.data, objects, config.shared_roots)
     data.create()
     store = await asyncio.to_thread(open_store, config.database_url)
     await asyncio.to_thread(store.migrate)
@@ -125,7 +124,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = executor_maker(config.executor)(config, data)
     service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
-    service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
+    service.dispatcher = Dispatcher(store, executor, data, config.limits, service.tenant_quotas.of)
     store.listen(service.dispatcher.told)
     dispatching: asyncio.Task[None] | None = None
     sender = WebhookSender(store, config)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from .access.tenants import TenantQuotas
 from .api.job_json import job_json
 from .config import ServeConfig
 from .files import DataDirectory
@@ -16,6 +17,7 @@ from .pictures.encoder import PictureEncoder
 from .waiting.places import Places
 
 if TYPE_CHECKING:
+    from .access.auth import Caller
     from .changes import Changes
     from .dispatcher import Dispatcher
     from .executor.base import Executor
@@ -56,3 +58,11 @@ class Service:
     @property
     def quotas(self) -> Quotas:
         return self.config.quotas
+
+    @cached_property
+    def tenant_quotas(self) -> TenantQuotas:
+        return TenantQuotas(self.store, self.config.quotas)
+
+    def quotas_of(self, caller: Caller) -> Quotas:
+        """Blocks for the database, unless they were read a moment ago."""
+        return self.tenant_quotas.of_caller(caller)

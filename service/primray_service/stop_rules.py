@@ -27,7 +27,8 @@ def continued(job: Job, asked: ContinuedRules, limits: Limits) -> Json:
 
 
 def _check_further(before: StopRules, after: StopRules) -> None:
-    if after.metric != before.metric and before.target_error is not None and after.target_error is not None:
+    is_other_metric = (after.metric or "relmse") != (before.metric or "relmse")
+    if is_other_metric and before.target_error is not None and after.target_error is not None:
         return  # the errors of two metrics cannot be compared
     further = {rule: _further(rule, before, after) for rule in RULES}
     shorter = next((rule for rule in RULES if further[rule] < 0), None)

@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+import primray
+
 from .openjd import ROOT, check_parameters, document, openjd, parameters, run_script
+from .shot import write_shot
 
 TEMPLATE = ROOT / "contrib/openjd/usd-render.yaml"
 
@@ -20,6 +23,21 @@ def test_openjd_accepts_and_runs_it(tmp_path: Path) -> None:
     asked = [f"Scene={scene}", "Frames=1-2", f"OutputFolder={tmp_path / 'it is'}", "Width=32", "Height=32", "MaxSamples=16"]
     openjd("run", TEMPLATE, *parameters(*asked))
     assert sorted(path.name for path in (tmp_path / "it is").iterdir()) == ["beauty.0001.exr", "beauty.0002.exr"]
+
+
+def test_a_shot_with_outputs_variants_and_products(tmp_path: Path) -> None:
+    """One small job of each kind, run by openjd: what the pictures hold is what was asked for."""
+    scene = write_shot(tmp_path)
+    asked = [f"Scene={scene}", "Frames=2", "Width=32", "MaxSamples=4", "Variants=/World/car:color=red"]
+    outputs = ["Aovs=depth", "LightGroups=key", "Cryptomattes=object", "ExtraArguments=--metadata 'note=two words' --half none"]
+    openjd("run", TEMPLATE, *parameters(*asked, *outputs, f"OutputFolder={tmp_path / 'whole'}"))
+    picture = primray.read_image(tmp_path / "whole/beauty.0002.exr")
+    assert set(picture.aovs) == {"depth", "crypto_object", "C.*<L.'key'>"}
+    red, _, blue = picture.pixels[picture.pixels.shape[0] // 2, 16, :3]
+    assert red > 2 * blue
+    assert b"two words" in (tmp_path / "whole/beauty.0002.exr").read_bytes()
+    openjd("run", TEMPLATE, *parameters(*asked, "Products=all", f"OutputFolder={tmp_path / 'products'}"))
+    assert [path.name for path in (tmp_path / "products").iterdir()] == ["car.0002.exr"]
 
 
 def test_its_parameters_are_described_and_used() -> None:
@@ -42,6 +60,40 @@ def test_the_script_passes_what_was_asked_for(tmp_path: Path) -> None:
     options = "[--camera][/cam][--res][640][0][--target-error][0.01][--spp][8][--threads][2]"
     assert sorted(out.splitlines()) == sorted([arguments + options, "openjd_progress: 42", "other"])
     assert (tmp_path / "out put").is_dir()
+
+
+def test_outputs_variants_and_further_arguments(tmp_path: Path) -> None:
+    asked = {"Aovs": "depth,C<RD>L", "LightGroups": "key, fill", "Cryptomattes": "object,material", "Denoise": "true"}
+    more = """--view 'Un-tone-mapped' "a $b `c`" it\\'s --strict"""
+    variants = "/World/car:color=red, /World/car:size=big"
+    process = run_whole(
+        tmp_path, """printf '[%s]' "$@"; echo""", Scene="a.usda", **asked, Variants=variants, ExtraArguments=more
+    )
+    out, _ = process.communicate(timeout=20)
+    assert process.returncode == 0, out
+    outputs = "[--aov][depth,C<RD>L][--aov][crypto_object][--aov][crypto_material][--aov][C.*<L.'key'>][--aov][C.*<L.'fill'>]"
+    chosen = "[--variant][/World/car:color=red][--variant][/World/car:size=big][--denoise]"
+    further = "[--view][Un-tone-mapped][a $b `c`][it's][--strict]"
+    assert out == f"[render][a.usda][-o][pictures/beauty.####.exr][--frames][7][--json]{outputs}{chosen}{further}\n"
+
+
+@pytest.mark.parametrize(
+    ("products", "outputs"),
+    [
+        ("", "[-o][pictures/beauty.####.exr]"),
+        ("all", "[--all-products][--output-dir][pictures]"),
+        ("beauty, /Render/id", "[--output-dir][pictures][--product][beauty][--product][/Render/id]"),
+    ],
+)
+def test_products_are_written_under_their_own_names(products: str, outputs: str, tmp_path: Path) -> None:
+    process = run_whole(tmp_path, """printf '[%s]' "$@"; echo""", Scene="a.usda", Products=products)
+    assert process.communicate(timeout=20)[0] == f"[render][a.usda]{outputs}[--frames][7][--json]\n"
+
+
+def test_a_quote_that_is_not_closed_is_refused(tmp_path: Path) -> None:
+    process = run_whole(tmp_path, "exit 9", Scene="a.usda", ExtraArguments="--view 'Raw")
+    assert process.communicate(timeout=20)[0] == "openjd_fail: ExtraArguments has a quote that is not closed: --view 'Raw\n"
+    assert process.returncode == 2
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,8 @@ def test_a_frame_that_was_cut_has_the_bits_of_one_render(tmp_path: Path) -> None
         f"Scene={SCENE}",
         "Frames=2",
         f"OutputFolder={tmp_path / 'it is'}",
+        "Aovs=depth",
+        "Cryptomattes=object",
         "Width=32",
         "Height=32",
         "Samples=10",
@@ -30,7 +32,9 @@ def test_a_frame_that_was_cut_has_the_bits_of_one_render(tmp_path: Path) -> None
     openjd("run", TEMPLATE, "--step", "Merge", "--run-dependencies", *parameters(*asked))
     assert sorted(path.name for path in (tmp_path / "it is").iterdir()) == ["beauty.0002.exr"]
     direct = primray.render(SCENE, RenderSettings(resolution=(32, 32), spp=10, time_code=2.0))
-    assert (primray.read_image(tmp_path / "it is/beauty.0002.exr").pixels == direct.pixels).all()
+    merged = primray.read_image(tmp_path / "it is/beauty.0002.exr")
+    assert (merged.pixels == direct.pixels).all()
+    assert set(merged.aovs) == {"depth", "crypto_object"}
 
 
 def test_its_parameters_are_described_and_used() -> None:
@@ -72,11 +76,15 @@ def test_the_scripts_pass_what_was_asked_for(tmp_path: Path) -> None:
     values = {"OutputFolder": "out put", "Parts": "2", "Task_Param_Frame": "7"}
     scene = {"Scene": 'it\'s "a" $(scene).usda', "Camera": "/cam", "Width": "640", "Samples": "8", "Threads": "2"}
     point = "out put/parts/beauty______exr.7.2-of-2.prc"
-    begin = f'[render][it\'s "a" $(scene).usda][-o][{tmp_path}/part.exr][--frames][7][--sample-range][4:8][--aov][none][--json]'
+    begin = f'[render][it\'s "a" $(scene).usda][-o][{tmp_path}/part.exr][--frames][7][--sample-range][4:8][--json][--aov][none]'
     for resumed in ("", f"[--resume][{point}]"):
         out, _ = run_script(TEMPLATE, 0, tmp_path, SHOWN, **values, **scene, Task_Param_Part="2").communicate(timeout=20)
         assert out == f"{begin}[--camera][/cam][--res][640][0][--threads][2][--checkpoint][{point}]{resumed}\n"
         (tmp_path / point).touch()
+    asked = {"Aovs": "depth", "LightGroups": "key", "Variants": "/a:b=c", "ExtraArguments": "--strict"}
+    out, _ = run_script(TEMPLATE, 0, tmp_path, SHOWN, **values, **scene, **asked, Task_Param_Part="2").communicate(timeout=20)
+    assert "[--json][--aov][depth][--aov][C.*<L.'key'>][--variant][/a:b=c][--camera]" in out
+    assert out.endswith("[--strict]\n")
     out, _ = run_script(TEMPLATE, 1, tmp_path, SHOWN, **values).communicate(timeout=20)
     assert out == f"[merge][{point.replace('2-of', '1-of')}][{point}][-o][out put/beauty.####.exr]\n"
     assert not (tmp_path / "out put/parts").exists()

@@ -37,7 +37,10 @@ def test_an_error_that_is_known_says_nothing_more() -> None:
     assert not [d for d in image.report["diagnostics"] if d["code"] == "error-vague"]
 
 
-@pytest.mark.parametrize("name", ["curves", "nested-instancers", "opacity-texture", "implicit-shapes", "motion-points", "native-instances"])
+FEATURES = ["curves", "nested-instancers", "opacity-texture", "implicit-shapes", "motion-points", "native-instances"]
+
+
+@pytest.mark.parametrize("name", FEATURES)
 def test_rows_have_the_paths_that_aovs_have(name: str) -> None:
     (scene,) = sorted(SCENES.glob(f"features/{name}/*.usda"))[:1] or pytest.fail(f"no scene {name}")
     asked = RenderSettings(resolution=(64, 36), aovs=("prim",))

@@ -18,6 +18,7 @@ from tests.service import forked
 
 from primray_service.config import ServeConfig
 from primray_service.limits import Limits, Quotas
+from primray_service.shared_roots import roots_of
 
 START_S = 90.0  # on a machine that has other work
 
@@ -74,6 +75,8 @@ def start(data: Path, **settings: Any) -> RunningServer:
 
 
 def config_of(settings: dict[str, Any]) -> ServeConfig:
+    settings = dict(settings)
+    settings["shared_roots"] = roots_of(settings.pop("shared_roots", ()), settings.pop("shared_tenants", ()))
     known = {field.name for field in dataclasses.fields(ServeConfig)}
     assert set(settings) <= known, set(settings) - known
     tuples: dict[str, Any] = {name: tuple(settings[name]) for name in ("allowed_hosts", "webhook_networks") if name in settings}

@@ -50,7 +50,7 @@ def test_what_is_no_frame_list(text):
 
 def job(stop: Json, state: JobState = JobState.SUCCEEDED) -> Job:
     request = JobRequest.model_validate({"scene": SCENE, "settings": {"stop": stop}})
-    made, _ = new_job(request, "a", LIMITS, 0.0)
+    made, _ = new_job(request, request.scene.id or "", "a", LIMITS, 0.0)
     return Job(**{**vars(made), "state": state})
 
 
@@ -69,7 +69,7 @@ def job(stop: Json, state: JobState = JobState.SUCCEEDED) -> Job:
 )
 def test_a_job_that_succeeded_goes_further(before, asked, after):
     found = continued(job(before), ContinuedRules.model_validate(asked), LIMITS)
-    empty = {"target_error": None, "metric": "relmse", "max_samples": None, "max_seconds": None}
+    empty = {"target_error": None, "metric": None, "max_samples": None, "max_seconds": None}
     assert found == {**empty, **after}
 
 
@@ -149,12 +149,12 @@ def test_beauty_alone_is_what_there_is():
 
 def test_a_frame_in_parts_is_not_sampled_adaptively():
     asked = {"scene": {"id": "sha256:" + "0" * 64}, "parallel": "auto"}
-    job, _ = new_job(JobRequest.model_validate(asked), "t", LIMITS, 0.0)
+    job, _ = new_job(JobRequest.model_validate(asked), "", "t", LIMITS, 0.0)
     assert job.parallel == "auto"
     for adaptive in (False, None):
-        new_job(JobRequest.model_validate({**asked, "settings": {"adaptive": adaptive}}), "t", LIMITS, 0.0)
+        new_job(JobRequest.model_validate({**asked, "settings": {"adaptive": adaptive}}), "", "t", LIMITS, 0.0)
     with pytest.raises(Problem) as refused:
-        new_job(JobRequest.model_validate({**asked, "settings": {"adaptive": True}}), "t", LIMITS, 0.0)
+        new_job(JobRequest.model_validate({**asked, "settings": {"adaptive": True}}), "", "t", LIMITS, 0.0)
     assert (refused.value.slug, refused.value.extra["member"]) == ("parallel-adaptive", "parallel")
 
 

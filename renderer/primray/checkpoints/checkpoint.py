@@ -53,6 +53,7 @@ OF_SCENE = (
     *STAGING,
     "default_wrap",
     "render_context",
+    "translated_shaders",
     "motion_blur",
     "shutter",
     "motion_error",
@@ -159,7 +160,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "seconds": sampling.seconds,
         "lanes": [sampling.busy_lanes, sampling.shaded_lanes],
         "rows": rows,
-        "target": [settings.target_error, settings.error_metric.value],
+        "target": [settings.target_error, settings.metric.value],
         "plan": None if plan is None else plan.samples,
     }
     arrays = {f"film.{name}": array for name, array in film.items()}
@@ -350,7 +351,7 @@ def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkp
     sampling = Sampling(scene, core.Film(scene, checkpoint.film), checkpoint.splits, schedule)
     sampling.done = done
     sampling.plan = checkpoint.plan
-    sampling.curve = checkpoint.curve(settings.target_error, settings.error_metric)
+    sampling.curve = checkpoint.curve(settings.target_error, settings.metric)
     sampling.busy_lanes, sampling.shaded_lanes = checkpoint.lanes
     sampling.seconds, sampling.earlier_rays = checkpoint.seconds, sampling.film.rays
     if checkpoint.under_way:

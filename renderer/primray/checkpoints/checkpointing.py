@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import CheckpointError, PrimrayError, SettingsError
+from ..settings.in_stage import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostic
@@ -38,7 +39,7 @@ class Checkpointing:
     """
 
     file: Path
-    every_s: float = DEFAULT_EVERY_S
+    every_s: float | None = None  # None: as the stage asks, else 60
     resume: Path | None = None
 
     if TYPE_CHECKING:
@@ -46,14 +47,14 @@ class Checkpointing:
         def __init__(
             self,
             file: str | os.PathLike[str],
-            every_s: float = DEFAULT_EVERY_S,
+            every_s: float | None = None,
             resume: str | os.PathLike[str] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "file", Path(self.file))
         object.__setattr__(self, "resume", None if self.resume is None else Path(self.resume))
-        if not (math.isfinite(self.every_s) and self.every_s > 0):
+        if self.every_s is not None and not (math.isfinite(self.every_s) and self.every_s > 0):
             raise SettingsError(f"checkpoints are written every so many seconds above 0, not {self.every_s}")
 
     def check(self) -> None:
@@ -78,7 +79,8 @@ class Checkpointing:
 
         sampling, about = begin(prepared, diagnostics, self.resume)
         resumed_at = sampling.mean_samples()
-        saver = Saver(about, self.every_s, lambda: self.file)
+        every_s = self.every_s or prepared.asked.of(CHECKPOINT_EVERY) or DEFAULT_EVERY_S
+        saver = Saver(about, every_s, lambda: self.file)
         try:
             pauses.run(sampling, progress, (saver, *savings))
         finally:

@@ -71,6 +71,7 @@ def camera_rows(facts: dict[str, Any], shown: int | None) -> Iterator[Row]:
 def _output_rows(outputs: dict[str, Any], shown: int | None) -> Iterator[Row]:
     settings = [f"{s['path']}{'' if s['followed'] else ', not followed'}" for s in outputs["render_settings"]]
     yield from _listed("render settings", settings, shown)
+    yield from _listed("stage asks", [_asked(one) for one in outputs["settings_taken"]], shown)
     yield from _listed("product", [_product(product) for product in outputs["products"]], shown)
     passes = [p["path"] + (f", from {p['render_settings']}" if p["render_settings"] else "") for p in outputs["render_passes"]]
     yield from _listed("render pass", passes, shown)
@@ -78,7 +79,19 @@ def _output_rows(outputs: dict[str, Any], shown: int | None) -> Iterator[Row]:
 
 def _product(product: dict[str, Any]) -> str:
     variables = ", ".join(variable["name"] for variable in product["variables"])
-    return f"{product['path']} to {product['file']}: {variables or 'the picture'}"
+    view = product["view"]
+    shown = "" if view is None else f", shown as {_view(view)}"
+    return f"{product['path']} to {product['file']}: {variables or 'the picture'}{shown}"
+
+
+def _asked(one: dict[str, Any]) -> str:
+    value = f"{one['value']:g}" if isinstance(one["value"], float) else one["value"]
+    return f"{one['setting']} {value}, by {one['prim']}.{one['attribute']}"
+
+
+def _view(view: dict[str, Any]) -> str:
+    names = [view[name] for name in ("view", "display", "look") if view[name] is not None]
+    return ", ".join(names or ["the default view"]) + (f" at {view['exposure']:+g} stops" if view["exposure"] else "")
 
 
 def _motion_rows(motion: dict[str, Any] | None) -> Iterator[Row]:

@@ -83,9 +83,10 @@ def view_of(view: str | None, correction: ColorCorrection | None) -> str | None:
     return VIEWS[correction]
 
 
-def exposure_of(stops: str) -> float | Literal["auto"]:
-    if stops == "auto":
-        return "auto"
+def exposure_of(stops: str | None) -> float | Literal["auto"] | None:
+    """Return the exposure of views; None where it is left to the stage."""
+    if stops is None or stops == "auto":
+        return None if stops is None else "auto"
     try:
         number = float(stops)
     except ValueError:

@@ -81,11 +81,21 @@ Snapshot = Annotated[
     typer.Option("--snapshot", metavar="S", help="Write the picture so far every so many seconds.", show_default=False),
 ]
 Exposure = Annotated[
-    str, typer.Option("--exposure", metavar="STOPS", help="Of PNG, JPEG and TIFF; auto: as the view needs it, for all frames.")
+    str | None,
+    typer.Option(
+        "--exposure",
+        metavar="STOPS",
+        help="Of PNG, JPEG and TIFF; auto: as the view needs it, for all frames.",
+        show_default="the product's, else 0",
+    ),
 ]
 Denoise = Annotated[
-    bool,
-    typer.Option("--denoise", help="A denoised picture beside the record, with its error; views show it (primray[denoise])."),
+    bool | None,
+    typer.Option(
+        "--denoise/--no-denoise",
+        help="A denoised picture beside the record, with its error; views show it (primray[denoise]).",
+        show_default="the stage's, else not",
+    ),
 ]
 StopAtWhich = Annotated[
     StopAt, typer.Option("--stop-at", help="Whose error --target-error is of; denoised: as --denoise, at relmse or rmse.")

@@ -40,7 +40,7 @@ class Looks:
     view: str | None = None
     display: str | None = None
     look: str | None = None
-    exposure: float | Literal["auto"] = 0.0
+    exposure: float | Literal["auto"] | None = None  # None: as the stage's product asks, else 0
     make_folders: bool = False
     chose_exposure: bool = False
     tev: TevOutputs = field(default_factory=TevOutputs)
@@ -68,7 +68,11 @@ class Looks:
             return self
 
     def view_of(self, image: Image) -> View:
-        return self.view_from(image.color_space)
+        return image.view_of(self.view, self.display, self.look)
+
+    def stops_of(self, image: Image) -> float:
+        """Return the exposure of views of the image."""
+        return image.file.view.exposure if self.exposure is None else 0.0 if self.exposure == "auto" else self.exposure
 
     def view_from(self, space: ColorSpace) -> View:
         from ..images.exposure import View
@@ -143,7 +147,7 @@ def save(image: Image, file: str, looks: Looks) -> None:
 
     if shows_view(Path(f"picture{suffix_of(file)}"), looks.encoding):
         looks = looks.settled(image)
-    exposure = 0.0 if looks.exposure == "auto" else looks.exposure
+    exposure = looks.stops_of(image)
     if is_standard(file):
         return write_standard(lambda path: image.write(path, looks.view_of(image), exposure, looks.encoding), file)
     image.write(check_output_path(file), looks.view_of(image), exposure, looks.encoding)
@@ -261,7 +265,10 @@ def _faults_of_view(image: Image, files: list[str], looks: Looks, held: Held) ->
     names = [Path(f"picture{suffix_of(file)}") for file in files if not is_tev(file)]
     faults, view = [], looks.view_of(image)
     if looks.exposure != "auto" and any(shows_view(name, looks.encoding) for name in names):
-        faults += [None if looks.names_space else view.assumption(), view_fault(image.shown.pixels, view, looks.exposure)]
+        faults += [
+            None if looks.names_space else view.assumption(),
+            view_fault(image.shown.pixels, view, looks.stops_of(image)),
+        ]
     for held_image in _held_by_exrs(image, files, held):
         faults += [fault for fault in faults_of_exr(held_image, looks.encoding) if fault not in faults]
     return [fault.as_json() for fault in faults if fault is not None]

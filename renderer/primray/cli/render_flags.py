@@ -17,7 +17,7 @@ Samples = Annotated[
         "--max-samples",
         metavar="N",
         help="Samples per pixel; a cap where an error or a time is asked for.",
-        show_default="64, or no cap",
+        show_default="the stage's, else 64, or no cap",
     ),
 ]
 TargetError = Annotated[
@@ -25,11 +25,12 @@ TargetError = Annotated[
     typer.Option("--target-error", metavar="E", help="Stop when the error is estimated to be no larger.", show_default=False),
 ]
 ErrorMetric = Annotated[
-    Metric,
+    Metric | None,
     typer.Option(
         "--error-metric",
         "--metric",
         help="relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse after the view, in 8-bit steps.",
+        show_default="the stage's, else relmse",
     ),
 ]
 TimeLimit = Annotated[
@@ -48,9 +49,14 @@ Adaptive = Annotated[
 ]
 MaxDepth = Annotated[
     int | None,
-    typer.Option("--max-depth", metavar="N", help="Surface scatterings, 1 = direct light only.", show_default="no limit"),
+    typer.Option(
+        "--max-depth",
+        metavar="N",
+        help="Surface scatterings, 1 = direct light only.",
+        show_default="the stage's, else no limit",
+    ),
 ]
-PixelFilter = Annotated[Filter, typer.Option("--filter", help="Pixel filter.")]
+PixelFilter = Annotated[Filter | None, typer.Option("--filter", help="Pixel filter.", show_default="the stage's, else box")]
 FilterWidth = Annotated[
     float | None, typer.Option("--filter-width", metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
 ]

@@ -111,6 +111,13 @@ MaterialContext = Annotated[
     RenderContext,
     typer.Option("--render-context", help="Of a material that has both, the surface output that counts."),
 ]
+NoTranslatedShaders = Annotated[
+    bool,
+    typer.Option(
+        "--no-translated-shaders",
+        help="Materials that carry only Arnold's, RenderMan's or Houdini's shaders show displayColor.",
+    ),
+]
 Purposes = Annotated[
     str | None,
     typer.Option(
@@ -163,7 +170,13 @@ Region = Annotated[
     ),
 ]
 MotionError = Annotated[
-    float, typer.Option("--motion-error", metavar="PIXELS", help="Pixels that the path of anything may be off.")
+    float | None,
+    typer.Option(
+        "--motion-error",
+        metavar="PIXELS",
+        help="Pixels that the path of anything may be off.",
+        show_default="the stage's, else 0.02",
+    ),
 ]
 LensFlaws = Annotated[
     list[str] | None,

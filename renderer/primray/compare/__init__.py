@@ -6,26 +6,65 @@ The package shares its name with the function `primray.compare`. Importing it co
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, overload
 
 if TYPE_CHECKING:
-    from ..images.aov import Aov
+    import numpy as np
+
     from ..images.image import Image
     from ..images.image_file import MeasuredImage
     from .comparison import Comparison
+    from .opened import Comparable
+    from .sequences import SequenceComparison
+
+
+@overload
+def compare(
+    a: Image | MeasuredImage | np.ndarray[Any, Any],
+    b: Comparable,
+    *,
+    alpha: float = ...,
+    tolerance: float = ...,
+    tile: int = ...,
+    aovs: Iterable[str] = ...,
+) -> Comparison: ...
+
+
+@overload
+def compare(
+    a: str | os.PathLike[str],
+    b: Image | MeasuredImage | np.ndarray[Any, Any],
+    *,
+    alpha: float = ...,
+    tolerance: float = ...,
+    tile: int = ...,
+    aovs: Iterable[str] = ...,
+) -> Comparison: ...
+
+
+@overload
+def compare(
+    a: str | os.PathLike[str],
+    b: str | os.PathLike[str],
+    *,
+    alpha: float = ...,
+    tolerance: float = ...,
+    tile: int = ...,
+    aovs: Iterable[str] = ...,
+) -> Comparison | SequenceComparison: ...
 
 
 def compare(
-    a: str | os.PathLike[str] | Image | MeasuredImage,
-    b: str | os.PathLike[str] | Image | MeasuredImage,
+    a: Comparable,
+    b: Comparable,
     *,
     alpha: float = 0.001,
     tolerance: float = 0.01,
     tile: int = 32,
     aovs: Iterable[str] = (),
-) -> Comparison:
-    """Whether picture `b` has changed from `a` beyond their noise, each an image or the path of an EXR with error channels.
+) -> Comparison | SequenceComparison:
+    """Whether picture `b` has changed from `a` beyond their noise, each an image, an array or the path of a file.
 
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=8)
     >>> image.save("before.exr").name
@@ -37,39 +76,24 @@ def compare(
     tiles are `tile` pixels across. `aovs` names outputs beside the pictures that are judged as well, ["all"] all that both
     have: means of samples by their errors (`aov_errors`), ids by names, what is exact by its values. SettingsError if the two
     cannot be compared.
+
+    Where neither has standard errors (arrays, .npy files, PNGs, EXRs of others) values alone are judged: `Comparison.by` is
+    "values", or "display" for display values (PNG, JPEG, TIFF; arrays of uint8 and uint16), whose differences are shares of
+    white. Two folders, or two names with a place for the frame's number ("a/shot.####.exr", "b/shot.%04d.exr"), are compared
+    pair by pair; the result is a SequenceComparison then.
     """
     from .aov_tests import compare_with_aovs
     from .comparison import compare as compare_measured
+    from .opened import aovs_of, opened
+    from .sequences import compare_pairs, pairing
 
-    if isinstance(aovs, str):
-        aovs = [aovs]
-    pictures, asked = (_opened(a), _opened(b)), list(aovs)
+    asked = [aovs] if isinstance(aovs, str) else list(aovs)
+    if isinstance(a, str | os.PathLike) and isinstance(b, str | os.PathLike):
+        found = pairing(os.fspath(a), os.fspath(b))
+        if found is not None:
+            return compare_pairs(found, alpha=alpha, tolerance=tolerance, tile=tile, aovs=asked)
+    pictures = opened(a), opened(b)
     if not asked:
         return compare_measured(*pictures, alpha=alpha, tolerance=tolerance, tile=tile)
-    both = _aovs_of(a), _aovs_of(b)
+    both = aovs_of(a), aovs_of(b)
     return compare_with_aovs(pictures, both, asked, alpha=alpha, tolerance=tolerance, tile=tile)
-
-
-def _aovs_of(picture: object) -> Mapping[str, Aov]:
-    from ..images.image import Image
-    from .aov_tests import aovs_in
-
-    if isinstance(picture, str | os.PathLike):
-        return aovs_in(picture)
-    return picture.aovs if isinstance(picture, Image) else {}
-
-
-def _opened(picture: object) -> MeasuredImage:
-    from ..errors import SettingsError
-    from ..images.image import Image
-    from ..images.image_file import MeasuredImage, read_image
-    from ..images.measured import measured
-
-    if isinstance(picture, str | os.PathLike):
-        return read_image(picture)
-    if isinstance(picture, Image):
-        return measured(picture)
-    if not isinstance(picture, MeasuredImage):
-        kind = type(picture).__name__
-        raise SettingsError(f"pictures are compared as a primray.Image or an EXR's path, not {kind}: errors belong to them")
-    return picture

@@ -2,7 +2,8 @@
 
 `changed`: a difference of at least `tolerance` (relative) that noise explains with a probability below `alpha`, over all tiles
 and statistics together. `undecided`: no such difference, but the noise of a tile is so large that one of that size could hide.
-`unchanged`: neither. The tests are difference_tests.py's, what they rest on is in difference.py.
+`unchanged`: neither. The tests are difference_tests.py's, what they rest on is in difference.py. Where neither picture has
+error channels, by_values.py judges by size alone, and nothing is undecided.
 """
 
 from __future__ import annotations
@@ -16,8 +17,12 @@ import numpy as np
 from ..arrays import Doubles
 from ..errors import SettingsError
 from ..images.image_file import MeasuredImage
+from .by_values import DISPLAY_NOTE, LINEAR_NOTE, apart
 from .difference import Difference, difference
-from .difference_tests import Family, Resolution, Tests, threshold
+from .difference_tests import Family, Grid, Resolution, Tests, threshold
+from .difference_tests import tiles as tiles_of
+from .difference_tests import whole as whole_of
+from .flip import Flip, flip, has_flip
 
 DEFAULT_ALPHA = 0.001
 DEFAULT_TOLERANCE = 0.01
@@ -113,8 +118,8 @@ class Comparison:
     tolerance: float
     tiles: tuple[Tile, ...]
     finding: Finding | None  # of the image as a whole
-    relative: float  # mean difference of the image, relative, with its standard error
-    relative_error: float
+    relative: float  # mean difference of the image, relative (of display values: white is 1), with its standard error
+    relative_error: float | None  # None: neither picture has errors
     needs: Needs | None  # of an undecided comparison
     unjudged_pixels: int  # without an estimate of their error, or finite in neither picture
     identical: bool  # bit for bit
@@ -122,10 +127,13 @@ class Comparison:
     notes: tuple[str, ...]
     tile: int = DEFAULT_TILE  # pixels across
     aovs: tuple[AovComparison, ...] = ()  # those that were asked for; the verdict is of them as well
+    by: str = "errors"  # what judged: standard errors, "values" of scene-linear pictures without them, or "display" values
+    flip: Flip | None = None  # of display values, where its package is installed
 
     def __repr__(self) -> str:
         tiles = ", ".join(f"{self.count(verdict)} {verdict.value}" for verdict in Verdict if self.count(verdict))
-        mean = f"{100 * self.relative:+.3g} % +- {100 * self.relative_error:.2g} %"
+        mean = f"{100 * self.relative:+.3g} %"
+        mean += "" if self.relative_error is None else f" +- {100 * self.relative_error:.2g} %"
         return f"<Comparison {self.verdict.value}; tiles: {tiles}; mean difference {mean}>"
 
     def __bool__(self) -> bool:
@@ -144,9 +152,12 @@ def compare(
     tolerance: float = DEFAULT_TOLERANCE,
     tile: int = DEFAULT_TILE,
 ) -> Comparison:
-    """SettingsError if the two cannot be compared."""
-    _check(alpha, tolerance, tile)
+    """Judge by standard errors, or by values where neither has any; SettingsError if the two cannot be compared."""
+    check_criteria(alpha, tolerance, tile)
     of = difference(a, b)
+    if a.stderr is None and b.stderr is None:
+        seen = flip(a, b) if a.is_display and has_flip() else None
+        return _compared_by_values(of, alpha, tolerance, tile, a.is_display, seen)
     tests = Tests(of, tile)
     families, resolution = tests.run()
     findings = _findings(families, alpha, of.channels)
@@ -177,7 +188,52 @@ def compare(
     )
 
 
-def _check(alpha: float, tolerance: float, tile: int) -> None:
+def _compared_by_values(
+    of: Difference, alpha: float, tolerance: float, tile: int, display: bool, seen: Flip | None
+) -> Comparison:
+    """Call a region changed that differs by the tolerance; a change that is spread thinly may show in the whole alone."""
+    shape = of.judged.shape
+    finest, image = tiles_of(shape, tile), whole_of(shape)
+    tiles = tuple(_tiles_by_values(of, finest, tolerance, display))
+    (everything,) = _tiles_by_values(of, image, tolerance, display)
+    changed = any(one.verdict is Verdict.CHANGED for one in (*tiles, everything))
+    identical = not of.d.any() and bool(of.judged.all())
+    notes = of.notes if identical else (*of.notes, DISPLAY_NOTE if display else LINEAR_NOTE)
+    return Comparison(
+        verdict=Verdict.CHANGED if changed else Verdict.UNCHANGED,
+        alpha=alpha,
+        tolerance=tolerance,
+        tiles=tiles,
+        finding=everything.finding,
+        relative=everything.relative,
+        relative_error=None,
+        needs=None,
+        unjudged_pixels=int(of.judged.size - np.count_nonzero(of.judged | of.broken)),
+        identical=identical,
+        of=of,
+        notes=notes,
+        tile=tile,
+        by="display" if display else "values",
+        flip=seen,
+    )
+
+
+def _tiles_by_values(of: Difference, grid: Grid, tolerance: float, display: bool) -> list[Tile]:
+    found = apart(of, grid, display)
+    broken = grid.sum(of.broken.astype(np.float64)) > 0
+    tiles = []
+    for y, x in np.ndindex(*found.size.shape):
+        size, signed, box = float(found.size[y, x]), float(found.signed[y, x]), grid.box(y, x)
+        finding = Finding("values", "RGB", box, -math.inf, size, signed) if size > 0 else None
+        if broken[y, x]:
+            finding = Finding("not-finite", "RGB", box, -math.inf, math.inf, math.inf)
+        changed = finding is not None and _matters(finding, tolerance)
+        tiles.append(Tile(box, Verdict.CHANGED if changed else Verdict.UNCHANGED, signed, 0.0, finding))
+    return tiles
+
+
+def check_criteria(alpha: float, tolerance: float, tile: int) -> None:
+    """SettingsError for criteria that no comparison can have."""
     if not 0 < alpha < 1:
         raise SettingsError(f"the false-alarm rate must be between 0 and 1, not {alpha}", code="alpha")
     if not (math.isfinite(tolerance) and tolerance >= 0):

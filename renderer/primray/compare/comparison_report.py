@@ -21,6 +21,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
     return {
         "verdict": comparison.verdict.value,
         "identical": comparison.identical,
+        "by": comparison.by,
         "alpha": comparison.alpha,
         "tolerance": comparison.tolerance,
         "relation": comparison.of.relation.name.lower(),
@@ -43,7 +44,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
             for tile in comparison.tiles
         ],
         "aovs": {aov.name: _aov_json(aov) for aov in comparison.aovs},
-    }
+    } | ({} if comparison.flip is None else {"flip": comparison.flip.as_json()})
 
 
 def _aov_json(aov: AovComparison) -> dict[str, Any]:
@@ -63,7 +64,7 @@ def _finding_json(finding: Finding | None) -> dict[str, Any] | None:
         "kind": finding.kind,
         "channel": finding.channel,
         "box": list(finding.box),
-        "p": finding.p,
+        "p": finding.p if finding.kind != "values" else None,  # without errors, nothing is known of chance
         "relative": _number(finding.relative),
         "signed": _number(finding.signed),
     }
@@ -80,8 +81,10 @@ def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
     yield f"{comparison.verdict.value}: {name_a} (A) and {name_b} (B), {width} x {height}"
     if comparison.identical:
         yield "  the pictures are the same bit for bit"
-    else:
+    elif comparison.by == "errors":
         yield from _picture_lines(comparison)
+    else:
+        yield from _value_lines(comparison)
     for aov in comparison.aovs:
         yield from _aov_lines(aov)
     for note in comparison.notes:
@@ -89,12 +92,21 @@ def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
 
 
 def _picture_lines(comparison: Comparison) -> Iterator[str]:
+    assert comparison.relative_error is not None
     yield (
         f"  the picture as a whole: B is {_percent(comparison.relative)} {_than(comparison.relative)} "
         f"(standard error {_percent(comparison.relative_error)})"
     )
     if comparison.finding is not None and _worth_telling(comparison.finding, comparison.tolerance):
         yield f"  the picture as a whole: {_words(comparison.finding, comparison.tolerance)}"
+    yield from _tile_lines(comparison)
+    if comparison.needs is not None:
+        yield f"  {needs_sentence(comparison.needs, comparison.tolerance)}"
+    if comparison.unjudged_pixels:
+        yield f"  {comparison.unjudged_pixels} pixels have no estimate of their error (fewer than two samples, or no numbers)"
+
+
+def _tile_lines(comparison: Comparison) -> Iterator[str]:
     counts = ", ".join(f"{comparison.count(verdict)} {verdict.value}" for verdict in _ORDER if comparison.count(verdict))
     yield f"  tiles: {counts}"
     shown = [
@@ -103,13 +115,23 @@ def _picture_lines(comparison: Comparison) -> Iterator[str]:
         if tile.verdict is not Verdict.UNCHANGED or (tile.finding and _worth_telling(tile.finding, comparison.tolerance))
     ]
     for tile in shown[:TILES_SHOWN]:
-        yield f"    {_tile_line(tile, comparison.tolerance)}"
+        yield f"    {tile_line(tile, comparison.tolerance, comparison.by)}"
     if len(shown) > TILES_SHOWN:
         yield f"    and {len(shown) - TILES_SHOWN} more"
-    if comparison.needs is not None:
-        yield f"  {needs_sentence(comparison.needs, comparison.tolerance)}"
+
+
+def _value_lines(comparison: Comparison) -> Iterator[str]:
+    """Describe a comparison without standard errors: by how much, in which measure, and no probabilities."""
+    white = " of white" if comparison.by == "display" else ""
+    if comparison.finding is not None and comparison.finding.kind == "values":
+        size = _percent(comparison.finding.relative)
+        whole = f"B is {_percent(comparison.relative)}{white} {_than(comparison.relative)}"
+        yield f"  the picture as a whole: {whole}; root mean square of the difference: {size}{white}"
+    yield from _tile_lines(comparison)
     if comparison.unjudged_pixels:
-        yield f"  {comparison.unjudged_pixels} pixels have no estimate of their error (fewer than two samples, or no numbers)"
+        yield f"  {comparison.unjudged_pixels} pixels are no numbers in either picture"
+    if comparison.flip is not None:
+        yield f"  {comparison.flip.line()}"
 
 
 _BY = {
@@ -141,13 +163,14 @@ def worst_tiles(comparison: Comparison) -> list[Tile]:
     """Changed ones by how much, undecided ones by how badly they can be seen, then the rest."""
 
     def key(tile: Tile) -> tuple[int, float]:
-        changed = tile.verdict is Verdict.CHANGED and tile.finding is not None
-        return _ORDER.index(tile.verdict), -(tile.finding.relative if changed and tile.finding else tile.resolution)
+        by_finding = tile.finding is not None and (tile.verdict is Verdict.CHANGED or tile.finding.kind == "values")
+        return _ORDER.index(tile.verdict), -(tile.finding.relative if by_finding and tile.finding else tile.resolution)
 
     return sorted(comparison.tiles, key=key)
 
 
-def _tile_line(tile: Tile, tolerance: float) -> str:
+def tile_line(tile: Tile, tolerance: float, by: str) -> str:
+    """Describe what a tile's verdict rests on, and where the tile is."""
     x0, y0, x1, y1 = tile.box
     place = f"x {x0} to {x1 - 1}, y {y0} to {y1 - 1}"
     if tile.verdict is Verdict.UNDECIDED:
@@ -155,6 +178,9 @@ def _tile_line(tile: Tile, tolerance: float) -> str:
         found = f"; {_words(tile.finding, tolerance)}" if tile.finding else ""
         return f"{place}: undecided, noise could hide a difference {hides}{found}"
     assert tile.finding is not None
+    if tile.finding.kind == "values":
+        size = f"{_percent(tile.finding.relative)}{' of white' if by == 'display' else ''}"
+        return f"{place}: differs by {size}" + ("" if tile.verdict is Verdict.CHANGED else ", below the tolerance")
     return f"{place}: {_words(tile.finding, tolerance)}"
 
 

@@ -118,15 +118,13 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
     if a.frame is not None and b.frame is not None and a.frame != b.frame:
         sentence = f"the pictures show different parts of their frames: {_shown(a.frame)} and {_shown(b.frame)}"
         raise SettingsError(sentence, where=b.name, code="image-size")
-    if a.stderr is None and b.stderr is None and not _same_bits(a, b):
-        sentence = "neither picture has error channels (stderr.R, stderr.G, stderr.B), so no difference can be judged"
-        if a.is_display:
-            sentence += ": both have display values; the EXRs of their renders have errors"
-        raise SettingsError(sentence, where=b.name, code="no-error-channels")
     notes = []
     if a.stored != b.stored:
         notes.append(f"A is stored as {a.stored}, B as {b.stored}: they differ by rounding, at least")
-    notes += [f"{which} has no error channels: it is taken as exact" for which, i in (("A", a), ("B", b)) if i.stderr is None]
+    if a.stderr is not None or b.stderr is not None:
+        notes += [
+            f"{which} has no error channels: it is taken as exact" for which, i in (("A", a), ("B", b)) if i.stderr is None
+        ]
 
     channels, pixels_a, pixels_b = _channels(a, b, notes)
     finite_a, finite_b = np.isfinite(pixels_a).all(axis=0), np.isfinite(pixels_b).all(axis=0)
@@ -169,13 +167,6 @@ def _rounding(picture: MeasuredImage, largest: Doubles) -> Doubles:
     half_ulp = _HALF_ULP_OF_HALF if picture.stored == "half" else _HALF_ULP
     found: Doubles = (half_ulp * largest) ** 2 * (picture.stderr is not None)
     return found
-
-
-def _same_bits(a: MeasuredImage, b: MeasuredImage) -> bool:
-    if (a.alpha is None) != (b.alpha is None):
-        return False
-    same_alpha = a.alpha is None or b.alpha is None or bool(np.array_equal(a.alpha, b.alpha, equal_nan=True))
-    return same_alpha and bool(np.array_equal(a.pixels, b.pixels, equal_nan=True))
 
 
 def _channels(a: MeasuredImage, b: MeasuredImage, notes: list[str]) -> tuple[tuple[str, ...], Doubles, Doubles]:

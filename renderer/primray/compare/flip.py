@@ -1,7 +1,7 @@
 """How different two pictures look when one is shown after the other: FLIP, by its authors' package (extra primray[flip]).
 
-HDR-FLIP (Andersson et al. 2021), over the exposures that it chooses for the first picture. It knows nothing of noise:
-beside the verdict, it changes none.
+HDR-FLIP (Andersson et al. 2021), over the exposures that it chooses for the first picture; of display values LDR-FLIP
+(Andersson et al. 2020), which takes them to be sRGB. It knows nothing of noise: beside the verdict, it changes none.
 """
 
 from __future__ import annotations
@@ -28,25 +28,28 @@ class Flip:
 
     errors: Floats
     pixels_per_degree: float
-    exposures: tuple[float, float, int]  # the first and the last, in stops, and how many
+    exposures: tuple[float, float, int] | None  # the first and the last, in stops, and how many; None: of display values
 
     @property
     def mean(self) -> float:
         return float(self.errors.mean())
 
+    @property
+    def kind(self) -> str:
+        return "LDR" if self.exposures is None else "HDR"
+
     def as_json(self) -> dict[str, Any]:
-        first, last, count = self.exposures
         return {
             "mean": self.mean,
             "largest": float(self.errors.max()),
+            "kind": self.kind,
             "pixels_per_degree": self.pixels_per_degree,
-            "exposures": {"first": first, "last": last, "count": count},
+            "exposures": None if self.exposures is None else dict(zip(("first", "last", "count"), self.exposures, strict=True)),
         }
 
     def line(self) -> str:
-        return (
-            f"FLIP: mean {self.mean:.4f}, largest {self.errors.max():.3f} (HDR, {self.pixels_per_degree:.0f} pixels a degree)"
-        )
+        degree = f"{self.pixels_per_degree:.0f} pixels a degree"
+        return f"FLIP: mean {self.mean:.4f}, largest {self.errors.max():.3f} ({self.kind}, {degree})"
 
 
 def has_flip() -> bool:
@@ -64,8 +67,11 @@ def flip(a: MeasuredImage, b: MeasuredImage) -> Flip:
     check_flip()
     if a.resolution != b.resolution:
         raise SettingsError(f"pictures of {a.resolution} and {b.resolution} cannot be compared", code="compare-size")
-    errors, _, says = import_module(PACKAGE).evaluate(_shown(a), _shown(b), "HDR", applyMagma=False, computeMeanError=False)
-    exposures = float(says["startExposure"]), float(says["stopExposure"]), int(says["numExposures"])
+    kind, shown = ("LDR", _displayed) if a.is_display else ("HDR", _shown)
+    errors, _, says = import_module(PACKAGE).evaluate(shown(a), shown(b), kind, applyMagma=False, computeMeanError=False)
+    exposures = None
+    if not a.is_display:
+        exposures = float(says["startExposure"]), float(says["stopExposure"]), int(says["numExposures"])
     return Flip(np.asarray(errors, np.float32).reshape(a.pixels.shape[:2]), float(says["ppd"]), exposures)
 
 
@@ -74,4 +80,9 @@ def _shown(image: MeasuredImage) -> Floats:
     rgb = np.where(np.isfinite(image.pixels), image.pixels, np.float32(0))
     rgb = transformed(rgb, matrix(space_of(image.chromaticities), REC709))
     made: Floats = np.ascontiguousarray(np.maximum(rgb, 0), np.float32)
+    return made
+
+
+def _displayed(image: MeasuredImage) -> Floats:
+    made: Floats = np.ascontiguousarray(np.clip(image.pixels, 0, 1), np.float32)
     return made

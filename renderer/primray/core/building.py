@@ -43,10 +43,12 @@ def build(
 
     `shapes`, where given, are used in place of the description's and let go on the way: the list is empty afterwards.
     """
-    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
+    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     record = SceneRecord() if description.aovs else None
     try:
-        scene, uploaded = hand_over(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record)
+        scene, uploaded = hand_over(
+            module(), description, textures, width, inverse_cdf(settings.pixel_filter, width), shapes, record
+        )
     except module().CoreError as error:
         raise_as_ours(error)
     return core_scene(scene, uploaded, description, record)

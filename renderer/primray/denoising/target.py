@@ -34,7 +34,7 @@ class DenoisedTarget:
         assert settings.target_error is not None
         self._denoising = denoising
         self._target = settings.target_error
-        self._metric = settings.error_metric
+        self._metric = settings.metric
         self._last: tuple[int, Denoised] | None = None
 
     def is_met(self, sampling: Sampling) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 COMPRESSIONS = ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
@@ -38,6 +38,20 @@ class Contents:
 
 
 @dataclass(frozen=True)
+class PictureView:
+    """How files of display values show the picture; None is OpenColorIO's default."""
+
+    view: str | None = None
+    display: str | None = None
+    look: str | None = None
+    exposure: float = 0.0  # in stops
+
+    @property
+    def is_default(self) -> bool:
+        return self.view is None and self.display is None and self.look is None
+
+
+@dataclass(frozen=True)
 class PictureFile:
     """`half` names channels, layers and parts as files.encoding.Encoding does; `header` has attributes by their names."""
 
@@ -48,10 +62,11 @@ class PictureFile:
     contents: Contents | None = None  # None: all that the image has
     products: tuple[tuple[str, PictureFile], ...] = ()  # files of the products that the image is for, by path
     lit_behind: bool = False  # there may be light behind what covers the picture, so views of it have no alpha
+    view: PictureView = PictureView()
 
     def beside(self) -> PictureFile:
         """Return what holds of another picture of the same view, such as a denoised one: what is behind it alone."""
-        return PictureFile(lit_behind=self.lit_behind)
+        return PictureFile(lit_behind=self.lit_behind, view=self.view)
 
     def as_json(self) -> dict[str, Any]:
         values: dict[str, Any] = {"half": list(self.half), "compression": self.compression, "level": self.level}
@@ -62,6 +77,8 @@ class PictureFile:
             values["products"] = [[path, file.as_json()] for path, file in self.products]
         if self.lit_behind:
             values["lit_behind"] = True
+        if self.view != PictureView():
+            values["view"] = asdict(self.view)
         return values
 
 
@@ -85,7 +102,15 @@ def picture_file_of_json(values: Mapping[str, Any]) -> PictureFile:
         None if values.get("contents") is None else _contents(values["contents"]),
         tuple((str(path), picture_file_of_json(file)) for path, file in values.get("products", ())),
         values.get("lit_behind") is True,
+        _view(values.get("view", {})),
     )
+
+
+def _view(values: Mapping[str, Any]) -> PictureView:
+    names = {name: values.get(name) for name in ("view", "display", "look")}
+    if not all(name is None or isinstance(name, str) for name in names.values()):
+        raise ValueError
+    return PictureView(**names, exposure=float(_number(values.get("exposure", 0.0))))
 
 
 def _contents(values: Mapping[str, Any]) -> Contents:

@@ -8,6 +8,7 @@ from ..aov_names import AovRequest
 from ..arrays import Doubles
 from ..camera import Camera
 from ..color.color_space import REC709, ColorSpace
+from ..settings.in_stage import NOTHING_ASKED, StageSettings
 from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, Linked
@@ -61,6 +62,7 @@ class SceneDescription:
     motion_steps: tuple[MotionSteps, ...] = ()  # of all that moves
     instances: tuple[str, ...] = ()  # those that shapes in native prototypes are named by, where AOVs are asked for
     file: PictureFile = PLAIN  # what the stage's product asks of the EXR
+    asked: StageSettings = NOTHING_ASKED  # settings of the render that the stage asks for
     # There are no lights and surfaces glow: a small picture decides whether a studio light is added (staging/judged_light.py).
     may_need_light: bool = False
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -113,7 +114,7 @@ def _is_bare(shape: Shape, bare: set[int]) -> bool:
     return not bare.isdisjoint(np.unique(shape.surface).tolist())
 
 
-def examine(scene: str, settings: RenderSettings, seconds: float) -> Examined:
+def examine(scene: str | os.PathLike[str] | Any, settings: RenderSettings, seconds: float) -> Examined:
     """Open, translate and build a stage and sample it for about so many seconds; the errors of a render where there is none."""
     costs, opening, diagnostics, steps = Costs(), Diagnostics(), Diagnostics(), WatchedSteps()
     with costs.stage("open"):

@@ -25,6 +25,7 @@ OF_MATERIALS = (
     "pattern-not-computed",
     "connection-type",
     "mdl-material",
+    "translated",
     "material-input",
 )
 MOSTLY = 0.9  # of what is seen

@@ -33,7 +33,7 @@ def inspect(
 def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> tuple[dict[str, Any], Diagnostics]:
     """The facts, and the diagnostics that they list."""
     from .. import usd
-    from ..render.prepare import open_once, with_additions
+    from ..render.prepare import open_once, with_additions, with_stage_settings
     from ..report.motion import motion_facts
     from ..report.summary import counts, primvar_names, summary
     from ..report.texture_sizes import texture_sizes
@@ -44,6 +44,7 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
     stage, diagnostics = opened.stage, opened.diagnostics
     description, translating = usd.translate(stage, settings)
     diagnostics.extend(translating)
+    settings, taken = with_stage_settings(settings, description.asked, diagnostics)
     description = with_additions(description, settings, diagnostics)
     note_missing_tiles(description, diagnostics)
     textures = texture_sizes(description, usd.read_asset)
@@ -55,7 +56,7 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
         "stage": usd.stage_facts(stage),
         "cameras": usd.camera_paths(stage),
         "camera": camera_facts(description),
-        "outputs": _outputs(stage, settings),
+        "outputs": _outputs(stage, settings) | {"settings_taken": taken.as_json()},
         "motion": motion_facts(description),
         "lights": light_facts(description),
         "materials": sorted({surface.path for surface in description.surfaces if surface.path}),

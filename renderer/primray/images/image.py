@@ -132,7 +132,7 @@ class Image:
         *,
         view: str | None = None,
         display: str | None = None,
-        exposure: float | Literal["auto"] = 0.0,
+        exposure: float | Literal["auto"] | None = None,
         look: str | None = None,
         bit_depth: Literal[8, 16, 32] | None = None,
         half: Iterable[str] = (),
@@ -142,8 +142,8 @@ class Image:
         flatten_over: tuple[float, float, float] | None = None,
     ) -> Path:
         """Write `path` whole or not at all; `view`, `display`, `exposure` (stops, or "auto": as the view needs them) and `look`
-        are for PNG, JPEG and TIFF, which show the picture alone, diffused if it is. RenderWarning where that is almost only
-        white, or only black.
+        are for PNG, JPEG and TIFF, which show the picture alone, diffused if it is; None is what the stage's product asks for,
+        or the default. RenderWarning where that is almost only white, or only black.
 
         `bit_depth` is a PNG's (8 or 16) or a TIFF's (16, 8, or 32: scene-linear floats). `half` names what an EXR stores as
         halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
@@ -153,16 +153,24 @@ class Image:
         """
         path = check_output_path(path)
         chosen, encoding = (
-            View(view, display, look, self.color_space),
+            self.view_of(view, display, look),
             Encoding(bit_depth, tuple(half), compression, level, tuple((header or {}).items()), flatten_over),
         )
+        stops = 0.0
         if shows_view(path, encoding):
-            exposure = self._stops(chosen, exposure)
-            faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, exposure))
+            stops = self._stops(chosen, exposure)
+            faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, stops))
             Announcer(path).tell([fault for fault in faults if fault is not None])
         if path.suffix.lower() == ".exr":
             Announcer(path).tell(faults_of_exr(self, encoding))
-        return self.write(path, chosen, 0.0 if exposure == "auto" else exposure, encoding)
+        return self.write(path, chosen, stops, encoding)
+
+    def view_of(self, view: str | None = None, display: str | None = None, look: str | None = None) -> View:
+        """Return the view of these names; where none is given, the one that the stage's product asks for, else the default."""
+        if view is None and display is None and look is None:
+            asked = self.file.view
+            view, display, look = asked.view, asked.display, asked.look
+        return View(view, display, look, self.color_space)
 
     def write(self, path: Path, view: View, exposure: float, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
         """`save`, to a path that has been checked and without a word about what the file does not show."""
@@ -196,20 +204,22 @@ class Image:
         *,
         view: str | None = None,
         display: str | None = None,
-        exposure: float | Literal["auto"] = 0.0,
+        exposure: float | Literal["auto"] | None = None,
         look: str | None = None,
     ) -> npt.NDArray[np.uint8]:
         """(H, W, 4) display values 0 to 255 with straight alpha: what `save` writes as PNG, with 255 where that has no alpha.
 
         `exposure` is in stops, or "auto": as the view needs them; `view`, `display` and `look` are names of the OpenColorIO
-        config, SettingsError where it has no such.
+        config, SettingsError where it has no such. What is None is as the stage's product asks, else the default.
         """
-        chosen = View(view, display, look, self.color_space)
+        chosen = self.view_of(view, display, look)
         encoded = _encode(self.shown.pixels, chosen, self._stops(chosen, exposure), keep_alpha=self._has_alpha)
         opaque = np.full((*encoded.shape[:2], 4 - encoded.shape[2]), 255, np.uint8)
         return np.concatenate([encoded, opaque], axis=2)
 
-    def _stops(self, view: View, exposure: float | Literal["auto"]) -> float:
+    def _stops(self, view: View, exposure: float | Literal["auto"] | None) -> float:
+        if exposure is None:
+            return self.file.view.exposure
         return exposure_that_serves(self.shown.pixels, view) if exposure == "auto" else exposure
 
     def show(self) -> None:
@@ -246,7 +256,7 @@ class Image:
         return f"<Image {', '.join(told)}>"
 
     def _repr_html_(self) -> str | None:
-        fault = view_fault(self.shown.pixels, View(space=self.color_space))
+        fault = view_fault(self.shown.pixels, self.view_of(), self.file.view.exposure)
         told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
         if self.errors is None:
             return picture_html(self._repr_png_, self.resolution, told)
@@ -258,7 +268,7 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
-            return self.write(Path(folder, "picture.png"), View(space=self.color_space), 0.0).read_bytes()
+            return self.write(Path(folder, "picture.png"), self.view_of(), self.file.view.exposure).read_bytes()
 
 
 def pixels_sha256(pixels: Floats) -> str:

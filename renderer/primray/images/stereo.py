@@ -59,7 +59,7 @@ class StereoImage:
         if is_joint(os.fspath(path)):
             return [self.write(check_output_path(path))]
         files = {eye: check_output_path(name_of_eye(os.fspath(path), eye)) for eye in Eye}
-        shown = view or View(space=self.left.color_space)
+        shown = view or self.left.view_of()
         return [self.views[eye].write(file, shown, exposure) for eye, file in files.items()]
 
     def write(self, path: Path, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable

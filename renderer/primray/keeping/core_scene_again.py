@@ -120,9 +120,9 @@ def _built(
     lights = LightUpload(core, builder)
     lights.add(d.lights, textures)
     uploaded = replace(uploaded, light_groups=lights.groups)
-    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
+    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     camera = camera_input(core, d.camera, d.frame)
-    builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.filter, width)))
+    builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)))
     return core_scene(builder.finish(), uploaded, d, scene.record) if builder.keeps_levels() else None
 
 

@@ -11,6 +11,7 @@ from ..description import SceneDescription
 
 _LONG = frozenset({"shapes", "static", "prototypes", "placements", "lights", "surfaces"})
 
+SETTINGS = "asked"  # what a stage asks of the render: no part of a scene is made of it
 ALL = frozenset(f.name for f in fields(SceneDescription))
 
 
@@ -18,7 +19,11 @@ def differing(one: SceneDescription, other: SceneDescription) -> frozenset[str]:
     """Names of fields. What is built twice from the same counts as different where it is long."""
     if one is other:
         return frozenset()
-    return frozenset(f.name for f in fields(one) if not _same_field(f.name, getattr(one, f.name), getattr(other, f.name)))
+    return frozenset(
+        f.name
+        for f in fields(one)
+        if f.name != SETTINGS and not _same_field(f.name, getattr(one, f.name), getattr(other, f.name))
+    )
 
 
 def same_items(some: tuple[Any, ...], others: tuple[Any, ...]) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..checkpoints.fingerprint import PARTS, fingerprint_of
 from ..render.steps import Steps
-from ..settings import Filter, Metric, RenderSettings
+from ..settings import Filter, RenderSettings
 from .asset_files import state_of
 from .differing import ALL, counts_alike, differing
 from .loaded import Loaded, load
@@ -40,7 +40,7 @@ def lasting(settings: RenderSettings) -> RenderSettings:
         settings,
         spp=None,
         target_error=None,
-        error_metric=Metric.RELMSE,
+        error_metric=None,
         time_limit_s=None,
         adaptive=None,
         sample_range=None,
@@ -180,7 +180,7 @@ class KeptSteps(Steps):
     ) -> CoreScene:
         kept, self._built = self._built, None
         description = replace(description, shapes=tuple(shapes))
-        looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.filter, settings.filter_width)
+        looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.pixel_filter, settings.filter_width)
         scene = None if kept is None else self._again(kept, description, filtered, looks, settings)
         if scene is None:
             kept = None  # before another one takes memory

@@ -24,7 +24,7 @@ def check(asked: RenderSettings) -> None:
             raise SettingsError(fault, where=name, code="parts-setting")
     if asked.denoise:
         check_denoiser()
-    if asked.error_metric is Metric.DISPLAY:  # measured here, of what comes from elsewhere
+    if asked.metric is Metric.DISPLAY:  # measured here, of what comes from elsewhere
         from ..sampling.error import DisplayView
 
         DisplayView().check()

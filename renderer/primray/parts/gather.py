@@ -56,7 +56,7 @@ class _Frame:
         self._asked = asked
         self._out = HandingOut(executor, asked, folder)
         self._schedule = Schedule(replace(asked, **by_samples(asked)), resumable=True)
-        self._curve = ErrorCurve(asked.error_metric)
+        self._curve = ErrorCurve(asked.metric)
         self._pace = Pace()
         self._waiting: dict[Range, Arrived] = {}  # beyond the goal
         self._goal = 0  # where the error is measured next, or the frame ends

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from ..errors import SettingsError
 
@@ -69,6 +69,40 @@ def with_number(name: str, number: int) -> str:
 
 def name_of_frame(name: str, frame: float | None) -> str:
     return frame_name(name).of(frame)
+
+
+def numbered_files(name: FrameName) -> dict[float, Path]:
+    """Return the files that a name with a place for the number stands for, by number, in its order."""
+    place = _HOLDER.search(name.pattern)
+    folder = Path(name.literal or ".")
+    if place is None or not folder.is_dir():
+        return {}
+    before, after = re.escape(name.pattern[: place.start()]), name.pattern[place.end() :]
+    rest = "".join(r"[-\d.]+" if k % 2 else re.escape(part) for k, part in enumerate(_split_at_holders(after)))
+    matching = re.compile(rf"{before}(-?\d+(?:\.\d+)?){rest}")
+    found = {}
+    for path in folder.iterdir():
+        match = matching.fullmatch(path.name)
+        # Whatever was matched too freely is not what the number makes of the name: another padding, two numbers that differ.
+        if match is not None and _is_name_of(name, float(match[1]), path.name):
+            found[float(match[1])] = path
+    return dict(sorted(found.items()))
+
+
+def _split_at_holders(text: str) -> list[str]:
+    """Return what lies between places for the number, and those places, in turns."""
+    parts, end = [], 0
+    for match in _HOLDER.finditer(text):
+        parts += [text[end : match.start()], match[0]]
+        end = match.end()
+    return [*parts, text[end:]]
+
+
+def _is_name_of(name: FrameName, number: float, text: str) -> bool:
+    try:
+        return _filled(name.pattern, number) == text
+    except SettingsError:  # a fraction where the name has no decimals
+        return False
 
 
 def check_names(names: Sequence[FrameName], frames: Sequence[float] | None) -> None:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..diagnostic_codes import Severity
 from ..errors import RenderCancelled, SettingsError
 from ..settings import RenderSettings
+from ..settings.in_stage import STOPS
 from .interruption import interruption
 
 if TYPE_CHECKING:
-    from ..diagnostics import Diagnostic
+    from ..diagnostics import Diagnostic, Diagnostics
     from ..images.image import Image
     from ..parts.executor import PartsExecutor
     from ..sampling.sampling import Progress
+
+ENDS = (*STOPS, "error_metric", "denoise")
 
 
 def render_in_parts(
@@ -30,6 +34,7 @@ def render_in_parts(
 
     if not isinstance(stage, str | os.PathLike):
         raise SettingsError("parts are rendered of a stage's file: give its path", where="stage", code="parts-setting")
+    settings, notes = with_ends_of_stage(os.fspath(stage), settings)
     stopped = False
 
     def watched(fraction: float, samples: int, rays: int) -> bool:
@@ -44,11 +49,30 @@ def render_in_parts(
             if stopped:
                 raise
             raise KeyboardInterrupt from None
+    known = image.report["diagnostics"]
+    rows = [*known, *(row for row in (note.as_json() for note in notes) if row not in known)]
+    image = replace(image, report={**image.report, "diagnostics": rows})
     if image.report["interrupted"] and on_interrupt == "raise":
         if stopped:
             raise RenderCancelled("the render was stopped by its progress callback")
         raise KeyboardInterrupt
     return image
+
+
+def with_ends_of_stage(stage: str, settings: RenderSettings) -> tuple[RenderSettings, Diagnostics]:
+    """Return the settings with what the stage says of when the render ends, where they leave that open: parts are ranges of
+    samples, so that it has to be known before there are any. All else parts find in the stage themselves."""
+    from .. import usd
+    from ..diagnostics import Diagnostics
+    from .prepare import open_once, with_stage_settings
+
+    notes = Diagnostics()
+    if settings.stops_early or settings.spp is not None:
+        return settings, notes
+    found = usd.products(open_once(stage, settings).stage, settings)
+    product = next((p for p in found if p.path == settings.product), found[0])
+    asked = replace(product.asked, asked=tuple(one for one in product.asked.asked if one.name in ENDS))
+    return with_stage_settings(settings, asked, notes)[0], notes
 
 
 def diagnostics_of(image: Image) -> list[Diagnostic]:

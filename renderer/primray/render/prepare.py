@@ -10,15 +10,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..aov_names import taxonomy_of
+from ..diagnostics import Diagnostics
 from ..errors import LimitError, SettingsError, UnsupportedError
 from ..garbage import without_collection
 from ..report.prepared import Prepared
 from ..settings import STAGING, Ground, Metric, RenderSettings
+from ..settings.in_stage import StageSettings
 from .steps import Steps
 
 if TYPE_CHECKING:
+    from ..color.color_space import ColorSpace
     from ..description import SceneDescription
-    from ..diagnostics import Diagnostics
+    from ..description.picture_file import PictureFile
     from ..report.report import Costs
     from ..report.summary import ImageSize
 
@@ -44,7 +47,6 @@ def composing_settings(settings: RenderSettings) -> tuple[Any, ...]:
 def open_once(stage: str | os.PathLike[str] | Any, settings: RenderSettings) -> OpenedStage:
     """Open a stage as `settings` compose it, for `render_frames` and to look at before."""
     from .. import usd
-    from ..diagnostics import Diagnostics
     from ..report.report import Costs
 
     costs, diagnostics = Costs(), Diagnostics()
@@ -90,6 +92,8 @@ def _prepare(
         description, translating = steps.translate(stage, settings)
         diagnostics.name_files(translating.shown)
         diagnostics.extend([*opening, *translating])
+        settings, asked = with_stage_settings(settings, description.asked, diagnostics)
+        file = _with_usable_views(description, diagnostics)
         description = with_additions(description, settings, diagnostics)
         description, textures = steps.load_textures(description, diagnostics, settings)
         diagnostics.raise_if_refused(settings.refusal)
@@ -108,7 +112,7 @@ def _prepare(
         from ..staging.ground_shadow import GroundShadow
 
         ground_shadow = GroundShadow(description, dict(textures), settings)
-    if settings.error_metric is Metric.DISPLAY:
+    if settings.metric is Metric.DISPLAY:
         _check_view(description, diagnostics, settings)
     settings = resolve_settings(settings, description)
     counted, motion = steps.count(description, settings, images)
@@ -131,8 +135,9 @@ def _prepare(
         assert scene.record is not None
         assets = usd.assets_of(stage, scene.record.shape_paths)
     prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
-    if description.file != PLAIN or is_lit_behind(description):
-        prepared = replace(prepared, file=replace(description.file, lit_behind=is_lit_behind(description)))
+    prepared = replace(prepared, asked=asked)
+    if file != PLAIN or is_lit_behind(description):
+        prepared = replace(prepared, file=replace(file, lit_behind=is_lit_behind(description)))
     labels = None
     if any(taxonomy_of(request.source) for request in description.aovs):
         labels = lambda prim, instance, taxonomy: usd.labels_of(stage, prim, instance, taxonomy, settings.time_code)  # noqa: E731
@@ -151,6 +156,52 @@ def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSetti
     if missing:
         message = f"no geometry is drawn, and what the stage refers to is missing: {missing[0].message}"
         raise UnsupportedError(message, where=missing[0].prim_path, code="nothing-to-render")
+
+
+def with_stage_settings(
+    settings: RenderSettings, asked: StageSettings, diagnostics: Diagnostics
+) -> tuple[RenderSettings, StageSettings]:
+    """Return the settings with what the stage asks for where they are open, and what of it was taken.
+
+    What cannot be had on this machine is reported, and left out.
+    """
+    if asked.of("denoise") and settings.denoise is None:
+        from ..denoising.denoiser import has_denoiser
+
+        if not has_denoiser():
+            one = next(one for one in asked.asked if one.name == "denoise")
+            message = (
+                f"{one.attribute}: there is no denoiser here (pip install primray[denoise]), so the picture is not denoised."
+            )
+            diagnostics.add("render-settings-input", one.prim, message, one.attribute)
+            asked = asked.without("denoise")
+    settings, taken = asked.applied_to(settings)
+    for one in taken:
+        if one.meaning:
+            diagnostics.add("foreign-settings", one.prim, f"{one.attribute} is taken for {one.meaning}.", one.attribute)
+    return settings, StageSettings(taken)
+
+
+def with_usable_view(file: PictureFile, space: ColorSpace, path: str, diagnostics: Diagnostics) -> PictureFile:
+    """Return what a product asks of its file, without a view that the OpenColorIO configuration does not have."""
+    asked = file.view
+    if asked.is_default:
+        return file
+    from ..images.exposure import View
+
+    try:
+        View(asked.view, asked.display, asked.look, space).check()
+    except SettingsError as error:
+        message = f"The view that its pictures are to have cannot be made, the default is used: {error.message}."
+        diagnostics.add("render-settings-input", path, message, "primray:view")
+        return replace(file, view=replace(asked, view=None, display=None, look=None))
+    return file
+
+
+def _with_usable_views(description: SceneDescription, diagnostics: Diagnostics) -> PictureFile:
+    file, space = description.file, description.rendering_space
+    products = tuple((path, with_usable_view(own, space, path, diagnostics)) for path, own in file.products)
+    return replace(with_usable_view(file, space, "", Diagnostics() if products else diagnostics), products=products)
 
 
 def with_additions(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
-from ..description.picture_file import PLAIN, Contents
+from ..description.picture_file import PLAIN, Contents, PictureView
 from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import SettingsError
 from ..images.product_name import place_left_out, product_path
 from ..settings import RenderSettings, SettingsValues, with_values
 from .frame_names import frame_name, with_number
-from .prepare import OpenedStage, open_once
+from .prepare import OpenedStage, open_once, with_usable_view
 from .render import rendered_frames
 from .settings_by_name import naming_settings
 
@@ -44,6 +44,7 @@ class Product:
     settings: RenderSettings
     picture: tuple[str, ...] = ()  # channels of the picture that it orders: "R" to "A", "stderr"
     notes: tuple[Diagnostic, ...] = ()  # what its file name is not as authored
+    view: PictureView = PLAIN.view  # how files of display values show it
 
     @property
     def has_parts(self) -> bool:
@@ -55,13 +56,16 @@ class Product:
         standard errors besides."""
         if not self.path:  # nothing is ordered anywhere
             return image
-        if self.notes:
-            rows = [*image.report["diagnostics"], *(note.as_json() for note in self.notes)]
-            image = replace(image, report={**image.report, "diagnostics": rows})
+        notes = list(self.notes)
         if self.has_parts:
             image = image.as_product(self.path)
         else:
-            image = replace(image, aovs={}, file=replace(PLAIN, contents=Contents(self.picture)))
+            found, file = Diagnostics(), replace(PLAIN, contents=Contents(self.picture), view=self.view)
+            image = replace(image, aovs={}, file=with_usable_view(file, image.color_space, self.path, found))
+            notes += found
+        if notes:
+            rows = [*image.report["diagnostics"], *(note.as_json() for note in notes)]
+            image = replace(image, report={**image.report, "diagnostics": rows})
         contents = image.file.contents
         if record and contents is not None:
             image = replace(image, file=replace(image.file, contents=replace(contents, picture=("R", "G", "B", "A", STDERR))))
@@ -96,6 +100,7 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
             replace(settings, product=p.path or None),
             usd.picture_ordered(p, settings),
             tuple(note for note in notes if note.prim_path == p.path),
+            p.file.view,
         )
         for p, file in zip(chosen, files, strict=True)
     ]

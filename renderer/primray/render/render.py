@@ -232,6 +232,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
     with kept_without("what rules the error", diagnostics):
         note_vague_error(prepared, report, pixels, errors, diagnostics)
+    report |= {"stage_settings": prepared.asked.as_json()} if prepared.asked.asked else {}
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report |= {"labels": of_labels} if of_labels else {}
     report["frame"] = asdict(prepared.frame)

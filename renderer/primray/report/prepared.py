@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..settings import RenderSettings
+from ..settings.in_stage import NOTHING_ASKED, StageSettings
 
 if TYPE_CHECKING:
     from ..aov_names import AovRequest
@@ -37,3 +38,4 @@ class Prepared:
     stage: str = ""  # the root layer's file name, without folders
     ground_shadow: GroundShadow | None = None  # where a ground shows only its shadow
     file: PictureFile | None = None  # what the stage's product asks of the EXR
+    asked: StageSettings = NOTHING_ASKED  # settings of the stage that the render follows

@@ -80,7 +80,11 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
         resolution_scale=1.0,
         time_code=description.time_code,
         rendering_color_space=description.rendering_space.name,
-        filter_width=width if width is not None else DEFAULT_FILTER_WIDTH[settings.filter],
+        error_metric=settings.metric,
+        denoise=settings.denoise is True,
+        filter=settings.pixel_filter,
+        motion_error=settings.most_motion_error,
+        filter_width=width if width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter],
         threads=settings.threads or usable_threads(),
     )
 
@@ -89,11 +93,13 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values = asdict(settings)
     values["camera"] = _camera_as_json(settings)
     values["auto_camera"] = settings.auto_camera.value
-    values["filter"] = settings.filter.value
+    values["filter"] = settings.filter.value if settings.filter is not None else None
     values["stop_at"] = settings.stop_at.value
-    values["error_metric"] = settings.error_metric.value
+    values["error_metric"] = settings.error_metric.value if settings.error_metric is not None else None
     values["default_wrap"] = settings.default_wrap.value
     values["render_context"] = settings.render_context.value
+    if settings.translated_shaders:  # as renders before there was a choice
+        del values["translated_shaders"]
     values["eye"] = settings.eye.value if settings.eye is not None else None
     values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
     values = {name: value for name, value in values.items() if name not in STAGING or value != STAGING[name]}

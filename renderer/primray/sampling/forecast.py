@@ -61,7 +61,7 @@ class Forecaster:
         row = self._row()
         if row is None:
             return None
-        measured = row.error.of(self.sampling.settings.error_metric)
+        measured = row.error.of(self.sampling.settings.metric)
         doublings = math.log2(max(samples / row.samples, 1.0))
         if doublings == 0 or not measured.value > 0:
             return measured
@@ -70,7 +70,7 @@ class Forecaster:
         return Estimate.around(measured.value * 2 ** (-half * self._rate() * doublings), spread)
 
     def _is_squared(self) -> bool:
-        return self.sampling.settings.error_metric is Metric.RELMSE
+        return self.sampling.settings.metric is Metric.RELMSE
 
     def _alike(self) -> list[Row]:
         """Measurements between which samples were chosen as they will be: from the first plan on, where there is one."""
@@ -84,7 +84,7 @@ class Forecaster:
         rows = self._alike()
         if len(rows) < 2:
             return ADAPTIVE_RATE
-        before, after = (row.error.of(self.sampling.settings.error_metric).value for row in rows[-2:])
+        before, after = (row.error.of(self.sampling.settings.metric).value for row in rows[-2:])
         if not (before > 0 and after > 0):
             return ADAPTIVE_RATE
         seen = math.log(before / after) / math.log(rows[-1].samples / rows[-2].samples) * (1 if self._is_squared() else 2)
@@ -125,7 +125,7 @@ class Forecaster:
         target, row = self.sampling.settings.target_error, self._row()
         if target is None or row is None:
             return None
-        measured = row.error.of(self.sampling.settings.error_metric)
+        measured = row.error.of(self.sampling.settings.metric)
         if not measured.value > 0:
             return samples, 0.0
         power = 1.0 if self._is_squared() else 2.0

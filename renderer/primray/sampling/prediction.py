@@ -58,7 +58,7 @@ class Pilot:
 
     @property
     def metric(self) -> Metric:
-        return self.sampling.settings.error_metric
+        return self.sampling.settings.metric
 
     def predict(self, target: float) -> Prediction:
         """Samples and seconds until the error is no larger than `target`."""

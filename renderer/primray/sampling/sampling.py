@@ -64,7 +64,7 @@ class Sampling:
     _view: DisplayView | None = None
 
     def __post_init__(self) -> None:
-        self.curve = ErrorCurve(self.settings.error_metric)
+        self.curve = ErrorCurve(self.settings.metric)
 
     @classmethod
     def begin(cls, scene: core.CoreScene, settings: RenderSettings) -> Sampling:
@@ -231,7 +231,7 @@ class Sampling:
         return self._view
 
     def _is_of_display(self) -> bool:
-        return self.settings.error_metric is Metric.DISPLAY
+        return self.settings.metric is Metric.DISPLAY
 
     def _row_here(self) -> Row | None:
         """The error of all samples taken by now, if it was measured."""

@@ -140,7 +140,7 @@ class Schedule:
             return None
         if here is None:
             return False
-        error = here.error.of(self.settings.error_metric)
+        error = here.error.of(self.settings.metric)
         return error.value <= target and here.samples >= min(fewest_samples(error), self.settings.most_samples)
 
     def stop(self, done: int, here: Row | None, seconds: float) -> Stop | None:

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from enum import Enum
+from typing import Any, TypeVar
 
 from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
 from .render_settings import RenderSettings
+
+Choice = TypeVar("Choice", bound=Enum)
+
+
+def _optional(kind: type[Choice], value: object) -> Choice | None:
+    return None if value is None else kind(value)
 
 
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
@@ -14,7 +21,8 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     pairs = ("resolution", "sample_range", "shutter", "region")
     names = (*pairs, "joint_products", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
-    chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
+    chosen: dict[str, Any] = {"filter": _optional(Filter, values.get("filter"))}
+    chosen["error_metric"] = _optional(Metric, values.get("error_metric"))
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
     chosen["stop_at"] = StopAt(values.get("stop_at", StopAt.PICTURE))
     chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))

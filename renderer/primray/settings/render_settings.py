@@ -67,17 +67,18 @@ class RenderSettings:
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
     resolution_scale: float = 1.0  # of the resolution, whoever chose it
     time_code: float | None = None  # None: the stage's default time
-    spp: int | None = None  # at most so many samples a pixel; None: 64, or no limit where an error or a time is asked for
+    # At most so many samples a pixel; None: as the stage asks, else 64, or no limit where an error or a time is asked for.
+    spp: int | None = None
     # Stop when the error's estimate is not above this, or after so many seconds of sampling, whichever comes first.
     target_error: float | None = None
-    error_metric: Metric = Metric.RELMSE
+    error_metric: Metric | None = None  # None: the stage's, else relmse
     time_limit_s: float | None = None
-    denoise: bool = False  # a denoised picture beside the record, with its error
+    denoise: bool | None = None  # a denoised picture beside the record, with its error; None: as the stage asks, else not
     stop_at: StopAt = StopAt.PICTURE  # whose error the target is of; a denoised picture's makes one
     adaptive: bool | None = None  # more samples where the error is; None: wherever an error is asked for
     sample_range: tuple[int, int] | None = None  # only these of each pixel's samples, to be merged with others
     max_depth: int | None = None  # surface scatterings, 1 = direct light only
-    filter: Filter = Filter.BOX
+    filter: Filter | None = None  # None: the stage's, else box
     filter_width: float | None = None
     threads: int | None = None  # None: every core this process may use
     seed: int = 0
@@ -93,6 +94,7 @@ class RenderSettings:
     orbit_deg: float = 0.0  # the camera is turned so far around the middle of what is drawn, about the up axis
     default_wrap: DefaultWrap = DefaultWrap.BLACK
     render_context: RenderContext = RenderContext.MTLX  # of a material's outputs, which is taken first
+    translated_shaders: bool = True  # False: materials that carry only other renderers' shaders show displayColor
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
@@ -105,9 +107,8 @@ class RenderSettings:
     dicing_rate: float = DEFAULT_DICING_RATE  # pixels: the longest that edges of subdivision surfaces may be
     motion_blur: bool = True  # False: a still at the frame, whatever the shutter
     shutter: tuple[float, float] | None = None  # opens and closes, in time codes from the frame on; None: as the camera says
-    motion_error: float = (
-        DEFAULT_MOTION_ERROR  # pixels: how far paths may be from the stage's between the times they are given at
-    )
+    # Pixels: how far paths may be from the stage's between the times they are given at; None: as the stage asks, else 0.02.
+    motion_error: float | None = None
     # What the lens diffuses, as in Diffusion; each None: as the camera says. A diffusion of 0 is off.
     diffusion: float | None = None
     diffusion_glare: float | None = None
@@ -162,7 +163,22 @@ class RenderSettings:
 
     @property
     def denoises(self) -> bool:
-        return self.denoise or self.stop_at is StopAt.DENOISED
+        return self.denoise is True or self.stop_at is StopAt.DENOISED
+
+    @property
+    def metric(self) -> Metric:
+        """The measure of the error, asked for or the default."""
+        return self.error_metric or Metric.RELMSE
+
+    @property
+    def pixel_filter(self) -> Filter:
+        """The pixel filter, asked for or the default."""
+        return self.filter or Filter.BOX
+
+    @property
+    def most_motion_error(self) -> float:
+        """Pixels that paths of what moves may be off, asked for or the default."""
+        return DEFAULT_MOTION_ERROR if self.motion_error is None else self.motion_error
 
     @property
     def refusal(self) -> Refusal:
@@ -244,7 +260,7 @@ class RenderSettings:
 
     def _check_motion(self) -> None:
         error = self.motion_error
-        usable = math.isfinite(error) and error > 0
+        usable = error is None or (math.isfinite(error) and error > 0)
         require(usable, f"the error of motion must be a number of pixels above 0, not {error}", "motion_error")
         finite = self.shutter is None or all(map(math.isfinite, self.shutter))
         require(finite, f"the shutter opens and closes at time codes from the frame on, not at {self.shutter}", "shutter")

@@ -51,14 +51,14 @@ class SettingsValues(TypedDict, total=False):
     time_code: float | None
     spp: int | None
     target_error: float | None
-    error_metric: Metric | Literal["relmse", "rmse", "display"]
+    error_metric: Metric | Literal["relmse", "rmse", "display"] | None
     time_limit_s: float | None
-    denoise: bool
+    denoise: bool | None
     stop_at: StopAt | Literal["picture", "denoised"]
     adaptive: bool | None
     sample_range: Iterable[int] | None
     max_depth: int | None
-    filter: Filter | Literal["box", "gaussian", "blackman-harris"]
+    filter: Filter | Literal["box", "gaussian", "blackman-harris"] | None
     filter_width: float | None
     threads: int | None
     seed: int
@@ -72,6 +72,7 @@ class SettingsValues(TypedDict, total=False):
     orbit_deg: float
     default_wrap: DefaultWrap | Literal["black", "clamp", "repeat", "mirror"]
     render_context: RenderContext | Literal["mtlx", "universal"]
+    translated_shaders: bool
     rendering_color_space: str | None
     purposes: Iterable[str] | None
     aovs: Iterable[str] | None
@@ -83,7 +84,7 @@ class SettingsValues(TypedDict, total=False):
     dicing_rate: float
     motion_blur: bool
     shutter: Iterable[float] | None
-    motion_error: float
+    motion_error: float | None
     diffusion: float | None
     diffusion_glare: float | None
     diffusion_bloom_width: float | None
@@ -105,24 +106,24 @@ READERS: Mapping[str, Reader] = {
         ("render_settings", "render_pass", "product", "rendering_color_space", "session_layer", "dome", "background"), _TEXT
     ),
     **dict.fromkeys(("resolution", "sample_range"), _PAIR),
-    **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
+    **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width", "motion_error"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask", "joint_products"), _TEXTS),
-    **dict.fromkeys(("default_light", "dome_visible", "strict", "motion_blur", "denoise", "aov_errors"), yes_or_no),
+    **dict.fromkeys(("default_light", "dome_visible", "strict", "motion_blur", "aov_errors", "translated_shaders"), yes_or_no),
     **dict.fromkeys(DIFFUSION, _NUMBER),
     "eye": optional(choice(Eye)),
     "shutter": optional(two_numbers),
-    "adaptive": optional(yes_or_no),
+    **dict.fromkeys(("adaptive", "denoise"), optional(yes_or_no)),
     "auto_camera": choice(AutoCamera),
-    "error_metric": choice(Metric),
+    "error_metric": optional(choice(Metric)),
     "stop_at": choice(StopAt),
-    "filter": choice(Filter),
+    "filter": optional(choice(Filter)),
     "default_wrap": choice(DefaultWrap),
     "studio_light": choice(StudioLight),
     "ground": optional(choice(Ground)),
     "render_context": choice(RenderContext),
     "seed": whole,
-    **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error", "dome_rotation", "orbit_deg"), number),
+    **dict.fromkeys(("dicing_rate", "resolution_scale", "dome_rotation", "orbit_deg"), number),
     "lens_flaws": lens_flaws,
     "region": optional(four_numbers),
     **dict.fromkeys(("variants", "fail_on", "allow"), texts),

@@ -195,6 +195,8 @@ def context_of(
 ) -> tuple[Context, ProductSettings]:
     """What a translation begins with, by the stage's render settings."""
     product = product_settings(stage, settings, found.settings, when, diagnostics)
+    error = settings.motion_error if settings.motion_error is not None else product.asked.of("motion_error")
+    settings = settings if error is settings.motion_error else replace(settings, motion_error=error)
     return _context(stage, settings, when, product, diagnostics, names), product
 
 
@@ -250,14 +252,15 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
         motion, steps = _timed(scene, camera, frame, begun, ctx)
     instances = tuple(sorted(ctx.prototype_names.values())) if begun.aovs else ()
     described = describe(scene, ctx, camera, motion, frame, begun.aovs)
-    return replace(described, motion_steps=tuple(steps), instances=instances, file=product.file, may_need_light=may_need_light)
+    described = replace(described, file=product.file, asked=product.asked, may_need_light=may_need_light)
+    return replace(described, motion_steps=tuple(steps), instances=instances)
 
 
 def _timed(
     scene: Scene, camera: Camera, frame: Frame, begun: Begun, ctx: Context
 ) -> tuple[CameraMotion | None, list[MotionSteps]]:
     """What moves gets its times: the camera's way, and the steps of all."""
-    motion, steps, error = None, list[MotionSteps](), ctx.settings.motion_error
+    motion, steps, error = None, list[MotionSteps](), ctx.settings.most_motion_error
     nearest = nearest_to(camera, scene.drawn)
     moving = camera_motion(begun.camera, camera, ctx, begun.product, frame.resolution, nearest, error)
     if moving is not None:

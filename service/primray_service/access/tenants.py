@@ -1,33 +1,71 @@
-"""What a tenant may use: the quotas of its newest valid key, or this server's."""
+"""What a tenant may use: the quotas of its newest valid key, or this server's; what an administrator has set goes first."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
 
 from ..limits import Quotas
+from .auth import Caller
 
 if TYPE_CHECKING:
+    from ..jobs import Json
     from ..store.base import Store
 
-REMEMBERED_S = 5.0
+REMEMBERED_S = 5.0  # another server's change holds after so long
+REMEMBERED = 10_000
+NAMES = frozenset(field.name for field in fields(Quotas))
 
 
-def quotas_of(store: Store, default: Quotas) -> Callable[[str], Quotas]:
-    """From any thread; what was found is good for a few seconds."""
-    known: dict[str, tuple[float, Quotas]] = {}
+class TenantQuotas:
+    """Quotas by tenant; what was read is good for a few seconds. May be used from any thread."""
 
-    def of(tenant: str) -> Quotas:
-        remembered = known.get(tenant)
-        if remembered is not None and time.monotonic() - remembered[0] < REMEMBERED_S:
-            return remembered[1]
+    def __init__(self, store: Store, default: Quotas) -> None:
+        self._store = store
+        self._default = default
+        self._set: dict[str, tuple[float, Json]] = {}
+        self._of_keys: dict[str, tuple[float, Quotas]] = {}
+
+    def of(self, tenant: str) -> Quotas:
+        """Quotas that the queue keeps for a tenant, whichever of its keys a job came with. May block for the store."""
+        found = _remembered(self._of_keys, tenant, lambda: self._newest_keys(tenant))
+        return self._changed(found, tenant)
+
+    def of_caller(self, caller: Caller) -> Quotas:
+        """Quotas of the key that a request came with. May block for the store: see `is_known`."""
+        return self._changed(caller.quotas(self._default), caller.tenant)
+
+    def is_known(self, tenant: str) -> bool:
+        """Whether `of_caller` answers without asking the store."""
+        known = self._set.get(tenant)
+        return known is not None and time.monotonic() - known[0] < REMEMBERED_S
+
+    def forget(self, tenant: str) -> None:
+        """Its quotas were changed here: they hold at once."""
+        self._set.pop(tenant, None)
+
+    def _changed(self, quotas: Quotas, tenant: str) -> Quotas:
+        changes = _remembered(self._set, tenant, lambda: self._store.quotas_set(tenant))
+        return replace(quotas, **{name: value for name, value in changes.items() if name in NAMES}) if changes else quotas
+
+    def _newest_keys(self, tenant: str) -> Quotas:
         now = time.time()
         valid = [
-            key for key in store.keys(tenant) if key.revoked_at is None and (key.expires_at is None or key.expires_at > now)
+            key
+            for key in self._store.keys(tenant)
+            if key.revoked_at is None and (key.expires_at is None or key.expires_at > now)
         ]
-        found = max(valid, key=lambda key: key.created_at).quotas if valid else default
-        known[tenant] = (time.monotonic(), found)
-        return found
+        return max(valid, key=lambda key: key.created_at).quotas if valid else self._default
 
-    return of
+
+def _remembered(known: dict[str, tuple[float, Any]], tenant: str, read: Callable[[], Any]) -> Any:
+    seen = known.get(tenant)
+    if seen is not None and time.monotonic() - seen[0] < REMEMBERED_S:
+        return seen[1]
+    found = read()
+    if len(known) >= REMEMBERED:
+        known.clear()
+    known[tenant] = (time.monotonic(), found)
+    return found

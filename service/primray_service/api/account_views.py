@@ -118,3 +118,4 @@ class Capabilities(View):
     quotas: KeyQuotas
     executor: ExecutorOfServer
     sandbox: dict[str, Any]
+    shared_roots: list[str] = Field(description="Names of shared storage whose stages this tenant's jobs may name.")

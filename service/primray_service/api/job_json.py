@@ -61,6 +61,8 @@ def job_json(job: Job, queue: Json | None = None) -> Json:
         "urls": {
             "self": here,
             "cancel": f"{here}/cancel",
+            "pause": f"{here}/pause",
+            "resume": f"{here}/resume",
             "continue": f"{here}/continue",
             "events": f"{here}/events",
             "frames": f"{here}/frames",
@@ -93,4 +95,9 @@ def frame_json(frame: Frame) -> Json:
 
 
 def event_json(event: Event) -> Json:
-    return {"id": event.id, "type": event.type, "created_at": time_text(event.created_at), "data": event.data}
+    return {"id": event.id, "type": event.type, "created_at": time_text(event.created_at), "data": event_data(event)}
+
+
+def event_data(event: Event) -> Json:
+    """Of an end, which of the job's ends it was: a job whose frame is retried ends again in the same attempt."""
+    return event.data | {"finished_at": time_text(event.created_at)} if event.type == "end" else event.data

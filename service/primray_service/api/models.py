@@ -25,11 +25,22 @@ class SceneReference(Sent):
     entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
 
 
+class SceneOfRequest(Sent):
+    """A scene that was uploaded, by its `id`, or a stage on the service's shared storage."""
+
+    id: str | None = Field(None, pattern=r"^sha256:[0-9a-f]{64}$", description="What POST /v1/scenes answered.")
+    shared: str | None = Field(
+        None, max_length=4096, description="NAME/path.usda: a stage in the shared root NAME, in the place of `id`."
+    )
+    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+
+
 class StopRules(Sent):
-    """A frame ends when the first of these is reached; none given: 64 samples a pixel."""
+    """A frame ends when the first of these is reached; none given: what the stage's render settings ask for, else 64 samples a
+    pixel, as frames of parallel jobs always do."""
 
     target_error: float | None = Field(None, gt=0, description="Stop when the estimate of the error is not above this.")
-    metric: Literal["relmse", "rmse", "display"] = "relmse"
+    metric: Literal["relmse", "rmse", "display"] | None = Field(None, description="null: the stage's, else relmse.")
     max_samples: int | None = Field(None, ge=1, description="Samples a pixel.")
     max_seconds: float | None = Field(None, gt=0, description="Seconds of sampling, a frame.")
 
@@ -40,8 +51,9 @@ class FileSettings(Sent):
     view: str | None = Field(None, max_length=256, description="OCIO view of PNG, JPEG and TIFF; null: the display's default.")
     display: str | None = Field(None, max_length=256, description="OCIO display of these; null: the configuration's default.")
     look: str | None = Field(None, max_length=256, description="OCIO look in place of the view's.")
-    exposure: Annotated[float, Field(ge=-30, le=30)] | Literal["auto"] = Field(
-        0.0, description="In stops, of PNG, JPEG and TIFF; auto: what the view needs, for each frame."
+    exposure: Annotated[float, Field(ge=-30, le=30)] | Literal["auto"] | None = Field(
+        None,
+        description="In stops, of PNG, JPEG and TIFF; auto: what the view needs, for each frame; null: as the product asks.",
     )
     half: list[Annotated[str, Field(max_length=280)]] = Field(
         default=[],
@@ -81,9 +93,11 @@ class Settings(FileSettings):
     resolution: tuple[int, int] | None = Field(None, description="Width and height; one of them 0: by the camera's aspect.")
     stop: StopRules = StopRules()
     seed: int = Field(0, ge=0, lt=2**32)
-    max_depth: int | None = Field(None, ge=1, le=2**20, description="Scatterings; 1: direct light only.")
+    max_depth: int | None = Field(
+        None, ge=1, le=2**20, description="Scatterings; 1: direct light only; null: the stage's, else no limit."
+    )
     adaptive: bool | None = None
-    filter: Literal["box", "gaussian", "blackman-harris"] = "box"
+    filter: Literal["box", "gaussian", "blackman-harris"] | None = Field(None, description="null: the stage's, else box.")
     filter_width: float | None = Field(None, gt=0, le=64)
     default_light: bool = True
     studio_light: Literal["auto", "on", "off"] = Field(
@@ -105,14 +119,18 @@ class Settings(FileSettings):
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."
     )
-    denoise: bool = Field(
-        False, description="A denoised picture beside the record, with its error; previews of outputs show it."
+    denoise: bool | None = Field(
+        None,
+        description="A denoised picture beside the record, with its error; outputs' previews show it; null: as the stage asks.",
     )
     stop_at: Literal["picture", "denoised"] = Field(
         "picture", description="Whose error stop.target_error is of; a denoised picture's is measured as relmse or rmse."
     )
     render_context: Literal["mtlx", "universal"] = Field(
         "mtlx", description="Of a material that has both, the surface output that counts."
+    )
+    translated_shaders: bool = Field(
+        True, description="false: materials that carry only other renderers' shaders show displayColor."
     )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
@@ -127,7 +145,9 @@ class Settings(FileSettings):
     shutter: tuple[float, float] | None = Field(
         None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
     )
-    motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that the path of anything may be off (0.02).")
+    motion_error: float | None = Field(
+        None, gt=0, le=1e6, description="Pixels that the path of anything may be off; null: the stage's, else 0.02."
+    )
     diffusion: float | None = Field(
         None, ge=0, le=1, description="Of all light, what the lens diffuses: a part of the EXR; null: as the camera says."
     )
@@ -159,7 +179,7 @@ class Webhook(Sent):
 
 
 class JobRequest(Sent):
-    scene: SceneReference
+    scene: SceneOfRequest
     settings: Settings = Settings()
     name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
     parallel: Parallel | None = Field(None, description=OF_PARALLEL)
@@ -191,7 +211,7 @@ class FormJob(Sent):
 
     def with_scene(self, scene_id: str) -> JobRequest:
         return JobRequest(
-            scene=SceneReference(id=scene_id, entry=self.scene.entry),
+            scene=SceneOfRequest(id=scene_id, entry=self.scene.entry),
             settings=self.settings,
             name=self.name,
             parallel=self.parallel,

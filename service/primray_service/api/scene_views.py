@@ -18,10 +18,12 @@ class SceneUrls(View):
 class Scene(View):
     """What the check found stands beside these members, once the state is ready."""
 
-    id: str = Field(pattern="^sha256:[0-9a-f]{64}$", description="The digest of the bytes as sent.")
+    id: str = Field(
+        pattern="^sha256:[0-9a-f]{64}$", description="The digest of the bytes as sent, or of the package's list of files."
+    )
     object: Literal["scene"]
     state: SceneState
-    kind: Literal["usda", "usdc", "usdz", "zip"]
+    kind: Literal["usda", "usdc", "usdz", "zip", "shared"]
     name: str
     bytes: int
     stored_bytes: int
@@ -29,6 +31,14 @@ class Scene(View):
     warnings: list[Warning]
     problem: Problem | None = Field(description="Why it was rejected.")
     urls: SceneUrls
+
+
+class Package(View):
+    """Of a package, the files that have to be sent."""
+
+    id: str = Field(pattern="^sha256:[0-9a-f]{64}$", description="That the scene will have.")
+    missing: list[str] = Field(description="SHA-256s of files that this tenant has not sent.")
+    missing_bytes: int
 
 
 class ScenePage(View):

@@ -94,6 +94,8 @@ class JobUrls(View):
 
     self: str
     cancel: str
+    pause: str
+    resume: str
     continue_: str = Field(alias="continue")
     events: str
     frames: str

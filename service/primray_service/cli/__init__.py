@@ -3,6 +3,8 @@
     serve.py                                    starts a service (its limits' texts: limit_options.py)
     submit.py, scene_file.py                    sends a scene, with what it refers to, and asks for pictures of it
     status.py, watch.py, fetch.py, cancel.py    looks at jobs, follows them, gets their pictures, ends them
+    interventions.py                            pauses and resumes jobs, renders frames again
+    admin.py                                    jobs of all tenants, workers, usage, quotas
     farm.py                                     a Ray cluster: its nodes, and what runs there, without a service
     ../live/command.py                          looks at a stage in a browser
     keys.py                                     API keys: over HTTP, or in a data directory for the first one
@@ -21,7 +23,11 @@ COMMANDS = {
     "watch": ("primray_service.cli.watch:watch", "Follow a job until it has ended."),
     "fetch": ("primray_service.cli.fetch:fetch", "Download what a job has made."),
     "cancel": ("primray_service.cli.cancel:cancel", "End jobs; their pictures so far are kept."),
+    "pause": ("primray_service.cli.interventions:pause", "Pause jobs: they give their workers back."),
+    "resume": ("primray_service.cli.interventions:resume", "Resume paused jobs."),
+    "retry": ("primray_service.cli.interventions:retry", "Render frames of a job again."),
     "view": ("primray_service.live.command:view", "Look at a stage in a browser."),
     "farm": ("primray_service.cli.farm:farm", "Show a Ray cluster's nodes and what runs there."),
     "keys": ("primray_service.cli.keys:keys", "Make, list and revoke API keys."),
+    "admin": ("primray_service.cli.admin:admin", "Administer a service: jobs of all tenants, workers, quotas."),
 }

@@ -1,9 +1,10 @@
 """A scene as it is sent: one file as it is, or packed with what it refers to.
 
-    files beside or below it, or reached by ../  -> a zip of their folders' common part, every byte as it was
+    files beside or below it, or reached by ../  -> a package of their folders' common part, every byte as it was
     files named by absolute or searched paths    -> a usdz, whose layers USD rewrites to lead to each other
 
-The packages of equal files are equal, so that one that the server has is not sent again.
+A package is sent by content, or as a zip where the server is one that does not know that yet. The zips of equal files are
+equal, so that one that the server has is not sent again.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import os
 import shutil
 import struct
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +31,12 @@ class SceneFile:
     entry: str | None = None
     files: int = 1
     notes: list[str] = field(default_factory=list)  # what the user should know
+    members: Mapping[str, Path] | None = None  # of a package, which is not written to `path` yet
+
+    def write(self) -> None:
+        """The package of these members, as a zip at `path`."""
+        if self.members is not None:
+            write_zip(self.path, self.members)
 
 
 def scene_file(scene: Path, scratch: Path) -> SceneFile:
@@ -55,8 +63,9 @@ def scene_file(scene: Path, scratch: Path) -> SceneFile:
     outside = [os.path.relpath(file, folder) for file in found.files if not Path(file).is_relative_to(folder)]
     notes = _notes("is outside of the scene's folder; sent too", outside) + notes
     target = scratch / f"{scene.stem}.zip"
-    write_zip(target, root, [Path(file) for file in found.files])
-    return SceneFile(target, target.name, Path(found.files[0]).relative_to(root).as_posix(), len(found.files), notes)
+    members = {Path(file).relative_to(root).as_posix(): Path(file) for file in found.files}
+    entry = Path(found.files[0]).relative_to(root).as_posix()
+    return SceneFile(target, target.name, entry, len(found.files), notes, members)
 
 
 def _notes(what: str, named: list[str]) -> list[str]:
@@ -64,11 +73,11 @@ def _notes(what: str, named: list[str]) -> list[str]:
     return notes + ([f"... and {len(named) - _MOST_NAMED} more"] if len(named) > _MOST_NAMED else [])
 
 
-def write_zip(target: Path, root: Path, files: list[Path]) -> None:
+def write_zip(target: Path, members: Mapping[str, Path]) -> None:
     """Stored, in order of their names and without their times."""
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED, allowZip64=True) as package:
-        for file in sorted(files):
-            member = zipfile.ZipInfo(file.relative_to(root).as_posix(), EPOCH)
+        for name, file in sorted(members.items()):
+            member = zipfile.ZipInfo(name, EPOCH)
             member.external_attr = 0o644 << 16
             try:
                 with file.open("rb") as source, package.open(member, "w", force_zip64=file.stat().st_size >= 2**31) as place:

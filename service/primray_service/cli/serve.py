@@ -76,6 +76,20 @@ def serve(
     ] = None,
     ray_cores: RayCores = None,
     ray_label: RayLabel = None,
+    shared_root: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=DIR",
+            help="Shared storage whose stages jobs may name, as shared:NAME/path.usda; only read; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    shared_tenants: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=TENANT,...", help="Who may use that shared root; may be repeated.", show_default="all tenants"
+        ),
+    ] = None,
     require_keys: Annotated[bool, typer.Option("--require-keys", help="On loopback too.")] = False,
     allow_unsandboxed: Annotated[
         bool, typer.Option("--allow-unsandboxed", help="Serve although the sandbox does not work here: trusted users only.")
@@ -106,6 +120,7 @@ def serve(
     need_extra("serve")
     from ..config import ServeConfig
     from ..executor import by_name
+    from ..shared_roots import roots_of
 
     check_networks(webhook_network or [])
     where = executor or os.environ.get("PRIMRAY_EXECUTOR") or by_name.DEFAULT
@@ -121,6 +136,7 @@ def serve(
         limits=chosen_limits,
         quotas=quotas,
         executor=where,
+        shared_roots=roots_of(shared_root or (), shared_tenants or ()),
         slots=slots,
         cores=cores,
         ray_address=ray_address or (os.environ.get("PRIMRAY_RAY_ADDRESS") if ray else None) or "auto",

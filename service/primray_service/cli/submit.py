@@ -15,11 +15,8 @@ from primray.cli import option_values, output_flags, render_flags, show_flags, s
 from primray.cli.json_lines import print_line
 from primray.settings import (
     DEFAULT_DICING_RATE,
-    DEFAULT_MOTION_ERROR,
     AutoCamera,
     DefaultWrap,
-    Filter,
-    Metric,
     RenderContext,
     StopAt,
     StudioLight,
@@ -38,6 +35,9 @@ if TYPE_CHECKING:
     from ..client.documents import Settings, Webhook
 
 
+SHARED = "shared:"  # NAME/path.usda: a stage on the service's shared storage
+
+
 def submit(
     scene: Annotated[
         Path, typer.Argument(metavar="SCENE", help="usda, usdc, usd, usdz, or a zip of them.", show_default=False)
@@ -53,17 +53,17 @@ def submit(
     frame_inc: stage_flags.FrameIncrement = None,
     default_time: stage_flags.DefaultTime = False,
     target_error: render_flags.TargetError = None,
-    error_metric: render_flags.ErrorMetric = Metric.RELMSE,
+    error_metric: render_flags.ErrorMetric = None,
     time_limit: render_flags.TimeLimit = None,
     spp: render_flags.Samples = None,
     seed: render_flags.Seed = 0,
-    denoise: output_flags.Denoise = False,
+    denoise: output_flags.Denoise = None,
     stop_at: output_flags.StopAtWhich = StopAt.PICTURE,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
     aovs: output_flags.Aovs = None,
     aov_errors: output_flags.AovErrors = False,
-    pixel_filter: render_flags.PixelFilter = Filter.BOX,
+    pixel_filter: render_flags.PixelFilter = None,
     filter_width: render_flags.FilterWidth = None,
     no_default_light: stage_flags.NoDefaultLight = False,
     studio_light: stage_flags.Studio = StudioLight.AUTO,
@@ -74,11 +74,12 @@ def submit(
     view: output_flags.View = None,
     display: output_flags.Display = None,
     look: output_flags.Look = None,
-    exposure: output_flags.Exposure = "0",
+    exposure: output_flags.Exposure = None,
     half: output_flags.Half = None,
     compression: output_flags.Compression = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
+    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -89,7 +90,7 @@ def submit(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    motion_error: stage_flags.MotionError = None,
     diffusion: output_flags.Diffusion = None,
     diffusion_glare: output_flags.DiffusionGlare = None,
     diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
@@ -128,7 +129,7 @@ def submit(
     """Send a scene with the files that it refers to, and ask for pictures of it. Prints the job's id."""
     stop = {
         "target_error": target_error,
-        "metric": error_metric.value if error_metric is not Metric.RELMSE else None,
+        "metric": None if error_metric is None else error_metric.value,
         "max_samples": spp,
         "max_seconds": time_limit,
     }
@@ -143,10 +144,10 @@ def submit(
         "stop": given(stop),
         "seed": seed or None,
         "adaptive": adaptive,
-        "denoise": denoise or None,
+        "denoise": denoise,
         "stop_at": stop_at.value if stop_at is not StopAt.PICTURE else None,
         "max_depth": max_depth,
-        "filter": pixel_filter.value if pixel_filter is not Filter.BOX else None,
+        "filter": None if pixel_filter is None else pixel_filter.value,
         "filter_width": filter_width,
         "default_light": False if no_default_light else None,
         "studio_light": studio_light.value if studio_light is not StudioLight.AUTO else None,
@@ -156,11 +157,12 @@ def submit(
         "view": view,
         "display": display,
         "look": look,
-        "exposure": option_values.exposure_of(exposure) or None,
+        "exposure": option_values.exposure_of(exposure),
         "half": _list(option_values.encoding_of(None, half).half or None),
         "compression": compression,
         "default_wrap": default_wrap.value if default_wrap is not DefaultWrap.BLACK else None,
         "render_context": render_context.value if render_context is not RenderContext.MTLX else None,
+        "translated_shaders": False if no_translated_shaders else None,
         "purposes": _list(option_values.purposes_of(purposes)),
         "aovs": _list(option_values.aovs_of(aovs)),
         "aov_errors": aov_errors or None,
@@ -171,7 +173,7 @@ def submit(
         "motion_blur": False if no_motion_blur else None,
         "shutter": shutter,
         "region": region,
-        "motion_error": motion_error if motion_error != DEFAULT_MOTION_ERROR else None,
+        "motion_error": motion_error,
         "diffusion": diffusion,
         "diffusion_glare": diffusion_glare,
         "diffusion_bloom_width": diffusion_bloom_width,
@@ -184,10 +186,10 @@ def submit(
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
     with connected("submit", server, key_file) as client:
-        uploaded, packed = upload(client, scene, json)
+        uploaded, its_entry = uploaded_scene(client, scene, json)
         job = client.submit(
             uploaded,
-            entry=entry or packed.entry,
+            entry=entry or its_entry,
             settings=_settings(given(settings)),
             name=name,
             parallel=parallel_of(parallel),
@@ -247,6 +249,14 @@ def _webhook(url: str | None) -> Webhook | None:
     return None if url is None else {"url": url}
 
 
+def uploaded_scene(client: Client, scene: Path, as_json: bool) -> tuple[Scene | str, str | None]:
+    """What the job names, and its entry; a stage on the service's shared storage is not sent."""
+    if str(scene).startswith(SHARED):
+        return str(scene), None
+    uploaded, packed = upload(client, scene, as_json)
+    return uploaded, packed.entry
+
+
 def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile]:
     """Packed where that is needed, sent unless the server has it."""
     with tempfile.TemporaryDirectory(prefix="primray-submit-") as scratch:
@@ -258,7 +268,7 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
             print(f"note: {plain(note)}", file=sys.stderr)
         try:
             with _showing(packed, as_json) as show:
-                uploaded = client.upload(packed.path, name=packed.name, show=show)
+                uploaded = _sent(client, packed, show)
         except KeyboardInterrupt:
             raise CommandError("interrupted", "nothing was submitted", INTERRUPTED) from None
     if uploaded.state == "rejected":
@@ -266,6 +276,27 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
         exit_code = SCENE_REJECTED if refusal.exit_code == FAILED else refusal.exit_code
         raise CommandError(refusal.code, refusal.message, exit_code, where=refusal.where)
     return uploaded, packed
+
+
+def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -> Scene:
+    """By content where the scene has several files, or is a larger usdz: only what the server lacks is sent."""
+    from ..client import ProblemError, UnexpectedAnswer
+    from ..client.upload import CUT_FROM_BYTES
+
+    members = packed.members
+    if members is None and packed.path.suffix.lower() == ".usdz" and packed.path.stat().st_size >= CUT_FROM_BYTES:
+        members = {packed.name: packed.path}
+    if members is not None:
+        try:
+            return client.upload_files(members, name=packed.name, show=show)
+        except OSError as error:
+            where = str(error.filename or "")
+            raise CommandError("unreadable-file", f"it cannot be read: {error.strerror}", SCENE_REJECTED, where=where) from None
+        except (ProblemError, UnexpectedAnswer) as error:
+            if getattr(error, "status", 0) not in (404, 405):
+                raise
+        packed.write()  # the server is of a version that takes whole packages alone
+    return client.upload(packed.path, name=packed.name, show=show)
 
 
 @contextmanager
@@ -280,5 +311,5 @@ def _showing(packed: SceneFile, as_json: bool) -> Iterator[Callable[[int, int], 
     with Progress(
         text, BarColumn(), DownloadColumn(), TransferSpeedColumn(), console=Console(stderr=True), transient=True
     ) as bar:
-        task = bar.add_task(f"sending {packed.name}", total=packed.path.stat().st_size)
-        yield lambda done, of: bar.update(task, completed=done)
+        task = bar.add_task(f"sending {packed.name}", total=None)
+        yield lambda done, of: bar.update(task, completed=done, total=of)

@@ -8,17 +8,21 @@ import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, TypeVar
 from urllib.parse import quote
 
+from .admin import Administration
+from .answers import items_of, job_path, json_of, object_of
 from .documents import Convergence, Event, Frame, Job, Json, Key, Output, Scene, Settings, StopRules, Usage, Webhook
 from .download import Show, download, target_of
 from .errors import ProblemError, ServerUnreachable, TimedOut, UnexpectedAnswer
 from .events import Reading
 from .reading import read
 from .transport import Transport
+from .upload import upload_files
 
 DEFAULT_SERVER = "http://127.0.0.1:8700"
 LONG_POLL_S = 30.0
@@ -58,6 +62,11 @@ class Client:
     @property
     def server(self) -> str:
         return self._transport.server
+
+    @property
+    def admin(self) -> Administration:
+        """What an administrator does for all tenants: it needs a key with the scope admin."""
+        return Administration(self._transport)
 
     def __enter__(self) -> Client:
         return self
@@ -100,7 +109,15 @@ class Client:
             repeatable=True,
             timeout_s=300.0,
         )
-        return read(Scene, _json(answer))
+        return read(Scene, json_of(answer))
+
+    def upload_files(self, files: Mapping[str, str | os.PathLike[str]], *, name: str = "", show: Show = nothing) -> Scene:
+        """Upload a package by content: `files` by their paths in it. Only files that the server does not have from this
+        tenant are sent; one that broke off is resumed by calling it again.
+
+        ProblemError with status 404 or 405 from a server that does not know it yet.
+        """
+        return upload_files(self._transport, {path: Path(file) for path, file in files.items()}, name, show)
 
     def find_scene(self, scene_id: str) -> Scene | None:
         """None if the server does not have it."""
@@ -142,9 +159,14 @@ class Client:
         webhook: Webhook | None = None,
         idempotency_key: str | None = None,
     ) -> Job:
-        """A new job; however often its request has to be repeated, there is one. `idempotency_key`: to have that hold over
-        restarts of the caller, too."""
-        body: Json = {"scene": {"id": scene if isinstance(scene, str) else scene.id}}
+        """A new job, of a scene, its id, or a stage on the service's shared storage (shared:NAME/path.usda).
+
+        However often its request has to be repeated, there is one. `idempotency_key`: to have that hold over restarts of the
+        caller, too.
+        """
+        named = scene if isinstance(scene, str) else scene.id
+        where = {"shared": named.removeprefix("shared:")} if named.startswith("shared:") else {"id": named}
+        body: Json = {"scene": where}
         if entry is not None:
             body["scene"]["entry"] = entry
         optional: Json = {"settings": settings, "name": name, "parallel": parallel, "priority": priority}
@@ -153,19 +175,19 @@ class Client:
         if labels:
             body["labels"] = dict(labels)
         headers = {"Idempotency-Key": idempotency_key or str(uuid.uuid4())}
-        return read(Job, _json(self._transport.request("POST", "/v1/jobs", body=body, headers=headers, repeatable=True)))
+        return read(Job, json_of(self._transport.request("POST", "/v1/jobs", body=body, headers=headers, repeatable=True)))
 
     def job(self, job_id: str) -> Job:
-        return read(Job, self._get(_job(job_id)))
+        return read(Job, self._get(job_path(job_id)))
 
     def document(self, job_id: str) -> Json:
         """A job as the server says it, whole."""
-        return _object(self._get(_job(job_id)))
+        return object_of(self._get(job_path(job_id)))
 
     def documents(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Json]:
         """As `jobs`, each as the server says it."""
         params: dict[str, Any] = {"state": state, "label": [f"{name}:{value}" for name, value in (labels or {}).items()]}
-        return (_object(item) for item in self._items("/v1/jobs", {name: value for name, value in params.items() if value}))
+        return (object_of(item) for item in self._items("/v1/jobs", {name: value for name, value in params.items() if value}))
 
     def jobs(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Job]:
         """Newest first; pages are asked for as they are needed."""
@@ -180,11 +202,11 @@ class Client:
             headers = {"Prefer": f"wait={int(left)}"} | ({"If-None-Match": etag} if etag else {})
             begun = time.monotonic()
             answer = self._transport.request(
-                "GET", _job(job_id), headers=headers, timeout_s=LONG_POLL_S + 30, accept=frozenset({304})
+                "GET", job_path(job_id), headers=headers, timeout_s=LONG_POLL_S + 30, accept=frozenset({304})
             )
             if answer.status_code != 304:
                 etag = answer.headers.get("ETag")
-                job = read(Job, _json(answer))
+                job = read(Job, json_of(answer))
                 if job.is_terminal:
                     return job
                 if on_change is not None:
@@ -203,7 +225,7 @@ class Client:
                 headers = {"Accept": "text/event-stream", "Accept-Encoding": "identity"}
                 if reading.last_id is not None:
                     headers["Last-Event-ID"] = str(reading.last_id)
-                with self._transport.stream(f"{_job(job_id)}/events", headers, timeout_s=QUIET_S) as answer:
+                with self._transport.stream(f"{job_path(job_id)}/events", headers, timeout_s=QUIET_S) as answer:
                     if answer.status_code == 204:  # nothing happened since, and nothing will
                         return
                     if not answer.headers.get("Content-Type", "").startswith("text/event-stream"):
@@ -224,49 +246,64 @@ class Client:
     def _is_last(self, job_id: str, end: Event) -> bool:
         """Whether nothing follows this end: a job that was continued has one for each attempt."""
         job = self.job(job_id)
-        return job.is_terminal and bool(end.data.get("attempt", job.attempt) == job.attempt)
+        if not job.is_terminal or end.data.get("attempt", job.attempt) != job.attempt:
+            return False
+        ended = end.data.get("finished_at")  # a job whose frame is retried ends again in the same attempt
+        return ended is None or job.finished_at is None or datetime.fromisoformat(ended) == job.finished_at
 
     def change(
         self, job_id: str, *, priority: int | None = None, labels: Mapping[str, str] | None = None, ttl_s: float | None = None
     ) -> Job:
         changes = {"priority": priority, "labels": None if labels is None else dict(labels), "ttl_s": ttl_s}
         body = {name: value for name, value in changes.items() if value is not None}
-        return read(Job, _json(self._transport.request("PATCH", _job(job_id), body=body, repeatable=True)))
+        return read(Job, json_of(self._transport.request("PATCH", job_path(job_id), body=body, repeatable=True)))
 
     def cancel(self, job_id: str) -> Job:
         """It ends soon, and keeps the picture made so far."""
-        return read(Job, _json(self._transport.request("POST", f"{_job(job_id)}/cancel", repeatable=True)))
+        return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/cancel", repeatable=True)))
+
+    def pause(self, job_id: str) -> Job:
+        """Its running frames write checkpoints and give their workers back; none is begun until it is resumed."""
+        return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/pause", repeatable=True)))
+
+    def resume(self, job_id: str) -> Job:
+        return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/resume", repeatable=True)))
+
+    def retry_frame(self, job_id: str, number: int) -> Job:
+        """One frame that has ended is rendered again, the others stay. Not repeated where its answer is lost: the frame says
+        then whether it waits."""
+        return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/frames/{number}/retry")))
 
     def continue_(self, job_id: str, stop: StopRules) -> Job:
         """A new attempt, from the checkpoints of the last, with other stop rules. Not repeated where its answer is lost: the
         job says then whether it goes on."""
-        return read(Job, _json(self._transport.request("POST", f"{_job(job_id)}/continue", body={"stop": stop})))
+        return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/continue", body={"stop": stop})))
 
     def delete(self, job_id: str) -> None:
         """Canceled if it runs, and gone with everything it made."""
-        self._transport.request("DELETE", _job(job_id))
+        self._transport.request("DELETE", job_path(job_id))
 
     def frames(self, job_id: str) -> Iterator[Frame]:
-        return self._pages(f"{_job(job_id)}/frames", {}, Frame)
+        return self._pages(f"{job_path(job_id)}/frames", {}, Frame)
 
     def frame(self, job_id: str, number: int) -> Frame:
-        return read(Frame, self._get(f"{_job(job_id)}/frames/{number}"))
+        return read(Frame, self._get(f"{job_path(job_id)}/frames/{number}"))
 
     def convergence(self, job_id: str, frame: int = 0) -> list[Convergence]:
-        rows = self._get(f"{_job(job_id)}/convergence", {"frame": frame})
-        return [read(Convergence, row) for row in _items(rows)]
+        rows = self._get(f"{job_path(job_id)}/convergence", {"frame": frame})
+        return [read(Convergence, row) for row in items_of(rows)]
 
     def preview(self, job_id: str, *, frame: int = 0, exposure: float = 0.0, view: str = "beauty") -> bytes:
         """A PNG of now."""
         params = {"frame": frame, "exposure": exposure, "view": view}
         headers = {"Accept": "image/png"}
-        return self._transport.request("GET", f"{_job(job_id)}/preview", params=params, headers=headers).content
+        return self._transport.request("GET", f"{job_path(job_id)}/preview", params=params, headers=headers).content
 
     def log(self, job_id: str) -> str:
-        return self._transport.request("GET", f"{_job(job_id)}/log", headers={"Accept": "text/plain"}).text
+        return self._transport.request("GET", f"{job_path(job_id)}/log", headers={"Accept": "text/plain"}).text
 
     def outputs(self, job_id: str) -> list[Output]:
-        return list(self._pages(f"{_job(job_id)}/outputs", {}, Output))
+        return list(self._pages(f"{job_path(job_id)}/outputs", {}, Output))
 
     def download(
         self,
@@ -284,13 +321,13 @@ class Client:
         return download(self._transport, job_id, output, target_of(output, Path(folder)), show, overwrite=overwrite)
 
     def whoami(self) -> Json:
-        return _object(self._get("/v1/whoami"))
+        return object_of(self._get("/v1/whoami"))
 
     def usage(self) -> Usage:
         return read(Usage, self._get("/v1/usage"))
 
     def capabilities(self) -> Json:
-        return _object(self._get("/v1/capabilities"))
+        return object_of(self._get("/v1/capabilities"))
 
     def create_key(
         self, tenant: str, *, name: str = "", scopes: list[str] | None = None, expires_in_s: float | None = None
@@ -298,7 +335,7 @@ class Client:
         """Its `key` is shown this once."""
         optional = {"scopes": scopes, "expires_in_s": expires_in_s}
         body = {"tenant": tenant, "name": name} | {name: value for name, value in optional.items() if value is not None}
-        return read(Key, _json(self._transport.request("POST", "/v1/keys", body=body)))
+        return read(Key, json_of(self._transport.request("POST", "/v1/keys", body=body)))
 
     def list_keys(self) -> Iterator[Key]:
         return self._pages("/v1/keys", {}, Key)
@@ -307,7 +344,7 @@ class Client:
         self._transport.request("DELETE", f"/v1/keys/{quote(key_id, safe='')}")
 
     def _get(self, path: str, params: Mapping[str, Any] | None = None) -> Any:
-        return _json(self._transport.request("GET", path, params=params, headers={"Accept": "application/json"}))
+        return json_of(self._transport.request("GET", path, params=params, headers={"Accept": "application/json"}))
 
     def _pages(self, path: str, params: Mapping[str, Any], kind: type[T]) -> Iterator[T]:
         return (read(kind, item) for item in self._items(path, params))
@@ -317,34 +354,10 @@ class Client:
         cursor: str | None = None
         while True:
             page = self._get(path, {**params, **({"limit": PAGE_ITEMS, "cursor": cursor} if cursor else {})})
-            yield from _items(page)
+            yield from items_of(page)
             cursor = page.get("next_cursor") if isinstance(page, dict) else None
             if cursor is None:
                 return
-
-
-def _job(job_id: str) -> str:
-    return f"/v1/jobs/{quote(job_id, safe='')}"
-
-
-def _json(answer: Any) -> Any:
-    try:
-        return answer.json()
-    except ValueError:
-        raise UnexpectedAnswer(f"{answer.request.url} answered {answer.status_code} without JSON") from None
-
-
-def _object(document: Any) -> Json:
-    if not isinstance(document, dict):
-        raise UnexpectedAnswer("a JSON object was expected")
-    return document
-
-
-def _items(page: Any) -> list[Any]:
-    items = page.get("items") if isinstance(page, dict) else page
-    if not isinstance(items, list):
-        raise UnexpectedAnswer("a list was expected")
-    return items
 
 
 def _deadline(timeout_s: float | None) -> float | None:

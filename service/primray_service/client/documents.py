@@ -15,7 +15,7 @@ TERMINAL = frozenset({"succeeded", "failed", "canceled", "expired"})
 
 class StopRules(TypedDict, total=False):
     target_error: float | None
-    metric: Literal["relmse", "rmse", "display"]
+    metric: Literal["relmse", "rmse", "display"] | None
     max_samples: int | None
     max_seconds: float | None
 
@@ -34,9 +34,9 @@ class Settings(TypedDict, total=False):
     seed: int
     max_depth: int | None
     adaptive: bool | None
-    denoise: bool
+    denoise: bool | None
     stop_at: Literal["picture", "denoised"]
-    filter: Literal["box", "gaussian", "blackman-harris"]
+    filter: Literal["box", "gaussian", "blackman-harris"] | None
     filter_width: float | None
     default_light: bool
     studio_light: Literal["auto", "on", "off"]
@@ -47,6 +47,7 @@ class Settings(TypedDict, total=False):
     background: str | None  # a colour, transparent, or an image of the package
     default_wrap: Literal["black", "clamp", "repeat", "mirror"]
     render_context: Literal["mtlx", "universal"]
+    translated_shaders: bool
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None
     strict: bool
     fail_on: list[str]
@@ -69,9 +70,18 @@ class Settings(TypedDict, total=False):
     view: str | None  # of OpenColorIO
     display: str | None
     look: str | None
-    exposure: float | Literal["auto"]
+    exposure: float | Literal["auto"] | None
     half: list[str]
     compression: str | None  # NAME or NAME:LEVEL
+
+
+class QuotaChanges(TypedDict, total=False):
+    requests_per_s: float | None
+    burst: int
+    queued_jobs: int | None
+    running_jobs: int | None
+    stored_bytes: int | None
+    cpu_s_per_day: float | None
 
 
 class Webhook(TypedDict, total=False):
@@ -148,7 +158,7 @@ class SceneOfJob:
 @dataclass(frozen=True)
 class Job:
     id: str
-    state: str  # queued, preparing, running, canceling, succeeded, failed, canceled, expired
+    state: str  # queued, preparing, running, pausing, paused, canceling, succeeded, failed, canceled, expired
     created_at: datetime
     scene: SceneOfJob
     name: str | None = None  # None: of a server or a time before jobs had names
@@ -169,6 +179,7 @@ class Job:
     error: Json | None = None
     usage: Json = field(default_factory=dict)
     webhook: Json | None = None
+    tenant: str = ""  # in what an administrator gets
 
     @property
     def is_terminal(self) -> bool:
@@ -235,6 +246,48 @@ class Usage:
     stored_bytes: Share
     cpu_s_per_day: Share
     cpu_s_total: float
+
+
+@dataclass(frozen=True)
+class TenantUsage(Usage):
+    """As an administrator gets it; `quotas_set`: members of `quotas` that an administrator has set."""
+
+    quotas: Json = field(default_factory=dict)
+    quotas_set: Json = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class WorkerNode:
+    """`why` it takes no work; empty: it does."""
+
+    id: str
+    slots: int = 0
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class RunningFrame:
+    job: str
+    tenant: str
+    frame: int
+    name: str | None = None
+    priority: int = 50
+    state: str = "running"
+    time_code: float | None = None
+    phase: str = ""
+    fraction: float = 0.0
+    started_at: datetime | None = None
+    cpu_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Workers:
+    dispatcher: str  # here, elsewhere, nowhere: where the server that dispatches is
+    slots: int
+    cores: int = 0
+    memory_bytes: int = 0
+    nodes: list[WorkerNode] = field(default_factory=list)
+    running: list[RunningFrame] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

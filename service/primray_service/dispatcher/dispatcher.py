@@ -118,7 +118,8 @@ class Dispatcher:
     def _about(self) -> Json:
         """What other servers are told of this one while it dispatches."""
         health = self._executor.health()
-        return {"executor": asdict(self._executor.capacity()), "sandbox": health.get("sandbox", {}), "ok": bool(health["ok"])}
+        about: Json = {"executor": asdict(self._executor.capacity()), "sandbox": health.get("sandbox", {})}
+        return about | {"ok": bool(health["ok"]), "nodes": list(health.get("nodes", ()))}
 
     def wake(self) -> None:
         """Something was queued or is to be canceled; from any thread. Another server may be the one that dispatches."""

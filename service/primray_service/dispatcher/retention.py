@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..files import DataDirectory
 from ..jobs import TERMINAL
-from ..scenes import keep, shared
+from ..scenes import contents, keep, shared
 from ..store.base import Conflict
 from .context import Context
 
@@ -42,6 +42,7 @@ class Retention:
                 if loop.time() >= scenes_at:
                     scenes_at = loop.time() + SCENES_EVERY_S
                     await self.remove_unused_scenes()
+                    await self.remove_unused_contents()
                 if loop.time() >= sweep_at:
                     sweep_at = loop.time() + SWEEP_EVERY_S
                     await self.sweep()
@@ -82,10 +83,18 @@ class Retention:
             except (Conflict, KeyError):
                 continue  # somebody uses it now, or removed it
 
+    async def remove_unused_contents(self) -> None:
+        """Files of uploads by content that were never put together, or whose scenes are gone."""
+        context = self._context
+        before = time.time() - context.limits.content_kept_s
+        for tenant, sha256 in await context.calls.store(context.store.unused_contents, context.fence, before, A_TIME):
+            await context.calls.disk(contents.forget, tenant, sha256, before, context.store, context.data)
+
     async def sweep(self) -> None:
         """Folders of jobs that have no row; uploads and scenes likewise."""
         context = self._context
         await context.calls.disk(keep.sweep, context.store, context.data)
+        await context.calls.disk(contents.sweep, context.store, context.data)
         for name in await context.calls.disk(_job_folders, context.data, time.time() - YOUNG_S):
             await self._remove_without_row(name)
         objects = context.data.objects

@@ -50,6 +50,7 @@ class Chunk:
     group: str = ""
     more_follow: bool = False  # of the group, maybe
     scene: str = ""
+    roots: tuple[str, ...] = ()  # folders of shared storage that its process may read, where they are
     keep_s: float = 0.0  # how long a process may wait, with the scene open, for more of the scene
 
 

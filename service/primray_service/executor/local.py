@@ -109,13 +109,13 @@ class LocalExecutor:
         """And whether it had no chunk before."""
         memory = chunk.memory_bytes or self._limits.memory_bytes
         for worker in reversed(self._staying):
-            if worker.may_have(chunk) and memory <= worker.memory_bytes:
+            if worker.may_have(chunk) and worker.roots == chunk.roots and memory <= worker.memory_bytes:
                 self._staying.remove(worker)
                 return worker, False
         waiting = self._warm.get(chunk.kind)
-        if waiting is not None and memory <= waiting.memory_bytes:
+        if waiting is not None and memory <= waiting.memory_bytes and not chunk.roots:
             return self._warm.pop(chunk.kind), True
-        return self._start_worker(chunk.kind, memory), True
+        return self._start_worker(chunk.kind, memory, chunk.roots), True
 
     def _stay(self, worker: Worker) -> None:
         """It has ended a chunk, and waits for another of its group or its scene; of many the oldest goes."""
@@ -176,10 +176,10 @@ class LocalExecutor:
         await asyncio.gather(*(run.result() for run in list(self._runs)))
         await asyncio.to_thread(self._slots.close)
 
-    def _start_worker(self, kind: str, memory_bytes: int | None = None) -> Worker:
+    def _start_worker(self, kind: str, memory_bytes: int | None = None, roots: tuple[str, ...] = ()) -> Worker:
         memory, slot = memory_bytes or self._limits.memory_bytes, self._slots.make()
         try:
-            return Worker(kind, slot, memory, self._capacity.threads, self._limits, self._walls)
+            return Worker(kind, slot, memory, self._capacity.threads, self._limits, self._walls, roots)
         except BaseException:
             slot.remove()
             raise

@@ -30,8 +30,18 @@ class Walls:
 class Worker:
     """`group`: of the chunks that it ran last, "" before the first; `scene`: of all its chunks, which it has open."""
 
-    def __init__(self, kind: str, slot: Slot, memory_bytes: int, threads: int, limits: Limits, walls: Walls) -> None:
+    def __init__(
+        self,
+        kind: str,
+        slot: Slot,
+        memory_bytes: int,
+        threads: int,
+        limits: Limits,
+        walls: Walls,
+        roots: tuple[str, ...] = (),
+    ) -> None:
         self.slot = slot
+        self.roots = roots
         self.memory_bytes = memory_bytes
         self.group = self.scene = ""
         self.keep_s = 0.0
@@ -42,7 +52,7 @@ class Worker:
         self._inputs: Mapping[str, Path] = {}
         self._folders: Mapping[str, Path] = {}
         budget = Budget(memory_bytes, threads, limits.output_bytes)
-        spawn = worker_spawn(slot.root, budget, (*walls.program, kind), walls.layers)
+        spawn = worker_spawn(slot.root, budget, (*walls.program, kind), walls.layers, roots)
         self.wrapped = spawn.wrapped
         self.ready = asyncio.Event()  # once for all its chunks
         self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)

@@ -21,14 +21,16 @@ MOST_EXACT = 2**53  # below which doubles hold every whole number
 MAX_DIGITS = 40  # of a whole number: more is refused before it is converted
 
 
-def json_body(model: type[Model], *, may_lack: bool = False) -> Callable[[Request], Coroutine[Any, Any, Model]]:
-    """A dependency: the body as this model; `may_lack`: a request without any is as one with {}."""
+def json_body(
+    model: type[Model], *, may_lack: bool = False, limit: str = "json_bytes"
+) -> Callable[[Request], Coroutine[Any, Any, Model]]:
+    """A dependency: the body as this model; `may_lack`: a request without any is as one with {}; `limit`: of its bytes."""
 
     async def body(request: Request) -> Model:
         if may_lack and has_no_body(request):
             return model()
         check_json_type(request)
-        return parsed(model, await read(request, service_of(request).limits.json_bytes))
+        return parsed(model, await read(request, getattr(service_of(request).limits, limit)))
 
     return body
 

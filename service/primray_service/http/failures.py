@@ -50,7 +50,8 @@ async def _of_problem(request: Request, problem: Exception) -> Response:
 async def _of_quota(request: Request, error: Exception) -> Response:
     service, caller = service_of(request), await caller_of_request(request)
     usage = await run_in_threadpool(service.store.usage, caller.tenant, time.time())
-    return problem_answer(exceeded(str(error.args[0]), caller.quotas(service.quotas), usage), request_id_of(request))
+    quotas = await run_in_threadpool(service.quotas_of, caller)
+    return problem_answer(exceeded(str(error.args[0]), quotas, usage), request_id_of(request))
 
 
 async def _of_unavailable(request: Request, error: Exception) -> Response:

@@ -27,6 +27,7 @@ TAGS = (
     ("jobs", "Renders: queued, watched, canceled, continued."),
     ("previews", "A job's picture as it is now."),
     ("outputs", "The files that a job makes."),
+    ("admin", "Jobs of all tenants, workers, usage and quotas, for a key with the scope admin."),
     ("keys", "API keys, and browsers' sessions."),
     ("account", "Who asks, what was used, what is allowed."),
     ("health", "How the server is."),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import structlog
 from fastapi import Request
+from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -24,7 +25,12 @@ async def spend_request(request: Request) -> None:
     if caller.key is None:
         return
     rates: RequestRates = request.app.state.rates
-    allowance = rates.take(caller.key.id, caller.quotas(service_of(request).quotas))
+    service = service_of(request)
+    if service.tenant_quotas.is_known(caller.tenant):
+        quotas = service.quotas_of(caller)
+    else:
+        quotas = await run_in_threadpool(service.quotas_of, caller)
+    allowance = rates.take(caller.key.id, quotas)
     if allowance is None:
         return
     if not allowance.is_allowed:

@@ -20,6 +20,7 @@ from ..access.quotas import exceeded
 from ..jobs import Scene as SceneRow
 from ..limits import MiB, Quotas
 from ..problems import Problem
+from ..scenes.contents import keep_content
 from ..scenes.keep import keep
 from ..scenes.receive import UploadHead, receive
 from ..scenes.staging import staging
@@ -38,8 +39,8 @@ async def receive_scene(
 ) -> tuple[SceneRow | None, bool, dict[str, bytes]]:
     """The scene in a request's body, whether it is new, and a form's other parts by name. A form may lack a file (None)."""
     head = UploadHead(request.headers, request.query_params.get("name", ""))
-    quotas = caller.quotas(service.quotas)
-    await _refuse_over_quota(service, caller, quotas, head.length or 0)
+    quotas = await asyncio.to_thread(service.quotas_of, caller)
+    await refuse_over_quota(service, caller, quotas, head.length or 0)
     async with staging(service.data) as staged:
         received, found = await receive(_body(request), head, staged, service.data, service.limits, fields)
         if received is None:
@@ -57,7 +58,25 @@ async def receive_scene(
     return scene, is_new, found
 
 
-async def _refuse_over_quota(service: Service, caller: Caller, quotas: Quotas, coming: int) -> None:
+async def receive_content(request: Request, service: Service, caller: Caller, sha256: str) -> bool:
+    """A file in a request's body, which must have this digest; whether it is new."""
+    head = UploadHead({name: value for name, value in request.headers.items() if name != "content-type"})
+    quotas = await asyncio.to_thread(service.quotas_of, caller)
+    await refuse_over_quota(service, caller, quotas, head.length or 0)
+    async with staging(service.data) as staged:
+        received, _ = await receive(_body(request), head, staged, service.data, service.limits)
+        assert received is not None
+        if received.sha256 != sha256:
+            raise Problem("digest-mismatch", f"The body has the digest {received.sha256}, not {sha256}. Send it again.")
+        file = received
+        try:
+            return await to_the_end(lambda: keep_content(file, caller.tenant, service.store, service.data, quotas, time.time()))
+        except QuotaExceeded as error:
+            usage = await asyncio.to_thread(service.store.usage, caller.tenant, time.time())
+            raise exceeded(str(error.args[0]), quotas, usage) from None
+
+
+async def refuse_over_quota(service: Service, caller: Caller, quotas: Quotas, coming: int) -> None:
     """Before anything is sent, where the request says how much will be; the store decides."""
     if quotas.stored_bytes is None:
         return

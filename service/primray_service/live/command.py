@@ -35,7 +35,7 @@ def view(
     display: output_flags.Display = None,
     view: output_flags.View = None,
     look: output_flags.Look = None,
-    exposure: output_flags.Exposure = "0",
+    exposure: output_flags.Exposure = None,
     no_default_light: stage_flags.NoDefaultLight = False,
     studio_light: stage_flags.Studio = StudioLight.AUTO,
     dome: stage_flags.Dome = None,
@@ -44,6 +44,7 @@ def view(
     ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
+    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -75,6 +76,7 @@ def view(
         ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
+        translated_shaders=not no_translated_shaders,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
         load=option_values.load_of(no_payloads, load),
@@ -90,6 +92,6 @@ def view(
 
     check_view(view, display)
     check_look(look)
-    looks = Looks(view, display, look, option_values.exposure_of(exposure))
+    looks = Looks(view, display, look, option_values.exposure_of(exposure) or 0.0)
     with problems_as_errors():
         serve(ViewedScene(scene, settings), settings.most_samples, looks, Path(scene).name, port, opens=not no_open)

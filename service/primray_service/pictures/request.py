@@ -33,7 +33,7 @@ class PictureRequest:
     through: str | None = None
     display: str | None = None
     look: str | None = None
-    stops: float | Literal["auto"] = 0.0
+    stops: float | Literal["auto"] | None = None
 
     @property
     def tag(self) -> str:

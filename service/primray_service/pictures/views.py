@@ -60,7 +60,7 @@ def _encoded(pixels: Values, request: PictureRequest, stops: float) -> Values:
 def _stops(rgb: Values, alpha: Values, request: PictureRequest) -> float:
     """Return the exposure asked for beside that of the job's files."""
     if request.stops != "auto":
-        return request.stops + request.exposure
+        return (request.stops or 0.0) + request.exposure
     view = View(request.through, request.display, request.look)
     return exposure_that_serves(np.concatenate([rgb, alpha], axis=2), view) + request.exposure
 

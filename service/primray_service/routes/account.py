@@ -16,9 +16,11 @@ from ..http.answers import json_answer
 from ..http.callers import COOKIE, Reader, Serving
 from ..http.described import answer, described
 from ..jobs import Json
+from ..limits import Quotas
 from ..pictures.request import MEDIA_TYPES as PREVIEW_TYPES
 from ..pictures.request import VIEWS
 from ..scenes.recognize import MEDIA_TYPES as SCENE_TYPES
+from ..store.base import Usage
 from .keys import key_json
 
 router = APIRouter(prefix="/v1", tags=["account"])
@@ -44,18 +46,19 @@ def whoami(request: Request, caller: Reader) -> Response:
 def usage(caller: Reader, service: Serving) -> Response:
     """What the tenant uses now, beside what it may use (null: as much as there is)."""
     used = service.store.usage(caller.tenant, time.time())
-    quotas = caller.quotas(service.quotas)
-    return json_answer(
-        {
-            "tenant": caller.tenant,
-            "queued_jobs": {"used": used.queued_jobs, "limit": quotas.queued_jobs},
-            "running_jobs": {"used": used.running_jobs, "limit": quotas.running_jobs},
-            "stored_bytes": {"used": used.stored_bytes, "limit": quotas.stored_bytes},
-            "cpu_s_per_day": {"used": used.cpu_s_today, "limit": quotas.cpu_s_per_day},
-            "cpu_s_total": used.cpu_s_total,
-            "requests_per_s": {"limit": quotas.requests_per_s, "burst": quotas.burst},
-        }
-    )
+    return json_answer(usage_json(caller.tenant, used, service.quotas_of(caller)))
+
+
+def usage_json(tenant: str, used: Usage, quotas: Quotas) -> Json:
+    return {
+        "tenant": tenant,
+        "queued_jobs": {"used": used.queued_jobs, "limit": quotas.queued_jobs},
+        "running_jobs": {"used": used.running_jobs, "limit": quotas.running_jobs},
+        "stored_bytes": {"used": used.stored_bytes, "limit": quotas.stored_bytes},
+        "cpu_s_per_day": {"used": used.cpu_s_today, "limit": quotas.cpu_s_per_day},
+        "cpu_s_total": used.cpu_s_total,
+        "requests_per_s": {"limit": quotas.requests_per_s, "burst": quotas.burst},
+    }
 
 
 @router.get("/capabilities", **described(answer(account_views.Capabilities)))
@@ -79,7 +82,7 @@ def capabilities(caller: Reader, service: Serving) -> Response:
         "error_metrics": ["relmse", "rmse", "display"],
         "aovs": [{"name": name, "meaning": kind.meaning} for name, kind in (AOVS | CRYPTOMATTES).items()],
         "limits": asdict(service.limits),
-        "quotas": asdict(caller.quotas(service.quotas)),
+        "quotas": asdict(service.quotas_of(caller)),
         "executor": {
             "slots": capacity.slots,
             "cores": capacity.cores,
@@ -88,5 +91,6 @@ def capabilities(caller: Reader, service: Serving) -> Response:
             "nodes": capacity.nodes,
         },
         "sandbox": leading.sandbox,
+        "shared_roots": service.data.shared_roots.names(caller.tenant),
     }
     return json_answer(found)

@@ -22,6 +22,7 @@ from ..jobs import Json
 from ..limits import Quotas
 from ..problems import Problem
 from ..store.base import ApiKey
+from .admin.audit import record
 
 router = APIRouter(prefix="/v1/keys", tags=["keys"])
 
@@ -70,6 +71,7 @@ def create_key(
     quotas = Quotas(**{**asdict(service.quotas), **changes})
     expires_at = None if asked.expires_in_s is None else now + asked.expires_in_s
     row, text = create(service.store, asked.tenant, asked.scopes, now, name=asked.name, quotas=quotas, expires_at=expires_at)
+    record(caller, "create-key", row.tenant, key_id=row.id, scopes=sorted(row.scopes))
     return json_answer({**key_json(row), "key": text}, 201, {"location": f"/v1/keys/{row.id}", "cache-control": "no-store"})
 
 
@@ -92,8 +94,9 @@ def show(key_id: str, caller: Admin, service: Serving) -> Response:
 @router.delete("/{key_id}", **described(answer(None, 204, "It is refused from now on."), problems=("not-found",)))
 def revoke(key_id: str, request: Request, caller: Admin, service: Serving) -> Response:
     """Refuse a key from now on (another server over the same database: within seconds). What it made stays."""
-    _found(service, key_id)
+    row = _found(service, key_id)
     service.store.revoke_key(key_id, time.time())
+    record(caller, "revoke-key", row.tenant, key_id=key_id)
     keys: Keys = request.app.state.keys
     keys.forget()
     return Response(status_code=204)

@@ -26,14 +26,14 @@ RETRY_AFTER_S = 1  # while a scene is checked
 # Any text is looked for, and not found: the pattern is only told.
 SceneId = Annotated[str, Path(json_schema_extra={"pattern": "^sha256:[0-9a-f]{64}$"})]
 
-_BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 UPLOAD_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
         "description": "The file itself (its kind is seen from its first bytes), or a form with a part `file`.",
         "content": {
-            **dict.fromkeys(MEDIA_TYPES.values(), _BINARY),
-            "application/octet-stream": _BINARY,
+            **dict.fromkeys(MEDIA_TYPES.values(), BINARY),
+            "application/octet-stream": BINARY,
             "multipart/form-data": {
                 "schema": {
                     "type": "object",

@@ -37,9 +37,15 @@ class Spawn:
     wrapped: bool  # the child is bubblewrap, and the worker its grandchild
 
 
-def worker_spawn(slot: Path, budget: Budget, program: Sequence[str] = WORKER, layers: frozenset[str] | None = None) -> Spawn:
+def worker_spawn(
+    slot: Path,
+    budget: Budget,
+    program: Sequence[str] = WORKER,
+    layers: frozenset[str] | None = None,
+    roots: Sequence[str] = (),
+) -> Spawn:
     """`layers`: fewer than stand here, for tests of one at a time. Make it and start it in the thread that lives longest:
-    the worker dies with it."""
+    the worker dies with it. `roots`: folders that it can read beside its own, where they are."""
     on = usable_layers() if layers is None else layers
     wrapped = "bubblewrap" in on
     slot = slot.resolve()
@@ -51,14 +57,14 @@ def worker_spawn(slot: Path, budget: Budget, program: Sequence[str] = WORKER, la
         "out": out,
         "layers": sorted(on),
         "limits": limits_of(budget),
-        "readable": [*readable_paths(), *machine_paths(), *luts, job],
+        "readable": [*readable_paths(), *machine_paths(), *luts, *roots, job],
         "devices": list(DEVICES),
         "parent": None if wrapped else os.getpid(),
     }
     env = {**_environment(out, budget.threads), **({} if colors is None else {OCIO: colors}), PLAN: json.dumps(plan)}
     # Isolated: no PYTHON* variables, no user's site-packages, not the current folder. No .pyc files are written.
     command = [sys.executable, "-I", "-B", *program]
-    argv = bubblewrap.wrap(slot, env, command, luts) if wrapped else command
+    argv = bubblewrap.wrap(slot, env, command, (*luts, *roots)) if wrapped else command
     # bubblewrap's own environment is empty: what is not there cannot be read from /proc.
     return Spawn(argv, {} if wrapped else env, "/", job, out, wrapped)
 

@@ -32,11 +32,16 @@ def _copies(data: DataDirectory) -> Iterator[tuple[float, Path]]:
     """With when they were used last."""
     for folder in data.scenes.iterdir():
         yield folder.stat().st_mtime, folder
+    for path in data.contents.glob("*/*"):
+        yield path.stat().st_mtime, path
     for folder in data.jobs.iterdir():
         yield max(path.stat().st_mtime for path in (folder, *folder.glob("frames/*"))), folder
 
 
 def _remove(folder: Path, data: DataDirectory) -> None:
+    if folder.parent.parent == data.contents:
+        folder.unlink(missing_ok=True)  # packages that have it keep their links
+        return
     if folder.parent == data.jobs:
         shutil.rmtree(folder, ignore_errors=True)
         return

@@ -11,6 +11,7 @@ from ..jobs import Json, Scene
 from ..limits import Limits, Quotas
 from ..store.base import Store
 from . import shared
+from .contents import release
 from .preparing import ABOUT, locked, prepare, refuse_as_usdz, scene_row, set_aside
 from .receive import Received
 from .staging import sweep as sweep_incoming
@@ -47,11 +48,13 @@ def keep(
 
 def remove(scene_id: str, tenant: str, store: Store, data: DataDirectory) -> None:
     """The tenant's row, and the bytes if they are nobody's then. Conflict, KeyError: as Store.delete_scene. Blocks."""
+    contents = store.contents_of_scene(tenant, scene_id)
     with shared.removing(scene_id, store, data), locked(data):
         is_nobodys = store.delete_scene(tenant, scene_id)
         gone = set_aside(scene_id, data) if is_nobodys else None
         if is_nobodys:
             shared.remove(scene_id, data)
+    release(contents, tenant, store, data)
     if gone is not None:
         shutil.rmtree(gone, ignore_errors=True)
 

@@ -20,10 +20,10 @@ from pathlib import Path
 from ..files import DataDirectory
 from ..jobs import Json, Scene, SceneState
 from ..limits import Limits
-from ..problems import Problem, problem_of
+from ..problems import problem_of
 from .entries import candidates
 from .receive import Received
-from .recognize import HEAD_BYTES, called_usdz, recognize, wrong_as_usdz
+from .recognize import HEAD_BYTES, called_usdz, recognize, without_layers, wrong_as_usdz
 from .unpack import unpack
 from .zip_directory import read_directory
 from .zip_names import refuse_names
@@ -57,7 +57,7 @@ def prepare(received: Received, data: DataDirectory, limits: Limits) -> Json:
     """Recognise, unpack, write down what was found, and sync all of it."""
     staged = received.path.parent
     with received.path.open("rb") as file:
-        kind: str = recognize(file.read(HEAD_BYTES))
+        kind: str = recognize(file.read(HEAD_BYTES), received.name)
         about: Json = {"kind": kind, "files": 1, "unpacked_bytes": 0}
         if kind == "zip":
             members = read_directory(file, limits)
@@ -70,11 +70,11 @@ def prepare(received: Received, data: DataDirectory, limits: Limits) -> Json:
                 refuse_as_usdz(received, about)
                 paths = [member.name for member in members if not member.is_folder]
                 if not candidates(paths):
-                    raise Problem("not-usd", f"None of the package's {len(paths)} files is a usd, usda, usdc or usdz layer.")
+                    raise without_layers(paths)
                 unpacked = unpack(file, members, staged / "package", limits, data.free_bytes)
                 about |= {"files": unpacked.files, "unpacked_bytes": unpacked.bytes}
     (staged / ABOUT).write_text(json.dumps(about))
-    _sync_all(staged)
+    sync_all(staged)
     return about
 
 
@@ -84,7 +84,7 @@ def refuse_as_usdz(received: Received, about: Json) -> None:
         raise problem_of(about["no_usdz_because"])
 
 
-def _sync_all(folder: Path) -> None:
+def sync_all(folder: Path) -> None:
     """All files of a folder: one call for the whole file system, since a package may have thousands."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

@@ -10,6 +10,8 @@ from urllib.parse import unquote
 
 from primray.errors import StageOpenError
 from primray.lfs_pointer import WHAT_IT_IS, is_pointer
+from primray.other_formats import CODE as OTHER_FORMAT
+from primray.other_formats import advice_for, refers_to_other_format
 
 from ..problems import Problem
 from .zip_directory import STORED, Member, unsafe
@@ -28,8 +30,9 @@ MEDIA_TYPES = {
 MAX_NAME_CHARS = 255
 
 
-def recognize(head: bytes) -> SceneKind:
-    """`head`: the file's first HEAD_BYTES, or all. A usdz is "zip" here: see is_usdz. Problem("not-usd") for anything else."""
+def recognize(head: bytes, name: str = "") -> SceneKind:
+    """`head`: the file's first HEAD_BYTES, or all. A usdz is "zip" here: see is_usdz. Problem("not-usd") for anything else,
+    with the command that converts it where `name` or the bytes say what it is."""
     if head.startswith(b"#usda "):
         return "usda"
     if head.startswith(b"PXR-USDC"):
@@ -38,11 +41,23 @@ def recognize(head: bytes) -> SceneKind:
         return "zip"
     if is_pointer(head):
         raise Problem("not-usd", f"USD cannot open it: {WHAT_IT_IS}.", code=StageOpenError.code)  # as opening it would say
+    advice = advice_for(name, head)
+    if advice is not None:
+        raise Problem("not-usd", advice, code=OTHER_FORMAT)
     raise Problem(
         "not-usd",
         "The file begins neither with #usda, nor with PXR-USDC, nor as a zip or usdz does; "
         f"its first bytes are {head[:8].hex(' ')}{_guess(head)}.",
     )
+
+
+def without_layers(paths: Sequence[str]) -> Problem:
+    """Return what is wrong with a package without a layer, with how to convert what it holds instead."""
+    sentence = f"None of the package's {len(paths)} files is a usd, usda, usdc or usdz layer."
+    other = next((path for path in paths if refers_to_other_format(path)), None)
+    if other is None:
+        return Problem("not-usd", sentence)
+    return Problem("not-usd", f"{sentence} {other}: {advice_for(other)}", code=OTHER_FORMAT)
 
 
 def called_usdz(media_type: str, name: str) -> bool:
@@ -76,9 +91,6 @@ def _guess(head: bytes) -> str:
         b"v/1\x01": "an OpenEXR image",
         b"\x1f\x8b": "gzip",
         b"7z\xbc\xaf": "7-Zip",
-        b"glTF": "glTF",
-        b"Kaydara": "FBX",
-        b"Ogawa": "Alembic",
         b"<?xml": "XML",
         b"{": "perhaps JSON",
         b"--": "perhaps multipart form data sent without its Content-Type",

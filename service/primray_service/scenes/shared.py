@@ -19,6 +19,7 @@ from ..limits import Limits, Quotas
 from ..objects import Objects
 from ..problems import Problem
 from ..store.base import Store
+from .contents import MANIFEST, bring_package
 from .preparing import ABOUT, locked, prepare, refuse_as_usdz, scene_row
 from .receive import Received
 from .staging import staging_here
@@ -72,7 +73,7 @@ def _take(staged: Path, scene_id: str, data: DataDirectory) -> None:
 def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
     """What a worker needs of a scene is here. Blocks."""
     folder = data.scene(scene.id)
-    if data.objects is None:
+    if data.objects is None or scene.kind == "shared":
         return
     if folder.exists():
         os.utime(folder)  # used just now: cache.py
@@ -82,6 +83,8 @@ def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
         try:
             data.objects.get(f"{data.name_of(folder)}/{UPLOAD}", path)
         except FileNotFoundError:
+            if bring_package(scene, staged, data, limits):
+                _take(staged, scene.id, data)
             return  # whoever looks for it says so
         received = _received(scene, path)
         (staged / ABOUT).write_text(json.dumps(prepare(received, data, limits)))
@@ -112,6 +115,7 @@ def remove(scene_id: str, data: DataDirectory) -> None:
         name = data.name_of(data.scene(scene_id))
         data.objects.remove(f"{name}/{ABOUT}")
         data.objects.remove(f"{name}/{UPLOAD}")
+        data.objects.remove(f"{name}/{MANIFEST}")
 
 
 def sweep(store: Store, data: DataDirectory) -> None:

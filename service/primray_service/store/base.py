@@ -149,8 +149,9 @@ class Store(Protocol):
     def job_versions(self, job_ids: Collection[str]) -> Mapping[str, int]:
         """Of those that are there."""
 
-    def jobs(self, tenant: str, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
-        """By creation, keyset pages: as fast at the end of 100,000 rows as at the start. ValueError for a bad cursor."""
+    def jobs(self, tenant: str | None, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
+        """By creation, keyset pages: as fast at the end of 100,000 rows as at the start; those of all tenants where `tenant`
+        is None, which cannot be asked for by label. ValueError for a bad cursor."""
 
     def frames(self, job_id: str, limit: int = 1000, after: int = -1) -> Sequence[Frame]: ...
 
@@ -170,6 +171,18 @@ class Store(Protocol):
         canceled: no
         change; else Conflict."""
 
+    def request_pause(self, job_id: str, now: float) -> Job:
+        """Paused at once where none of its frames runs, else pausing until those have written a checkpoint or ended; its time
+        to live begins again. Pausing, paused: no change; Conflict for a job that has ended or is being canceled."""
+
+    def request_resume(self, job_id: str, now: float) -> Job:
+        """A paused job is queued again; of one that is pausing, the frames that stop run again. A job that is not paused does
+        not change; Conflict for one that has ended or is being canceled."""
+
+    def retry_frame(self, job_id: str, number: int, attempt: int, now: float, quotas: Quotas) -> Job:
+        """Queue a frame that ended in this attempt of its own again, without its checkpoint; its outputs stay until new ones
+        replace them. A job that had ended is queued again, in the same attempt. Conflict, QuotaExceeded, KeyError."""
+
     def continue_job(self, job_id: str, stop: Json, now: float, quotas: Quotas) -> Job:
         """A new attempt of a terminal job with other stop rules: every frame queued again, from its checkpoint. Conflict,
         QuotaExceeded."""
@@ -179,10 +192,28 @@ class Store(Protocol):
 
     def events(self, job_id: str, after: int, limit: int) -> Sequence[Event]: ...
 
-    def put_scene(self, scene: Scene, quotas: Quotas) -> tuple[Scene, bool]:
+    def contents(self, tenant: str, digests: Collection[str], now: float) -> Mapping[str, int]:
+        """Sizes of those that the tenant has, by digest; they were used now."""
+
+    def has_content(self, tenant: str, sha256: str) -> bool: ...
+
+    def put_content(self, tenant: str, sha256: str, size: int, now: float, quotas: Quotas) -> bool:
+        """Note that a tenant has a file of this digest; whether it is new. QuotaExceeded."""
+
+    def contents_of_scene(self, tenant: str, scene_id: str) -> Sequence[str]:
+        """Digests of the files that a scene was put together from; none of one that was uploaded whole."""
+
+    def unused_contents(self, fence: int, before: float, limit: int) -> Sequence[tuple[str, str]]:
+        """(tenant, digest) of what no scene has and nobody asked for since."""
+
+    def forget_content(self, tenant: str, sha256: str, before: float) -> bool:
+        """Remove a row if it is still unused; whether it was."""
+
+    def put_scene(self, scene: Scene, quotas: Quotas, contents: Collection[str] = ()) -> tuple[Scene, bool]:
         """The tenant's scene of these bytes, made if there was none (True). If another tenant's same scene was checked
         already, the
-        new row takes its findings. QuotaExceeded."""
+        new row takes its findings. `contents`: digests of the files that it is put together from; Conflict where the tenant
+        lacks one. QuotaExceeded."""
 
     def scene(self, tenant: str, scene_id: str) -> Scene | None: ...
 
@@ -243,6 +274,9 @@ class Store(Protocol):
 
     def queue(self, most: int) -> QueueNow:
         """Jobs with frames that could be claimed, of high priority and old ones first, so many at most; and those that run."""
+
+    def running_frames(self, limit: int) -> Sequence[tuple[Job, Frame]]:
+        """Frames that run, of all tenants, with their jobs, by when they began."""
 
     def note_work(self, fence: int, work: str, seconds: float, now: float, most: int) -> None:
         """How long a frame of a work takes; of more works than `most` the one noted first is forgotten."""
@@ -331,6 +365,15 @@ class Store(Protocol):
     def session_has_ended(self, session: str) -> bool: ...
 
     def usage(self, tenant: str, now: float) -> Usage: ...
+
+    def usage_of_all(self, now: float, limit: int, after: str = "") -> Sequence[tuple[str, Usage]]:
+        """Usage of each tenant that has a key, set quotas, or has used anything, by name."""
+
+    def quotas_set(self, tenant: str) -> Json:
+        """Members of Quotas that an administrator set for a tenant."""
+
+    def set_quotas(self, tenant: str, quotas: Json, now: float) -> None:
+        """Set them in place of those set before; none: the tenant has its keys' quotas again."""
 
     def counts(self) -> Mapping[str, int]:
         """Jobs by state, over all tenants, for metrics: cheap at 100,000 jobs."""

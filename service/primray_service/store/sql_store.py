@@ -8,7 +8,9 @@ from contextlib import AbstractContextManager
 from ..jobs import Json
 from .database.engine import Database
 from .database.migrate import migrate
+from .operations.contents import Contents
 from .operations.frames import Frames
+from .operations.interventions import Interventions
 from .operations.jobs import Jobs
 from .operations.keys import Keys
 from .operations.leases import Leases
@@ -16,6 +18,7 @@ from .operations.listing import Listing
 from .operations.parts import Parts
 from .operations.scenes import Scenes
 from .operations.sessions import EndedSessions
+from .operations.tenants import Tenants
 from .operations.usage import Sums
 from .operations.waiting.claims import Claims
 from .operations.waiting.queue import Queue
@@ -23,7 +26,24 @@ from .operations.waiting.work_seconds import WorkSeconds
 from .operations.webhooks import Webhooks
 
 
-class SqlStore(Jobs, Listing, Frames, Parts, Claims, Queue, WorkSeconds, Leases, Scenes, Sums, Keys, EndedSessions, Webhooks):
+class SqlStore(
+    Jobs,
+    Interventions,
+    Listing,
+    Frames,
+    Parts,
+    Claims,
+    Queue,
+    WorkSeconds,
+    Leases,
+    Scenes,
+    Contents,
+    Sums,
+    Tenants,
+    Keys,
+    EndedSessions,
+    Webhooks,
+):
     def __init__(self, url: str) -> None:
         super().__init__(Database(url))
 

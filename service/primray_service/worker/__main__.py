@@ -47,6 +47,9 @@ def main(arguments: list[str]) -> None:
 def work(do: Do, channel: Channel, entered: Entered) -> None:
     """What comes next; returns where more may follow."""
     command = channel.work()
+    shared = command.get("root")  # of shared storage: its files are named from there
+    if shared:
+        channel.text = ClientText(entered.job, entered.out, Path(shared))
     try:
         limits = command.get("limits") or {}
         if limits.get("load_cpu_s"):
@@ -59,7 +62,7 @@ def work(do: Do, channel: Channel, entered: Entered) -> None:
             print(channel.text.in_text(str(error)), file=sys.stderr, flush=True)
         else:
             print(channel.text.in_text(traceback.format_exc()), end="", file=sys.stderr, flush=True)
-        channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
+        channel.leave("failed", problem=problem_of_error(error, str(shared or entered.job)).as_json())
 
 
 def give_way(nice: int) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from ..problems import Problem
 from .package import Container, File
 
-_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]*:")
+SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]*:")
 _LITERAL = re.compile(r"\"((?:[^\"\\]|\\.)*)\"|'((?:[^'\\]|\\.)*)'")
 _VARIABLE = re.compile(r"\$\{[^}]*\}")
 
@@ -69,7 +69,7 @@ def refuse_expression(container: Container, layer: str, expression: str) -> None
 def leads_out(folder: str, path: str) -> bool:
     """Absolute, with a scheme or a drive, or further up than the folder's root."""
     plain = path.replace("\\", "/")
-    if plain.startswith("/") or _SCHEME.match(plain):
+    if plain.startswith("/") or SCHEME.match(plain):
         return True
     return posixpath.normpath(posixpath.join(folder, plain)).split("/")[0] == ".."
 

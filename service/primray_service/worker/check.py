@@ -26,9 +26,11 @@ from ..limits import Limits
 from ..problems import Problem
 from ..scenes.entries import candidates, choose
 from ..scenes.entries import layers as layers_of
+from ..scenes.recognize import without_layers
 from .asset_paths import Found, find, refuse_expression, split_package
 from .package import Container, File, read_file, read_folder, scene_layers
 
+SHARED = "shared"
 MOST_WARNINGS = 300
 MOST_LISTED = 2_000  # files
 MOST_COMPOSED = 10_000_000  # prims: what USD composes in some minutes
@@ -45,6 +47,11 @@ class Sends(Protocol):
 def check_scene(command: Mapping[str, Any], job: Path, out: Path, channel: Sends) -> None:
     """Problem where the scene is refused; else `facts`, after its warnings."""
     check = _Check(command, job, channel)
+    if command["kind"] == SHARED:
+        from .check_shared import check_shared
+
+        check_shared(command, channel)
+        return
     channel.send("phase", phase="opening")
     facts = check.run()
     channel.leave("facts", **facts)
@@ -52,11 +59,11 @@ def check_scene(command: Mapping[str, Any], job: Path, out: Path, channel: Sends
 
 class _Check:
     def __init__(self, command: Mapping[str, Any], job: Path, channel: Sends) -> None:
-        self.limits = _limits(command.get("limits") or {})
+        self.limits = limits_of(command.get("limits") or {})
         self.asked: str | None = command.get("entry")
         self.job = job
         self.channel = channel
-        self.warned: set[tuple[str, str, str, str]] = set()
+        self.warnings = Warnings(channel)
         place = job / command["file"]
         self.is_package = command["kind"] == "zip"
         self.root = place if self.is_package else place.parent  # of the files' names
@@ -87,9 +94,9 @@ class _Check:
     def _read_layers(self) -> None:
         layers = scene_layers(self.files)
         if not layers:
-            raise Problem("not-usd", f"None of the {len(self.files.files)} files is a usd, usda, usdc or usdz layer.")
+            raise without_layers(sorted(self.files.files))
         if len(layers) > self.limits.layers:
-            raise _too_large("layers", len(layers), self.limits.layers)
+            raise too_large("layers", len(layers), self.limits.layers)
         for container, file in layers:
             name = container.shown(file.name)
             self._refuse_deep_text(name, file)
@@ -102,9 +109,9 @@ class _Check:
                 self.unreadable[name] = error
                 continue
             except DAMAGED:
-                raise _damaged(name) from None
+                raise damaged(name) from None
             if content.depth > self.limits.prim_depth:
-                raise _too_large("nested prims", content.depth, self.limits.prim_depth, layer=name)
+                raise too_large("nested prims", content.depth, self.limits.prim_depth, layer=name)
             self.contents[name] = content
 
     def _refuse_deep_text(self, name: str, file: File) -> None:
@@ -113,7 +120,7 @@ class _Check:
             return
         depth = nesting_depth(file.path, self.limits.prim_depth, file.at, file.bytes)
         if depth > self.limits.prim_depth:
-            raise _too_large("nested brackets", depth, self.limits.prim_depth, layer=name)
+            raise too_large("nested brackets", depth, self.limits.prim_depth, layer=name)
 
     def _entries(self) -> list[str]:
         """Those of the outermost layers that no other layer names; all of them if each is named by another."""
@@ -184,17 +191,17 @@ class _Check:
         if found is None:
             return
         if found.composed > MOST_COMPOSED:
-            raise _too_large("prims", found.composed, MOST_COMPOSED)
+            raise too_large("prims", found.composed, MOST_COMPOSED)
         if found.expanded > self.limits.instances:
-            raise _too_large("prims of instances", found.expanded, self.limits.instances)
+            raise too_large("prims of instances", found.expanded, self.limits.instances)
 
     def _compose(self, entry: str) -> SceneFacts:
         try:
             stage = scene_facts(self.root / entry)
         except DAMAGED:
-            raise _damaged(entry) from None
+            raise damaged(entry) from None
         if stage.used_layers > self.limits.layers:
-            raise _too_large("layers", stage.used_layers, self.limits.layers)
+            raise too_large("layers", stage.used_layers, self.limits.layers)
         if stage.missing and stage.drawable == 0:
             first = stage.missing[0]
             layer, path = self._shown(first)
@@ -239,14 +246,25 @@ class _Check:
                 self._warn("file-ignored", "", detail, "info")
 
     def _warn(self, code: str, prim: str, detail: str, severity: str = "warning", attribute: str = "") -> None:
+        self.warnings.warn(code, prim, detail, severity, attribute)
+
+
+class Warnings:
+    """What a check warns of: each once, and not too many."""
+
+    def __init__(self, channel: Sends) -> None:
+        self._channel = channel
+        self._warned: set[tuple[str, str, str, str]] = set()
+
+    def warn(self, code: str, prim: str, detail: str, severity: str = "warning", attribute: str = "") -> None:
         key = (code, prim, detail, attribute)
-        if key in self.warned or len(self.warned) > MOST_WARNINGS:
+        if key in self._warned or len(self._warned) > MOST_WARNINGS:
             return
-        self.warned.add(key)
-        if len(self.warned) > MOST_WARNINGS:
+        self._warned.add(key)
+        if len(self._warned) > MOST_WARNINGS:
             code, prim, detail, severity = "more-warnings", "", f"There are more than {MOST_WARNINGS} warnings.", "info"
         kind = CODES[code].kind if code in CODES else Kind.NOTE  # the service's own are about files and names
-        self.channel.send(
+        self._channel.send(
             "warning",
             code=code,
             prim=prim[:1024],
@@ -257,16 +275,16 @@ class _Check:
         )
 
 
-def _limits(asked: Mapping[str, Any]) -> Limits:
+def limits_of(asked: Mapping[str, Any]) -> Limits:
     known = {field.name for field in fields(Limits)}
     return Limits(**{name: value for name, value in asked.items() if name in known})
 
 
-def _damaged(layer: str) -> Problem:
+def damaged(layer: str) -> Problem:
     return Problem("layer-unreadable", "The layer is damaged: it has names or prims that cannot be.", layer=layer, line=None)
 
 
-def _too_large(what: str, count: int, limit: int, layer: str | None = None) -> Problem:
+def too_large(what: str, count: int, limit: int, layer: str | None = None) -> Problem:
     extra: dict[str, Any] = {"count": count, "limit": limit} | ({"layer": layer} if layer is not None else {})
     return Problem("scene-too-large", f"The scene has {count:,} {what}; {limit:,} are allowed.", **extra)
 

@@ -23,8 +23,17 @@ _ANONYMOUS = re.compile(r"anon:0x[0-9a-fA-F]+:?")
 class ClientText:
     """Of one worker, by its folders as it sees them."""
 
-    def __init__(self, job: Path, out: Path) -> None:
-        folders = [job / "package", job, out / "tmp", out, *map(Path, sys.path), Path(sys.prefix), Path(sys.base_prefix)]
+    def __init__(self, job: Path, out: Path, shared: Path | None = None) -> None:
+        folders = [
+            *([] if shared is None else [shared]),
+            job / "package",
+            job,
+            out / "tmp",
+            out,
+            *map(Path, sys.path),
+            Path(sys.prefix),
+            Path(sys.base_prefix),
+        ]
         told = {f"{place}/" for folder in folders for place in (folder, folder.resolve()) if str(folder) not in (".", "/")}
         known = "|".join(re.escape(prefix) for prefix in sorted(told, key=len, reverse=True))
         self._known = re.compile(rf"(?<![\w/.\-])(?:{known})")

@@ -50,7 +50,7 @@ def write_picture(image: Image, path: Path, diagnostics: Diagnostics, files: Pic
     from primray.images.image import faults_of_exr, shows_view
     from primray.report.unfinished import kept_without
 
-    view = files.view_of(image.color_space)
+    view = files.view_of(image)
     if not shows_view(path, files.encoding):
         image.write(path, view, 0.0, files.encoding)
         if path.suffix.lower() == ".exr":

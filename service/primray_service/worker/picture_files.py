@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from primray.images.files.encoding import Encoding, compression_of
 
 if TYPE_CHECKING:
-    from primray.color.color_space import ColorSpace
     from primray.images.exposure import View
     from primray.images.image import Image
 
@@ -21,25 +20,26 @@ class PictureFiles:
     view: str | None = None
     display: str | None = None
     look: str | None = None
-    exposure: float | Literal["auto"] = 0.0
+    exposure: float | Literal["auto"] | None = None  # None: as the product asks
     encoding: Encoding = field(default_factory=Encoding)
 
-    def view_of(self, space: ColorSpace) -> View:
-        from primray.images.exposure import View
-
-        return View(self.view, self.display, self.look, space)
+    def view_of(self, image: Image) -> View:
+        """Return the view of the image's files: the job's, else what the stage's product asks for."""
+        return image.view_of(self.view, self.display, self.look)
 
     def stops(self, image: Image) -> float:
         """Return the exposure in stops; "auto" is what the view needs for this picture."""
+        if self.exposure is None:
+            return image.file.view.exposure
         if self.exposure != "auto":
             return self.exposure
         from primray.images.exposure import exposure_that_serves
 
-        return exposure_that_serves(image.shown.pixels, self.view_of(image.color_space))
+        return exposure_that_serves(image.shown.pixels, self.view_of(image))
 
 
 def picture_files_of(command: Mapping[str, Any]) -> PictureFiles:
     """Return what the command's `files` say; SettingsError for a compression that no EXR has."""
     said = command.get("files") or {}
     encoding = Encoding(None, tuple(said.get("half", ())), *compression_of(said.get("compression")))
-    return PictureFiles(said.get("view"), said.get("display"), said.get("look"), said.get("exposure", 0.0), encoding)
+    return PictureFiles(said.get("view"), said.get("display"), said.get("look"), said.get("exposure"), encoding)

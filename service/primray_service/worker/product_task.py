@@ -26,7 +26,7 @@ from .channel import Channel
 from .outputs import described, to_send, write_picture, write_report
 from .picture_files import picture_files_of
 from .product_names import names_within_job
-from .render_task import REPORT_BYTES, Run, check_view_of, limit_images, settings_of
+from .render_task import REPORT_BYTES, Run, check_view_of, limit_images, settings_of, within_limits
 from .render_watch import Numbers, Phases, Share, Warnings
 from .stage_of_frames import StageOfFrames
 
@@ -170,6 +170,7 @@ class _Frame:
         more_follow = place + 1 < renders or bool(self._command.get("stay"))
         file = str(self._job / self._command["file"])
         prepared = self._stages.prepare(file, own, costs, diagnostics, more_follow=more_follow)
+        prepared = within_limits(prepared, self._command.get("limits") or {}, diagnostics)
         files = [names[product.path] for product in products]
         check_view_of(files, self._files, prepared)
         self._tell(diagnostics)

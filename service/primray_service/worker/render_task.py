@@ -13,6 +13,7 @@ from typing import Any
 
 from primray.checkpoints.checkpointing import Saver, begin
 from primray.checkpoints.kept_beside import kept_beside
+from primray.description.picture_file import PictureView
 from primray.diagnostics import Diagnostics
 from primray.render import Prepared, picture_of
 from primray.report.report import Costs, settings_as_json
@@ -111,17 +112,37 @@ class Run:
 
 def check_view_of(names: Sequence[str], files: PictureFiles, prepared: Prepared) -> None:
     """SettingsError before sampling where a view is to be written and the configuration cannot make it."""
+    from primray.images.exposure import View
     from primray.images.image import shows_view
 
     if any(shows_view(Path(name), files.encoding) for name in names):
-        files.view_of(prepared.scene.rendering_space).check()
+        asked = PictureView() if prepared.file is None else prepared.file.view
+        if files.view is not None or files.display is not None or files.look is not None:
+            asked = PictureView(files.view, files.display, files.look)
+        View(asked.view, asked.display, asked.look, prepared.scene.rendering_space).check()
 
 
 def _prepare(command: Mapping[str, Any], job: Path, stages: StageOfFrames, costs: Costs, diagnostics: Diagnostics) -> Prepared:
     settings = settings_of(command, job)
     limit_images(command.get("limits") or {})
     more_follow = bool(command.get("stay"))
-    return stages.prepare(str(job / command["file"]), settings, costs, diagnostics, more_follow=more_follow)
+    prepared = stages.prepare(str(job / command["file"]), settings, costs, diagnostics, more_follow=more_follow)
+    return within_limits(prepared, command.get("limits") or {}, diagnostics)
+
+
+# What a stage may ask for, and the limit of jobs that it is under.
+LIMITED = {"spp": "samples", "time_limit_s": "seconds"}
+
+
+def within_limits(prepared: Prepared, limits: Mapping[str, Any], diagnostics: Diagnostics) -> Prepared:
+    """Return what is prepared, with no more samples and seconds asked for by the stage than a job could ask for."""
+    for one in prepared.asked.asked:
+        most = limits.get(LIMITED.get(one.name, ""))
+        if most is not None and one.value > most:
+            message = f"{one.attribute} = {one.value:g} is more than this server allows: {most:g} is used."
+            diagnostics.add("render-settings-input", one.prim, message, one.attribute)
+            prepared = replace(prepared, settings=replace(prepared.settings, **{one.name: most}))
+    return prepared
 
 
 def _checkpoint(command: Mapping[str, Any], job: Path) -> Path | None:
@@ -139,16 +160,20 @@ def settings_of(command: Mapping[str, Any], job: Path) -> RenderSettings:
         if values.get(name) and (file := package_file(command, job, values[name])) is not None:
             values[name] = str(file)
     try:
-        return settings_of_json({"filter": "box", "error_metric": "relmse"} | values)
+        return settings_of_json(values)
     except (TypeError, ValueError) as error:
         raise Problem("settings-rejected", f"The settings make no sense: {error}.") from error
 
 
 def package_file(command: Mapping[str, Any], job: Path, name: str) -> Path | None:
-    """Return the package's file of this name; None: there is no package, or no such file."""
-    first = Path(command["file"]).parts[0]
-    path = job / first / name
-    return path if len(Path(command["file"]).parts) > 1 and path.is_file() else None
+    """Return the package's (or the shared root's) file of this name; None: there is no such file."""
+    if command.get("root"):
+        folder = Path(command["root"])
+    else:
+        *folders, _ = Path(command["file"]).parts
+        folder = job / folders[0] if folders else job
+    path = folder / name
+    return path if path.is_file() else None
 
 
 def limit_images(limits: Mapping[str, Any]) -> None:

@@ -254,7 +254,7 @@ class Watch:
         if forecast.error is not None and math.isfinite(forecast.error.high):
             settings = sampling.settings
             ci95 = [forecast.error.low, forecast.error.high]
-            error = {"metric": settings.error_metric.value, "estimate": forecast.error.value, "ci95": ci95}
+            error = {"metric": settings.metric.value, "estimate": forecast.error.value, "ci95": ci95}
             error |= {"target": settings.target_error, "kind": "estimated"}
         self._channel.send(
             "progress",

@@ -30,6 +30,13 @@ MADE_ELSEWHERE = {
     "b.exr": "render shot.usda -o b.exr --seed 1",
     "before.exr": "render shot.usda -o before.exr",
     "after.exr": "render shot.usda -o after.exr --seed 1",
+    "before.png": "render shot.usda -o before.png",
+    "after.png": "render shot.usda -o after.png --seed 1",
+    "before": "render shot.usda --frames 1:2 -o before/beauty.####.exr --make-output-path",
+    "after": "render shot.usda --frames 1:2 -o after/beauty.####.exr --make-output-path --seed 1",
+    "before/beauty.####.exr": "render shot.usda --frames 1:2 -o before/beauty.####.exr --make-output-path",
+    "after/beauty.####.exr": "render shot.usda --frames 1:2 -o after/beauty.####.exr --make-output-path --seed 1",
+    "after/beauty.%04d.exr": "render shot.usda --frames 1:2 -o after/beauty.%04d.exr --make-output-path --seed 1",
     "b.prc": "render shot.usda --sample-range 512:1024 --checkpoint b.prc -o b.exr",
 }
 

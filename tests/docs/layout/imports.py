@@ -27,6 +27,7 @@ ORDER = (
     "camera_choice",
     "installed_packages",
     "lfs_pointer",
+    "other_formats",
     "aov_names",
     "light_paths",
     "aov_data_types",

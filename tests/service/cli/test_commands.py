@@ -179,6 +179,7 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
     (tmp_path / "shot.usda").write_text("#usda 1.0\n")
     flags = "-c /cam --res 640 0 -f 1:10x2 --target-error 0.01 --time-limit 9 --spp 128 --seed 3 --priority 70 -l a=b -l c=d=e"
     more = "--name hero --ttl 2 --no-default-light --default-wrap repeat --purposes default,render --variant /a:s=x --strict"
+    more += " --no-translated-shaders"
     more += " --entry e.usda --render-context universal --render-pass /rp"
     flags += " --auto-camera usdrecord --parallel 4"
     with serving(script) as server:
@@ -195,6 +196,7 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
             "stop": {"target_error": 0.01, "max_samples": 128, "max_seconds": 9.0},
             "seed": 3,
             "default_light": False,
+            "translated_shaders": False,
             "default_wrap": "repeat",
             "render_context": "universal",
             "render_pass": "/rp",

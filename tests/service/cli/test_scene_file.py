@@ -67,6 +67,9 @@ def test_files_beside_and_below_are_packed(show: Path, scratch: Path, tmp_path: 
     write(show / "not_named.png")
     sent = scene_file(scene, scratch)
     assert (sent.name, sent.entry, sent.files, sent.notes) == ("shot.zip", "shot.usda", 3, [])
+    assert set(sent.members or ()) == {"lib.usda", "shot.usda", "tex/wood.png"}
+    assert not sent.path.exists()
+    sent.write()
     assert members(sent) == ["lib.usda", "shot.usda", "tex/wood.png"]
     root = unpacked(sent, tmp_path / "server")
     assert usd.dependencies(str(root)).missing == ()
@@ -78,6 +81,7 @@ def test_files_above_keep_their_places_and_are_told(show: Path, scratch: Path, t
     scene = scene_of(show / "shots/010/shot.usda", "../../tex/wood.png")
     sent = scene_file(scene, scratch)
     assert sent.entry == "shots/010/shot.usda"
+    sent.write()
     assert members(sent) == ["shots/010/shot.usda", "tex/wood.png"]
     assert sent.notes == ["../../tex/wood.png: is outside of the scene's folder; sent too"]
     assert usd.dependencies(str(unpacked(sent, tmp_path / "server"))).missing == ()
@@ -106,18 +110,24 @@ def test_missing_files_are_told_and_not_too_many(show: Path, scratch: Path) -> N
     assert notes[-1] == "... and 4 more"
 
 
+def package_of(scene: Path, scratch: Path) -> bytes:
+    sent = scene_file(scene, scratch)
+    sent.write()
+    return sent.path.read_bytes()
+
+
 @pytest.mark.parametrize("absolute", [False, True])
 def test_equal_files_make_equal_packages(show: Path, scratch: Path, absolute: bool) -> None:
     """At other times, too: a package that the server has is not sent again."""
     wood = write(show / "tex/wood.png", "wood")
     scene_of(show / "lib.usda", str(wood) if absolute else "./tex/wood.png")
     scene = write(show / "shot.usda", "#usda 1.0\n(subLayers = [@./lib.usda@])\n")
-    first = scene_file(scene, scratch).path.read_bytes()
+    first = package_of(scene, scratch)
     for file in (scene, wood):
         os.utime(file, (1_500_000_000, 1_500_000_000))
     other = scratch / "other"
     other.mkdir()
-    assert scene_file(scene, other).path.read_bytes() == first
+    assert package_of(scene, other) == first
 
 
 def test_what_cannot_be_read_is_said(show: Path, scratch: Path) -> None:

@@ -16,7 +16,24 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from primray_service.client import Client, Convergence, Event, Frame, Job, Key, Output, Progress, Scene, Usage, documents
+from primray_service.client import (
+    Administration,
+    Client,
+    Convergence,
+    Event,
+    Frame,
+    Job,
+    Key,
+    Output,
+    Progress,
+    RunningFrame,
+    Scene,
+    TenantUsage,
+    Usage,
+    WorkerNode,
+    Workers,
+    documents,
+)
 
 from .scripted import Answer, Request, Scripted, as_json, serving
 
@@ -25,7 +42,7 @@ COMPONENTS = DOCUMENT["components"]["schemas"]
 
 READ: dict[type, str] = {
     Scene: "Scene",
-    Job: "Job",
+    Job: "AdminJob",
     documents.SceneOfJob: "SceneReference",
     Progress: "Progress",
     documents.QueuePlace: "QueuePlace",
@@ -37,6 +54,10 @@ READ: dict[type, str] = {
     Event: "Event",
     Usage: "Usage",
     Key: "NewKey",
+    TenantUsage: "Tenant",
+    WorkerNode: "WorkerNode",
+    RunningFrame: "RunningFrame",
+    Workers: "Workers",
 }
 JSON_TYPES: dict[Any, set[str]] = {
     str: {"string"},
@@ -103,9 +124,10 @@ def test_terminal_states_are_the_services() -> None:
     assert {state.value for state in TERMINAL} == documents.TERMINAL <= set(COMPONENTS["JobState"]["enum"])
 
 
-@pytest.mark.parametrize("name", ["Settings", "StopRules", "Webhook"])
+@pytest.mark.parametrize("name", ["Settings", "StopRules", "Webhook", "QuotaChanges"])
 def test_what_is_sent_is_all_that_can_be(name: str) -> None:
-    assert set(getattr(documents, name).__annotations__) == set(COMPONENTS[name]["properties"])
+    schema = COMPONENTS["QuotaRequest" if name == "QuotaChanges" else name]
+    assert set(getattr(documents, name).__annotations__) == set(schema["properties"])
 
 
 SCENE_ID = "sha256:" + "0" * 64
@@ -113,7 +135,14 @@ JOB = {"id": "job_1", "state": "succeeded", "created_at": "2026-01-01T00:00:00Z"
 KEY = {"id": "key_1", "tenant": "t", "prefix": "p"}
 SHARE = {"used": 0, "limit": None}
 OUTPUT = Output("a.exr", 3, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad")
+USAGE = dict.fromkeys(("queued_jobs", "running_jobs", "stored_bytes", "cpu_s_per_day"), SHARE) | {
+    "tenant": "t",
+    "cpu_s_total": 0.0,
+}
 ANSWERS: list[tuple[str, Any]] = [
+    (r"GET /v1/admin/(jobs|tenants)(\?.*)?|GET /v1/admin/jobs/.*/frames(\?.*)?", {"items": []}),
+    (r"GET /v1/admin/workers", {"dispatcher": "here", "slots": 1}),
+    (r".* /v1/admin/tenants/.*", USAGE),
     (r"GET .*/events", None),
     (r"GET .*/outputs/.*", b"abc"),
     (r"GET .*/(preview|log)", b"abc"),
@@ -121,11 +150,8 @@ ANSWERS: list[tuple[str, Any]] = [
     (r"GET .*/frames/\d+", {"number": 0, "state": "queued"}),
     (r"GET /v1/(scenes|jobs|keys)(\?.*)?|GET .*/(outputs|frames)", {"items": []}),
     (r"POST /v1/keys", KEY),
-    (
-        r"GET /v1/usage",
-        dict.fromkeys(("queued_jobs", "running_jobs", "stored_bytes", "cpu_s_per_day"), SHARE)
-        | {"tenant": "t", "cpu_s_total": 0.0},
-    ),
+    (r"GET /v1/usage", USAGE),
+    (r"POST /v1/packages", {"id": SCENE_ID, "state": "ready"}),
     (r".* /v1/scenes.*", {"id": SCENE_ID, "state": "ready"}),
     (r".*", JOB),
 ]
@@ -150,6 +176,7 @@ def ask_for_everything(server: Scripted, folder: Path) -> set[str]:
     with Client(server.url, "key", retries=0) as client:
         calls: dict[str, Callable[[], object]] = {
             "upload": lambda: client.upload(folder / "shot.usda"),
+            "upload_files": lambda: client.upload_files({"shot.usda": folder / "shot.usda"}, name="shot.zip"),
             "find_scene": lambda: client.find_scene(SCENE_ID),
             "scene": lambda: client.scene(SCENE_ID),
             "wait_for_scene": lambda: client.wait_for_scene(SCENE_ID),
@@ -166,6 +193,9 @@ def ask_for_everything(server: Scripted, folder: Path) -> set[str]:
             "watch": lambda: list(client.watch("job_1", after=3)),
             "change": lambda: client.change("job_1", priority=1, labels={"a": "b"}, ttl_s=9.0),
             "cancel": lambda: client.cancel("job_1"),
+            "pause": lambda: client.pause("job_1"),
+            "resume": lambda: client.resume("job_1"),
+            "retry_frame": lambda: client.retry_frame("job_1", 3),
             "continue_": lambda: client.continue_("job_1", {"max_samples": 5}),
             "delete": lambda: client.delete("job_1"),
             "frames": lambda: list(client.frames("job_1")),
@@ -182,9 +212,27 @@ def ask_for_everything(server: Scripted, folder: Path) -> set[str]:
             "list_keys": lambda: list(client.list_keys()),
             "revoke_key": lambda: client.revoke_key("key_1"),
         }
-        for call in calls.values():
+        admin = client.admin
+        of_admin: dict[str, Callable[[], object]] = {
+            "documents": lambda: list(admin.documents(tenant="t", state="queued")),
+            "jobs": lambda: list(admin.jobs(tenant="t", state="queued")),
+            "job": lambda: admin.job("job_1"),
+            "frames": lambda: list(admin.frames("job_1")),
+            "change": lambda: admin.change("job_1", priority=3),
+            "cancel": lambda: admin.cancel("job_1"),
+            "pause": lambda: admin.pause("job_1"),
+            "resume": lambda: admin.resume("job_1"),
+            "retry_frame": lambda: admin.retry_frame("job_1", 3),
+            "workers": lambda: admin.workers(),
+            "workers_document": lambda: admin.workers_document(),
+            "tenants": lambda: list(admin.tenants()),
+            "tenant": lambda: admin.tenant("t"),
+            "set_quotas": lambda: admin.set_quotas("t", {"running_jobs": None}),
+            "unset_quotas": lambda: admin.unset_quotas("t"),
+        }
+        for call in (*calls.values(), *of_admin.values()):
             call()
-    return set(calls)
+    return set(calls) | {f"admin.{name}" for name in of_admin}
 
 
 def operation_of(method: str, path: str) -> dict[str, Any]:
@@ -199,6 +247,7 @@ def test_every_request_is_one_of_the_documents(tmp_path: Path) -> None:
     with serving(script) as server:
         called = ask_for_everything(server, tmp_path)
     public = {name for name, _ in inspect.getmembers(Client, inspect.isfunction) if not name.startswith("_")}
+    public |= {f"admin.{name}" for name, _ in inspect.getmembers(Administration, inspect.isfunction) if name[0] != "_"}
     assert called == public - {"close"}
     for request in server.requests:
         where = f"{request.method} {request.path}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
@@ -11,6 +12,7 @@ from typing import Any
 
 import httpx2
 import pytest
+from tests.service.api import finished, submit
 from tests.service.serving import RunningServer
 
 from primray_service.api.examples import SERVER, curl_example, python_example
@@ -31,7 +33,16 @@ def Sphere "ball" {
 """
 NO_SCENE = f"sha256:{'0' * 64}"
 # First what ends a job that runs, then what begins others, at last what takes away what others ask for.
-ORDER = {"jobs_cancel": -1, "jobs_go_on": 1, "submissions_submit": 1, "jobs_delete": 2, "scenes_delete": 2, "keys_revoke": 2}
+PAUSES = (
+    "interventions_pause",
+    "interventions_resume",
+    "admin_jobs_pause",
+    "admin_jobs_resume",
+    "jobs_cancel",
+    "admin_jobs_cancel",
+)
+ORDER = {key: place - 10 for place, key in enumerate(PAUSES)}
+ORDER |= {"jobs_go_on": 1, "submissions_submit": 1, "jobs_delete": 2, "scenes_delete": 2, "keys_revoke": 2}
 
 
 @pytest.mark.parametrize(
@@ -99,14 +110,19 @@ def made(client: httpx2.Client, kind: str) -> tuple[dict[str, str], dict[str, di
     def scene(number: int) -> str:
         return str(client.post("/v1/scenes?name=shot.usda", content=f"{STAGE}# {kind} {number}\n").json()["id"])
 
-    def job(wait_s: int, **settings: Any) -> str:
-        body = {"scene": {"id": used}, "settings": {"resolution": [32, 18], **settings}}
-        return str(client.post("/v1/jobs", json=body, headers={"prefer": f"wait={wait_s}"}).json()["id"])
+    def job(**settings: Any) -> str:
+        return str(submit(client, used, {"resolution": [32, 18], **settings})["id"])
+
+    def ended() -> str:
+        return str(finished(client, job(spp=4), 120)["id"])
 
     used = scene(1)
     key = client.post("/v1/keys", json={"tenant": "a", "scopes": ["read"], "name": "b"}).json()["id"]
-    told = {"scene_id": used, "job_id": job(60, spp=4), "name": "beauty.exr", "number": "0", "key_id": key}
-    return told, {"jobs_cancel": {"job_id": job(0, time_limit=60)}, "scenes_delete": {"scene_id": scene(2)}}
+    told = {"scene_id": used, "job_id": ended(), "name": "beauty.exr", "number": "0", "key_id": key, "tenant": "a"}
+    told["sha256"] = hashlib.sha256(Path("shot.usda").read_bytes()).hexdigest()
+    again = {name: {"job_id": ended()} for name in ("interventions_retry", "admin_jobs_retry")}
+    runs = {"job_id": job(time_limit=60)}
+    return told, {**dict.fromkeys(PAUSES, runs), **again, "scenes_delete": {"scene_id": scene(2)}}
 
 
 def test_examples_name_what_the_path_needs() -> None:

@@ -52,6 +52,9 @@ def test_axe_finds_nothing(open_page, site, axe, scheme, width):
     page.goto(f"{site.url}/#/compare/{job}/{job}")
     page.locator(".layer img").nth(1).wait_for()
     check(page, axe, "compare")
+    page.goto(f"{site.url}/#/admin")
+    page.get_by_role("button", name="Quotas of local").click()
+    check(page, axe, "admin")
 
 
 def test_axe_would_find_something(open_page, axe):

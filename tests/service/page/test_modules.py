@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 import zipfile
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 
+import primray_service
 from primray.color.color_space import ACESCG, REC709, linear_spaces
 from primray.color.ocio import is_rendering_space, to_display
+from primray.other_formats import SUFFIXES
 from primray_service.pictures.request import Space
 from primray_service.worker.preview import preview_of, write_preview
 
@@ -62,6 +66,8 @@ def test_zips_hold_the_files_and_are_the_same_each_time(page):
         (["shot/shot.usda", "shot/tex/a.png", "shot/.DS_Store"], "shot.zip", ["shot.usda", "tex/a.png"]),
         (["b.usda", "a.png"], "b.zip", ["a.png", "b.usda"]),
         (["one/a.usd", "two/b.png"], "one/a.zip", ["one/a.usd", "two/b.png"]),
+        (["car.GLB"], "car.GLB", None),
+        (["car/tex.png", "car/car.gltf"], "car.gltf", None),
     ],
 )
 def test_what_is_dropped_becomes_one_file(page, paths, name, members):
@@ -76,6 +82,12 @@ def test_what_is_dropped_becomes_one_file(page, paths, name, members):
     if members is not None:
         assert zipfile.ZipFile(io.BytesIO(bytes(content))).namelist() == members
     assert notes == (["Left out: shot/.DS_Store"] if "shot/.DS_Store" in paths else [])
+
+
+def test_formats_that_the_server_advises_on_are_those_that_are_sent_to_it():
+    text = (Path(primray_service.__file__).parent / "page/scene/dropped.js").read_text()
+    (names,) = re.findall(r"OTHER = /\\\.\(([\w|]+)\)\$/i", text)
+    assert tuple(f".{name}" for name in names.split("|")) == SUFFIXES
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ LONG = "a_very_long_name_without_any_place_to_break_it_" * 4
 
 def check_width(page, where):
     found = page.evaluate("""() => [document.documentElement.scrollWidth, [...document.querySelectorAll("main *, header *")]
-      .filter((e) => e.checkVisibility() && !e.closest(".stage, .frames, .plot, .unseen"))
+      .filter((e) => e.checkVisibility() && !e.closest(".stage, .frames, .plot, .unseen, .table-scroll"))
       .filter((e) => e.getBoundingClientRect().right > innerWidth + 0.5).map((e) => e.className || e.tagName)]""")
     assert found == [360, []], where
 
@@ -46,6 +46,9 @@ def test_nothing_sticks_out(open_page, site, scheme):
     page.goto(f"{site.url}/#/compare/{jobs[0]}/{jobs[1]}")
     page.locator(".layer img").nth(1).wait_for()
     check_width(page, "compare")
+    page.goto(f"{site.url}/#/admin")
+    page.get_by_role("button", name="Quotas of local").click()
+    check_width(page, "admin")
     page.goto(f"{site.url}/#/jobs/job_00000000000000000000000000")
     page.locator(".problem").wait_for()
     check_width(page, "problem")

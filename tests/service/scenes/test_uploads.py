@@ -18,6 +18,8 @@ from tests.service.scenes.raw_http import answer, connect, head, is_closed
 from tests.service.scenes.zips import LAYER, Entry, zip_of
 from tests.service.serving import RunningServer, start
 
+from primray.other_formats import advice_for
+
 LIMIT = 2**20
 
 
@@ -169,6 +171,21 @@ def test_what_is_not_usd_is_refused_at_once(body: bytes, says: str, client: Any,
     response = client.post("/v1/scenes", content=body)
     assert slug(response) == (422, "not-usd")
     assert says in response.json()["detail"]
+    assert left_over(server) == []
+
+
+def test_other_formats_are_refused_in_the_command_line_s_words(client: Any, server: RunningServer) -> None:
+    """A file by its bytes or its name, and a package by what it holds."""
+    disposition = {"content-disposition": 'attachment; filename="car.obj"'}
+    package = zip_of(Entry("models/car.fbx", b"Kaydara FBX Binary"), Entry("readme.txt", b"text"))
+    for body, headers, name, before in (
+        (b"glTF\x02\0\0\0", {}, "model", ""),
+        (b"v 0 0 0\n", disposition, "car.obj", ""),
+        (package, {}, "car.fbx", "None of the package's 2 files is a usd, usda, usdc or usdz layer. models/car.fbx: "),
+    ):
+        response = client.post("/v1/scenes", content=body, headers=headers)
+        assert (*slug(response), response.json()["code"]) == (422, "not-usd", "stage-format")
+        assert response.json()["detail"] == f"{before}{advice_for(name, b'' if before else body)}"
     assert left_over(server) == []
 
 

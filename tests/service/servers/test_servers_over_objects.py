@@ -80,6 +80,37 @@ def test_the_same_bytes_are_put_once_and_stay_as_long_as_somebody_has_them(many:
     assert one.get(f"/v1/scenes/{scene}").status_code == 404
 
 
+def test_a_package_by_content_is_put_together_where_it_is_rendered(many: Many, objects: Objects) -> None:
+    [client], leader = many.only_answers(), many.dispatches()
+    files = {"shot.usda": SCENE, "textures/a.txt": b"here"}
+
+    def package(at: httpx2.Client, files: dict[str, bytes]) -> tuple[str, int]:
+        """The scene, and how many files were sent."""
+        bodies = {hashlib.sha256(body).hexdigest(): body for body in files.values()}
+        rows = [{"path": path, "sha256": hashlib.sha256(body).hexdigest(), "bytes": len(body)} for path, body in files.items()]
+        missing = at.post("/v1/packages", json={"files": rows}).json().get("missing", [])
+        for digest in missing:
+            assert at.put(f"/v1/contents/{digest}", content=bodies[digest]).status_code == 201
+        return str(at.post("/v1/packages", json={"files": rows}).json()["id"]), len(missing)
+
+    scene, sent = package(client, files)
+    assert sent == 2
+    job = finished(client, submit(client, scene)["id"])  # rendered by the leader, which has none of its files
+    assert job["state"] == "succeeded", job
+    other, sent = package(leader, files | {"shot.usda": SCENE + b"# a comment\n"})
+    assert sent == 1
+    assert finished(leader, submit(leader, other)["id"])["state"] == "succeeded"
+    [tenant] = objects.folders("contents")
+    assert len(objects.folders(f"contents/{tenant}")) == 3
+    for job_id in [each["id"] for each in client.get("/v1/jobs").json()["items"]]:
+        assert client.delete(f"/v1/jobs/{job_id}").status_code == 204
+    assert client.delete(f"/v1/scenes/{scene}").status_code == 204
+    assert len(objects.folders(f"contents/{tenant}")) == 2
+    assert leader.delete(f"/v1/scenes/{other}").status_code == 204
+    assert objects.folders("contents") == []
+    assert objects.folders("scenes") == []
+
+
 def test_a_session_of_one_counts_at_the_other(many: Many, objects: Objects, start_server: StartServer) -> None:
     assert objects.has("session.secret")
     secrets = {(server.data / "session.secret").read_bytes() for server in many.servers}

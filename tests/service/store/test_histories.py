@@ -38,6 +38,8 @@ def test_terminal_states_lead_only_to_a_new_attempt():
             assert is_legal(state, to) == (to == JobState.QUEUED)
     for state in JobState:  # from anywhere to an end, so that no job is stuck
         assert state in TERMINAL or MOVES[state] & (TERMINAL | {JobState.CANCELING})
+    for state in set(JobState) - TERMINAL - {JobState.CANCELING}:  # whatever runs or waits can be paused
+        assert state == JobState.PAUSED or JobState.PAUSED in MOVES[state]
 
 
 class Histories(RuleBasedStateMachine):
@@ -115,7 +117,10 @@ class Histories(RuleBasedStateMachine):
             assert fence == self.world.fence
 
     @precondition(lambda self: self.jobs)
-    @rule(number=st.integers(0, 50), does=st.sampled_from(["cancel", "continue", "delete", "priority"]))
+    @rule(
+        number=st.integers(0, 50),
+        does=st.sampled_from(["cancel", "continue", "delete", "priority", "pause", "resume", "retry"]),
+    )
     def client(self, number: int, does: str) -> None:
         job, now, store = self.pick(number), self.world.tick(), self.world.store
         before = store.job(job.id)
@@ -126,6 +131,14 @@ class Histories(RuleBasedStateMachine):
                 assert store.request_cancel(job.id, now).state in (JobState.CANCELED, JobState.CANCELING)
             elif does == "continue":
                 assert store.continue_job(job.id, {"n": now}, now, ANY).attempt == before.attempt + 1
+            elif does == "pause":
+                assert store.request_pause(job.id, now).state in (JobState.PAUSED, JobState.PAUSING)
+            elif does == "resume":
+                assert store.request_resume(job.id, now).state not in (JobState.PAUSED, JobState.PAUSING)
+            elif does == "retry":
+                frame = store.frame(job.id, 0)
+                assert frame is not None
+                assert store.retry_frame(job.id, 0, frame.attempt, now, ANY).attempt == before.attempt
             elif does == "delete":
                 assert store.delete_job(job.id)
                 self.jobs.remove(job)
@@ -164,5 +177,5 @@ class Histories(RuleBasedStateMachine):
 
 TestHistories = Histories.TestCase
 TestHistories.settings = settings(
-    max_examples=15, stateful_step_count=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+    max_examples=20, stateful_step_count=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )

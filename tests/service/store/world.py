@@ -134,7 +134,8 @@ def _wrong_jobs(db: Any) -> list[str]:
         if {state: number for state, number in stored.items() if number} != states:
             wrong.append(f"{row.id} counts {stored}, has {states}")
         running, queued = states.get("running", 0), states.get("queued", 0)
-        may, must = row.state in ("preparing", "running", "canceling"), row.state == "canceling"
+        may = row.state in ("preparing", "running", "canceling", "pausing")
+        must = row.state in ("canceling", "pausing")
         if (running and not may) or (must and not running):
             wrong.append(f"{row.id} is {row.state} with {running} frames that run")
         if row.state in TERMINAL and (queued or row.finished_at is None):
@@ -162,6 +163,8 @@ def _wrong_sums(db: Any) -> list[str]:
     for tenant, number in db.execute(select(schema.scenes.c.tenant, schema.scenes.c.stored_bytes)):
         stored[tenant] = stored.get(tenant, 0) + number
     for tenant, number in db.execute(select(jobs.c.tenant, schema.outputs.c.bytes).join(jobs)):
+        stored[tenant] = stored.get(tenant, 0) + number
+    for tenant, number in db.execute(select(schema.contents.c.tenant, schema.contents.c.bytes)):
         stored[tenant] = stored.get(tenant, 0) + number
     said = {row.tenant: row.stored_bytes for row in db.execute(select(schema.tenants)) if row.stored_bytes}
     days: dict[str, float] = {}

@@ -51,6 +51,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     flags = "-cam /World/cam -r 16 8 -f 3 -p 5 --max-depth 2 --filter gaussian --filter-width 2.5 -j 2 --seed 9 --max-memory 4G"
     stop = "--target-error 0.02 --error-metric rmse --time-limit 7.5 --no-adaptive"
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png -o a.exr"
+    more += " --no-translated-shaders"
     more += " --fail-on missing --allow motion"
     more += " --aov depth,normal --aov st --default-wrap mirror --render-context universal --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
@@ -94,6 +95,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "threads": 2,
         "seed": 9,
         "default_light": False,
+        "translated_shaders": False,
         "default_wrap": "mirror",
         "render_context": "universal",
         "rendering_color_space": "lin_rec709_scene",

@@ -181,6 +181,7 @@ def test_where_and_how_large() -> None:
     assert finding is not None
     assert finding.signed == pytest.approx(-0.1, rel=0.5)
     whole = compare(*pair(RAMP, brighter(RAMP), 1024))
+    assert whole.relative_error is not None
     assert whole.relative == pytest.approx(0.0187, abs=4 * whole.relative_error)  # 2 % of the mean over the root mean square
 
 
@@ -361,9 +362,6 @@ def test_images_that_cannot_be_compared() -> None:
     a, b = pair(RAMP, RAMP, 4)
     with pytest.raises(SettingsError, match="64 x 48 and 63 x 48"):
         compare(a, replace(b, pixels=b.pixels[:, 1:], stderr=None))
-    with pytest.raises(SettingsError, match="neither picture has error channels"):
-        compare(replace(a, stderr=None), replace(b, stderr=None))
-    assert compare(replace(a, stderr=None), replace(a, stderr=None)).verdict is Verdict.UNCHANGED
 
 
 def test_pictures_of_two_kinds_are_named_as_what_they_are(tmp_path: Path) -> None:
@@ -378,8 +376,6 @@ def test_pictures_of_two_kinds_are_named_as_what_they_are(tmp_path: Path) -> Non
                 primray.compare(*pair)
             assert refused.value.code == "image-display"
             assert refused.value.where == str(files[name])
-    with pytest.raises(SettingsError, match="both have display values"):
-        primray.compare(files["png"], files["jpg"])
     half = image.save(tmp_path / "half.exr", half=["rgba"])
     found = primray.compare(files["exr"], half)
     assert found.verdict is Verdict.UNCHANGED

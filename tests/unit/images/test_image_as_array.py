@@ -128,14 +128,15 @@ def test_compare_takes_images_and_paths(tmp_path: Path) -> None:
     path = image.save(tmp_path / "a.exr")
     for a, b in ((image, path), (path, image), (primray.read_image(path), image), (str(path), path)):
         found = primray.compare(a, b, tile=8)
+        assert isinstance(found, primray.Comparison)
         assert found.identical
         assert found.of.samples == (4, 4)
         assert not found.notes
     assert repr(found).startswith("<Comparison unchanged; tiles: 1 unchanged; mean difference +0 %")
     with pytest.raises(TypeError, match="verdict"):
         bool(found)
-    with pytest.raises(SettingsError, match="not ndarray"):
-        primray.compare(PIXELS, image)  # type: ignore[arg-type]
+    with pytest.raises(SettingsError, match="not int"):
+        primray.compare(3, image)  # type: ignore[call-overload]
 
 
 def test_compare_has_the_defaults_of_comparisons() -> None:

@@ -1,14 +1,24 @@
-"""`primray compare`: have two pictures changed, beyond their noise? Exit codes 0 unchanged, 1 changed, 6 undecided, 2 usage."""
+"""`primray compare`: have two pictures, sequences or folders changed, beyond their noise?
+
+Exit codes 0 unchanged, 1 changed, 6 undecided, 2 usage; of sequences and folders 2 if any pair cannot be compared, however the
+others are.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ...errors import PrimrayError, SettingsError
+
+if TYPE_CHECKING:
+    from ...compare.comparison import Comparison
+    from ...compare.sequences import Pair, PairComparison, Pairing, SequenceComparison
 
 
 class FurtherMetric(Enum):
@@ -19,8 +29,14 @@ EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 6}  # 3 to 5 say someth
 
 
 def compare(
-    a: Annotated[str, typer.Argument(metavar="A", help="EXR with error channels, as `primray render` writes it: before.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="EXR of the same size: after.")],
+    a: Annotated[
+        str,
+        typer.Argument(
+            metavar="A",
+            help="Before: an EXR with error channels, any picture, a .npy array; a sequence (shot.####.exr) or folder.",
+        ),
+    ],
+    b: Annotated[str, typer.Argument(metavar="B", help="After: of the same kind and size.")],
     alpha: Annotated[float, typer.Option(metavar="P", help="False alarms allowed, over all tiles together.")] = 0.001,
     tolerance: Annotated[
         float, typer.Option(metavar="T", help="Smallest relative difference that matters; 0: any that noise does not explain.")
@@ -41,66 +57,195 @@ def compare(
         typer.Option("--metric", help="Beside the verdict, which it does not change (primray[flip]).", show_default=False),
     ] = None,
     difference: Annotated[
-        str | None, typer.Option(metavar="FILE", help="PNG or EXR of the difference in units of its noise.", show_default=False)
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="PNG or EXR of the difference in units of its noise; of a sequence with ####, of folders a folder.",
+            show_default=False,
+        ),
     ] = None,
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the result as JSON.", show_default=False)] = None,
     json: Annotated[bool, typer.Option("--json", help="A JSON line on stdout in place of words.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-V", help="Tracebacks of errors.")] = False,
 ) -> None:
     """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 6: needs more samples, 2: usage."""
+    from ...compare.sequences import pairing
+
+    asked = Asked(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric))
     try:
-        verdict = _compare(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric))
+        found = pairing(a, b)
+        code = EXIT_CODES[_compare_pictures(asked)] if found is None else _compare_pairs(asked, found)
     except PrimrayError as error:
         error.exit_code = 2  # whatever went wrong: 1 would say that the picture has changed
         raise
-    raise typer.Exit(EXIT_CODES[verdict])
+    raise typer.Exit(code)
+
+
+@dataclass(frozen=True)
+class Asked:
+    a: str
+    b: str
+    alpha: float
+    tolerance: float
+    tile: int
+    aovs: list[str]
+    difference: str | None
+    report: str | None
+    json: bool
+    with_flip: bool
 
 
 def names_of(texts: list[str] | None) -> list[str]:
     return [name for text in texts or () for name in text.split(",") if name]
 
 
-def _compare(
-    a: str,
-    b: str,
-    alpha: float,
-    tolerance: float,
-    tile: int,
-    aovs: list[str],
-    difference: str | None,
-    report: str | None,
-    json: bool,
-    with_flip: bool,
-) -> str:
-    from ...compare.aov_tests import aovs_in, compare_with_aovs
+def _compare_pictures(asked: Asked) -> str:
+    from ...compare.aov_tests import compare_with_aovs
     from ...compare.comparison_report import as_json, lines
     from ...compare.difference_picture import check_difference_path, save_difference
     from ...compare.flip import check_flip, flip
-    from ...images.image import write_text
-    from ...images.image_file import read_image
-    from ...images.output_path import check_folder
-    from ..json_lines import dumps, print_line
+    from ...compare.opened import aovs_of, read_picture
+    from ..json_lines import print_line
 
-    if with_flip:
+    if asked.with_flip:
         check_flip()
-    if difference is not None:
-        check_difference_path(difference)
-    if report is not None:
-        check_folder(Path(report))
-    for output in (difference, report):
-        if output is not None and Path(output).resolve() in (Path(a).resolve(), Path(b).resolve()):
-            raise SettingsError("the output would replace a picture that is compared", where=output, code="output-folder")
-    pictures = read_image(a), read_image(b)
-    both = (aovs_in(a), aovs_in(b)) if aovs else ({}, {})
-    result = compare_with_aovs(pictures, both, aovs, alpha=alpha, tolerance=tolerance, tile=tile)
-    seen = flip(*pictures) if with_flip else None
-    facts = {"a": a, "b": b, **as_json(result)} | ({} if seen is None else {"flip": seen.as_json()})
-    if difference is not None:
-        save_difference(result, difference)
-    if report is not None:
-        write_text(Path(report), dumps(facts, indent=2) + "\n")
-    if json:
+    if asked.difference is not None:
+        check_difference_path(asked.difference)
+    _check_outputs(asked, [Path(asked.a), Path(asked.b)])
+    pictures = read_picture(asked.a), read_picture(asked.b)
+    both = (aovs_of(asked.a), aovs_of(asked.b)) if asked.aovs else ({}, {})
+    criteria: dict[str, Any] = {"alpha": asked.alpha, "tolerance": asked.tolerance, "tile": asked.tile}
+    result = compare_with_aovs(pictures, both, asked.aovs, **criteria)
+    seen = flip(*pictures) if asked.with_flip and result.flip is None else None
+    facts = {"a": asked.a, "b": asked.b, **as_json(result)} | ({} if seen is None else {"flip": seen.as_json()})
+    if asked.difference is not None:
+        save_difference(result, asked.difference)
+    _write_report(asked, facts)
+    if asked.json:
         print_line({"type": "comparison", **facts})
     else:
-        print("\n".join([*lines(result, a, b), *([] if seen is None else [seen.line()])]))
+        print("\n".join([*lines(result, asked.a, asked.b), *([] if seen is None else [seen.line()])]))
     return result.verdict.value
+
+
+def _check_outputs(asked: Asked, pictures: list[Path]) -> None:
+    from ...images.output_path import check_folder
+
+    if asked.report is not None:
+        check_folder(Path(asked.report))
+    inputs = {path.resolve() for path in pictures}
+    for output in (asked.difference, asked.report):
+        if output is not None and Path(output).resolve() in inputs:
+            raise SettingsError("the output would replace a picture that is compared", where=output, code="output-folder")
+
+
+def _write_report(asked: Asked, facts: dict[str, Any]) -> None:
+    from ...images.image import write_text
+    from ..json_lines import dumps
+
+    if asked.report is not None:
+        write_text(Path(asked.report), dumps(facts, indent=2) + "\n")
+
+
+def _compare_pairs(asked: Asked, found: Pairing) -> int:
+    from ...compare.difference_picture import save_difference
+    from ...compare.flip import check_flip, flip
+    from ...compare.opened import read_picture
+    from ...compare.sequences import compare_pairs
+    from ..json_lines import print_line
+
+    if asked.with_flip:
+        check_flip()
+    difference = _difference_names(asked, found)
+    _check_outputs(asked, [path for pair in found.pairs for path in (pair.a, pair.b)])
+    rows: list[dict[str, Any]] = []
+
+    def show(pair: Pair, result: PairComparison, comparison: Comparison | None) -> None:
+        facts = {found.kind: pair.name, "a": result.a, "b": result.b, **result.facts}
+        line = result.line
+        if comparison is not None and asked.with_flip and comparison.flip is None:
+            seen = flip(read_picture(pair.a), read_picture(pair.b))
+            facts["flip"], line = seen.as_json(), f"{line}; FLIP {seen.mean:.4f}"
+        if comparison is not None and difference is not None:
+            save_difference(comparison, difference(pair))
+        rows.append(facts)
+        if asked.json:
+            print_line({"type": "comparison", **facts})
+        else:
+            verdict = "cannot be compared" if result.error is not None else result.verdict.value
+            print(f"{found.kind} {pair.name}: {verdict}: {line}", flush=True)
+
+    criteria: dict[str, Any] = {"alpha": asked.alpha, "tolerance": asked.tolerance, "tile": asked.tile, "aovs": asked.aovs}
+    whole = compare_pairs(found, **criteria, each=show)
+    facts = _facts_of(whole, asked)
+    _write_report(asked, {**facts, "pairs": rows})
+    if asked.json:
+        print_line({"type": "comparisons", **facts})
+    else:
+        print("\n".join(_summary(whole, asked)))
+    return 2 if whole.failed else EXIT_CODES[whole.verdict.value]
+
+
+def _difference_names(asked: Asked, found: Pairing) -> Callable[[Pair], Path] | None:
+    """Where each pair's difference goes: a name with the frame's place filled in, or its own name below a folder."""
+    from ...compare.difference_picture import check_difference_path
+    from ...images.output_path import make_folder
+    from ...render.frame_names import frame_name
+
+    if asked.difference is None:
+        return None
+    name, text = frame_name(asked.difference), asked.difference
+    if found.kind == "frame":
+        if not name.has_holder:
+            sentence = "the differences of a sequence need a place for the frame's number in their name, such as ####"
+            raise SettingsError(sentence, where=text, code="frames")
+        check_difference_path(name.of(float(found.pairs[0].name)))
+        return lambda pair: Path(name.of(float(pair.name)))
+    if Path(text).suffix and not Path(text).is_dir():
+        raise SettingsError("the differences of folders go to a folder", where=text, code="output-folder")
+
+    def below(pair: Pair) -> Path:
+        path = Path(text) / f"{pair.name}.png"
+        make_folder(path)
+        return path
+
+    return below
+
+
+def _facts_of(whole: SequenceComparison, asked: Asked) -> dict[str, Any]:
+    from ...compare.comparison import Verdict
+
+    worst = whole.worst
+    return {
+        "a": asked.a,
+        "b": asked.b,
+        "verdict": whole.verdict.value,
+        "alpha": asked.alpha,
+        "tolerance": asked.tolerance,
+        "count": {verdict.value: whole.count(verdict) for verdict in Verdict} | {"failed": len(whole.failed)},
+        "only_a": list(whole.only_a),
+        "only_b": list(whole.only_b),
+        "worst": None if worst is None else {whole.kind: worst.name, "a": worst.a, "b": worst.b},
+    }
+
+
+def _summary(whole: SequenceComparison, asked: Asked) -> Iterator[str]:
+    from ...compare.comparison import Verdict
+
+    counted = [f"{whole.count(verdict)} {verdict.value}" for verdict in Verdict if whole.count(verdict)]
+    counted += [f"{len(whole.failed)} cannot be compared"] if whole.failed else []
+    many = "pair" if len(whole.pairs) == 1 else "pairs"
+    yield f"{whole.verdict.value}: {asked.a} (A) and {asked.b} (B), {len(whole.pairs)} {many}: {', '.join(counted)}"
+    plural = f"{whole.kind}s"
+    for which, names in (("A", whole.only_a), ("B", whole.only_b)):
+        if names:
+            yield f"  {len(names)} {whole.kind if len(names) == 1 else plural} in {which} alone: {_listed(names)}"
+    if whole.worst is not None and any(not pair.facts.get("identical") for pair in whole.pairs):
+        yield f"  worst: {whole.kind} {whole.worst.name}: {whole.worst.line}"
+    for note in whole.notes:
+        yield f"  note: {note}"
+
+
+def _listed(names: tuple[str, ...], most: int = 12) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from ...errors import SettingsError
 from ...settings import (
     DEFAULT_DICING_RATE,
-    DEFAULT_MOTION_ERROR,
     AutoCamera,
     DefaultWrap,
     RenderContext,
@@ -23,8 +21,6 @@ SceneOrNone = Annotated[
     str | None,
     typer.Argument(metavar="[SCENE]", help="The USD stage to ask about; none: the machine alone.", show_default=False),
 ]
-# Stands for all errors that may be asked for: the render that is predicted has no other end.
-SMALLEST_TARGET = 1e-30
 
 
 def doctor(
@@ -52,6 +48,7 @@ def doctor(
     ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
+    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -63,7 +60,7 @@ def doctor(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    motion_error: stage_flags.MotionError = None,
     lens: stage_flags.LensFlaws = None,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
@@ -75,8 +72,6 @@ def doctor(
     if scene is None:
         _machine(json)
         return
-    if not pilot_seconds > 0:
-        raise SettingsError(f"the pilot needs some seconds, not {pilot_seconds}", code="pilot")
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         auto_camera=auto_camera,
@@ -87,7 +82,6 @@ def doctor(
         time_code=option_values.one_frame_of(
             option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer), "doctor"
         ),
-        target_error=SMALLEST_TARGET,
         max_depth=max_depth,
         threads=option_values.threads_of(threads),
         default_light=not no_default_light,
@@ -98,6 +92,7 @@ def doctor(
         ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
+        translated_shaders=not no_translated_shaders,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
@@ -118,26 +113,26 @@ def doctor(
 
 
 def _machine(as_json: bool) -> None:
-    from ..doctor.machine import check_machine
+    from ...examining.machine import check_machine
     from ..json_lines import print_line
 
     found = check_machine()
     if as_json:
-        print_line({"type": "machine", "checks": found})
+        print_line({"type": "machine", "checks": [check.as_json() for check in found]})
     else:
-        for row in found:
-            text = str(row["found"]).replace("\n", f"\n{'':9}")
-            print(f"{row['check']:8} {'' if row['works'] else 'FAILED: '}{text}")
-    if not all(row["works"] for row in found):
+        for check in found:
+            text = check.found.replace("\n", f"\n{'':9}")
+            print(f"{check.name:8} {'' if check.works else 'FAILED: '}{text}")
+    if not all(check.works for check in found):
         raise typer.Exit(1)
 
 
 def _stage(scene: str, settings: RenderSettings, seconds: float, as_json: bool, verbose: bool) -> None:
-    from ...examining.examined import examine
-    from ..doctor.stage import facts_of, lines
+    from ...examining.diagnosis import diagnose
+    from ..doctor.stage import lines
     from ..json_lines import print_line
 
-    facts: dict[str, Any] = facts_of(scene, examine(scene, settings, seconds))
+    facts = diagnose(scene, settings, seconds).as_json()
     if as_json:
         print_line(facts)
     else:

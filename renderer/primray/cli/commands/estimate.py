@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...errors import SettingsError
 from ...settings import (
     DEFAULT_DICING_RATE,
-    DEFAULT_MOTION_ERROR,
     AutoCamera,
     DefaultWrap,
-    Filter,
-    Metric,
     RenderContext,
     RenderSettings,
     StudioLight,
@@ -22,11 +19,8 @@ from .. import option_values, output_flags, render_flags, stage_flags
 from ..option_values import OnOff
 
 if TYPE_CHECKING:
-    from ...sampling.prediction import Pilot, Prediction
-
-
-# Stands for all the round targets of the table: the render that is meant has no other end.
-SMALLEST_TARGET = 1e-30
+    from ...examining.estimated import CostEstimate
+    from ...sampling.prediction import Prediction
 
 
 def estimate(
@@ -35,7 +29,7 @@ def estimate(
         list[float] | None,
         typer.Option("--target-error", metavar="E", help="May be repeated.", show_default="a table of round ones"),
     ] = None,
-    error_metric: render_flags.ErrorMetric = Metric.RELMSE,
+    error_metric: render_flags.ErrorMetric = None,
     pilot_seconds: render_flags.PilotSeconds = 3.0,
     adaptive: render_flags.Adaptive = None,
     spp: render_flags.Samples = None,
@@ -51,7 +45,7 @@ def estimate(
     frame_inc: stage_flags.FrameIncrement = None,
     default_time: stage_flags.DefaultTime = False,
     max_depth: render_flags.MaxDepth = None,
-    pixel_filter: render_flags.PixelFilter = Filter.BOX,
+    pixel_filter: render_flags.PixelFilter = None,
     filter_width: render_flags.FilterWidth = None,
     threads: render_flags.Threads = None,
     seed: render_flags.Seed = 0,
@@ -60,7 +54,7 @@ def estimate(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    motion_error: stage_flags.MotionError = None,
     lens: stage_flags.LensFlaws = None,
     json: output_flags.Json = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
@@ -72,6 +66,7 @@ def estimate(
     ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
+    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -81,9 +76,11 @@ def estimate(
     verbose: output_flags.Verbose = False,
 ) -> None:
     """Predict the samples and seconds that a render needs to reach an error, without rendering it."""
-    if not pilot_seconds > 0:
-        raise SettingsError(f"the pilot needs some seconds, not {pilot_seconds}", code="pilot")
-    targets = sorted(set(target_errors or ()), reverse=True)
+    from ...examining.estimated import estimate as cost
+    from ...notices.diagnostics_text import print_diagnostics
+    from ..json_lines import print_line
+
+    targets = target_errors or []
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         auto_camera=auto_camera,
@@ -95,9 +92,8 @@ def estimate(
             option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer), "estimate"
         ),
         spp=spp,
-        target_error=min(targets, default=SMALLEST_TARGET),
         error_metric=error_metric,
-        adaptive=True if adaptive is None else adaptive,
+        adaptive=adaptive,
         max_depth=max_depth,
         filter=pixel_filter,
         filter_width=filter_width,
@@ -111,6 +107,7 @@ def estimate(
         ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
+        translated_shaders=not no_translated_shaders,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
@@ -124,50 +121,25 @@ def estimate(
         motion_error=motion_error,
         lens_flaws=tuple(lens or ()),
     )
-    for target in targets:
-        RenderSettings(target_error=target)  # checks itself
-    _print(_pilot(scene, settings, pilot_seconds, verbose), targets, json)
+    found = cost(scene, targets, settings, pilot_seconds=pilot_seconds)
+    print_diagnostics([diagnostic.as_json() for diagnostic in found.diagnostics], verbose=verbose)
+    if json:
+        print_line(found.as_json())
+    else:
+        print("\n".join(_lines(found)))
 
 
-def _pilot(scene: str, settings: RenderSettings, seconds: float, verbose: bool) -> Pilot:
-    from ... import usd
-    from ...diagnostics import Diagnostics
-    from ...notices.diagnostics_text import print_diagnostics
-    from ...render import prepare
-    from ...report.report import Costs
-    from ...sampling.prediction import run_pilot
-
-    opening, diagnostics = Diagnostics(), Diagnostics()
-    stage = usd.open_stage(scene, opening, settings.composition)
-    prepared = prepare(stage, opening, settings, Costs(), diagnostics)
-    print_diagnostics([diagnostic.as_json() for diagnostic in diagnostics], verbose=verbose)
-    pilot = run_pilot(prepared.scene, prepared.settings, seconds)
-    if pilot is None:
-        raise KeyboardInterrupt
-    return pilot
-
-
-def _print(pilot: Pilot, targets: list[float], as_json: bool) -> None:
-    from ...sampling.prediction import usual_targets
-    from ..json_lines import print_line
-
-    predictions = [pilot.predict(target) for target in targets or usual_targets(pilot)]
-    row, metric = pilot.row, pilot.metric.value
-    if as_json:
-        found: dict[str, Any] = {"samples": row.samples, "seconds": row.seconds, metric: row.error.of(pilot.metric).as_json()}
-        print_line({"type": "estimate", "metric": metric, "pilot": found, "targets": [p.as_json() for p in predictions]})
-        return
-    known = row.error.of(pilot.metric)
-    print(
-        f"pilot: {row.samples:.0f} samples a pixel in {row.seconds:.2f} s, "
+def _lines(cost: CostEstimate) -> Iterator[str]:
+    metric, known = cost.metric.value, cost.error
+    yield (
+        f"pilot: {cost.samples:.0f} samples a pixel in {cost.seconds:.2f} s, "
         f"{metric} {known.value:.3g} (95 %: {known.low:.3g} to {known.high:.3g})"
     )
-    if not predictions:
-        print("the picture has no error that could be seen")
+    if not cost.predictions:
+        yield "the picture has no error that could be seen"
         return
-    print(f"{metric:>10}  {'samples':>8}  {'(95 %)':>17}  {'seconds':>8}  {'(95 %)':>17}")
-    for prediction in predictions:
-        print(_line(prediction))
+    yield f"{metric:>10}  {'samples':>8}  {'(95 %)':>17}  {'seconds':>8}  {'(95 %)':>17}"
+    yield from map(_line, cost.predictions)
 
 
 def _line(prediction: Prediction) -> str:

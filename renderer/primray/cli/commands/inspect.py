@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ...settings import (
     DEFAULT_DICING_RATE,
-    DEFAULT_MOTION_ERROR,
     AutoCamera,
     DefaultWrap,
     RenderContext,
@@ -37,6 +36,7 @@ def inspect(
     ground: stage_flags.GroundBelow = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
+    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -48,7 +48,7 @@ def inspect(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    motion_error: stage_flags.MotionError = None,
     lens: stage_flags.LensFlaws = None,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
@@ -79,6 +79,7 @@ def inspect(
         ground=ground,
         default_wrap=default_wrap,
         render_context=render_context,
+        translated_shaders=not no_translated_shaders,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),

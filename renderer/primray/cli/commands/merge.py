@@ -24,7 +24,7 @@ def merge(
     display: output_flags.Display = None,
     view: output_flags.View = None,
     look: output_flags.Look = None,
-    exposure: output_flags.Exposure = "0",
+    exposure: output_flags.Exposure = None,
     bit_depth: output_flags.BitDepth = None,
     half: output_flags.Half = None,
     compression: output_flags.Compression = None,

@@ -16,11 +16,8 @@ from ...errors import SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
 from ...settings import (
     DEFAULT_DICING_RATE,
-    DEFAULT_MOTION_ERROR,
     AutoCamera,
     DefaultWrap,
-    Filter,
-    Metric,
     RenderContext,
     RenderSettings,
     StopAt,
@@ -68,9 +65,9 @@ def render(
     default_time: stage_flags.DefaultTime = False,
     spp: render_flags.Samples = None,
     target_error: render_flags.TargetError = None,
-    error_metric: render_flags.ErrorMetric = Metric.RELMSE,
+    error_metric: render_flags.ErrorMetric = None,
     time_limit: render_flags.TimeLimit = None,
-    denoise: output_flags.Denoise = False,
+    denoise: output_flags.Denoise = None,
     stop_at: output_flags.StopAtWhich = StopAt.PICTURE,
     sample_range: output_flags.SampleRange = None,
     checkpoint: output_flags.Checkpoint = None,
@@ -78,7 +75,7 @@ def render(
     resume: output_flags.Resume = None,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
-    pixel_filter: render_flags.PixelFilter = Filter.BOX,
+    pixel_filter: render_flags.PixelFilter = None,
     filter_width: render_flags.FilterWidth = None,
     threads: render_flags.Threads = None,
     seed: render_flags.Seed = 0,
@@ -89,7 +86,7 @@ def render(
     view: output_flags.View = None,
     look: output_flags.Look = None,
     color_correction: output_flags.Correction = None,
-    exposure: output_flags.Exposure = "0",
+    exposure: output_flags.Exposure = None,
     strict: stage_flags.Strict = False,
     fail_on: stage_flags.FailOn = None,
     allow: stage_flags.Allow = None,
@@ -99,7 +96,7 @@ def render(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    motion_error: stage_flags.MotionError = None,
     bit_depth: output_flags.BitDepth = None,
     half: output_flags.Half = None,
     compression: output_flags.Compression = None,
@@ -128,6 +125,7 @@ def render(
     preview: show_flags.Preview = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
+    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -184,6 +182,7 @@ def render(
         background=background,
         default_wrap=default_wrap,
         render_context=render_context,
+        translated_shaders=not no_translated_shaders,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
@@ -349,7 +348,7 @@ def _require_names_of_their_own(are_named: bool, report: str | None, checkpoint:
 def _checkpointing(
     checkpoint: str | None, every_s: float | None, resume: str | None, time_code: float | None
 ) -> Checkpointing | None:
-    from ...checkpoints.checkpointing import DEFAULT_EVERY_S, Checkpointing
+    from ...checkpoints.checkpointing import Checkpointing
 
     file = checkpoint or resume
     if file is None:
@@ -357,7 +356,7 @@ def _checkpointing(
             raise SettingsError("--checkpoint-every says how often; --checkpoint FILE says where", code="checkpoint")
         return None
     going_on = None if resume is None else Path(name_of_frame(resume, time_code))
-    return Checkpointing(Path(name_of_frame(file, time_code)), DEFAULT_EVERY_S if every_s is None else every_s, going_on)
+    return Checkpointing(Path(name_of_frame(file, time_code)), every_s, going_on)
 
 
 def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing | None]:

@@ -1,4 +1,7 @@
-"""`primray sheet`: every stage under a folder, small, on one page: to see at a glance what works and what is odd."""
+"""`primray sheet`: small pictures on one sheet, to see at a glance what works and what is odd.
+
+Of a folder every stage, as a page; of one stage its frames, cameras and variants, as a picture.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,50 @@ from .. import option_values, render_flags, stage_flags
 from ..flag_defaults import with_own_default
 
 if TYPE_CHECKING:
-    from ..sheet.runs import Outcome
+    from ..sheet.runs import Limits, Outcome
+
+PICTURES = (".png", ".jpg", ".jpeg")
+PAGES = (".html", ".htm")
 
 
 def sheet(
-    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="Its stages, and those of its folders.", show_default=False)],
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="FOLDER|SCENE", help="A folder: its stages, and those of its folders; or one stage.", show_default=False
+        ),
+    ],
+    flags: Annotated[
+        list[str] | None, typer.Argument(metavar="[-- FLAGS]", help="Further flags of `primray render`.", show_default=False)
+    ] = None,
     output: Annotated[
-        str, typer.Option("--output", "-o", metavar="FILE", help="HTML; a JSON is put beside it.")
-    ] = "sheet.html",
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="HTML, with a JSON beside it; of a scene also PNG or JPEG.",
+            show_default="sheet.html; of a scene sheet.png",
+        ),
+    ] = None,
+    frames: stage_flags.Frames = None,
+    cameras: Annotated[
+        list[str] | None,
+        typer.Option("--camera", "-c", metavar="CAMERA", help="Of a scene; may be repeated.", show_default="the stage's"),
+    ] = None,
+    variants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--variant",
+            "--variants",
+            metavar="PRIM:SET=NAME,...",
+            help="Of a scene: each of these; of several sets every combination.",
+            show_default="the stage's",
+        ),
+    ] = None,
+    columns: Annotated[
+        int | None, typer.Option(metavar="N", help="Pictures in a row at most.", show_default="by what varies")
+    ] = None,
     width: Annotated[int, with_own_default(stage_flags.ImageWidth)] = 256,
     spp: Annotated[int, with_own_default(render_flags.Samples)] = 16,
     at_once: Annotated[int, typer.Option("--at-once", "-n", metavar="N", help="Renders at the same time.")] = 1,
@@ -31,14 +70,34 @@ def sheet(
     max_memory: Annotated[str, with_own_default(render_flags.MaxMemory)] = "16G",
     roots_only: Annotated[bool, typer.Option("--roots-only", help="Leave out layers that others of the folder use.")] = False,
 ) -> None:
-    """Render every stage under a folder into a contact sheet; exit code 1 if any render fails."""
-    from ...images.image import write_text
-    from ...images.output_path import check_folder
-    from ..json_lines import dumps
-    from ..sheet.page import page
-    from ..sheet.runs import Limits, render_all, stage_files
+    """Render the stages of a folder, or one stage's frames, cameras and variants, into a contact sheet; 1 if any fails."""
+    from ..sheet.runs import Limits
 
-    root = Path(folder)
+    if min(width, spp, at_once, 1 if columns is None else columns) < 1 or timeout <= 0:
+        raise SettingsError("width, samples, renders at once, columns and seconds must be above 0")
+    limits = Limits(width, spp, timeout, option_values.bytes_of(max_memory) or 0, threads, tuple(flags or ()))
+    if Path(source).is_dir():
+        if frames is not None or cameras or variants or columns:
+            sentence = "frames, cameras, variants and columns are of one stage's sheet, and this is a folder"
+            raise SettingsError(sentence, where=source, code="sheet")
+        outcomes = _sheet_of_folder(Path(source), output or "sheet.html", limits, at_once, roots_only)
+        failed = sum(outcome.failed for outcome in outcomes)
+    else:
+        if roots_only:
+            raise SettingsError("--roots-only is of a folder's sheet", where=source, code="sheet")
+        time_codes = option_values.time_codes_of(option_values.frames_of(frames, None, None, False, source, None))
+        asked = (time_codes, cameras or [], variants or [], columns)
+        outcomes = _sheet_of_shot(Path(source), asked, output or "sheet.png", limits, at_once)
+        failed = sum(outcome.exit_code != 0 or outcome.failed for outcome in outcomes)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _sheet_of_folder(root: Path, output: str, limits: Limits, at_once: int, roots_only: bool) -> list[Outcome]:
+    from ...images.image import write_text
+    from ..sheet.page import page
+    from ..sheet.runs import render_all, stage_files
+
     stages = stage_files(root)
     if roots_only:
         from ...usd import used_files
@@ -46,20 +105,63 @@ def sheet(
         used = used_files([str(path) for path in stages])
         stages = [path for path in stages if str(path.resolve()) not in used]
     if not stages:
-        raise SettingsError("there are no stages (usd, usda, usdc, usdz) here", where=folder, code="no-stages")
-    if min(width, spp, at_once) < 1 or timeout <= 0:
-        raise SettingsError("width, samples, renders at once and seconds must be above 0")
-    check_folder(Path(output))
-    limits = Limits(width, spp, timeout, option_values.bytes_of(max_memory) or 0, threads)
+        raise SettingsError("there are no stages (usd, usda, usdc, usdz) here", where=str(root), code="no-stages")
+    _check_output(output, PAGES)
     with tempfile.TemporaryDirectory(prefix="primray-sheet-") as scratch:
         outcomes = render_all(root, stages, limits, at_once, Path(scratch), _print_outcome)
         write_text(Path(output), page(f"{root.resolve().name}: {len(outcomes)} stages", outcomes))
-    write_text(Path(output).with_suffix(".json"), dumps([_as_json(outcome) for outcome in outcomes], indent=1) + "\n")
+    _write_json(output, outcomes)
     failed = sum(outcome.failed for outcome in outcomes)
     odd = sum(bool(outcome.marks) for outcome in outcomes) - failed
     print(f"{output}: {len(outcomes)} stages, {failed} failed, {odd} odd")
-    if failed:
-        raise typer.Exit(1)
+    return outcomes
+
+
+def _sheet_of_shot(stage: Path, asked: tuple[Any, ...], output: str, limits: Limits, at_once: int) -> list[Outcome]:
+    from ...images.image import write_png, write_text
+    from ..sheet.contact import contact_sheet, reason
+    from ..sheet.page import page
+    from ..sheet.shot import grid_of, render_cells, variant_choices
+
+    time_codes, cameras, variants, columns = asked
+    if not stage.exists():
+        raise SettingsError("there is no such folder or stage", where=str(stage), code="sheet")
+    grid = grid_of(time_codes, cameras, variant_choices(variants), columns)
+    _check_output(output, (*PICTURES, *PAGES))
+    count = "1 picture" if len(grid.cells) == 1 else f"{len(grid.cells)} pictures"
+    title = f"{stage.name}: {count}"
+    with tempfile.TemporaryDirectory(prefix="primray-sheet-") as scratch:
+        outcomes = render_cells(stage, grid, limits, at_once, Path(scratch), _print_outcome)
+        if Path(output).suffix.lower() in PAGES:
+            write_text(Path(output), page(title, outcomes))
+            _write_json(output, outcomes)
+        else:
+            rest = iter(outcomes)
+            groups = [[next(rest) for _ in group] for group in grid.groups]
+            write_png(contact_sheet(title, groups, grid.columns, limits.width), Path(output))
+    for outcome in outcomes:
+        if outcome.exit_code != 0:
+            print(f"failed: {outcome.stage}: {reason(outcome)}", file=sys.stderr)
+    failed = sum(outcome.exit_code != 0 for outcome in outcomes)
+    odd = sum(bool(outcome.marks) and outcome.exit_code == 0 for outcome in outcomes)
+    print(f"{output}: {count}, {failed} failed, {odd} odd")
+    return outcomes
+
+
+def _check_output(output: str, suffixes: tuple[str, ...]) -> None:
+    from ...images.output_path import check_folder
+
+    if Path(output).suffix.lower() not in suffixes:
+        sentence = f"this sheet's name must end in {', '.join(suffixes[:-1])} or {suffixes[-1]}"
+        raise SettingsError(sentence, where=output, code="unknown-extension")
+    check_folder(Path(output))
+
+
+def _write_json(output: str, outcomes: list[Outcome]) -> None:
+    from ...images.image import write_text
+    from ..json_lines import dumps
+
+    write_text(Path(output).with_suffix(".json"), dumps([_as_json(outcome) for outcome in outcomes], indent=1) + "\n")
 
 
 def _print_outcome(outcome: Outcome) -> None:

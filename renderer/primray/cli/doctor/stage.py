@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...notices.diagnostics_text import diagnostics_lines, fidelity_text
-
-if TYPE_CHECKING:
-    from ...examining.examined import Examined
 
 _PRIMS_SHOWN = 3
 _TITLES = {
@@ -16,37 +13,6 @@ _TITLES = {
     "grey": "Why is it grey?",
     "slow": "Why is it slow?",
 }
-
-
-def facts_of(scene: str, seen: Examined) -> dict[str, Any]:
-    """As JSON: what was measured, and what follows."""
-    from ...examining import dark, empty, grey, noise, slow
-
-    found = [finding for module in (empty, dark, grey, slow, noise) for finding in module.findings(seen)]
-    lights = [(light.path, light.type.value) for light in seen.description.lights]
-    camera, bounds, unit = seen.prepared.camera, seen.prepared.scene.bounds, seen.description.meters_per_unit
-    width, height = seen.prepared.frame.size
-    return {
-        "type": "doctor",
-        "scene": scene,
-        "picture": {
-            "camera": camera.path,
-            "resolution": [width, height],
-            "hit_share": seen.hit_share,
-            "grey_share": grey.grey_share(seen),
-            "bounds": None if bounds is None else [[float(v) for v in corner] for corner in bounds],
-            "camera_position": [float(v) for v in camera.world_from_camera[:3, 3]],
-            "meters_per_unit": unit,
-            "up_axis": seen.description.up_axis,
-            "lights": [{"path": path, "type": kind} for path, kind in lights],
-        },
-        "set_up_s": slow.set_up_seconds(seen),
-        "speed": slow.speed(seen),
-        "counts": dict(seen.prepared.counts),
-        "time_to_1_percent": noise.time_to_error(seen),
-        "findings": [finding.as_json() for finding in found],
-        "diagnostics": [diagnostic.as_json() for diagnostic in seen.diagnostics],
-    }
 
 
 def lines(facts: dict[str, Any], verbose: bool) -> list[str]:

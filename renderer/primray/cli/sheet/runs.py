@@ -1,4 +1,5 @@
-"""Renders of many stages, each in a process of its own with limits of time and memory: what came of each, and what is odd.
+"""Renders in processes of their own with limits of time and memory, one for each stage of a folder: what came of each, and
+what is odd.
 
 A process limits its own memory first of all, so that nothing here runs between fork and exec.
 """
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-_LIMIT_S = "time"  # what _Ended.exit_code says of a process that was stopped
+_LIMIT_S = "time"  # what Ended.exit_code says of a process that was stopped
 
 
 @dataclass(frozen=True)
@@ -27,13 +28,14 @@ class Limits:
     timeout_s: float
     memory_bytes: int
     threads: int | None
+    flags: tuple[str, ...] = ()  # further ones of `primray render`
 
 
 @dataclass(frozen=True)
 class Outcome:
     """One stage's render. `marks` name what is odd: crash, time, not-finite, black, one-colour, nothing-seen."""
 
-    stage: str  # relative to the folder
+    stage: str  # relative to the folder; of a sheet of one shot what the picture is of
     exit_code: int | str  # as `primray render` ends; "time": it was stopped; below 0: killed by that signal
     seconds: float
     peak_rss_bytes: int
@@ -76,11 +78,8 @@ main()
 def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome:
     scratch.mkdir(parents=True)
     exr, png, report_file = scratch / "p.exr", scratch / "p.png", scratch / "r.json"
-    command = [sys.executable, "-c", _MAIN.format(limit=limits.memory_bytes), "render", str(stage)]
-    command += ["-o", str(exr), "-o", str(png), "--report", str(report_file)]
-    command += ["-w", str(limits.width), "--spp", str(limits.spp)]
-    command += ["-j", str(limits.threads)] if limits.threads else []
-    ended = _run(command, limits.timeout_s, scratch / "err")
+    command = render_command(stage, limits, exr, png, report_file)
+    ended = run_limited(command, limits.timeout_s, scratch / "err")
     report = json.loads(report_file.read_text()) if report_file.exists() else {}
     return Outcome(
         stage.relative_to(folder).as_posix(),
@@ -89,20 +88,29 @@ def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome
         ended.peak_rss_bytes,
         str(png) if png.exists() else None,
         ended.stderr if ended.exit_code != 0 else "",
-        tuple(_marks(ended.exit_code, exr, report)),
+        tuple(marks(ended.exit_code, exr)),
         report,
     )
 
 
+def render_command(stage: Path, limits: Limits, exr: Path, png: Path, report: Path) -> list[str]:
+    """Return the command of a process that limits its own memory and renders."""
+    command = [sys.executable, "-c", _MAIN.format(limit=limits.memory_bytes), "render", str(stage)]
+    command += ["-o", str(exr), "-o", str(png), "--report", str(report)]
+    command += ["-w", str(limits.width), "--spp", str(limits.spp)]
+    return [*command, *(["-j", str(limits.threads)] if limits.threads else []), *limits.flags]
+
+
 @dataclass(frozen=True)
-class _Ended:
+class Ended:
     exit_code: int | str
     seconds: float
     peak_rss_bytes: int
     stderr: str
 
 
-def _run(command: list[str], timeout_s: float, stderr: Path) -> _Ended:
+def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
+    """Run a command until it ends or its time is over."""
     start = time.monotonic()
     with stderr.open("wb") as to:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=to)
@@ -118,10 +126,11 @@ def _run(command: list[str], timeout_s: float, stderr: Path) -> _Ended:
     process.returncode = os.waitstatus_to_exitcode(status)
     peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     text = stderr.read_text(errors="replace").strip()
-    return _Ended(_LIMIT_S if stopped else process.returncode, time.monotonic() - start, peak, text)
+    return Ended(_LIMIT_S if stopped else process.returncode, time.monotonic() - start, peak, text)
 
 
-def _marks(exit_code: int | str, exr: Path, report: dict[str, Any]) -> Iterator[str]:
+def marks(exit_code: int | str, exr: Path) -> Iterator[str]:
+    """Name what went wrong with a process, or cannot be right of its picture."""
     if exit_code == _LIMIT_S:
         yield "time"
     elif exit_code == 1 or (isinstance(exit_code, int) and exit_code < 0):

@@ -23,7 +23,7 @@ def settle(
 ) -> list[MotionSteps]:
     """What moves gets its times, now that it is known how large it is seen."""
     cameras = (camera, *(motion.cameras if motion else ()))
-    precision = Precision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.motion_error)
+    precision = Precision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.most_motion_error)
 
     def at_seam(placement: Placement) -> Placement:
         number = placement.prototype
@@ -47,7 +47,7 @@ def settle(
 def note_errors(steps: list[MotionSteps], ctx: Context) -> None:
     """Where more times than there may be would have been needed."""
     for found in steps:
-        if found.error > ctx.settings.motion_error:
+        if found.error > ctx.settings.most_motion_error:
             pixels = f"{found.error:.2g}" if math.isfinite(found.error) else "any number of"
             left = f"its path is given in {found.segments} steps, which leaves it up to {pixels} pixels off."
             ctx.warn("motion", ctx.shown(found.path), f"It moves fast: {left}")

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from pxr import Usd
 
+from ...description.picture_file import PictureView
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError
 from ...settings import RenderSettings
+from ...settings.in_stage import StageSettings
 from ..adapters.rendering.product_outputs import picture_ordered
 from ..adapters.rendering.render_pass import settings_of_pass
 from ..adapters.rendering.render_product import ProductSettings
 from ..adapters.rendering.render_settings import products
+from ..adapters.rendering.stage_settings import stage_settings
 from ..querying.guarded import targets, type_name
 from ..querying.messages import scene_errors
 from ..querying.traversal import in_world
+from ..resolving.read import When, when_of_few
 
 MOST = 500  # of each list
 
@@ -26,16 +31,24 @@ def output_facts(stage: Usd.Stage, settings: RenderSettings) -> dict[str, Any]:
     prims = list(in_world(stage))
     found = products(stage, settings, Diagnostics())
     followed = found[0].settings_path
+    when = when_of_few(settings.time_code)
     return {
-        "render_settings": [_settings(prim, followed) for prim in prims if type_name(prim) == "RenderSettings"][:MOST],
+        "render_settings": [_settings(prim, followed, when) for prim in prims if type_name(prim) == "RenderSettings"][:MOST],
         "products": [_product(product, settings) for product in found if product.path][:MOST],
         "render_passes": [_pass(stage, prim) for prim in prims if type_name(prim) == "RenderPass"][:MOST],
     }
 
 
-def _settings(prim: Usd.Prim, followed: str) -> dict[str, Any]:
+def _settings(prim: Usd.Prim, followed: str, when: When) -> dict[str, Any]:
     path = str(prim.GetPath())
-    return {"path": path, "followed": path == followed, "products": [str(p) for p in targets(prim, "products")]}
+    asked, view = stage_settings(prim, None, when, Diagnostics())
+    products = [str(p) for p in targets(prim, "products")]
+    return {"path": path, "followed": path == followed, "products": products, **_asked(asked, view)}
+
+
+def _asked(asked: StageSettings, view: PictureView) -> dict[str, Any]:
+    """What is asked of the render, whether or not a flag takes its place, and of views."""
+    return {"asks": asked.as_json(), "view": None if view == PictureView() else asdict(view)}
 
 
 def _product(product: ProductSettings, settings: RenderSettings) -> dict[str, Any]:
@@ -45,6 +58,7 @@ def _product(product: ProductSettings, settings: RenderSettings) -> dict[str, An
         "camera": product.camera,
         "resolution": list(product.resolution) if product.resolution else None,
         "picture": list(picture_ordered(product, settings)),
+        **_asked(product.asked, product.file.view),
         "variables": [
             {
                 "path": v.path,

@@ -15,6 +15,7 @@ from ...description.pattern_reads import primvar_of_set
 from ...diagnostics import Diagnostics
 from ..querying.guarded import shader_id
 from ..resolving.context import Context
+from .foreign.principled import is_principled
 from .network import Node, ShaderIds, find_source, numbers, text
 from .usd_nodes import USD_NODES
 
@@ -24,8 +25,11 @@ _WIDTHS = {"float": 1, "integer": 1, "vector2": 2, "vector3": 3, "vector4": 4, "
 # Nodes that read a primvar, the input that names it, and how many numbers they give; 0: none.
 _READERS = {name: ("varname", found.width) for name, found in USD_NODES.items() if found.category == "UsdPrimvarReader"}
 _READERS |= {f"ND_geompropvalue_{name}": ("geomprop", width) for name, width in _WIDTHS.items()}
+# Other renderers' (materials/foreign); PxrPrimvar's may be a colour, which its type says.
+_FOREIGN = {"arnold:user_data_float": 1, "arnold:user_data_int": 1, "arnold:user_data_rgb": 3, "arnold:user_data_rgba": 4}
+_READERS |= {name: ("attribute", width) for name, width in _FOREIGN.items()} | {"PxrPrimvar": ("varname", 1)}
 _BY_SET = ("ND_texcoord_", "ND_tangent_", "ND_bitangent_")  # nodes that read a numbered set of texture coordinates
-_COLORS = ("_color3", "_color4")  # MaterialX's readers of colours
+_COLORS = ("_color3", "_color4", "user_data_rgb", "user_data_rgba")  # readers of colours end in these
 SHOWN_COLOR = "primvars:displayColor"  # of shapes without a material
 
 
@@ -43,10 +47,15 @@ def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[
         for prim, kind in zip(prims, ids, strict=True)
         if kind.startswith(_BY_SET)
     }
-    if any(name.startswith("ND_geomcolor") for name in ids):
+    if any(name.startswith("ND_geomcolor") for name in ids) or any(
+        not name and is_principled(prim) for prim, name in zip(prims, ids, strict=True)
+    ):
         names |= {SHOWN_COLOR}
     colors = {SHOWN_COLOR} | {
-        f"primvars:{name}" for prim, kind in readers if kind.endswith(_COLORS) and (name := _primvar(prim, kind, silent))
+        f"primvars:{name}"
+        for prim, kind in readers
+        if (kind.endswith(_COLORS) or (kind == "PxrPrimvar" and text(Node(prim, "", kind), "type", "", silent) == "color"))
+        and (name := _primvar(prim, kind, silent))
     }
     if any(_READERS[name][1] >= 3 for _, name in readers):  # others read no colours: nothing is asked of surfaces
         surfaces = [prim for prim, name in zip(prims, ids, strict=True) if name in SURFACE_SHADERS]

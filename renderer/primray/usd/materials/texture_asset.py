@@ -30,9 +30,16 @@ _NAMING |= {reader: "default" if name == "geomprop" else "fallback" for reader, 
 _MOST_HANDING_ON = 16
 
 
-def texture_file(node: Node, ctx: Context, *, is_color: bool = True, name: str = "file") -> TextureFile:
-    """What the node reads by that input, as colours or numbers; its path is "" where there is no file, which is noted."""
+def texture_file(
+    node: Node, ctx: Context, *, is_color: bool = True, name: str = "file", tiles: tuple[str, ...] = ()
+) -> TextureFile:
+    """What the node reads by that input, as colours or numbers; its path is "" where there is no file, which is noted.
+
+    `tiles`: what stands for <UDIM> in names of files of the node's renderer.
+    """
     found = _named(node, name, ctx)
+    if tiles and found is not None:
+        found = _with_udim(found, tiles)
     made = _file(node, found, name, ctx)
     return in_space(made, _color_space(node, found, name, is_color, ctx), is_color, ctx)
 
@@ -78,6 +85,15 @@ def _named(node: Node, name: str, ctx: Context) -> Constant | None:
             return None
         source = handed_on
     return source if isinstance(source, Constant) else parameter(node, name, ctx)
+
+
+def _with_udim(found: Constant, tiles: tuple[str, ...]) -> Constant:
+    """Return a value with <UDIM> in place of another renderer's name for it."""
+    path = found.value.path if isinstance(found.value, Sdf.AssetPath) else found.value
+    named = path if isinstance(path, str) else ""
+    for token in tiles:
+        named = named.replace(token, "<UDIM>")
+    return found if named == path or not named else replace(found, value=Sdf.AssetPath(named))
 
 
 def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, name: str, ctx: Context) -> None:

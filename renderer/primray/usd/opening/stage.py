@@ -17,6 +17,8 @@ from ...composition import Composition
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, PrimrayError, StageOpenError
 from ...lfs_pointer import WHAT_IT_IS, is_pointer_file
+from ...other_formats import CODE as OTHER_FORMAT
+from ...other_formats import advice_for_file, refers_to_other_format
 from ..materialx.redirecting import Redirection, is_of_documents, refers_to_documents
 from ..materialx.stand_ins import without_marks
 from ..querying.guarded import noting
@@ -38,9 +40,14 @@ _BOUND = "Its material is bound and used, though MaterialBindingAPI is not appli
 _ASSET = re.compile("@([^@]+)@")
 
 
-def _with_pointers(text: str) -> str:
-    """A message of USD's that names files, with what is wrong with them where that is plain to see."""
-    found = (f" {path}: {WHAT_IT_IS}." for path in dict.fromkeys(_ASSET.findall(text)) if is_pointer_file(path))
+def _with_faults(text: str) -> str:
+    """Return a message of USD's that names files, with what is wrong with them where that is plain to see."""
+    found = []
+    for path in dict.fromkeys(_ASSET.findall(text)):
+        if is_pointer_file(path):
+            found.append(f" {path}: {WHAT_IT_IS}.")
+        elif refers_to_other_format(path) and os.path.isfile(path):
+            found.append(f" {path}: {advice_for_file(path)}")
     return text + "".join(found)
 
 
@@ -61,7 +68,7 @@ def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda
             if bound:
                 diagnostics.add("binding-api", bound[1], _BOUND, "material:binding")
             elif text and not known(text):
-                diagnostics.add("usd-message", "", _with_pointers(text))
+                diagnostics.add("usd-message", "", _with_faults(text))
         del delegate
 
 
@@ -109,7 +116,7 @@ def _noted(opened: Callable[[], Usd.Stage], diagnostics: Diagnostics, compositio
         for error in stage.GetCompositionErrors():
             text = error_text(error)
             composed.append(without_marks(text))
-            diagnostics.add("composition-error", _site(error), _with_pointers(text))
+            diagnostics.add("composition-error", _site(error), _with_faults(text))
     if composition.load is not None:
         note_unloaded(stage, diagnostics)
     with _with_names(diagnostics):
@@ -209,20 +216,24 @@ def open_layer(path: str, opened: Callable[[str], Sdf.Layer | None] = Sdf.Layer.
     try:
         layer = opened(path)
     except Tf.ErrorException as error:
-        _check_pointer(path)
+        _check_file(path)
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
     except UnicodeError:
         raise StageOpenError("The path is not valid text.", where=repr(path)) from None
     if layer is None:
-        _check_pointer(path)
+        _check_file(path)
         missing = not os.path.exists(path) and "[" not in path
         raise StageOpenError("There is no such file." if missing else "USD cannot open it.", where=path)
     return layer
 
 
-def _check_pointer(path: str) -> None:
+def _check_file(path: str) -> None:
+    """StageOpenError where the file is plainly something else than USD."""
     if is_pointer_file(path):
         raise StageOpenError(f"USD cannot open it: {WHAT_IT_IS}.", where=path) from None
+    advice = advice_for_file(path) if os.path.isfile(path) else None
+    if advice is not None:
+        raise StageOpenError(advice, where=path, code=OTHER_FORMAT) from None
 
 
 def _site(error: Any) -> str:

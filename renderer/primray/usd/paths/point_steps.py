@@ -45,7 +45,7 @@ def point_steps(
 
     rounding = 4 * float(np.finfo(np.float32).eps) * float(max(np.abs(low).max(), np.abs(high).max())) * scale
     none = max(min(SIZE_NO_ERROR * float((high - low).max()) * scale, PIXELS_NO_ERROR), rounding)
-    most = max(ctx.settings.motion_error, rounding) if curved else float("inf")
+    most = max(ctx.settings.most_motion_error, rounding) if curved else float("inf")
     steps = steps_of(error, bent, most, none)
     ctx.kept.of(PointSteps).append(steps.of(path, "meshes", rounding))
     return steps.times

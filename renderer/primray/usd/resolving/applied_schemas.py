@@ -24,7 +24,7 @@ PHYSICAL = PHOTOMETRIC | {ILLUMINANT}
 # Ours, and those of other programs: adapters/cameras/ has what they say.
 _READ_OF_OTHERS = """OmniLensDistortionFthetaAPI OmniLensDistortionKannalaBrandtK3API OmniLensDistortionLutAPI
     OmniLensDistortionOpenCvFisheyeAPI OmniLensDistortionOpenCvPinholeAPI OmniLensDistortionRadTanThinPrismAPI
-    OmniRtxRollingShutterAPI PrimrayLensAPI"""
+    OmniRtxRollingShutterAPI PrimrayLensAPI PrimrayRenderProductAPI PrimrayRenderSettingsAPI PrimrayRenderVarAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
 # field say nothing where the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI

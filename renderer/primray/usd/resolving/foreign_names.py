@@ -10,7 +10,14 @@ from pxr import Usd
 
 from .applied_schemas import foreign_schema
 from .context import Context
-from .renderer_attributes import CAMERA_VISIBILITY, CONVENTIONS, LENS_WORDS, LIGHT_GROUPS, ROLLING_SHUTTER
+from .renderer_attributes import (
+    CAMERA_VISIBILITY,
+    CONVENTIONS,
+    LENS_WORDS,
+    LIGHT_GROUPS,
+    ROLLING_SHUTTER,
+    SETTINGS_OF_OTHERS,
+)
 from .resolve import ResolvedPrim
 
 # First words of the namespaces that renderers document for their own attributes (arnold-usd, hdPrman, Karma, Redshift, V-Ray,
@@ -23,7 +30,7 @@ _LIGHT_SCHEMAS = ("LightAPI", "ShapingAPI", "ShadowAPI")
 _EXTENSIONS = ("inputs:visibility:",)  # read by some renderers, no part of UsdLux
 
 # Other renderers' attributes that are read here, or are told of where they are looked for.
-_READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS)) | {
+_READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS, *SETTINGS_OF_OTHERS)) | {
     name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)
 }
 

@@ -54,3 +54,40 @@ CONVENTIONS = (
 )
 # Words in the names of attributes that would change the lens, whoever's they are.
 LENS_WORDS = ("aperture", "blade", "bokeh", "dof", "lens", "distortion")
+
+# What RenderSettings and their products say of samples and depth, read by adapters/rendering/foreign_settings.py. Of names for
+# one thing the first that is authored counts.
+KARMA_SAMPLES = ("karma:global:pathtracedsamples", "karma:global:samplesperpixel")
+RENDERMAN_SAMPLES = ("ri:hider:maxsamples",)
+CYCLES_SAMPLES = ("cycles:samples", "cycles:session:samples")
+CYCLES_TIME = "cycles:time_limit"
+# Limits of single kinds of bounces: their sum is the longest path that a renderer with such limits follows.
+KARMA, KARMA_BOUNCES = ("karma:object:", "karma:global:"), ("diffuselimit", "reflectlimit", "refractlimit")
+ARNOLD = ("arnold:global:", "arnold:")
+ARNOLD_BOUNCES = ("GI_diffuse_depth", "GI_specular_depth", "GI_transmission_depth")
+ARNOLD_OPTIONS = ("AA_samples", "AA_samples_max", "enable_adaptive_sampling", "GI_total_depth", *ARNOLD_BOUNCES)
+TOTAL_BOUNCES = ("ri:integrator:PxrPathTracer:maxIndirectBounces", "ri:trace:maxdepth", "cycles:integrator:max_bounce")
+PATH_LENGTHS = ("ri:integrator:PxrPathTracer:maxPathLength",)
+# Stopping by an estimate of the error, which each renderer measures in a way of its own: reported, not read.
+ERROR_THRESHOLDS = (
+    "ri:Ri:PixelVariance",
+    "karma:global:convergencethreshold",
+    "arnold:global:AA_adaptive_threshold",
+    "arnold:AA_adaptive_threshold",
+    "cycles:integrator:adaptive_threshold",
+)
+SETTINGS_OF_OTHERS = frozenset(
+    {
+        *KARMA_SAMPLES,
+        *RENDERMAN_SAMPLES,
+        *CYCLES_SAMPLES,
+        CYCLES_TIME,
+        *TOTAL_BOUNCES,
+        *PATH_LENGTHS,
+        "inputs:ri:maxIndirectBounces",
+        "inputs:ri:maxPathLength",
+        *ERROR_THRESHOLDS,
+        *(f"{prefix}{name}" for prefix in KARMA for name in KARMA_BOUNCES),
+        *(f"{prefix}{name}" for prefix in ARNOLD for name in ARNOLD_OPTIONS),
+    }
+)

@@ -6,6 +6,7 @@ not finite are read as 0, and noted.
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,6 +132,10 @@ def read_authored(attribute: Usd.Attribute, when: When) -> AuthoredPrimvar | Non
 
 def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -> Primvar | None:
     name, interpolation = authored.name, authored.interpolation
+    if authored.element_size > 1 and _fits_without_element_size(authored, sizes):
+        message = f"{name} has a value for each element and an elementSize of {authored.element_size}, which is ignored."
+        ctx.warn("invalid-primvar", path, message, name)
+        authored = replace(authored, element_size=1)
     values = as_columns(authored.values, authored.element_size)
     if values is None:
         of_size = f" of elementSize {authored.element_size}" if authored.element_size != 1 else ""
@@ -152,6 +157,18 @@ def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -
         ctx.warn("invalid-primvar", path, f"{name} ({interpolation}) has {count} values where {needed} are needed.", name)
         return None
     return Primvar(values, interpolation, indices)
+
+
+def _fits_without_element_size(authored: AuthoredPrimvar, sizes: Sizes) -> bool:
+    """Return whether an array is one value for each element if elementSize does not count, and is not if it does.
+
+    Some exporters write the number of a face's corners there.
+    """
+    listed = authored.values if authored.indices is None else authored.indices
+    if not isinstance(listed, Sized) or len(listed) != sizes.of(authored.interpolation):
+        return False
+    grouped = as_columns(authored.values, authored.element_size)
+    return grouped is None or authored.indices is None
 
 
 def note_many_values(name: str, count: int, path: str, ctx: Context) -> None:

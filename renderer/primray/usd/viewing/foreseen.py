@@ -31,7 +31,7 @@ def as_seen(prim: Usd.Prim | None, shutter: Shutter, ctx: Context, product: Prod
     if timing.is_frame:
         return Foreseen(timing)
     camera, frame = view_without_things(prim, ctx, product, shutter)
-    most, side = ctx.settings.motion_error, max(frame.resolution)
+    most, side = ctx.settings.most_motion_error, max(frame.resolution)
     if camera is None:
         return Foreseen(timing, most, None, side)
     seen = [camera]

@@ -19,9 +19,11 @@ from ...limits import Limits
 from ...problems import Problem
 from ...scenes.entries import choose
 from ...scenes.names import file_name
+from ...shared_roots import SharedFile, shared_name
 
 MERGE_CPU_S = 900.0  # reading and measuring some large films
 FILE_SETTINGS = tuple(FileSettings.model_fields)
+SHARED = "shared"  # the kind of scenes on shared storage
 CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
 
 
@@ -41,6 +43,7 @@ def render_chunk(
 ) -> Chunk:
     """Problem if there is nothing to render with."""
     root, inputs, folders = _files(scene, data)
+    roots = _roots(scene, data)
     saved = data.job(job.id) / frame.checkpoint_file if frame.checkpoint_file else None
     # A checkpoint that is gone (a disk was lost, or short) costs time, nothing else: samples are a function of the seed.
     begin = saved is None or not saved.is_file()
@@ -60,10 +63,12 @@ def render_chunk(
         "fraction": 0.0 if begin else float(frame.progress.get("fraction", 0.0)),
         "limits": asdict(limits),
         "traceparent": job.traceparent,
-        "files": {name: job.settings[name] for name in FILE_SETTINGS if job.settings.get(name)},
-    } | _products_of(job, frame, asked.frames)
-    # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene.
-    group = f"{job.id}/{job.attempt}" if asked.frames > 1 else ""
+        "files": {name: value for name in FILE_SETTINGS if (value := job.settings.get(name)) is not None},
+    }
+    command |= _products_of(job, frame, asked.frames) | _root_of(roots)
+    # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene. A frame that is
+    # retried has a group of its own, since its outputs have the names of those before.
+    group = f"{job.id}/{job.attempt}/{frame.attempt}" if asked.frames > 1 else ""
     return Chunk(
         chunk_id,
         "render",
@@ -74,7 +79,8 @@ def render_chunk(
         group=group,
         more_follow=asked.more,
         scene=_open_scene(job, scene),
-        keep_s=limits.scene_kept_s,
+        keep_s=limits.scene_kept_s if not roots else 0.0,
+        roots=roots,
     )
 
 
@@ -117,7 +123,7 @@ def merge_chunk(
         "do": "merge",
         "parts": list(merged),
         "number": frame.checkpoint,
-        "metric": stop.get("metric", "relmse"),
+        "metric": stop.get("metric") or "relmse",
         "target": stop.get("target_error"),
         "most": stop.get("max_samples"),
         "limits": asdict(limits),
@@ -132,7 +138,8 @@ def merge_chunk(
         group=_group_of_parts(job),
         more_follow=True,
         scene=_open_scene(job, scene),
-        keep_s=limits.scene_kept_s,
+        keep_s=limits.scene_kept_s if scene.kind != SHARED else 0.0,
+        roots=_roots(scene, data),
     )
 
 
@@ -141,13 +148,17 @@ def _group_of_parts(job: Job) -> str:
 
 
 def _open_scene(job: Job, scene: Scene) -> str:
+    """Files of shared storage change: no process keeps them open for another job."""
+    if scene.kind == SHARED:
+        return ""
     return f"{job.tenant}/{scene.id}"
 
 
 def _settings_of(job: Job, frame: Frame, capacity: Capacity, asked: Asked) -> RenderSettings:
     settings = frame_settings(job.settings, frame, capacity)
     if job.parallel is not None:  # in one place too: the picture is not to depend on how many there are
-        settings = replace(settings, adaptive=False)
+        spp = settings.spp if settings.stops_early else settings.most_samples  # in parts the stage's are not known
+        settings = replace(settings, adaptive=False, spp=spp, error_metric=settings.metric)
     return settings if asked.taken is None else replace(settings, spp=asked.taken, time_limit_s=None)
 
 
@@ -158,18 +169,34 @@ def spent_s(frame: Frame) -> float:
 
 def check_chunk(chunk_id: str, scene: Scene, data: DataDirectory, limits: Limits) -> Chunk:
     root, inputs, folders = _files(scene, data)
+    roots = _roots(scene, data)
     command: Json = {
         "do": "check",
         "file": "package" if scene.kind == "zip" else root,
         "kind": scene.kind,
         "entry": None,
         "limits": asdict(limits),
-    }
-    return Chunk(chunk_id, "check", command, inputs, folders, load_cpu_s=limits.check_cpu_s)
+    } | _root_of(roots)
+    return Chunk(chunk_id, "check", command, inputs, folders, load_cpu_s=limits.check_cpu_s, roots=roots)
+
+
+def _roots(scene: Scene, data: DataDirectory) -> tuple[str, ...]:
+    """The shared root that a scene is in; Problem where the tenant may not use it any more, or the file is gone."""
+    return (str(_shared_file(scene, data).root.path),) if scene.kind == SHARED else ()
+
+
+def _root_of(roots: tuple[str, ...]) -> Json:
+    return {"root": roots[0]} if roots else {}
+
+
+def _shared_file(scene: Scene, data: DataDirectory) -> SharedFile:
+    return data.shared_roots.file(shared_name(scene.facts) or scene.name, scene.tenant)
 
 
 def _files(scene: Scene, data: DataDirectory) -> tuple[str, dict[str, Path], dict[str, Path]]:
     """The root layer's name, files and folders; Problem where the scene's bytes are gone."""
+    if scene.kind == SHARED:
+        return str(_shared_file(scene, data).path), {}, {}
     folder = data.scene(scene.id)
     if scene.kind == "zip":
         _require(folder / "package")

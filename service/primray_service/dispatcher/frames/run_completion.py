@@ -66,12 +66,13 @@ class RunCompletion:
             self.context.disk_is_full = True
             return Again(self.frame, "storage")
         names = [output.name for output in outputs]
+        kept = {self.context.data.output(self.job.id, output.name, output.sha256) for output in outputs}
         result = frame_result(done.report, stop, self.job, names)
         warning = target_warning(self.frame, result, len(self.shared.totals))
         state = FrameState.CANCELED if canceling else FrameState.SUCCEEDED
         await self._end(state, outputs=outputs, result=result, warnings=[] if warning is None or canceling else [warning])
         for row in earlier:
-            if row.name not in names:
+            if self.context.data.output(self.job.id, row.name, row.sha256) not in kept:
                 await self.context.calls.disk(
                     self.context.data.remove, self.context.data.output(self.job.id, row.name, row.sha256)
                 )
@@ -98,7 +99,7 @@ class RunCompletion:
 
     async def _earlier_outputs(self) -> list[Output]:
         """Of earlier attempts: their rows go when the frame ends, their files after that."""
-        if self.job.attempt == 1:
+        if self.frame.attempt == 1:
             return []
         rows = await self.context.calls.store(self.context.store.outputs, self.job.id)
         return [row for row in rows if row.frame == self.frame.number]

@@ -92,16 +92,31 @@ class RunningFrame:
     def is_canceling(self) -> bool:
         return self.job.state is JobState.CANCELING
 
+    @property
+    def is_pausing(self) -> bool:
+        return self.job.state is JobState.PAUSING
+
     def saw(self, job: Job | None) -> None:
         """The job's row as it is now."""
         if job is None or job.attempt != self.job.attempt or job.state in TERMINAL:
             self.kill("gone")
             return
-        was_canceling, self.job = self.is_canceling, job
+        was_canceling, was_pausing, self.job = self.is_canceling, self.is_pausing, job
         if self.is_canceling and not was_canceling:
             self.going = True
             if self._run is not None:
                 self._stop_for_cancel(self._run)
+        elif self.is_pausing and not was_pausing:
+            if self._run is not None:
+                self._yield_for_pause(self._run)
+            self.going = True
+
+    def _yield_for_pause(self, run: ChunkRun) -> None:
+        """With a checkpoint of the samples taken by now; where there are none yet, nothing is lost by ending it at once."""
+        if run.inbox.sampling_since is None:
+            run.kill("pause")
+        elif not self.going:
+            run.tell_to_end("yield", YIELD_S, "yield")
 
     def _stop_for_cancel(self, run: ChunkRun) -> None:
         """With a picture if there can be one: of the samples taken by now, or of the checkpoint that it is just reading."""
@@ -174,6 +189,8 @@ class RunningFrame:
                 run.kill_in(PICTURE_S, "cancel")
             elif self.is_canceling:
                 self._stop_for_cancel(run)
+            elif self.is_pausing:
+                self._yield_for_pause(run)
             shared = await self._follow(run, reading)
             ended = await run.ended()
             await self._take_checkpoints(run)
@@ -209,6 +226,8 @@ class RunningFrame:
             chunk = commands.render_chunk(chunk_id, job, frame, scene, context.data, capacity, context.limits, asked)
             if self._kill_for or (self.is_canceling and not picture_only):
                 return GivenUp() if self.is_canceling else Again(frame, self._kill_for)
+            if self.is_pausing:
+                return Again(frame, "pause")
             self._run = ChunkRun(context.executor, chunk, frame.convergence)
         except (Problem, ValueError, OSError) as error:
             return run_completion.not_begun(frame, error, context.limits)

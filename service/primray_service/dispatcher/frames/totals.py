@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from ...jobs import FRAME_TERMINAL, Frame, FrameState, Job, Json
 MOST_WARNINGS = 500
 NEARLY_DONE = 0.99  # of a frame whose samples are all taken, and whose picture is not there
 MOST_DIGESTS = 256  # frames whose digests a job's result lists; each frame's own result has it anyway
+METRICS = ("relmse", "rmse", "display")
 # Ends from best to worst: a job's is the worst of its frames'.
 STOPS = ("target-error", "samples", "time-limit", "interrupted")
 
@@ -239,16 +241,23 @@ def _sums(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
 
 def frame_result(report: Mapping[str, object], stop: Json, job: Job, outputs: Sequence[str]) -> Json:
     """What a frame's row keeps of the report that its worker made."""
+    followed = report.get("settings")
+    followed = followed if isinstance(followed, Mapping) else {}  # the job's, and where they are open the stage's
     asked = job.settings.get("stop", {})
-    metric = asked.get("metric", "relmse")
+    told = followed.get("error_metric")
+    metric = asked.get("metric") or (told if told in METRICS else METRICS[0])
     of_denoised = job.settings.get("stop_at") == "denoised"
-    target = asked.get("target_error")
+    target = asked.get("target_error") or _number(followed.get("target_error"))
     error = _error_of(report, metric, None if of_denoised else target)
     made = report.get("denoised")
     denoised = _error_of(made, metric, target if of_denoised else None) if isinstance(made, Mapping) else None
     kept = ("samples", "rays", "stages_s", "sampling_s", "pixels_sha256", "invalid_samples", "versions", "isa", "threads")
     beside = {} if denoised is None else {"denoised": denoised}
     return {"stop": stop, "error": error} | beside | {name: report.get(name) for name in kept} | {"outputs": list(outputs)}
+
+
+def _number(found: object) -> float | None:
+    return float(found) if isinstance(found, int | float) and math.isfinite(found) else None
 
 
 def _error_of(says: Mapping[str, object], metric: str, target: float | None) -> Json | None:

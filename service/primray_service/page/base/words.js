@@ -6,6 +6,8 @@ export const STATES = {
   queued: "waiting for its turn",
   preparing: "getting ready",
   running: "rendering",
+  pausing: "pausing",
+  paused: "paused",
   canceling: "stopping",
   succeeded: "finished",
   failed: "failed",
@@ -38,7 +40,7 @@ function placeWords(queue) {
 export function phaseWords(job) {
   const phase = job.progress?.phase;
   if (job.state === "queued") return placeWords(job.queue);
-  if (TERMINAL.has(job.state) || job.state === "canceling") return stateWords(job.state);
+  if (TERMINAL.has(job.state) || ["canceling", "pausing", "paused"].includes(job.state)) return stateWords(job.state);
   return PHASES[phase] ?? phase ?? stateWords(job.state);
 }
 

@@ -13,13 +13,15 @@ export function actions(id, { changed, failed }) {
   let drawn = "";
 
   function show(job) {
-    const kind = TERMINAL.has(job.state) ? "ended" : job.state === "canceling" ? "canceling" : "going";
+    const kind = TERMINAL.has(job.state) ? "ended" : { canceling: "canceling", pausing: "paused", paused: "paused" }[job.state] ?? "going";
     if (kind === drawn) return;
     drawn = kind;
     fill(panel);
     fill(
       row,
-      kind === "going" && button("Cancel", () => run(() => send("POST", jobPath(id, "/cancel"))), { title: "Stops it and keeps the picture made so far" }),
+      kind === "paused" && button("Resume", () => run(() => send("POST", jobPath(id, "/resume"))), { class: "main", title: "Its frames continue from where they were" }),
+      kind === "going" && button("Pause", () => run(() => send("POST", jobPath(id, "/pause"))), { title: "Gives its workers back and keeps what was rendered" }),
+      (kind === "going" || kind === "paused") && button("Cancel", () => run(() => send("POST", jobPath(id, "/cancel"))), { title: "Stops it and keeps the picture made so far" }),
       kind === "ended" && button("Continue…", () => goOn(job), { class: "main" }),
       kind === "ended" && element("a", { class: job.state === "failed" ? "button main" : "button", href: `#/again/${encodeURIComponent(id)}` }, "Submit again…"),
       element("a", { class: "button", href: `#/compare/${encodeURIComponent(id)}` }, "Compare"),

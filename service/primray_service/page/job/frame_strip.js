@@ -8,12 +8,15 @@ import { stateWords } from "../base/words.js";
 
 const SHOWN = 200;
 
+const ENDED = new Set(["succeeded", "failed", "canceled"]);
+
 // `onFrames(frames)`: those that are shown, whenever they are read.
-export function frameStrip(job, onChoose, onFrames = () => {}) {
+export function frameStrip(job, onChoose, onRetry, onFrames = () => {}) {
   const list = element("div", { class: "frames", role: "group", "aria-label": "Frames" });
   const pages = element("div", { class: "pages" });
   const follow = button("Follow", () => choose(null), { "aria-pressed": "true", class: "quiet", title: "Show the frame that is being rendered" });
-  const root = element("section", { class: "strip", hidden: true }, element("div", { class: "strip-head" }, element("h2", {}, "Frames"), follow, pages), list);
+  const retry = button("Render again", () => chosen !== null && onRetry(chosen), { class: "quiet", hidden: true });
+  const root = element("section", { class: "strip", hidden: true }, element("div", { class: "strip-head" }, element("h2", {}, "Frames"), follow, retry, pages), list);
   const chips = new Map();
   let [frames, first, chosen] = [[], 0, null];
   let total = 0;
@@ -45,6 +48,9 @@ export function frameStrip(job, onChoose, onFrames = () => {}) {
       }
     }
     for (const frame of frames) draw(frame, now);
+    const one = frames.find((frame) => frame.number === chosen);
+    retry.hidden = !ENDED.has(one?.state);
+    if (one) write(retry, `Render frame ${one.time_code ?? one.number} again`);
     fill(
       pages,
       first > 0 && button(`Earlier`, () => page(-SHOWN), { class: "quiet" }),

@@ -59,7 +59,7 @@ function samplesWords(found) {
 }
 
 function leftWords(found, state) {
-  if (state === "canceling") return "";
+  if (["canceling", "pausing", "paused"].includes(state)) return "";
   if (!Number.isFinite(found.eta_s) || found.eta_s === null) return "";
   const [low, high] = found.eta_ci95 ?? [];
   const wide = Number.isFinite(low) && Number.isFinite(high) && high > 1.3 * low && high >= 2;

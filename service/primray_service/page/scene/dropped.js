@@ -4,6 +4,9 @@ import { stored } from "./zip.js";
 
 const SCENE = /\.(usd|usda|usdc|usdz|zip)$/i;
 const PICTURE = /\.(usd|usda|usdc|usdz)$/i;
+// Formats that the server knows how to convert, and says it of: a file's name and first bytes are all that it needs for that.
+const OTHER = /\.(glb|gltf|fbx|obj|stl|ply|abc|blend|ma|mb|max|c4d|hip|hiplc|hipnc|vdb)$/i;
+const HEAD_BYTES = 256;
 // Files that desktops leave in folders.
 const LITTER = /(^|\/)(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*|__MACOSX\/.*|\.git\/.*)$/;
 
@@ -42,6 +45,8 @@ export async function packed(files, onProgress, signal) {
   if (kept.length === 0) throw new Error("There is no file in what was dropped.");
   if (kept.length === 1 && SCENE.test(kept[0].file.name)) return { name: kept[0].file.name, blob: kept[0].file, notes };
   if (!kept.some(({ path }) => PICTURE.test(path))) {
+    const other = kept.find(({ path }) => OTHER.test(path));
+    if (other) return { name: other.file.name, blob: other.file.slice(0, HEAD_BYTES), notes };
     throw new Error("None of these files is a USD layer (.usd, .usda, .usdc or .usdz).");
   }
   const { entries, folder } = rooted(kept);

@@ -44,7 +44,7 @@ export function outputsChoice(facts, aovs, was = null) {
     const chosen = [...ticks].filter(([, { input }]) => input.checked).map(([name]) => name);
     return {
       ...(product && { products: [product.value || BEAUTY] }),
-      denoise: denoise.checked,
+      denoise: denoise.checked || null, // the stage may ask for one
       aov_errors: errors.checked,
       aovs: which?.value === "ordered" ? null : [...chosen, ...own],
       purposes: asked.length === 0 || asked.join() === USUAL.join() ? null : asked,

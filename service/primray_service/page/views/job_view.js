@@ -32,7 +32,7 @@ export function jobView(root, [id]) {
   const plot = curve();
   const notes = diagnostics();
   const files = outputs(id);
-  const strip = frameStrip(id, chooseFrame, (frames) => {
+  const strip = frameStrip(id, chooseFrame, retryFrame, (frames) => {
     picture.sequence(frames.filter((each) => each.state === "succeeded").map((each) => each.number), scene?.frame_range?.fps);
   });
   const details = facts();
@@ -99,7 +99,7 @@ export function jobView(root, [id]) {
 
   async function show(found) {
     const terminal = TERMINAL.has(found.state);
-    const wasEnded = ended && job?.attempt === found.attempt;
+    const wasEnded = ended && job?.attempt === found.attempt && job.finished_at === found.finished_at;
     job = found;
     ended = terminal;
     draw();
@@ -151,6 +151,17 @@ export function jobView(root, [id]) {
     const request = { scene: { id: job.scene.id, ...(job.scene.entry && { entry: job.scene.entry }) }, settings: { ...job.settings, ...frames, region }, name: `region of ${title.textContent}`.slice(0, 200), priority: job.priority, labels: job.labels };
     try {
       location.hash = `#/jobs/${encodeURIComponent((await send("POST", "/v1/jobs", request)).id)}`;
+    } catch (failure) {
+      if (!failure.problem) throw failure;
+      fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter }));
+    }
+  }
+
+  async function retryFrame(number) {
+    try {
+      await send("POST", jobPath(id, `/frames/${number}/retry`));
+      await refresh();
+      follow();
     } catch (failure) {
       if (!failure.problem) throw failure;
       fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter }));

@@ -16,7 +16,7 @@ from fastapi.responses import StreamingResponse
 
 from ...access.auth import Caller
 from ...api import views
-from ...api.job_json import event_json
+from ...api.job_json import event_data, event_json
 from ...changes import wait
 from ...http.answers import accepted, json_answer, json_bytes
 from ...http.callers import Reader, Serving
@@ -140,4 +140,4 @@ async def is_over(service: Service, caller: Caller, job_id: str, after: int) -> 
 
 def sse(event: Event) -> bytes:
     """JSON has no line breaks in it here, so one data line is enough."""
-    return b"id: %d\nevent: %s\ndata: %s\n\n" % (event.id, event.type.encode(), json_bytes(event.data))
+    return b"id: %d\nevent: %s\ndata: %s\n\n" % (event.id, event.type.encode(), json_bytes(event_data(event)))

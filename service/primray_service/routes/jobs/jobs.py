@@ -32,16 +32,16 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 RETRY_AFTER_S = 2  # for who asks again and again
 CANCEL_S = 10.0  # for a deleted job's workers to be gone
-_JOB_ID = re.compile(r"job_[0-9A-HJKMNP-TV-Z]{26}")
+JOB_ID = re.compile(r"job_[0-9A-HJKMNP-TV-Z]{26}")
 _PREFER_WAIT = re.compile(r"(?:^|[,;\s])wait=(\d{1,6})(?:$|[,;\s])", re.IGNORECASE)
 
 # Any text is looked for, and not found: the pattern is only told.
-JobId = Annotated[str, Path(description="As POST /v1/jobs answered.", json_schema_extra={"pattern": f"^{_JOB_ID.pattern}$"})]
+JobId = Annotated[str, Path(description="As POST /v1/jobs answered.", json_schema_extra={"pattern": f"^{JOB_ID.pattern}$"})]
 
 
 def found(service: Service, caller: Caller, job_id: str) -> Job:
     """The tenant's job; another tenant's is as if it did not exist."""
-    job = service.store.job(job_id, caller.tenant) if _JOB_ID.fullmatch(job_id) else None
+    job = service.store.job(job_id, caller.tenant) if JOB_ID.fullmatch(job_id) else None
     if job is None:
         raise no_job()
     return job
@@ -75,7 +75,7 @@ async def _shared(service: Service, caller: Caller, job_id: str) -> tuple[Job, b
         job = service.store.job(job_id)
         return None if job is None else (job, body_of(service, job))
 
-    seen = await service.reads.read(job_id, "job", load) if _JOB_ID.fullmatch(job_id) else None
+    seen = await service.reads.read(job_id, "job", load) if JOB_ID.fullmatch(job_id) else None
     if seen is None or seen[0].tenant != caller.tenant:
         raise no_job()
     return seen
@@ -279,7 +279,7 @@ def go_on(
         raise Problem("conflict", f"The job is {job.state.value}; only one that has ended can go on.", state=job.state.value)
     stop = continued(job, asked.stop, service.limits)
     try:
-        job = service.store.continue_job(job_id, stop, time.time(), caller.quotas(service.quotas))
+        job = service.store.continue_job(job_id, stop, time.time(), service.quotas_of(caller))
     except Conflict:
         raise Problem("conflict", "The job cannot go on: it does so already, or its scene is gone.") from None
     except KeyError:

@@ -23,6 +23,7 @@ router = APIRouter(prefix="/v1/jobs", tags=["outputs"])
 
 # A name means the same bytes for ever: what a `continue` makes has other names (dispatcher/chunks/commands.py, output_names).
 IMMUTABLE = "private, max-age=31536000, immutable"
+REVALIDATED = "private, no-cache"  # a frame that is retried makes a file of the same name
 
 
 @router.get("/{job_id}/outputs", **described(answer(scene_views.OutputList), problems=("not-found",)))
@@ -50,12 +51,12 @@ def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
 async def output(
     job_id: JobId, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None
 ) -> Response:
-    """One file, which can be kept for ever. With ?sha256= (as in the list's URLs) it is the file of that digest, or none."""
+    """One file. With ?sha256= (as in the list's URLs) it is the file of that digest, which can be kept for ever, or none."""
     row = await run_in_threadpool(_row, service, caller, job_id, name)
     if sha256 is not None and sha256 != row.sha256:
         raise Problem("not-found", "The job has made another version of this file; list its outputs again.", sha256=row.sha256)
     headers = {
-        "cache-control": IMMUTABLE,
+        "cache-control": REVALIDATED if sha256 is None else IMMUTABLE,
         "content-disposition": attachment(row.name),
         "x-content-type-options": "nosniff",
         "content-security-policy": "default-src 'none'; sandbox",

@@ -87,7 +87,7 @@ def _frame(service: Service, caller: Caller, job_id: str, number: int | None) ->
     """Return the frame asked for; else the first that runs, else the last that has been begun, else the first. And what the
     job's files are seen through."""
     settings = found(service, caller, job_id).settings
-    files = {"through": settings.get("view"), "stops": settings.get("exposure", 0.0)}
+    files = {"through": settings.get("view"), "stops": settings.get("exposure")}
     files |= {name: settings.get(name) for name in ("display", "look")}
     return _frame_of(service, job_id, number), files
 

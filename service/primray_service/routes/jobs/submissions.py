@@ -19,7 +19,7 @@ from ...http.callers import Serving, Submitter
 from ...http.described import answer, described, json_request, leading_to, schema_of
 from ...http.guard import request_id_of
 from ...http.uploads import receive_scene, refused
-from ...jobs import TERMINAL, Job, SceneState
+from ...jobs import TERMINAL, Job, Scene, SceneState
 from ...problems import Problem
 from ...scenes.entries import choose
 from ...scenes.names import job_name
@@ -55,6 +55,8 @@ LINKS = leading_to(
     "jobs_show",
     "jobs_change",
     "jobs_cancel",
+    "interventions_pause",
+    "interventions_resume",
     "jobs_go_on",
     "events_events",
     "frames_frames",
@@ -146,8 +148,14 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
     """The new job, or the earlier one of the same idempotency key (False)."""
     # This request's own span, where requests are traced; else what the client is in.
     traceparent = tracing.traceparent() or request.headers.get("traceparent", "")
+    scene_id = asked.scene.id
+    if (scene_id is None) == (asked.scene.shared is None):
+        raise Problem("invalid-request", "scene: name the scene's id, or a stage as shared.", member="scene")
+    if scene_id is None:
+        scene_id = shared_scene(service, caller, asked).id
     job, times = new_job(
         asked,
+        scene_id,
         caller.tenant,
         service.limits,
         time.time(),
@@ -155,7 +163,7 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         traceparent=traceparent if _TRACEPARENT.fullmatch(traceparent) else "",
     )
     key = idempotency_key(request)
-    scene = service.store.scene(caller.tenant, asked.scene.id)
+    scene = service.store.scene(caller.tenant, scene_id)
     if scene is None:
         raise no_scene()
     if job.name is None:
@@ -167,7 +175,7 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         choose(asked.scene.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
     try:
         job, is_new = service.store.create_job(
-            job, times, caller.quotas(service.quotas), None if key is None else (key, fingerprint(asked))
+            job, times, service.quotas_of(caller), None if key is None else (key, fingerprint(asked))
         )
     except KeyReused:
         raise Problem("idempotency-key-reused", "The first request with this key asked for something else.") from None
@@ -175,6 +183,22 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         raise no_scene() from None
     service.dispatcher.wake()
     return job, is_new
+
+
+def shared_scene(service: Service, caller: Caller, asked: JobRequest) -> Scene:
+    """The tenant's scene of a stage on shared storage, as its root layer is now; made when it is first asked for."""
+    if asked.scene.entry is not None:
+        raise Problem("invalid-request", "scene.entry: a stage on shared storage is one file.", member="scene.entry")
+    now = time.time()
+    try:
+        file = service.data.shared_roots.file(asked.scene.shared or "", caller.tenant)
+        scene_id, size = file.scene_id, file.path.stat().st_size
+    except OSError:
+        raise Problem("unavailable", "scene.shared: the shared storage does not answer.", member="scene.shared") from None
+    state = SceneState.CHECKING
+    facts = {"shared": file.name}
+    row = Scene(scene_id, caller.tenant, state, "shared", file.name, size, 0, now, now, facts=facts)
+    return service.store.put_scene(row, service.quotas_of(caller))[0]
 
 
 def with_secret(service: Service, job: Job) -> bytes:

@@ -128,9 +128,12 @@ Index(
 Index(
     "ix_jobs_active",
     jobs.c.tenant,
-    sqlite_where=text("state IN ('preparing', 'running', 'canceling')"),
-    postgresql_where=text("state IN ('preparing', 'running', 'canceling')"),
+    sqlite_where=text("state IN ('preparing', 'running', 'canceling', 'pausing')"),
+    postgresql_where=text("state IN ('preparing', 'running', 'canceling', 'pausing')"),
 )
+# For who may see the jobs of all tenants.
+Index("ix_jobs_of_all", jobs.c.created_at, jobs.c.id)
+Index("ix_jobs_of_all_by_state", jobs.c.state, jobs.c.created_at, jobs.c.id)
 Index("ix_jobs_listed", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
 Index("ix_jobs_listed_by_state", jobs.c.tenant, jobs.c.state, jobs.c.created_at, jobs.c.id)
 Index("ix_jobs_listed_by_scene", jobs.c.tenant, jobs.c.scene_id, jobs.c.created_at, jobs.c.id)
@@ -261,6 +264,27 @@ Index(
     postgresql_where=text("state = 'checking'"),
 )
 
+# Files of packages by their digests: a tenant's own, whatever others have sent; counted once, however many scenes have them.
+contents = Table(
+    "contents",
+    metadata,
+    Column("tenant", Words, nullable=False),
+    Column("sha256", Words, nullable=False),
+    Column("bytes", BigInteger, nullable=False),
+    Column("used_at", Double, nullable=False),
+    PrimaryKeyConstraint("tenant", "sha256"),
+)
+Index("ix_contents_used_at", contents.c.used_at)
+scene_contents = Table(
+    "scene_contents",
+    metadata,
+    Column("tenant", Words, nullable=False),
+    Column("sha256", Words, nullable=False),
+    Column("scene_id", Words, nullable=False),
+    PrimaryKeyConstraint("tenant", "sha256", "scene_id"),
+)
+Index("ix_scene_contents_of_scene", scene_contents.c.tenant, scene_contents.c.scene_id)
+
 idempotency_keys = Table(
     "idempotency_keys",
     metadata,
@@ -316,6 +340,14 @@ tenants = Table(
     Column("tenant", Words, primary_key=True),
     Column("stored_bytes", BigInteger, nullable=False),
     Column("cpu_s", Double, nullable=False),
+)
+# What an administrator has set for a tenant: members that stand before those of its keys and the server's.
+tenant_quotas = Table(
+    "tenant_quotas",
+    metadata,
+    Column("tenant", Words, primary_key=True),
+    Column("quotas", Document, nullable=False),
+    Column("changed_at", Double, nullable=False),
 )
 job_counts = Table(
     "job_counts",

@@ -137,7 +137,8 @@ class Frames(Operations):
                     names = [output.name for output in outputs]
                     opened.send(event, now, {**said, **error, "time_code": frame.time_code, "outputs": names})
             failed = {"error": _first_error(transaction, frame.job_id)} if opened.frames[FrameState.FAILED] else {}
-            opened.end_if_done(now, {**failed, **job_changes})
+            if not opened.end_if_done(now, {**failed, **job_changes}):
+                opened.pause_if_idle(now)
             return opened.save()
 
         return self._db.write(work)
@@ -153,7 +154,9 @@ class Frames(Operations):
             _store(transaction, opened, stored, now, {**values, **ended, "state": to.value, "claim": ""})
             opened.move_frames(FrameState.RUNNING, to)
             opened.event("frame", now, {"frame": frame.number, "state": to.value, "attempt": frame.attempt})
-            if not opened.end_if_done(now, {}) and not opened.frames[FrameState.RUNNING]:
+            if opened.job.state == JobState.PAUSING:
+                opened.pause_if_idle(now)
+            elif not opened.end_if_done(now, {}) and not opened.frames[FrameState.RUNNING]:
                 opened.move(JobState.QUEUED, now)
             return opened.save()
 

@@ -24,6 +24,7 @@ from .usage import check_room_for_job, count_bytes
 jobs, frames, keys = schema.jobs, schema.frames, schema.idempotency_keys
 
 CHANGEABLE = frozenset({"priority", "name", "labels", "ttl_s"})
+MAY_EXPIRE = (JobState.QUEUED, JobState.PREPARING, JobState.RUNNING, JobState.PAUSING, JobState.PAUSED)
 KEYS_KEPT_S = 25 * 3600.0
 PASSING_EVENTS_KEPT_S = 3600.0
 # As in the index's condition, to the letter: SQLite takes a partial index for no other.
@@ -165,7 +166,7 @@ class Jobs(Operations):
             transaction.execute(delete(keys).where(keys.c.created_at < now - KEYS_KEPT_S))
             _forget_passing_events(transaction, now - PASSING_EVENTS_KEPT_S)
             past = select(jobs.c.id).where(jobs.c.expires_at <= now).order_by(jobs.c.expires_at).limit(limit)
-            may_expire = [JobState.QUEUED.value, JobState.PREPARING.value, JobState.RUNNING.value]
+            may_expire = [state.value for state in MAY_EXPIRE]
             expired = _expired_before(transaction, now)
             for job_id in transaction.execute(past.where(jobs.c.state.in_(may_expire))).scalars().all():
                 opened = open_job(transaction, job_id)
@@ -241,7 +242,7 @@ def _begin_attempt(transaction: Transaction[Any], opened: OpenJob, settings: Jso
     """Every frame waits again, from its checkpoint; what the last attempt found is gone, but for its files and events."""
     begun: Mapping[str, Any] = {
         "state": FrameState.QUEUED.value,
-        "attempt": opened.job.attempt + 1,
+        "attempt": frames.c.attempt + 1,  # not the job's: a frame that was retried has had more
         "crashes": 0,
         "kills": 0,
         "phase": "",

@@ -79,7 +79,7 @@ class Leases(Operations):
 
 
 def _take_back(transaction: Transaction[Any], opened: OpenJob, now: float) -> None:
-    """The frames of a dispatcher that is gone wait again; its canceled job ends."""
+    """The frames of a dispatcher that is gone wait again; a job that was being canceled or paused is so now."""
     if opened.job.state == JobState.CANCELING:
         opened.cancel_frames(FrameState.RUNNING, now)
         opened.end_if_done(now, {})
@@ -87,5 +87,7 @@ def _take_back(transaction: Transaction[Any], opened: OpenJob, now: float) -> No
     running = (frames.c.job_id == opened.job.id, frames.c.state == FrameState.RUNNING.value)
     moved = transaction.execute(update(frames).where(*running).values(state=FrameState.QUEUED.value, claim="")).rowcount
     opened.move_frames(FrameState.RUNNING, FrameState.QUEUED, moved)
-    if opened.job.state != JobState.QUEUED:
+    if opened.job.state == JobState.PAUSING:
+        opened.pause_if_idle(now)
+    elif opened.job.state != JobState.QUEUED:
         opened.move(JobState.QUEUED, now)

@@ -1,4 +1,5 @@
-"""Pages of a tenant's jobs. Each begins where an index finds the last one's end, and reads no row that it does not show."""
+"""Pages of the jobs of a tenant, or of all tenants. Each begins where an index finds the last one's end, and reads no row that
+it does not show."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ jobs, labels = schema.jobs, schema.job_labels
 
 
 class Listing(Operations):
-    def jobs(self, tenant: str, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
+    def jobs(self, tenant: str | None, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
+        if tenant is None and where.labels:
+            raise ValueError("labels are indexed by tenant")
         order = "newest" if newest_first else "oldest"
         after = None if cursor is None else read_cursor(cursor, order)
         states = where.states if 0 < len(where.states) < len(JobState) else frozenset[JobState]()
@@ -37,7 +40,7 @@ class Listing(Operations):
 
 
 def _ids(
-    tenant: str,
+    tenant: str | None,
     where: JobFilter,
     states: frozenset[JobState],
     after: tuple[float, str] | None,
@@ -53,7 +56,8 @@ def _ids(
         found = found.where(labels.c.tenant == tenant, labels.c.name == name, labels.c.value == value)
     else:
         created_at, job_id = jobs.c.created_at, jobs.c.id
-        found = select(created_at, job_id).where(jobs.c.tenant == tenant)
+        found = select(created_at, job_id)
+        found = found if tenant is None else found.where(jobs.c.tenant == tenant)
     for name, value in wanted[1:]:
         other = labels.alias()
         found = found.where(exists().where(other.c.job_id == jobs.c.id, other.c.name == name, other.c.value == value))

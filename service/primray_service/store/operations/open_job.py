@@ -21,7 +21,7 @@ WAITING = frozenset({JobState.QUEUED, JobState.PREPARING, JobState.RUNNING})  # 
 OF_VERSION = frozenset({"state", "attempt", "priority", "labels", "ttl_s"})  # see jobs.Job
 # As in the index's condition, to the letter: SQLite takes a partial index for no other. Begun, and not at an end: of such a
 # job some frames run, or the next is about to be claimed.
-IS_ACTIVE = text("jobs.state IN ('preparing', 'running', 'canceling')")
+IS_ACTIVE = text("jobs.state IN ('preparing', 'running', 'canceling', 'pausing')")
 
 
 class OpenJob:
@@ -98,6 +98,11 @@ class OpenJob:
             return False
         self.end(JobState.CANCELED if self.job.state == JobState.CANCELING else to, now, values)
         return True
+
+    def pause_if_idle(self, now: float) -> None:
+        """Pausing ends with the last frame that ran."""
+        if self.job.state == JobState.PAUSING and not self.frames[FrameState.RUNNING]:
+            self.move(JobState.PAUSED, now)
 
     def send(self, event: str, now: float, frame: Json | None = None) -> None:
         """A webhook, if the job asks for this event."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from sqlalchemy import Connection, delete, exists, insert, literal, select, tuple_, update
@@ -15,6 +15,7 @@ from ..database import schema
 from ..database.cursors import read_cursor, write_cursor
 from ..database.rows import scene_of, values_of_scene
 from ..database.transaction import Transaction
+from .contents import note_contents, release_contents
 from .leases import check_fence, look_at_fence
 from .open_job import open_job
 from .operations import Operations
@@ -24,6 +25,7 @@ scenes, jobs = schema.scenes, schema.jobs
 
 # As in the index's condition, to the letter: SQLite takes a partial index for no other.
 _TO_CHECK: ColumnElement[bool] = scenes.c.state == literal(SceneState.CHECKING.value, literal_execute=True)
+AWAITING_SCENE = (JobState.QUEUED, JobState.PAUSED)
 NOT_TERMINAL = [state.value for state in JobState if state not in TERMINAL]
 
 
@@ -39,7 +41,7 @@ def lock_scene(transaction: Transaction[Any], tenant: str, scene_id: str, *, use
 
 
 class Scenes(Operations):
-    def put_scene(self, scene: Scene, quotas: Quotas) -> tuple[Scene, bool]:
+    def put_scene(self, scene: Scene, quotas: Quotas, contents: Collection[str] = ()) -> tuple[Scene, bool]:
         def work(transaction: Transaction[tuple[Scene, bool]]) -> tuple[Scene, bool]:
             # Whoever checks this scene writes all of its rows: wait for that, and find it checked.
             same = select(scenes).where(scenes.c.id == scene.id).order_by(scenes.c.tenant).with_for_update()
@@ -54,6 +56,8 @@ class Scenes(Operations):
             checked = [row for row in rows.values() if row.state != SceneState.CHECKING]
             for row in checked[:1]:
                 values |= {"state": row.state, "facts": row.facts, "warnings": row.warnings, "problem": row.problem}
+            if not note_contents(transaction, scene.tenant, scene.id, contents):
+                raise Conflict(f"{scene.tenant} lacks contents of {scene.id}")
             transaction.execute(insert(scenes).values(**values))
             count_bytes(transaction, scene.tenant, scene.stored_bytes)
             return scene_of(transaction.execute(same.where(scenes.c.tenant == scene.tenant)).one()), True
@@ -89,6 +93,7 @@ class Scenes(Operations):
                 raise Conflict(f"jobs use {scene_id}")
             transaction.execute(delete(scenes).where(scenes.c.id == scene_id, scenes.c.tenant == tenant))
             count_bytes(transaction, tenant, -rows[tenant].stored_bytes)
+            release_contents(transaction, tenant, scene_id)
             return len(rows) == 1
 
         return self._db.write(work)
@@ -117,11 +122,12 @@ class Scenes(Operations):
             values = {"state": state.value, "facts": facts, "warnings": warnings, "problem": problem}
             mine = (scenes.c.id == scene_id, scenes.c.tenant.in_(checked))
             transaction.execute(update(scenes).where(*mine).values(**values))
-            waiting = select(jobs.c.id).where(jobs.c.scene_id == scene_id, jobs.c.state == JobState.QUEUED.value)
+            waits = jobs.c.state.in_([state.value for state in AWAITING_SCENE])
+            waiting = select(jobs.c.id).where(jobs.c.scene_id == scene_id, waits)
             of_them = waiting.where(jobs.c.tenant.in_(checked)).order_by(jobs.c.id)
             for job_id in transaction.execute(of_them).scalars().all():
                 opened = open_job(transaction, job_id)
-                if opened is None or opened.job.state != JobState.QUEUED:
+                if opened is None or opened.job.state not in AWAITING_SCENE:
                     continue
                 if problem is not None:
                     opened.reject(problem, now)

@@ -17,7 +17,8 @@ from .operations import Operations
 
 tenants, job_counts, usage_days = schema.tenants, schema.job_counts, schema.usage_days
 
-ACTIVE = (JobState.PREPARING, JobState.RUNNING, JobState.CANCELING)
+ACTIVE = (JobState.PREPARING, JobState.RUNNING, JobState.CANCELING, JobState.PAUSING)
+WAITING = (JobState.QUEUED, JobState.PAUSED)  # a paused job keeps its place in the quota: it may be resumed at any time
 
 
 def utc_day(now: float) -> str:
@@ -45,7 +46,8 @@ def lock_tenant(transaction: Transaction[Any], tenant: str) -> int:
 def check_room_for_job(transaction: Transaction[Any], tenant: str, quotas: Quotas) -> None:
     """One more job waits, and will store something. QuotaExceeded."""
     stored_bytes = lock_tenant(transaction, tenant)
-    queued = select(job_counts.c.jobs).where(job_counts.c.tenant == tenant, job_counts.c.state == JobState.QUEUED.value)
+    waiting = job_counts.c.state.in_([state.value for state in WAITING])
+    queued = select(func.sum(job_counts.c.jobs)).where(job_counts.c.tenant == tenant, waiting)
     if quotas.queued_jobs is not None and (transaction.execute(queued).scalar() or 0) >= quotas.queued_jobs:
         raise QuotaExceeded("queued_jobs")
     if quotas.stored_bytes is not None and stored_bytes >= quotas.stored_bytes:
@@ -60,7 +62,7 @@ class Sums(Operations):
             total = db.execute(select(tenants.c.stored_bytes, tenants.c.cpu_s).where(tenants.c.tenant == tenant)).first()
             today = select(usage_days.c.cpu_s).where(usage_days.c.tenant == tenant, usage_days.c.day == utc_day(now))
             return Usage(
-                queued_jobs=of_state.get(JobState.QUEUED.value, 0),
+                queued_jobs=sum(of_state.get(state.value, 0) for state in WAITING),
                 running_jobs=sum(of_state.get(state.value, 0) for state in ACTIVE),
                 stored_bytes=int(total.stored_bytes) if total else 0,
                 cpu_s_today=float(db.execute(today).scalar() or 0.0),

@@ -198,12 +198,12 @@ def test_emission_from_a_texture_needs_no_default_light(image: str) -> None:
 
 
 def test_other_networks_leave_the_display_color() -> None:
-    for identifier in ("ND_gooch_shade", "PxrSurface", "arnold:standard_surface"):
+    for identifier in ("ND_gooch_shade", "PxrMarschnerHair", "arnold:car_paint"):
         red = "color3f[] primvars:displayColor = [(1, 0, 0)]\n rel material"
         surface, found = surface_of(material("", shader=identifier).replace("rel material", red))
         assert (surface.path, surface.lambert, surface.diffuse_color) == ("", True, (1, 0, 0))
         assert found == [("shader-ignored", "/m")]
-    assert surface_of(material("", shader="PxrSurface"))[0].diffuse_color == (0.18, 0.18, 0.18)
+    assert surface_of(material("", shader="PxrMarschnerHair"))[0].diffuse_color == (0.18, 0.18, 0.18)
 
 
 def test_of_several_networks_the_one_that_is_known() -> None:

@@ -52,8 +52,8 @@ SAID = {
         "Could not open asset @no.usda@ for payload introduced by @shot.usda@</a>.",
     ),
     "an unknown format": (
-        {"shots/shot.usda": f'{HEAD}def "a" (references = @x.abc@)\n{{\n}}\n', "shots/x.abc": "x"},
-        "Could not open asset @x.abc@ for reference introduced by @shot.usda@</a> -- Cannot determine file format for @x.abc@.",
+        {"shots/shot.usda": f'{HEAD}def "a" (references = @x.xyz@)\n{{\n}}\n', "shots/x.xyz": "x"},
+        "Could not open asset @x.xyz@ for reference introduced by @shot.usda@</a> -- Cannot determine file format for @x.xyz@.",
     ),
     "a cycle": (
         {"shots/shot.usda": REFERRING, "shots/b.usda": REFERRING.replace("b.usda", "shot.usda")},

@@ -169,6 +169,15 @@ def test_element_size_makes_vectors() -> None:
     assert primvars_of(reader(3) + quads(indexed))[0][0].values.tolist() == [[4, 5, 6]] * 2 + [[1, 2, 3]] * 2
 
 
+def test_an_element_size_that_only_others_fit_is_ignored() -> None:
+    text = 'float[] primvars:p = [1, 2, 3, 4, 5, 6, 7, 8] (\n interpolation = "faceVarying"\n elementSize = 4\n)'
+    [found], codes = primvars_of(reader(1) + quads(text))
+    assert codes == {"invalid-primvar"}
+    plain = text.replace("elementSize = 4", "elementSize = 1")
+    [expected], _ = primvars_of(reader(1) + quads(plain))
+    assert found.values.tolist() == expected.values.tolist()
+
+
 def test_values_that_are_not_finite_are_zero() -> None:
     [found], codes = primvars_of(reader(1) + quads('float[] primvars:p = [nan, 2] (interpolation = "uniform")'))
     assert (found.values.ravel().tolist(), codes) == ([0, 0, 2, 2], {"invalid-primvar"})

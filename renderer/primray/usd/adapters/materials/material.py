@@ -130,6 +130,7 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
     """And the shader that it comes from."""
     outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
     others, first = [], _OUTPUTS[ctx.settings.render_context]
+    foreign: list[Node] = []  # shaders that neither UsdPreviewSurface, MaterialX nor MDL defines
     for output in sorted(outputs, key=lambda name: first.index(name) if name in first else len(first)):
         source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
         if isinstance(source, Node):
@@ -142,6 +143,9 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
             if (made := _of_other_model(source, path, ctx)) is not None:
                 return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
+            foreign.insert(len(foreign) if output in first else 0, source)  # a renderer's own output comes before the universal
+    if foreign and (made := _of_other_renderer(foreign, path, ctx)) is not None:
+        return _with_priority(made, prim, ctx) if PRIORITY in names else made, None
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
     return Material(None), None
@@ -166,6 +170,18 @@ def _of_other_model(source: Node, path: str, ctx: Context) -> Material | None:
         mdl = mdl_material(source, path, ctx)
         if mdl is not None:
             return Material(*mdl)
+    return None
+
+
+def _of_other_renderer(shaders: list[Node], path: str, ctx: Context) -> Material | None:
+    """Return the first of some shaders that is another renderer's and can be translated; imported where there are any."""
+    if not ctx.settings.translated_shaders:
+        return None
+    from ...materials.foreign.material import translated_material
+
+    for shader in shaders:
+        if (made := translated_material(shader, path, ctx)) is not None:
+            return Material(made.surface, made.hidden)
     return None
 
 

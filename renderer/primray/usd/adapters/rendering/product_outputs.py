@@ -11,6 +11,7 @@ from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ....light_paths.tables import check
 from ....settings import RenderSettings
+from ....settings.in_stage import StageSettings
 from .render_product import WHOLE, ProductSettings
 from .render_var import PICTURE, aovs_of_variables, halves_of_picture, picture_channels
 
@@ -56,6 +57,7 @@ def picture_of_product(product: ProductSettings, settings: RenderSettings) -> Pr
         camera=product.camera if settings.camera is None else None,
         resolution=product.resolution if settings.resolution is None else None,
         data_window=product.data_window if settings.region is None else WHOLE,
+        asked=StageSettings(product.asked.applied_to(settings)[1]).without_places(),
     )
 
 

@@ -12,9 +12,11 @@ from pxr import Usd
 from ....description.picture_file import PLAIN, PictureFile
 from ....diagnostics import Diagnostics
 from ....settings import PURPOSES
-from ...querying.guarded import targets, type_name
+from ....settings.in_stage import NOTHING_ASKED, StageSettings
+from ...querying.guarded import property_names, targets, type_name
 from ...resolving.read import When, value
 from .driver_parameters import product_file, variable_parameters
+from .stage_settings import PREFIX, VARIABLES, note_unknown, stage_settings
 
 Window = tuple[float, float, float, float]
 WHOLE: Window = (0.0, 0.0, 1.0, 1.0)
@@ -57,12 +59,14 @@ class ProductSettings:
     rendering_color_space: str | None = None
     variables: tuple[RenderVariable, ...] = ()  # in order; none: colour alone
     file: PictureFile = PLAIN
+    asked: StageSettings = NOTHING_ASKED  # settings of the render
     beside: tuple[ProductSettings, ...] = ()  # further products that the same render is for
 
 
 def settings_alone(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
     """The default product of settings that have none."""
-    return _Reader(prim, prim, when, diagnostics).product()
+    asked, view = stage_settings(prim, None, when, diagnostics)
+    return replace(_Reader(prim, prim, when, diagnostics).product(), asked=asked, file=PictureFile(view=view))
 
 
 def product_of(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
@@ -72,13 +76,15 @@ def product_of(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: D
     if kind != "raster":
         reader.note("productType", f"productType = {kind!r} is not made: a raster image is.")
     name = name if isinstance(name, str) else ""
+    asked, view = stage_settings(settings, product, when, diagnostics)
     return replace(
         reader.product(),
         path=str(product.GetPath()),
         name=name,
         type="raster",
         variables=tuple(_variables(product, when, diagnostics)),
-        file=product_file(product, name, when, diagnostics),
+        file=replace(product_file(product, name, when, diagnostics), view=view),
+        asked=asked,
     )
 
 
@@ -198,7 +204,8 @@ def variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> RenderVari
         message = f"sourceType = {kind!r} is unknown: raw is used."
         diagnostics.add("render-settings-input", str(prim.GetPath()), message, "sourceType")
         kind = "raw"
-    source, errors = text("sourceName", ""), _get(prim, "primray:errors", when) is True
+    source, errors = text("sourceName", ""), _get(prim, f"{PREFIX}errors", when) is True
+    note_unknown(prim, property_names(prim), VARIABLES, diagnostics)
     own = variable_parameters(prim, when, diagnostics)
     name, data_type = own.get("name", prim.GetName()), own.get("format") or text("dataType", "color3f")
     return RenderVariable(str(prim.GetPath()), name, data_type, source, kind, errors, own.get("channel_prefix"))

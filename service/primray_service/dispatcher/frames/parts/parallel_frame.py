@@ -119,6 +119,8 @@ class ParallelFrame:
         self.job = job
         if self._picture is not None:
             self._picture.saw(job)
+        elif job.state is JobState.PAUSING:
+            self.shut_down()
         self._news.set()
 
     def give_way(self, key: Key | None = None) -> None:
@@ -165,6 +167,7 @@ class ParallelFrame:
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._read()
+            self.going = self.going or self.job.state is JobState.PAUSING
             shared = await reading
             outcome = await self._sample(shared)
             if self._kill_for not in DROPPED:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import Connection, Select, Text, select, type_coerce
 
-from ....jobs import JobState
+from ....jobs import Frame, FrameState, Job, JobState
 from ....waiting.order import Waiting
 from ....waiting.rates import work_of_text
 from ...base import QueueNow
 from ...database import schema
-from ...database.rows import JOB_COLUMNS, job_of
+from ...database.rows import FRAME_COLUMNS, JOB_COLUMNS, frame_of, job_of
 from ..open_job import IS_ACTIVE
 from ..operations import Operations
 
-jobs = schema.jobs
+jobs, frames = schema.jobs, schema.frames
 
 
 _WAITS = (
@@ -30,6 +31,12 @@ _RUNS: Select[Any] = select(*JOB_COLUMNS, jobs.c.frames_running).where(IS_ACTIVE
 
 
 class Queue(Operations):
+    def running_frames(self, limit: int) -> Sequence[tuple[Job, Frame]]:
+        runs = (IS_ACTIVE, frames.c.state == FrameState.RUNNING.value)
+        found = select(*JOB_COLUMNS, *FRAME_COLUMNS).join(frames, frames.c.job_id == jobs.c.id).where(*runs)
+        found = found.order_by(frames.c.started_at, frames.c.job_id, frames.c.number).limit(limit)
+        return [(job_of(row), frame_of(row)) for row in self._db.read(lambda db: db.execute(found).all())]
+
     def queue(self, most: int) -> QueueNow:
         def work(db: Connection) -> QueueNow:
             waiting = [

@@ -4,14 +4,31 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from ...errors import SettingsError
-from ...report.report import package_versions, usable_threads
+from ..errors import SettingsError
+from ..report.report import package_versions, usable_threads
 
 
-def check_machine() -> list[dict[str, str | bool]]:
-    """By name what was found of the CPU, the core, USD and colour management; `works` is false where it is why not."""
+@dataclass(frozen=True)
+class MachineCheck:
+    """One thing that renders need of a machine: what was found of it, or why it does not work.
+
+    >>> [check.name for check in primray.doctor() if not check.works]
+    []
+    """
+
+    name: str
+    works: bool
+    found: str
+
+    def as_json(self) -> dict[str, str | bool]:
+        return {"check": self.name, "works": self.works, "found": self.found}
+
+
+def check_machine() -> tuple[MachineCheck, ...]:
+    """Return what was found of the CPU, the core, USD, images, colour management and the schemas' files."""
     versions = package_versions()
     checks: dict[str, Callable[[], str]] = {
         "primray": lambda: f"{versions['primray']}, python {versions['python']}",
@@ -20,14 +37,16 @@ def check_machine() -> list[dict[str, str | bool]]:
         "usd": lambda: _usd(versions["usd"]),
         "images": lambda: _images(versions["openimageio"]),
         "colour": _color,
+        "schemas": _schemas,
     }
-    found: list[dict[str, str | bool]] = []
-    for name, check in checks.items():
-        try:
-            found.append({"check": name, "works": True, "found": check()})
-        except Exception as error:  # whatever it is, it is the answer
-            found.append({"check": name, "works": False, "found": str(error)})
-    return found
+    return tuple(_checked(name, check) for name, check in checks.items())
+
+
+def _checked(name: str, check: Callable[[], str]) -> MachineCheck:
+    try:
+        return MachineCheck(name, True, check())
+    except Exception as error:  # whatever it is, it is the answer
+        return MachineCheck(name, False, str(error))
 
 
 def _cpu_model() -> str:
@@ -40,14 +59,14 @@ def _cpu_model() -> str:
 
 
 def _core() -> str:
-    from ... import core
+    from .. import core
 
     embree = core.versions().get("embree", "unknown")
     return f"{core.isa()}, {core.lanes()} lanes, Embree {embree}"
 
 
 def _usd(version: str) -> str:
-    from ... import usd  # noqa: F401 - whether it can be imported is the question
+    from .. import usd  # noqa: F401 - whether it can be imported is the question
 
     return f"usd-core {version}"
 
@@ -58,8 +77,17 @@ def _images(version: str) -> str:
     return f"OpenImageIO {oiio.VERSION_STRING or version}"
 
 
+def _schemas() -> str:
+    from ..installed_packages import SCHEMAS, schema_folder
+
+    folder = schema_folder()
+    if not (folder / "plugInfo.json").is_file():
+        raise SettingsError(f"{folder} has no plugInfo.json", code="schemas")
+    return f"{folder}: with this folder on {SCHEMAS}, other programs know primray's attributes"
+
+
 def _color() -> str:
-    from ...color.ocio import assumed_space, check_view, config_name, displays, failing_views, looks, views
+    from ..color.ocio import assumed_space, check_view, config_name, displays, failing_views, looks, views
 
     display, view = check_view(None)
     listed = {"displays": displays(), f"views of {display}": views(), "looks": looks() or ["none"]}

@@ -1,0 +1,43 @@
+"""What both scripts here take of primray's flags, and the words that they make of it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+PLACE = "#IFRAME#"  # OpenCue's: becomes the frame's number
+
+
+def add_flags(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--camera", help="a camera's prim path or name (default: the stage's)")
+    parser.add_argument("--aov", action="append", default=[], metavar="NAMES", help="outputs beside the picture, by commas")
+    parser.add_argument("--light-group", action="append", default=[], metavar="NAME", help="light of this group as an output")
+    parser.add_argument(
+        "--cryptomatte", action="append", default=[], choices=("object", "material", "asset"), help="as an output"
+    )
+    parser.add_argument("--variant", action="append", default=[], metavar="PRIM:SET=NAME", help="choose a variant")
+    parser.add_argument("--threads", type=int, default=8, help="of one task, and cores that it takes")
+    parser.add_argument("--memory", help="that OpenCue reserves for a task, such as 8g")
+    parser.add_argument("--name", default="primray", help="of the job")
+    parser.add_argument("--print", action="store_true", help="what would be sent, and send nothing")
+
+
+def split_extra(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return a script's own arguments, and what follows `--`: further flags of `primray render`."""
+    own = list(arguments)
+    at = own.index("--") if "--" in own else len(own)
+    return own[:at], own[at + 1 :]
+
+
+def flags(asked: argparse.Namespace, no_outputs: Sequence[str] = ()) -> list[str]:
+    """Return the flags of `primray render` that were asked for; `no_outputs` where none beside the picture are."""
+    outputs = [*asked.aov, *(f"crypto_{kind}" for kind in asked.cryptomatte)]
+    outputs += [f"C.*<L.'{group}'>" for group in asked.light_group]
+    words = ["--threads", str(asked.threads)]
+    words += ["--camera", asked.camera] if asked.camera else []
+    words += [word for output in outputs for word in ("--aov", output)] or list(no_outputs)
+    return words + [word for variant in asked.variant for word in ("--variant", variant)]
+
+
+def layer_arguments(asked: argparse.Namespace) -> dict[str, object]:
+    return {"cores": asked.threads} | ({"memory": asked.memory} if asked.memory else {})

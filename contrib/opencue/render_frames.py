@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Sends a job to OpenCue that renders frames of a USD stage, each frame a task of its own.
+
+    python render_frames.py shot.usda /shots/pictures/beauty.####.exr --frames 1-100 --aov depth -- --target-error 0.001
+    python render_frames.py shot.usda /shots/pictures --frames 1-100 --products
+
+Needs `pip install opencue-pyoutline` here, primray on the PATH of the farm's machines, and a file system that all of them see.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+
+from outline import Outline, cuerun
+from outline.modules.shell import Shell
+from render_flags import PLACE, add_flags, flags, layer_arguments, split_extra
+
+
+def main() -> None:
+    asked = parsed(sys.argv[1:])
+    launcher = cuerun.OutlineLauncher(job_of(asked), range=asked.frames)
+    if asked.print:
+        launcher.setup()
+        print(launcher.serialize(use_pycuerun=False))
+    else:
+        launcher.launch(use_pycuerun=False)
+
+
+def job_of(asked: argparse.Namespace) -> Outline:
+    job = Outline(asked.name, frame_range=asked.frames)
+    job.add_layer(Shell("render", command=shlex.join(render_command(asked)), chunk=1, **layer_arguments(asked)))
+    return job
+
+
+def render_command(asked: argparse.Namespace) -> list[str]:
+    words = ["primray", "render", str(asked.scene), "--frames", PLACE]
+    if asked.products is None:
+        words += ["-o", str(asked.output), "--make-output-path"]
+    else:
+        words += ["--output-dir", str(asked.output)]
+        words += [word for product in asked.products for word in ("--product", product)] or ["--all-products"]
+    return [*words, *flags(asked), *(["--denoise"] if asked.denoise else []), *asked.extra]
+
+
+def parsed(arguments: list[str]) -> argparse.Namespace:
+    own, extra = split_extra(arguments)
+    parser = argparse.ArgumentParser(
+        description="Render frames of a USD stage on OpenCue, a task a frame.",
+        epilog="After --: further flags of primray render.",
+    )
+    parser.add_argument("scene", type=Path, help="the stage")
+    parser.add_argument("output", type=Path, help="a picture's name, #### becomes the frame; of products a folder")
+    parser.add_argument("--frames", default="1", help="such as 1-100 or 1-100x2")
+    parser.add_argument("--products", nargs="*", metavar="PRIM", help="the stage's products by these names; without names, all")
+    parser.add_argument("--denoise", action="store_true", help="a denoised picture beside the record (primray[denoise])")
+    add_flags(parser)
+    asked = parser.parse_args(own)
+    asked.extra = extra
+    return asked
+
+
+if __name__ == "__main__":
+    main()

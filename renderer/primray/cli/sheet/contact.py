@@ -1,0 +1,102 @@
+"""A contact sheet as one picture: pictures with their labels in a grid, and the reason in place of one that failed."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Floats
+from .runs import Outcome
+
+_SHEET, _BEHIND, _FAILED = 0.10, 0.25, (0.32, 0.08, 0.08)  # behind all, behind transparent pictures, in place of failed ones
+_WHITE, _ODD = (0.92, 0.92, 0.92), (1.0, 0.65, 0.2)
+_FONT, _TITLE_FONT = 13, 17  # pixels
+_GAP, _STRIP, _TITLE = 8, 20, 30  # between cells, below each picture, above all
+Text = tuple[int, int, str, int, tuple[float, float, float]]  # x, y of the base line, words, size, colour
+_ERROR = re.compile(r"^error: ", re.MULTILINE)
+
+
+def contact_sheet(title: str, groups: Sequence[Sequence[Outcome]], columns: int, width: int) -> np.ndarray[Any, Any]:
+    """Draw the sheet, 8-bit (H, W, 3). Each group begins a row; rows are as high as the highest picture."""
+    rows = [group[k : k + columns] for group in groups for k in range(0, len(group), columns)]
+    pictures = {id(outcome): _picture(outcome) for row in rows for outcome in row}
+    height = max((picture.shape[0] for picture in pictures.values() if picture is not None), default=width * 9 // 16)
+    cell_height, across = height + _STRIP + _GAP, max(map(len, rows))
+    shape = (_TITLE + len(rows) * cell_height + _GAP, across * (width + _GAP) + _GAP, 3)
+    sheet = np.full(shape, _SHEET, np.float32)
+    texts: list[Text] = [(_GAP, _TITLE - 10, _fitting(title, shape[1] - 2 * _GAP, _TITLE_FONT), _TITLE_FONT, _WHITE)]
+    for y, row in enumerate(rows):
+        for x, outcome in enumerate(row):
+            left, top = _GAP + x * (width + _GAP), _TITLE + y * cell_height
+            picture = pictures[id(outcome)]
+            sheet[top : top + height, left : left + width] = _BEHIND if picture is not None else _FAILED
+            if picture is not None:
+                seen = picture[:height, :width]
+                sheet[top : top + seen.shape[0], left : left + seen.shape[1]] = seen
+            else:
+                texts += list(_reason(outcome, left, top, width, height))
+            label = outcome.stage if not outcome.marks else f"{outcome.stage} ({', '.join(outcome.marks)})"
+            color = _ODD if outcome.marks or picture is None else _WHITE
+            texts.append((left, top + height + 15, _fitting(label, width, _FONT), _FONT, color))
+    return _with_texts(sheet, texts)
+
+
+def _picture(outcome: Outcome) -> Floats | None:
+    """Return the display values of a picture, over grey where it is transparent."""
+    import OpenImageIO as oiio
+
+    if outcome.picture is None:
+        return None
+    values = np.asarray(oiio.ImageBuf(outcome.picture).get_pixels(oiio.FLOAT), np.float32)
+    if values.shape[2] == 4:
+        return values[..., :3] + (1 - values[..., 3:]) * np.float32(_BEHIND)
+    return values[..., [0, 0, 0]] if values.shape[2] < 3 else values[..., :3]
+
+
+def reason(outcome: Outcome) -> str:
+    """Say in a line why there is no picture: the error that ended its process, or how that ended."""
+    if outcome.exit_code == "time":
+        return "stopped: it took too long"
+    errors = _ERROR.split(outcome.message)[1:]
+    if errors:
+        return errors[-1].strip().splitlines()[0]
+    last = outcome.message.strip().splitlines()[-1:]
+    return last[0] if last else f"ended with {outcome.exit_code}"
+
+
+def _reason(outcome: Outcome, left: int, top: int, width: int, height: int) -> Iterator[Text]:
+    heading = f"failed, exit {outcome.exit_code}" if isinstance(outcome.exit_code, int) else "failed"
+    lines = [heading, *textwrap.wrap(reason(outcome), max(8, int(width / (0.52 * _FONT))))]
+    for k, line in enumerate(lines[: max(1, (height - 6) // (_FONT + 3))]):
+        yield left + 6, top + 16 + k * (_FONT + 3), _fitting(line, width - 12, _FONT), _FONT, _WHITE
+
+
+def _fitting(text: str, width: int, size: int) -> str:
+    """Return as much of the text as fits."""
+    import OpenImageIO as oiio
+
+    def fits(shown: str) -> bool:
+        return bool(oiio.ImageBufAlgo.text_size(shown, size).width <= width)
+
+    if fits(text):
+        return text
+    while text and not fits(text + "..."):
+        text = text[:-1]
+    return text + "..."
+
+
+def _with_texts(sheet: Floats, texts: Sequence[Text]) -> np.ndarray[Any, Any]:
+    import OpenImageIO as oiio
+
+    height, width, channels = sheet.shape
+    buffer = oiio.ImageBuf(oiio.ImageSpec(width, height, channels, oiio.FLOAT))
+    buffer.set_pixels(oiio.ROI(0, width, 0, height, 0, 1, 0, channels), sheet)
+    for x, y, words, size, color in texts:
+        oiio.ImageBufAlgo.render_text(buffer, x, y, words, size, "", color)
+    drawn = np.asarray(buffer.get_pixels(oiio.FLOAT)).reshape(sheet.shape)
+    made: np.ndarray[Any, Any] = (np.clip(drawn, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return made

@@ -1,0 +1,167 @@
+"""One shot at several frames, from several cameras, with several variants: what is rendered of it, and what came of each.
+
+All frames of a camera and a choice of variants are rendered by one process, which keeps the stage open; those that it leaves
+missing are tried again one by one, so that each failure has its own reason and takes nothing else with it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from ...errors import SettingsError
+from .runs import Ended, Limits, Outcome, marks, render_command, run_limited
+
+MOST_CELLS = 2_000
+_REJECTED = (2, 3)  # exit codes of what no other frame changes: usage, a scene that cannot be opened
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One picture of a sheet."""
+
+    frame: float | None
+    camera: str | None
+    variants: tuple[str, ...]  # PRIM:SET=NAME
+    label: str
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The cells of a sheet by rows: each combination of cameras and variants begins a row of its own."""
+
+    groups: tuple[tuple[Cell, ...], ...]
+    columns: int
+
+    @property
+    def cells(self) -> list[Cell]:
+        return [cell for group in self.groups for cell in group]
+
+
+def variant_choices(texts: Sequence[str]) -> list[list[str]]:
+    """Return what each PRIM:SET=NAME,NAME chooses from, as PRIM:SET=NAME; SettingsError for what is none."""
+    found = []
+    for text in texts:
+        where, equals, names = text.rpartition("=")
+        chosen = [name.strip() for name in names.split(",") if name.strip()]
+        if not equals or ":" not in where or not chosen:
+            sentence = f"{text!r} names no variants; write them like /World/car:color=red,blue"
+            raise SettingsError(sentence, where="--variants", code="variant")
+        found.append([f"{where}={name}" for name in chosen])
+    return found
+
+
+def grid_of(
+    frames: Sequence[float] | None, cameras: Sequence[str], choices: Sequence[Sequence[str]], columns: int | None
+) -> Grid:
+    """Lay out every combination: frames along a row, else cameras; cameras and variants below each other."""
+    times: Sequence[float | None] = [None] if frames is None else frames
+    views: Sequence[str | None] = cameras or [None]
+    looks = list(product(*choices))
+    cells = [
+        [Cell(frame, camera, look, _label(frame, camera, look, _same_names(cameras))) for frame in times]
+        for look in looks
+        for camera in views
+    ]
+    count = sum(map(len, cells))
+    if count > MOST_CELLS:
+        raise SettingsError(f"{count} pictures are more than the {MOST_CELLS} of one sheet", code="sheet")
+    if len(times) == 1 and len(views) > 1:  # cameras along a row
+        flat = [cell for row in cells for cell in row]
+        cells = [flat[k : k + len(views)] for k in range(0, len(flat), len(views))]
+    if max(map(len, cells)) == 1 or len(cells) == 1:  # one thing varies: about a square of it
+        cells = [[cell for row in cells for cell in row]]
+        return Grid(tuple(map(tuple, cells)), columns or max(1, round(count**0.5 + 0.49)))
+    return Grid(tuple(map(tuple, cells)), columns or max(map(len, cells)))
+
+
+def _same_names(cameras: Sequence[str]) -> bool:
+    return len({_last(camera) for camera in cameras}) < len(cameras)
+
+
+def _last(path: str) -> str:
+    return path.rpartition("/")[2]
+
+
+def _label(frame: float | None, camera: str | None, look: Sequence[str], whole_paths: bool) -> str:
+    words = [] if frame is None else [f"frame {frame:g}"]
+    words += [] if camera is None else [camera if whole_paths else _last(camera)]
+    words += [choice.rpartition(":")[2] for choice in look]
+    return ", ".join(words) or "default time"
+
+
+def render_cells(
+    stage: Path, grid: Grid, limits: Limits, at_once: int, scratch: Path, done: Callable[[Outcome], None]
+) -> list[Outcome]:
+    """Render all cells, in their order; `done` is called as each is known."""
+    runs = list(_runs(grid.cells, at_once))
+    outcomes: dict[Cell, Outcome] = {}
+    with ThreadPoolExecutor(at_once) as pool:
+        running = [pool.submit(_render_run, stage, run, limits, scratch / str(k)) for k, run in enumerate(runs)]
+        for future in as_completed(running):
+            for cell, outcome in future.result().items():
+                outcomes[cell] = outcome
+                done(outcome)
+    return [outcomes[cell] for cell in grid.cells]
+
+
+def _runs(cells: Sequence[Cell], at_once: int) -> Iterator[list[Cell]]:
+    """Yield what one process renders: cells that differ in their frame alone, fewer where others would have nothing to do."""
+    by_view: dict[tuple[str | None, tuple[str, ...]], list[Cell]] = {}
+    for cell in cells:
+        by_view.setdefault((cell.camera, cell.variants), []).append(cell)
+    parts = -(-at_once // len(by_view))
+    for frames in by_view.values():
+        size = -(-len(frames) // parts)
+        yield from (frames[k : k + size] for k in range(0, len(frames), size))
+
+
+def _render_run(stage: Path, cells: list[Cell], limits: Limits, scratch: Path) -> dict[Cell, Outcome]:
+    ended = _process(stage, cells, limits, scratch)
+    came = any(_file(scratch, cell, "png").exists() for cell in cells)
+    alike = len(cells) == 1 or (not came and ended.exit_code in _REJECTED)
+    found = {}
+    for k, cell in enumerate(cells):
+        folder, own = scratch, ended
+        if not alike and not _file(folder, cell, "png").exists():
+            folder = scratch / f"again-{k}"
+            own = _process(stage, [cell], limits, folder)
+        found[cell] = _outcome(cell, own, folder, len(cells) if folder == scratch else 1)
+    return found
+
+
+def _file(scratch: Path, cell: Cell, kind: str) -> Path:
+    return scratch / (f"p.{kind}" if cell.frame is None else f"p.{cell.frame:.15g}.{kind}")
+
+
+def _process(stage: Path, cells: list[Cell], limits: Limits, scratch: Path) -> Ended:
+    scratch.mkdir(parents=True)
+    cell, place = cells[0], "" if cells[0].frame is None else ".%g"
+    command = render_command(stage, limits, *(scratch / f"p{place}.{kind}" for kind in ("exr", "png", "json")))
+    if cell.frame is not None:
+        command += ["--frames", ",".join(f"{each.frame:.15g}" for each in cells)]
+    command += [] if cell.camera is None else ["--camera", cell.camera]
+    command += [word for variant in cell.variants for word in ("--variant", variant)]
+    return run_limited(command, limits.timeout_s * len(cells), scratch / "err")
+
+
+def _outcome(cell: Cell, ended: Ended, scratch: Path, shared_by: int) -> Outcome:
+    """Describe what came of a cell; one whose picture is there is well whatever became of others of its process."""
+    exr, png, report_file = (_file(scratch, cell, kind) for kind in ("exr", "png", "json"))
+    report: dict[str, Any] = json.loads(report_file.read_text()) if report_file.exists() else {}
+    exit_code = 0 if png.exists() and exr.exists() else ended.exit_code or 1
+    return Outcome(
+        cell.label,
+        exit_code,
+        ended.seconds / shared_by,
+        ended.peak_rss_bytes,
+        str(png) if exit_code == 0 else None,
+        "" if exit_code == 0 else ended.stderr,
+        tuple(marks(exit_code, exr)),
+        report,
+    )

@@ -1,0 +1,45 @@
+"""Arrays as pictures to compare: numpy's own, and those of .npy files. Floats are scene-linear, integers display values."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from ..errors import SettingsError
+from ..images.image_file import MeasuredImage
+
+SUFFIX = ".npy"
+_STORED = {"float16": "half", "float32": "float", "float64": "double", "uint8": "uint8", "uint16": "uint16"}
+
+
+def read_array(path: str | os.PathLike[str]) -> MeasuredImage:
+    """Read the array of a .npy file; SettingsError where it holds none, or none that is a picture."""
+    name = os.fspath(path)
+    try:
+        array = np.load(name, allow_pickle=False)
+    except FileNotFoundError:
+        raise SettingsError("there is no such picture", where=name, code="image-missing") from None
+    except (OSError, ValueError, EOFError) as error:
+        raise SettingsError(f"the array cannot be read: {error}", where=name, code="image-unreadable") from None
+    return measured_array(array, name)
+
+
+def measured_array(array: np.ndarray[Any, Any], name: str = "") -> MeasuredImage:
+    """Return an array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) as a picture that is taken as exact."""
+    array = array[..., None] if array.ndim == 2 else array
+    if array.ndim != 3 or array.shape[2] not in (1, 3, 4) or 0 in array.shape:
+        sentence = f"an array of the shape {array.shape} is no picture: (H, W), (H, W, 1), (H, W, 3) and (H, W, 4) are"
+        raise SettingsError(sentence, where=name, code="image-array")
+    stored = _STORED.get(array.dtype.name)
+    if stored is None:
+        sentence = f"an array of {array.dtype} is no picture: floats are scene-linear values, uint8 and uint16 display values"
+        raise SettingsError(sentence, where=name, code="image-array")
+    with np.errstate(over="ignore"):
+        values = np.asarray(array, np.float32)
+    if array.dtype.kind == "u":
+        values = values / np.float32(np.iinfo(array.dtype).max)
+    colors = values[..., [0, 0, 0]] if values.shape[2] == 1 else values[..., :3]
+    alpha = np.ascontiguousarray(values[..., 3]) if values.shape[2] == 4 else None
+    return MeasuredImage(np.ascontiguousarray(colors), alpha, None, name=name, stored=stored)

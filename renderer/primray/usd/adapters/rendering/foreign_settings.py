@@ -1,0 +1,179 @@
+"""Samples and depth that RenderSettings and RenderProducts author for other renderers, as settings of a render here.
+
+The names are those of Karma's render properties (Houdini's documentation), arnold-usd's options, hdPrman's options and
+integrators, and hdCycles' render settings. Depths are counted here as surface scatterings, 1 being direct light; the others
+count bounces, 0 being direct light, but for PxrPathTracer's former maxPathLength.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pxr import Usd
+
+from ....diagnostics import Diagnostics
+from ....settings.in_stage import Asked
+from ....settings.limits import MAX_SPP
+from ...querying.guarded import authored_attributes, connections, targets
+from ...resolving.read import When, value
+from ...resolving.renderer_attributes import (
+    ARNOLD,
+    ARNOLD_BOUNCES,
+    CYCLES_SAMPLES,
+    CYCLES_TIME,
+    ERROR_THRESHOLDS,
+    KARMA,
+    KARMA_BOUNCES,
+    KARMA_SAMPLES,
+    PATH_LENGTHS,
+    RENDERMAN_SAMPLES,
+    TOTAL_BOUNCES,
+)
+
+INTEGRATORS = ("ri:integrator", "outputs:ri:integrator")
+
+
+@dataclass(frozen=True)
+class Authored:
+    """An attribute that has a value at the time of the render."""
+
+    prim: str
+    name: str
+    value: Any
+
+
+Found = Mapping[str, Authored]
+
+
+def foreign_settings(
+    settings: Usd.Prim, product: Usd.Prim | None, found: Found, when: When, diagnostics: Diagnostics
+) -> list[Asked]:
+    """Return the settings asked for, each field once: of several renderers that ask, the first in this file's order counts."""
+    found = dict(found) | _of_integrator(settings, when)
+    reader = _Reader(found, diagnostics)
+    asked: dict[str, Asked] = {}
+    for one in reader.settings():
+        first = asked.setdefault(one.name, one)
+        if first.value != one.value:
+            message = f"{one.attribute} says {one.value}, {first.attribute} says {first.value}: the latter is used."
+            diagnostics.add("foreign-settings", one.prim, message, one.attribute)
+    return list(asked.values())
+
+
+def has_integrator(settings: Usd.Prim) -> bool:
+    return any(settings.HasProperty(name) for name in INTEGRATORS)
+
+
+def _of_integrator(settings: Usd.Prim, when: When) -> dict[str, Authored]:
+    """The parameters of RenderMan's integrator, under the names that hdPrman gives them among its settings."""
+    if not has_integrator(settings):
+        return {}
+    attribute = settings.GetAttribute(INTEGRATORS[1])
+    paths = targets(settings, INTEGRATORS[0]) or (connections(attribute) if attribute else [])
+    prim = settings.GetStage().GetPrimAtPath(paths[0].GetPrimPath()) if paths else None
+    if not prim:
+        return {}
+    found = {}
+    for own in authored_attributes(prim):
+        name = own.GetName().removeprefix("inputs:").removeprefix("ri:")
+        if name in ("maxIndirectBounces", "maxPathLength") and (given := value(own, when)) is not None:
+            found[f"ri:integrator:PxrPathTracer:{name}"] = Authored(str(prim.GetPath()), own.GetName(), given)
+    return found
+
+
+class _Reader:
+    def __init__(self, found: Found, diagnostics: Diagnostics) -> None:
+        self.found, self.diagnostics = found, diagnostics
+
+    def settings(self) -> Iterator[Asked]:
+        yield from self._samples(KARMA_SAMPLES)
+        yield from self._depth_of_kinds([[f"{prefix}{kind}" for prefix in KARMA] for kind in KARMA_BOUNCES])
+        yield from self._arnold_samples()
+        yield from self._arnold_depth()
+        yield from self._samples(RENDERMAN_SAMPLES)
+        yield from self._path_length()
+        yield from self._total(TOTAL_BOUNCES)
+        yield from self._samples(CYCLES_SAMPLES)
+        yield from self._time_limit()
+        self._note_errors()
+
+    def _samples(self, names: tuple[str, ...]) -> Iterator[Asked]:
+        name = self._first(names)
+        if name is not None and (count := self._whole(name, 1, MAX_SPP, "a number of samples")) is not None:
+            yield self._asked("spp", count, name, f"{count} samples a pixel")
+
+    def _arnold_samples(self) -> Iterator[Asked]:
+        """Arnold takes the square of AA_samples, of AA_samples_max where it samples adaptively."""
+        name, most = (self._first([f"{prefix}{end}" for prefix in ARNOLD]) for end in ("AA_samples", "AA_samples_max"))
+        adaptive = self._first([f"{prefix}enable_adaptive_sampling" for prefix in ARNOLD])
+        if adaptive is not None and self.found[adaptive].value is True and most is not None:
+            name = most
+        if name is not None and (side := self._whole(name, 1, 4096, "a number whose square is the samples")) is not None:
+            yield self._asked("spp", side * side, name, f"{side * side} samples a pixel, the square of {side}")
+
+    def _arnold_depth(self) -> Iterator[Asked]:
+        """The total, or the sum of the kinds where that is smaller."""
+        kinds = [[f"{prefix}{kind}" for prefix in ARNOLD] for kind in ARNOLD_BOUNCES]
+        found = list(self._total([f"{prefix}GI_total_depth" for prefix in ARNOLD]))
+        if not found or all(map(self._first, kinds)):
+            found += self._depth_of_kinds(kinds)
+        yield from sorted(found, key=lambda one: int(one.value))[:1]
+
+    def _total(self, names: tuple[str, ...] | list[str]) -> Iterator[Asked]:
+        name = self._first(names)
+        if name is not None and (bounces := self._whole(name, 0, 2**20, "a number of bounces")) is not None:
+            yield self._asked("max_depth", bounces + 1, name, f"a depth of {bounces + 1}: direct light and {bounces} bounces")
+
+    def _path_length(self) -> Iterator[Asked]:
+        name = self._first(PATH_LENGTHS)
+        if name is not None and (depth := self._whole(name, 1, 2**20, "a length of paths")) is not None:
+            yield self._asked("max_depth", depth, name, f"a depth of {depth}")
+
+    def _depth_of_kinds(self, names: list[list[str]]) -> Iterator[Asked]:
+        """A depth that keeps every path which limits of single kinds of bounces keep; all of them have to be known."""
+        firsts = [self._first(of_kind) for of_kind in names]
+        given = [name for name in firsts if name is not None]
+        if not given:
+            return
+        if len(given) < len(firsts):
+            missing = [of_kind[0] for of_kind, name in zip(names, firsts, strict=True) if name is None]
+            message = f"{', '.join(given)} limit no path as long as {', '.join(missing)} are not authored: no depth is taken."
+            self.diagnostics.add("foreign-settings", self.found[given[0]].prim, message, given[0])
+            return
+        counts = [self._whole(name, 0, 2**20, "a number of bounces") for name in given]
+        if None not in counts:
+            total = sum(count for count in counts if count is not None)
+            kinds = ", ".join(name.rpartition(":")[2] for name in given)
+            text = f"a depth of {total + 1}: direct light and {total} bounces, the sum of {kinds}"
+            yield self._asked("max_depth", total + 1, given[0], text)
+
+    def _time_limit(self) -> Iterator[Asked]:
+        """Seconds; 0 is no limit."""
+        one = self.found.get(CYCLES_TIME)
+        if one is not None and isinstance(one.value, int | float) and 0 < one.value < 1e9:
+            yield self._asked("time_limit_s", float(one.value), CYCLES_TIME, f"{one.value:g} seconds a frame")
+
+    def _note_errors(self) -> None:
+        for name in ERROR_THRESHOLDS:
+            if name in self.found:
+                message = f"{name} is a measure of its own renderer's and not read: primray:targetError asks for an error here."
+                self.diagnostics.add("foreign-settings", self.found[name].prim, message, name)
+
+    def _first(self, names: tuple[str, ...] | list[str]) -> str | None:
+        return next((name for name in names if name in self.found), None)
+
+    def _whole(self, name: str, least: int, most: int, what: str) -> int | None:
+        """Whole numbers, which some writers store as floats; others are reported."""
+        given: Any = self.found[name].value
+        if isinstance(given, int | float) and not isinstance(given, bool) and least <= given <= most and given == int(given):
+            return int(given)
+        one = self.found[name]
+        message = f"{one.name} = {repr(given)[:80]} is not {what} from {least} to {most}: it is ignored."
+        self.diagnostics.add("render-settings-input", one.prim, message, one.name)
+        return None
+
+    def _asked(self, name: str, given: Any, attribute: str, meaning: str) -> Asked:
+        one = self.found[attribute]
+        return Asked(name, given, one.prim, one.name, meaning)

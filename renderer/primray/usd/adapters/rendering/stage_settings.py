@@ -1,0 +1,119 @@
+"""Settings of a render that RenderSettings and RenderProducts author: primray's own attributes, else those of other renderers.
+
+PrimrayRenderSettingsAPI and PrimrayRenderProductAPI (schemas/usd) declare primray's. They are read whether or not the schemas
+are applied or registered, and only where they are authored: what a schema falls back to, nobody has asked for. What a product
+authors comes before what its settings do, attribute by attribute, as UsdRenderProduct has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from pxr import Usd
+
+from ....description.picture_file import PictureView
+from ....diagnostics import Diagnostics
+from ....errors import LimitError, SettingsError
+from ....settings import RenderSettings
+from ....settings.in_stage import CHECKPOINT_EVERY, STOPS, Asked, StageSettings
+from ...querying.guarded import authored_attributes
+from ...resolving.read import When, value
+from .foreign_settings import Authored, foreign_settings, has_integrator
+
+PREFIX = "primray:"
+SHOWN = 80  # characters of a value that cannot be used
+SETTINGS = {
+    f"{PREFIX}samples": "spp",
+    f"{PREFIX}targetError": "target_error",
+    f"{PREFIX}errorMetric": "error_metric",
+    f"{PREFIX}timeLimit": "time_limit_s",
+    f"{PREFIX}maxDepth": "max_depth",
+    f"{PREFIX}filter": "filter",
+    f"{PREFIX}filterWidth": "filter_width",
+    f"{PREFIX}denoise": "denoise",
+    f"{PREFIX}motionError": "motion_error",
+    f"{PREFIX}checkpointInterval": CHECKPOINT_EVERY,
+}
+VIEWS = {f"{PREFIX}view": "view", f"{PREFIX}display": "display", f"{PREFIX}look": "look", f"{PREFIX}exposure": "exposure"}
+NAMES = frozenset({*SETTINGS, *VIEWS})  # of settings and products
+VARIABLES = frozenset({f"{PREFIX}errors"})  # of render variables
+
+
+def stage_settings(
+    settings: Usd.Prim, product: Usd.Prim | None, when: When, diagnostics: Diagnostics
+) -> tuple[StageSettings, PictureView]:
+    """Return what a product, and where it is silent its settings, ask of the render, and how its pictures are to be viewed."""
+    found = _authored(settings, when)
+    if product is not None:
+        found |= _authored(product, when)
+    if not found and not has_integrator(settings):
+        return StageSettings(), PictureView()
+    for prim in (settings, *([] if product is None else [product])):
+        note_unknown(prim, [one.name for one in found.values() if one.prim == str(prim.GetPath())], NAMES, diagnostics)
+    own = [one for name in SETTINGS if name in found and (one := _setting(found[name], diagnostics)) is not None]
+    names = {one.name for one in own}
+    has_stop = bool(names.intersection(STOPS))
+    others = [one for one in foreign_settings(settings, product, found, when, diagnostics) if one.name not in names]
+    own += [one for one in others if not (has_stop and one.name in STOPS)]
+    return StageSettings(tuple(own)), _view(found, diagnostics)
+
+
+def _authored(prim: Usd.Prim, when: When) -> dict[str, Authored]:
+    """The attributes in namespaces of renderers. Others, which any writer adds, are not looked at."""
+    found = {}
+    for attribute in authored_attributes(prim):
+        name = attribute.GetName()
+        if name.startswith((PREFIX, "karma:", "arnold:", "ri:", "cycles:")):
+            given = value(attribute, when)
+            if given is not None:
+                found[name] = Authored(str(prim.GetPath()), name, _as_written(given, str(attribute.GetTypeName())))
+    return found
+
+
+def _as_written(given: Any, type_name: str) -> Any:
+    """A float as its layer writes it: 0.001 is not the double 0.0010000000474974513."""
+    return float(str(np.float32(given))) if type_name in ("float", "half") and isinstance(given, float) else given
+
+
+def note_unknown(prim: Usd.Prim, found: Iterable[str], names: frozenset[str], diagnostics: Diagnostics) -> None:
+    """Report attributes in primray's namespace that mean nothing there: a misspelt one would do nothing."""
+    for name in found:
+        if name.startswith(PREFIX) and name not in names:
+            near = get_close_matches(name, sorted(names), 1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(names))}."
+            diagnostics.add("render-settings-input", str(prim.GetPath()), f"{name} means nothing: {hint}", name)
+
+
+def _setting(found: Authored, diagnostics: Diagnostics) -> Asked | None:
+    """The setting that an attribute asks for; None where no render could follow it, which is reported."""
+    name = SETTINGS[found.name]
+    try:
+        if name == CHECKPOINT_EVERY:
+            RenderSettings(time_limit_s=found.value)  # has the same range
+            accepted = float(found.value)
+        else:
+            accepted = getattr(RenderSettings(**{name: found.value}), name)
+    except (SettingsError, LimitError) as error:
+        message = f"{found.name} = {repr(found.value)[:SHOWN]} cannot be used, the default is: {error.message}."
+        diagnostics.add("render-settings-input", found.prim, message, found.name)
+        return None
+    return Asked(name, accepted, found.prim, found.name)
+
+
+def _view(found: dict[str, Authored], diagnostics: Diagnostics) -> PictureView:
+    chosen: dict[str, Any] = {}
+    for name, member in VIEWS.items():
+        if name not in found:
+            continue
+        given = found[name].value
+        is_number = isinstance(given, int | float) and not isinstance(given, bool) and abs(given) <= 1e3
+        if is_number if member == "exposure" else isinstance(given, str) and bool(given):
+            chosen[member] = float(given) if member == "exposure" else given
+        else:
+            wanted = "number of stops" if member == "exposure" else "name"
+            message = f"{name} = {repr(given)[:SHOWN]} is no {wanted}: the default is used."
+            diagnostics.add("render-settings-input", found[name].prim, message, name)
+    return PictureView(**chosen)

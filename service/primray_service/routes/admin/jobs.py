@@ -1,0 +1,215 @@
+"""Jobs of all tenants, for an administrator: list, look at, change, cancel, pause, resume, retry a frame.
+
+Pictures and scenes are the tenant's alone: nothing here answers with them.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Literal
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+
+from ...admission import changes_of
+from ...api import admin_views
+from ...api.job_json import frame_json
+from ...api.models import JobPatch
+from ...http.answers import json_answer, json_bytes
+from ...http.bodies import json_body
+from ...http.callers import Admin, Serving
+from ...http.described import answer, described, json_request
+from ...jobs import Job, JobState, Json
+from ...problems import Problem
+from ...service import Service
+from ...store.base import Conflict, JobFilter
+from ..jobs.frames import FrameNumber
+from ..jobs.interventions import paused, resumed, retried
+from ..jobs.jobs import JOB_ID, JobId, check_version, job_answer, no_job, split_label
+from .audit import record
+
+router = APIRouter(prefix="/v1/admin/jobs", tags=["admin"])
+
+CHANGED = ("not-found", "conflict", "precondition-failed")
+TENANT_TEXT = "Only this tenant's."
+
+
+def admin_json(service: Service, job: Job) -> Json:
+    return {**service.job_json(job), "tenant": job.tenant}
+
+
+def found(service: Service, job_id: str) -> Job:
+    job = service.store.job(job_id) if JOB_ID.fullmatch(job_id) else None
+    if job is None:
+        raise no_job()
+    return job
+
+
+def answered(service: Service, job: Job, status: int = 200) -> Response:
+    return job_answer(job, json_bytes(admin_json(service, job)), status)
+
+
+@router.get("", **described(answer(admin_views.AdminJobPage, headers=("Link",)), problems=("invalid-request",)))
+def list_jobs(
+    caller: Admin,
+    service: Serving,
+    tenant: Annotated[str | None, Query(max_length=64, description=TENANT_TEXT)] = None,
+    state: Annotated[list[JobState] | None, Query(description="Any of these.")] = None,
+    label: Annotated[
+        list[Annotated[str, Query(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
+        Query(max_length=32, description="name:value, all of these; beside tenant."),
+    ] = None,
+    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+    cursor: Annotated[str | None, Query(max_length=512, description="The page before gave it.")] = None,
+    order: Annotated[Literal["desc", "asc"], Query(description="By creation: desc has the newest first.")] = "desc",
+) -> Response:
+    """Jobs of all tenants, or of one, a page at a time."""
+    if label and tenant is None:
+        raise Problem("invalid-request", "label: labels are looked for within one tenant; name it.", member="label")
+    where = JobFilter(frozenset(state or ()), dict(split_label(text) for text in label or []))
+    try:
+        page = service.store.jobs(tenant, where, limit, cursor, order == "desc")
+    except ValueError:
+        raise Problem("invalid-request", "cursor: this is not a cursor that the server gave.", member="cursor") from None
+    headers = {}
+    if page.next_cursor is not None:
+        query: list[tuple[str, str]] = [("state", each.value) for each in state or ()]
+        query += [("label", text) for text in label or ()] + ([] if tenant is None else [("tenant", tenant)])
+        query += [("limit", str(limit)), ("order", order), ("cursor", page.next_cursor)]
+        headers["link"] = f'</v1/admin/jobs?{urlencode(query)}>; rel="next"'
+    items = [admin_json(service, job) for job in page.items]
+    return json_answer({"items": items, "next_cursor": page.next_cursor}, headers=headers)
+
+
+@router.get("/{job_id}", **described(answer(admin_views.AdminJob, headers=("ETag", "Retry-After")), problems=("not-found",)))
+def show(job_id: JobId, caller: Admin, service: Serving) -> Response:
+    """One job of any tenant."""
+    return answered(service, found(service, job_id))
+
+
+@router.get(
+    "/{job_id}/frames",
+    **described(answer(admin_views.AdminFramePage), problems=("not-found", "invalid-request")),
+)
+def frames(
+    job_id: JobId,
+    caller: Admin,
+    service: Serving,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+    after: Annotated[int, Query(ge=-1, lt=2**31, description="Only frames with larger numbers.")] = -1,
+) -> Response:
+    """Frames of a job of any tenant, in order, a page at a time."""
+    found(service, job_id)
+    rows = service.store.frames(job_id, limit + 1, after)
+    next_after = rows[limit - 1].number if len(rows) > limit else None
+    return json_answer({"items": [frame_json(row) for row in rows[:limit]], "next_after": next_after})
+
+
+@router.patch(
+    "/{job_id}",
+    **described(
+        answer(admin_views.AdminJob, headers=("ETag", "Retry-After")),
+        problems=(
+            "invalid-json",
+            "not-found",
+            "precondition-failed",
+            "request-too-large",
+            "unsupported-media-type",
+            "invalid-request",
+            "limit-exceeded",
+        ),
+        request=json_request(JobPatch, {"priority": 80}),
+        headers=("If-Match",),
+    ),
+)
+def change(
+    job_id: JobId,
+    request: Request,
+    caller: Admin,
+    service: Serving,
+    patch: Annotated[JobPatch, Depends(json_body(JobPatch))],
+) -> Response:
+    """Change the priority, labels, name or time to live of a job of any tenant."""
+    job = found(service, job_id)
+    version = job.version if check_version(request, job) else None
+    changes = changes_of(patch, service.limits)
+    try:
+        job = service.store.update_job(job_id, time.time(), version=version, changes=changes)
+    except Conflict:
+        raise Problem("precondition-failed", "It has changed since it was read.") from None
+    except KeyError:
+        raise no_job() from None
+    record(caller, "change-job", job.tenant, job_id=job_id, changes=changes)
+    service.dispatcher.wake()
+    return answered(service, job)
+
+
+@router.post(
+    "/{job_id}/cancel",
+    **described(
+        answer(admin_views.AdminJob, 202, "It has ended, or ends soon.", headers=("ETag", "Retry-After")),
+        problems=CHANGED,
+        headers=("If-Match",),
+    ),
+)
+def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
+    """End a job of any tenant; the picture made so far is kept."""
+    check_version(request, found(service, job_id))
+    try:
+        job = service.store.request_cancel(job_id, time.time())
+    except Conflict:
+        raise Problem("conflict", "The job has ended already, in another way.") from None
+    except KeyError:
+        raise no_job() from None
+    record(caller, "cancel-job", job.tenant, job_id=job_id)
+    service.dispatcher.wake()
+    return answered(service, job, 202)
+
+
+@router.post(
+    "/{job_id}/pause",
+    **described(
+        answer(admin_views.AdminJob, 202, "It is paused, or soon will be.", headers=("ETag", "Retry-After")),
+        problems=CHANGED,
+        headers=("If-Match",),
+    ),
+)
+def pause(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
+    """Pause a job of any tenant."""
+    check_version(request, found(service, job_id))
+    job = paused(service, job_id)
+    record(caller, "pause-job", job.tenant, job_id=job_id)
+    return answered(service, job, 202)
+
+
+@router.post(
+    "/{job_id}/resume",
+    **described(
+        answer(admin_views.AdminJob, 202, "Its frames wait for their turn again.", headers=("ETag", "Retry-After")),
+        problems=CHANGED,
+        headers=("If-Match",),
+    ),
+)
+def resume(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
+    """Resume a paused job of any tenant."""
+    check_version(request, found(service, job_id))
+    job = resumed(service, job_id)
+    record(caller, "resume-job", job.tenant, job_id=job_id)
+    return answered(service, job, 202)
+
+
+@router.post(
+    "/{job_id}/frames/{number}/retry",
+    **described(
+        answer(admin_views.AdminJob, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
+        problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
+        headers=("If-Match",),
+    ),
+)
+def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Admin, service: Serving) -> Response:
+    """Render one frame of a job of any tenant again; that tenant's usage counts it."""
+    job = found(service, job_id)
+    check_version(request, job)
+    job = retried(service, job_id, number, service.tenant_quotas.of(job.tenant))
+    record(caller, "retry-frame", job.tenant, job_id=job_id, frame=number)
+    return answered(service, job, 202)

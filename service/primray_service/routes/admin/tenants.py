@@ -1,0 +1,89 @@
+"""Tenants for an administrator: what each uses, and its quotas, which can be set here."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Query, Response
+
+from ...access.keys import TENANT
+from ...api import admin_views
+from ...http.answers import json_answer
+from ...http.bodies import json_body
+from ...http.callers import Admin, Serving
+from ...http.described import answer, described, json_request
+from ...jobs import Json
+from ...service import Service
+from ...store.base import Usage
+from ..account import usage_json
+from ..keys import QuotaRequest
+from .audit import record
+
+router = APIRouter(prefix="/v1/admin/tenants", tags=["admin"])
+
+TenantName = Annotated[str, Path(pattern=f"^{TENANT.pattern}$", description="A tenant's name.")]
+CHANGED = ("invalid-json", "request-too-large", "unsupported-media-type", "invalid-request")
+
+
+def tenant_json(service: Service, tenant: str, used: Usage) -> Json:
+    quotas = service.tenant_quotas.of(tenant)
+    set_here = service.store.quotas_set(tenant)
+    return {**usage_json(tenant, used, quotas), "quotas": asdict(quotas), "quotas_set": set_here}
+
+
+@router.get("", **described(answer(admin_views.TenantPage), problems=("invalid-request",)))
+def list_tenants(
+    caller: Admin,
+    service: Serving,
+    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+    after: Annotated[str, Query(max_length=64, description="Only names that follow this one.")] = "",
+) -> Response:
+    """All tenants that have a key, or have used anything, with what they use and may use."""
+    rows = service.store.usage_of_all(time.time(), limit + 1, after)
+    next_after = rows[limit - 1][0] if len(rows) > limit else None
+    items = [tenant_json(service, tenant, used) for tenant, used in rows[:limit]]
+    return json_answer({"items": items, "next_after": next_after})
+
+
+@router.get("/{tenant}", **described(answer(admin_views.Tenant), problems=("invalid-request",)))
+def show(tenant: TenantName, caller: Admin, service: Serving) -> Response:
+    """What a tenant uses and may use; a tenant is made by naming it, so there is none that is not found."""
+    return json_answer(tenant_json(service, tenant, service.store.usage(tenant, time.time())))
+
+
+@router.patch(
+    "/{tenant}/quotas",
+    **described(
+        answer(admin_views.Tenant, description="What it may use from now on."),
+        problems=CHANGED,
+        request=json_request(QuotaRequest, {"running_jobs": 4, "cpu_s_per_day": None}),
+    ),
+)
+def set_quotas(
+    tenant: TenantName,
+    caller: Admin,
+    service: Serving,
+    asked: Annotated[QuotaRequest, Depends(json_body(QuotaRequest))],
+) -> Response:
+    """Set quotas of a tenant, whatever its keys say. Members that are left out stay as they are; null: no limit.
+
+    Jobs that run go on. Another server over the same database keeps to them within seconds.
+    """
+    quotas = service.store.quotas_set(tenant) | asked.model_dump(exclude_unset=True)
+    service.store.set_quotas(tenant, quotas, time.time())
+    service.tenant_quotas.forget(tenant)
+    record(caller, "set-quotas", tenant, quotas=quotas)
+    service.dispatcher.wake()
+    return show(tenant, caller, service)
+
+
+@router.delete("/{tenant}/quotas", **described(answer(admin_views.Tenant), problems=("invalid-request",)))
+def unset_quotas(tenant: TenantName, caller: Admin, service: Serving) -> Response:
+    """Take back what was set: the tenant has the quotas of its newest key, or the server's."""
+    service.store.set_quotas(tenant, {}, time.time())
+    service.tenant_quotas.forget(tenant)
+    record(caller, "unset-quotas", tenant)
+    service.dispatcher.wake()
+    return show(tenant, caller, service)

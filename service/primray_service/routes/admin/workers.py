@@ -1,0 +1,55 @@
+"""Where renders run, and what runs there now, for an administrator."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+
+from ...api import admin_views
+from ...api.job_json import time_text
+from ...http.answers import json_answer
+from ...http.callers import Admin, Serving
+from ...http.described import answer, described
+from ...jobs import Frame, Job, Json
+
+router = APIRouter(prefix="/v1/admin/workers", tags=["admin"])
+
+
+@router.get("", **described(answer(admin_views.Workers), problems=("invalid-request",)))
+def list_workers(
+    caller: Admin,
+    service: Serving,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Frames that run, at most.")] = 200,
+) -> Response:
+    """The executor of the server that dispatches, its nodes, and the frames that run, of all tenants, by when they began."""
+    leading = service.who_leads.now()
+    capacity = leading.capacity
+    here: Json = {"id": "local", "slots": capacity.slots, "why": ""}
+    return json_answer(
+        {
+            "dispatcher": leading.where,
+            "slots": capacity.slots,
+            "cores": capacity.cores,
+            "memory_bytes": capacity.memory_bytes,
+            "nodes": list(leading.nodes) or [here],
+            "running": [_running_json(job, frame) for job, frame in service.store.running_frames(limit)],
+        }
+    )
+
+
+def _running_json(job: Job, frame: Frame) -> Json:
+    return {
+        "job": job.id,
+        "name": job.name,
+        "tenant": job.tenant,
+        "priority": job.priority,
+        "state": job.state.value,
+        "frame": frame.number,
+        "time_code": frame.time_code,
+        "phase": frame.phase,
+        "fraction": float(frame.progress.get("fraction", 0.0)),
+        "parts": job.parallel,
+        "started_at": time_text(frame.started_at),
+        "cpu_s": frame.cpu_s,
+    }

@@ -1,0 +1,112 @@
+"""Jobs under way: pause, resume, and render one frame again."""
+
+from __future__ import annotations
+
+import time
+
+from fastapi import APIRouter, Request, Response
+
+from ...api import views
+from ...http.callers import Serving, Submitter
+from ...http.described import answer, described
+from ...jobs import Frame, Job
+from ...limits import Quotas
+from ...problems import Problem
+from ...service import Service
+from ...store.base import Conflict
+from .frames import FrameNumber
+from .jobs import JobId, body_of, check_version, found, job_answer, no_job
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+CHANGED = ("not-found", "conflict", "precondition-failed")
+
+
+@router.post(
+    "/{job_id}/pause",
+    **described(
+        answer(views.Job, 202, "It is paused, or soon will be.", headers=("ETag", "Retry-After")),
+        problems=CHANGED,
+        headers=("If-Match",),
+    ),
+)
+def pause(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
+    """Pause a job: running frames write a checkpoint and give their workers back, and none is begun until it is resumed."""
+    check_version(request, found(service, caller, job_id))
+    job = paused(service, job_id)
+    return job_answer(job, body_of(service, job), 202)
+
+
+@router.post(
+    "/{job_id}/resume",
+    **described(
+        answer(views.Job, 202, "Its frames wait for their turn again.", headers=("ETag", "Retry-After")),
+        problems=CHANGED,
+        headers=("If-Match",),
+    ),
+)
+def resume(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
+    """Resume a paused job: its frames continue from their checkpoints. A job that is not paused does not change."""
+    check_version(request, found(service, caller, job_id))
+    job = resumed(service, job_id)
+    return job_answer(job, body_of(service, job), 202)
+
+
+@router.post(
+    "/{job_id}/frames/{number}/retry",
+    **described(
+        answer(views.Job, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
+        problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
+        headers=("If-Match",),
+    ),
+)
+def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Submitter, service: Serving) -> Response:
+    """Render one frame that has ended again, from its first sample; the job's other frames stay as they are.
+
+    Its files stay until the new ones, of the same names, replace them. A job that had ended is queued again.
+    """
+    check_version(request, found(service, caller, job_id))
+    job = retried(service, job_id, number, service.quotas_of(caller))
+    return job_answer(job, body_of(service, job), 202)
+
+
+def paused(service: Service, job_id: str) -> Job:
+    try:
+        job = service.store.request_pause(job_id, time.time())
+    except Conflict:
+        raise Problem("conflict", "Only a job that has not ended, and is not being canceled, can be paused.") from None
+    except KeyError:
+        raise no_job() from None
+    service.dispatcher.wake()
+    return job
+
+
+def resumed(service: Service, job_id: str) -> Job:
+    try:
+        job = service.store.request_resume(job_id, time.time())
+    except Conflict:
+        raise Problem("conflict", "Only a job that has not ended, and is not being canceled, can be resumed.") from None
+    except KeyError:
+        raise no_job() from None
+    service.dispatcher.wake()
+    return job
+
+
+def retried(service: Service, job_id: str, number: int, quotas: Quotas) -> Job:
+    frame = _frame(service, job_id, number)
+    try:
+        job = service.store.retry_frame(job_id, number, frame.attempt, time.time(), quotas)
+    except Conflict:
+        said = f"Frame {number} is {frame.state.value}: only a frame that has ended can be retried, of a scene that is there."
+        raise Problem("conflict", said, state=frame.state.value) from None
+    except KeyError:
+        raise no_job() from None
+    service.dispatcher.wake()
+    return job
+
+
+def _frame(service: Service, job_id: str, number: int) -> Frame:
+    frame = service.store.frame(job_id, number)
+    if frame is None:
+        raise Problem("not-found", "The job has no such frame.")
+    return frame

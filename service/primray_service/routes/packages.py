@@ -1,0 +1,157 @@
+"""Uploads by content: a package as a list of its files, and those of them that the tenant has not sent before."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Request, Response
+from pydantic import Field
+
+from ..access.auth import Caller
+from ..api import scene_views
+from ..api.models import Sent
+from ..http.answers import json_answer
+from ..http.bodies import json_body
+from ..http.callers import Serving, Submitter
+from ..http.described import answer, described, json_request
+from ..http.uploads import receive_content, refuse_over_quota, refused
+from ..jobs import Scene
+from ..limits import Quotas
+from ..problems import Problem
+from ..scenes.contents import keep_package, missing_of
+from ..scenes.manifest import FileOfPackage, Manifest, Part, manifest_of
+from ..scenes.recognize import display_name
+from ..scenes.threads import to_the_end
+from ..service import Service
+from .scenes import BINARY, LINKS, scene_answer
+
+router = APIRouter(prefix="/v1", tags=["scenes"])
+
+DIGEST = "^[0-9a-f]{64}$"
+Digest = Annotated[str, Path(pattern=DIGEST, description="SHA-256 of the file, in hexadecimal digits.")]
+
+
+class PackagePart(Sent):
+    sha256: str = Field(pattern=DIGEST)
+    bytes: int = Field(ge=1, le=2**50)
+
+
+class PackageFile(Sent):
+    path: str = Field(min_length=1, max_length=4096, description="In the package, with / between folders.")
+    sha256: str = Field(pattern=DIGEST)
+    bytes: int = Field(ge=0, le=2**50)
+    parts: list[PackagePart] | None = Field(
+        None, min_length=1, description="Stretches of the file that are sent by themselves, in order, as of a usdz its members."
+    )
+
+
+class PackageRequest(Sent):
+    files: list[PackageFile] = Field(min_length=1, max_length=1_000_000)
+    name: str = Field("", max_length=1024, description="A file name, to recognise the scene by.")
+
+
+EXAMPLE = {"name": "shot.zip", "files": [{"path": "shot.usda", "sha256": "0" * 64, "bytes": 1234}]}
+
+
+@router.post(
+    "/packages",
+    **described(
+        answer(scene_views.Package, 200, "Send these files, then ask again.", headers=()),
+        answer(
+            scene_views.Scene,
+            201,
+            "All files are there: the scene is kept, and is checked.",
+            headers=("Location", "ETag"),
+            links=LINKS,
+        ),
+        problems=(
+            "invalid-json",
+            "request-too-large",
+            "unsupported-media-type",
+            "invalid-request",
+            "upload-too-large",
+            "digest-mismatch",
+            "not-usd",
+            "package-unsafe",
+            "package-too-large",
+            "quota-exceeded",
+            "storage-full",
+            "unavailable",
+        ),
+        request=json_request(PackageRequest, EXAMPLE),
+    ),
+)
+async def package(
+    request: Request,
+    caller: Submitter,
+    service: Serving,
+    asked: Annotated[PackageRequest, Depends(json_body(PackageRequest, limit="manifest_bytes"))],
+) -> Response:
+    """Make a scene of files that are there, or learn which of them to send.
+
+    `missing` lists the digests that this tenant has not sent: PUT each to /v1/contents/{sha256}, then ask again. An upload that
+    broke off is resumed in the same way. What other tenants have sent makes no difference.
+    """
+    files = [
+        FileOfPackage(file.path, file.sha256, file.bytes, [Part(part.sha256, part.bytes) for part in file.parts or ()])
+        for file in asked.files
+    ]
+    manifest = manifest_of(files, display_name(asked.name), service.limits)
+    missing = await asyncio.to_thread(missing_of, manifest, caller.tenant, service.store, time.time())
+    kept = None if missing else await _kept(service, caller, manifest)
+    if kept is None:
+        missing = missing or await asyncio.to_thread(missing_of, manifest, caller.tenant, service.store, time.time())
+        if not missing:
+            raise Problem("unavailable", "The package's files change meanwhile; ask again.", headers={"retry-after": "1"})
+        coming = sum(manifest.sizes[sha256] for sha256 in missing)
+        await refuse_over_quota(service, caller, await _quotas(service, caller), coming)
+        return json_answer({"id": manifest.scene_id, "missing": missing, "missing_bytes": coming})
+    scene, is_new = kept
+    if is_new:
+        service.dispatcher.wake()
+    return scene_answer(scene, 201, {"location": f"/v1/scenes/{scene.id}"})
+
+
+async def _quotas(service: Service, caller: Caller) -> Quotas:
+    return await asyncio.to_thread(service.quotas_of, caller)
+
+
+async def _kept(service: Service, caller: Caller, manifest: Manifest) -> tuple[Scene, bool] | None:
+    quotas = await _quotas(service, caller)
+    if await asyncio.to_thread(service.store.scene, caller.tenant, manifest.scene_id) is None:
+        await refuse_over_quota(service, caller, quotas, manifest.joined_bytes)  # before it is put together
+    return await to_the_end(
+        lambda: keep_package(manifest, caller.tenant, service.store, service.data, service.limits, quotas, time.time())
+    )
+
+
+@router.put(
+    "/contents/{sha256}",
+    **described(
+        answer(None, 201, "The file is kept for the packages that have it."),
+        answer(None, 200, "The file had been sent before."),
+        problems=(
+            "upload-incomplete",
+            "upload-too-large",
+            "unsupported-media-type",
+            "invalid-request",
+            "digest-mismatch",
+            "quota-exceeded",
+            "storage-full",
+        ),
+        request={
+            "requestBody": {"required": True, "description": "The file.", "content": {"application/octet-stream": BINARY}}
+        },
+        headers=("Repr-Digest",),
+    ),
+)
+async def content(sha256: Digest, request: Request, caller: Submitter, service: Serving) -> Response:
+    """Send a file of a package. Its bytes must have the digest that the address names; a file that no scene has is removed
+    after a day."""
+    try:
+        is_new = await receive_content(request, service, caller, sha256)
+    except Problem as problem:
+        return refused(request, problem)
+    return Response(status_code=201 if is_new else 200)

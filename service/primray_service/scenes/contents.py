@@ -1,0 +1,222 @@
+"""Packages that are uploaded by content: files arrive by their digests, and a scene is put together from those that are there.
+
+contents/<tenant>/<sha256> holds a tenant's files, each once. A package's members are links to them (copies where links cannot
+be), so a scene that shares files with another costs what is new in it. The file comes before its row, and goes after it; the
+lock of scenes/ keeps the two together.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..executor.slots import NO_LINKS
+from ..files import DataDirectory, sync
+from ..jobs import Json, Scene, SceneState
+from ..limits import Limits, Quotas
+from ..problems import Problem
+from ..store.base import Conflict, Store
+from .manifest import FileOfPackage, Manifest, read_manifest
+from .preparing import ABOUT, locked, sync_all
+from .receive import Received
+from .staging import staging_here
+from .zip_directory import unsafe
+from .zip_names import ARCHIVE_HEAD_BYTES, archive_kind
+
+MANIFEST = "manifest.json"
+JOINED_BYTES = 2**20
+
+
+def keep_content(received: Received, tenant: str, store: Store, data: DataDirectory, quotas: Quotas, now: float) -> bool:
+    """A file that arrived whole is the tenant's from now on; whether it is new. Blocks. QuotaExceeded."""
+    target = data.content(tenant, received.scene_id)
+    with _changing(tenant, received.sha256, store, data):
+        is_new_here = not target.exists()
+        if is_new_here:
+            target.parent.mkdir(mode=0o700, exist_ok=True)
+            os.chmod(received.path, 0o600)
+            sync(received.path)
+            os.rename(received.path, target)
+            sync(target.parent)
+        try:
+            data.share(target)
+            return store.put_content(tenant, received.sha256, received.bytes, now, quotas)
+        except BaseException:
+            if is_new_here and not store.has_content(tenant, received.sha256):
+                data.remove(target)
+            raise
+
+
+def missing_of(manifest: Manifest, tenant: str, store: Store, now: float) -> list[str]:
+    """Digests that the tenant has to send, in the order of the package's files. Problem for a size that is another's."""
+    known = store.contents(tenant, manifest.sizes, now)
+    for file in manifest.files:
+        for part in file.sent:
+            if known.get(part.sha256, part.bytes) != part.bytes:
+                raise Problem("invalid-request", f"The file {file.path!r} has {known[part.sha256]} bytes, by its digest.")
+    return [sha256 for sha256 in manifest.sizes if sha256 not in known]
+
+
+def keep_package(
+    manifest: Manifest, tenant: str, store: Store, data: DataDirectory, limits: Limits, quotas: Quotas, now: float
+) -> tuple[Scene, bool] | None:
+    """The tenant's scene of these files, and whether it is new; None where a file is not there any more. Blocks. Problem,
+    QuotaExceeded."""
+    folder = data.scene(manifest.scene_id)
+    row = _row(manifest, tenant, now)
+    try:
+        with staging_here(data) as staged:
+            is_here = folder.exists()
+            if not is_here:
+                _put_together(manifest, tenant, staged, data, limits)
+            with _scene_lock(manifest.scene_id, store, data), locked(data):
+                if not folder.exists():
+                    if is_here:
+                        return None  # removed in between: ask again
+                    os.rename(staged, folder)
+                    sync(data.scenes)
+                if data.objects is not None:
+                    data.objects.put(folder / MANIFEST, data.name_of(folder / MANIFEST))
+                return store.put_scene(row, quotas, manifest.sizes)
+    except (Conflict, FileNotFoundError):
+        return None
+
+
+def bring_package(scene: Scene, staged: Path, data: DataDirectory, limits: Limits) -> bool:
+    """Put a scene of an object store together in a folder; False where it is not one that was uploaded by content."""
+    target = staged / MANIFEST
+    assert data.objects is not None
+    try:
+        data.objects.get(data.name_of(data.scene(scene.id) / MANIFEST), target)
+    except FileNotFoundError:
+        return False
+    manifest = read_manifest(target.read_bytes())
+    if manifest.scene_id != scene.id:
+        raise Problem("internal", "The package's list in the object store is not what was sent; upload it again.")
+    target.unlink()
+    _put_together(manifest, scene.tenant, staged, data, limits)
+    return True
+
+
+def release(digests: Iterable[str], tenant: str, store: Store, data: DataDirectory) -> None:
+    """Remove the files of those that have no row any more. Blocks."""
+    for sha256 in digests:
+        with _changing(tenant, sha256, store, data):
+            if not store.has_content(tenant, sha256):
+                data.remove(data.content(tenant, f"sha256:{sha256}"))
+
+
+def forget(tenant: str, sha256: str, before: float, store: Store, data: DataDirectory) -> None:
+    """Remove what no scene has and nobody asked for since. Blocks."""
+    with _changing(tenant, sha256, store, data):
+        if store.forget_content(tenant, sha256, before):
+            data.remove(data.content(tenant, f"sha256:{sha256}"))
+
+
+def sweep(store: Store, data: DataDirectory) -> None:
+    """Remove files that have no row: a server died between the two. Blocks."""
+    names = [folder.name for folder in data.contents.iterdir()]
+    names += [] if data.objects is None else data.objects.folders("contents")
+    for name in dict.fromkeys(names):
+        folder, tenant = data.contents / name, name.partition("-")[2]
+        files = [path.name for path in folder.iterdir()] if folder.is_dir() else []
+        files += [] if data.objects is None else data.objects.folders(f"contents/{name}")
+        for sha256 in dict.fromkeys(files):
+            if len(sha256) == 64 and not store.has_content(tenant, sha256):
+                release([sha256], tenant, store, data)
+
+
+def _row(manifest: Manifest, tenant: str, now: float) -> Scene:
+    """Its files are counted as the tenant's contents; the list is the scene's own, and what is put together from parts."""
+    own = len(manifest.text) + manifest.joined_bytes
+    state = SceneState.CHECKING
+    return Scene(manifest.scene_id, tenant, state, "zip", manifest.name, manifest.bytes, own, now, now)
+
+
+def _put_together(manifest: Manifest, tenant: str, staged: Path, data: DataDirectory, limits: Limits) -> None:
+    """The package's folder and what is written down of it. FileNotFoundError where a file is gone."""
+    package = staged / "package"
+    package.mkdir(mode=0o700)
+    for file in manifest.files:
+        target = package / file.path
+        target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        contents = [_brought(part.sha256, tenant, data) for part in file.sent]
+        if file.parts:
+            _join(contents, target, file, data, limits)
+        elif contents:
+            _link(contents[0], target, data, limits)
+        else:
+            target.touch(0o600)
+        _refuse_archive(target, file.path)
+    about: Json = {"kind": "zip", "files": len(manifest.files), "unpacked_bytes": manifest.bytes}
+    (staged / MANIFEST).write_bytes(manifest.text)
+    (staged / ABOUT).write_text(json.dumps(about))
+    sync_all(staged)
+
+
+def _brought(sha256: str, tenant: str, data: DataDirectory) -> Path:
+    content = data.content(tenant, f"sha256:{sha256}")
+    if not data.bring(content):
+        raise FileNotFoundError(sha256)
+    return content
+
+
+def _join(parts: list[Path], target: Path, file: FileOfPackage, data: DataDirectory, limits: Limits) -> None:
+    """A file from its parts, whose digest must be the one that was told."""
+    _refuse_without_room(file.bytes, data, limits)
+    with target.open("xb") as joined:
+        os.chmod(target, 0o600)
+        for part in parts:
+            with part.open("rb") as content:
+                shutil.copyfileobj(content, joined, JOINED_BYTES)
+    with target.open("rb") as joined:
+        found = hashlib.file_digest(joined, "sha256").hexdigest()
+    if found != file.sha256:
+        raise Problem("digest-mismatch", f"The parts of {file.path!r} have the digest {found} together, not {file.sha256}.")
+
+
+def _refuse_archive(content: Path, path: str) -> None:
+    with content.open("rb") as file:
+        kind = archive_kind(file.read(ARCHIVE_HEAD_BYTES))
+    if kind is not None and not (kind == "zip" and path.lower().endswith(".usdz")):
+        raise unsafe(f"The member is an archive ({kind}); only usdz files may lie in a package.", path)
+
+
+def _link(content: Path, target: Path, data: DataDirectory, limits: Limits) -> None:
+    try:
+        os.link(content, target, follow_symlinks=False)
+    except OSError as error:
+        if error.errno not in NO_LINKS:
+            raise
+        _refuse_without_room(content.stat().st_size, data, limits)
+        shutil.copyfile(content, target, follow_symlinks=False)
+
+
+def _refuse_without_room(coming: int, data: DataDirectory, limits: Limits) -> None:
+    if data.free_bytes() < limits.free_disk_bytes + coming:
+        raise Problem("storage-full", "The server's disk has no room for this package.")
+
+
+@contextmanager
+def _changing(tenant: str, sha256: str, store: Store, data: DataDirectory) -> Iterator[None]:
+    """Nobody else adds or removes this content meanwhile, on any server."""
+    if data.objects is None:
+        with locked(data):
+            yield
+        return
+    with store.exclusive(f"content {tenant} {sha256}"):
+        yield
+
+
+@contextmanager
+def _scene_lock(scene_id: str, store: Store, data: DataDirectory) -> Iterator[None]:
+    if data.objects is None:
+        yield
+        return
+    with store.exclusive(f"scene {scene_id}"):
+        yield

@@ -1,0 +1,112 @@
+"""A package as a list of its files: paths, digests and sizes. Pure.
+
+The scene's id is the digest of the list, written in one way: equal files at equal paths are one scene, whoever sends them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..limits import Limits
+from ..problems import Problem
+from .entries import candidates
+from .zip_directory import STORED, Member, shown
+from .zip_names import refuse_names
+
+EMPTY = hashlib.sha256(b"").hexdigest()
+FORMAT = "primray-package-1"
+
+
+@dataclass(frozen=True)
+class Part:
+    sha256: str
+    bytes: int
+
+
+@dataclass(frozen=True)
+class FileOfPackage:
+    """`parts`: stretches that are sent by themselves, in order, as a usdz is cut at its members; none: it is sent whole."""
+
+    path: str
+    sha256: str
+    bytes: int
+    parts: Sequence[Part] = ()
+
+    @property
+    def sent(self) -> Sequence[Part]:
+        """What is sent of it; the empty file is not."""
+        if self.parts:
+            return self.parts
+        return (Part(self.sha256, self.bytes),) if self.bytes else ()
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """Its files are in order of their paths."""
+
+    files: Sequence[FileOfPackage]
+    name: str = ""
+    text: bytes = field(default=b"", repr=False)
+
+    @property
+    def scene_id(self) -> str:
+        return f"sha256:{hashlib.sha256(self.text).hexdigest()}"
+
+    @property
+    def bytes(self) -> int:
+        return sum(file.bytes for file in self.files)
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Of what is sent, by digest."""
+        return {part.sha256: part.bytes for file in self.files for part in file.sent}
+
+    @property
+    def joined_bytes(self) -> int:
+        """Of files that are put together from parts, and so stored beside them."""
+        return sum(file.bytes for file in self.files if file.parts)
+
+
+def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Manifest:
+    """Problem for a list that no package could have: it is judged as a zip's directory would be."""
+    count = sum(max(len(file.parts), 1) for file in files)
+    if count > limits.package_entries:
+        raise Problem("package-unsafe", f"The package has {count} files or parts; {limits.package_entries} are allowed.")
+    refuse_names([_member(file) for file in files], limits)
+    sizes: dict[str, int] = {}
+    for file in files:
+        for part in (Part(file.sha256, file.bytes), *file.parts):
+            if sizes.setdefault(part.sha256, part.bytes) != part.bytes or (part.sha256 == EMPTY) != (part.bytes == 0):
+                raise Problem("invalid-request", f"The file {shown(file.path)!r} has a size that its digest cannot have.")
+        if file.parts and sum(part.bytes for part in file.parts) != file.bytes:
+            raise Problem("invalid-request", f"The parts of the file {shown(file.path)!r} have not its size.")
+        if file.bytes > limits.upload_bytes:
+            raise Problem("upload-too-large", f"A file may have {limits.upload_bytes} bytes.", limit=limits.upload_bytes)
+    total = sum(file.bytes for file in files)
+    if total > limits.unpacked_bytes:
+        sentence = f"The package has {total} bytes; {limits.unpacked_bytes} are allowed."
+        raise Problem("package-too-large", sentence, limit=limits.unpacked_bytes)
+    if not candidates([file.path for file in files]):
+        raise Problem("not-usd", f"None of the package's {len(files)} files is a usd, usda, usdc or usdz layer.")
+    ordered = sorted(files, key=lambda file: file.path)
+    return Manifest(ordered, name, _text(ordered))
+
+
+def read_manifest(text: bytes, name: str = "") -> Manifest:
+    """A list that `manifest_of` wrote."""
+    rows = json.loads(text)["files"]
+    files = [FileOfPackage(path, sha256, size, [Part(*part) for part in parts]) for path, sha256, size, *parts in rows]
+    return Manifest(files, name, text)
+
+
+def _text(files: Sequence[FileOfPackage]) -> bytes:
+    rows = [[file.path, file.sha256, file.bytes, *([part.sha256, part.bytes] for part in file.parts)] for file in files]
+    return json.dumps({"format": FORMAT, "files": rows}, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def _member(file: FileOfPackage) -> Member:
+    raw = file.path.encode()
+    return Member(raw, file.path, 0, STORED, 0, file.bytes, file.bytes, 0, 0, 0, 0)
