@@ -22,7 +22,7 @@ export function actions(id, { changed, failed }) {
       kind === "paused" && button("Resume", () => run(() => send("POST", jobPath(id, "/resume"))), { class: "main", title: "Its frames continue from where they were" }),
       kind === "going" && button("Pause", () => run(() => send("POST", jobPath(id, "/pause"))), { title: "Gives its workers back and keeps what was rendered" }),
       (kind === "going" || kind === "paused") && button("Cancel", () => run(() => send("POST", jobPath(id, "/cancel"))), { title: "Stops it and keeps the picture made so far" }),
-      kind === "ended" && button("Continue…", () => goOn(job), { class: "main" }),
+      kind === "ended" && button("Continue…", () => goOn(job), { class: job.state === "failed" ? "" : "main" }),
       kind === "ended" && element("a", { class: job.state === "failed" ? "button main" : "button", href: `#/again/${encodeURIComponent(id)}` }, "Submit again…"),
       element("a", { class: "button", href: `#/compare/${encodeURIComponent(id)}` }, "Compare"),
       element("a", { class: "button", href: jobPath(id, "/log"), target: "_blank", rel: "noopener" }, "Log"),
