@@ -32,6 +32,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   const parts = partsOf();
   let found = null; // the parts of the frame that is shown
   let [layer, front] = [null, null]; // what is drawn here, if anything is; the server's <img>
+  let fileSettings = {}; // of the job: view, display, look, exposure
   let frontSize = [1, 1]; // of the whole picture
   let [isLive, closed, exposeTimer, drawing] = [true, false, 0, 0];
 
@@ -124,7 +125,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     }
     try {
       const next = await layerNow();
-      const seen = next && (await lookOf(state.look, next, state.exposure, state.channel));
+      const seen = next && (await lookOf(state.look, next, state.exposure, state.channel, fileSettings));
       if (mine !== drawing || closed || !next) return;
       pictures.pause(isPart());
       layer = next;
@@ -221,6 +222,8 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
       change({ frame: number });
       offer();
     },
+    // The job's settings, by which its files are seen.
+    settings: (now) => (fileSettings = now ?? {}),
     // Frames that have ended, to be played at the stage's rate.
     sequence: playing.know,
     // What the job has made, as listed.

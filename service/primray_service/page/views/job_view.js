@@ -134,6 +134,7 @@ export function jobView(root, [id]) {
     state.dataset.state = job.state;
     const fraction = job.progress?.fraction ?? 0;
     document.title = `${ended ? phaseWords(job) : format.percent(fraction)} · ${name} · primray`;
+    picture.settings(job.settings);
     bar.show(job);
     doing.show(job);
     details.show(job, scene);
