@@ -23,7 +23,7 @@ export function actions(id, { changed, failed }) {
       kind === "going" && button("Pause", () => run(() => send("POST", jobPath(id, "/pause"))), { title: "Gives its workers back and keeps what was rendered" }),
       (kind === "going" || kind === "paused") && button("Cancel", () => run(() => send("POST", jobPath(id, "/cancel"))), { title: "Stops it and keeps the picture made so far" }),
       kind === "ended" && button("Continue…", () => goOn(job), { class: job.state === "failed" ? "" : "main" }),
-      kind === "ended" && element("a", { class: job.state === "failed" ? "button main" : "button", href: `#/again/${encodeURIComponent(id)}` }, "Submit again…"),
+      kind === "ended" && element("a", { class: "button", href: `#/again/${encodeURIComponent(id)}` }, "Submit again…"),
       element("a", { class: "button", href: `#/compare/${encodeURIComponent(id)}` }, "Compare"),
       element("a", { class: "button", href: jobPath(id, "/log"), target: "_blank", rel: "noopener" }, "Log"),
       kind === "ended" && button("Delete", remove, { class: "danger" }),

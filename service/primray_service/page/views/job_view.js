@@ -35,7 +35,7 @@ export function jobView(root, [id]) {
   const strip = frameStrip(id, chooseFrame, retryFrame, (frames) => {
     picture.sequence(frames.filter((each) => each.state === "succeeded").map((each) => each.number), scene?.frame_range?.fps);
   });
-  const details = facts();
+  const details = facts(id);
   const doing = actions(id, { changed: refresh, failed: (failure) => fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter })) });
   let job = null;
   let scene = null;
