@@ -1,8 +1,8 @@
 """The process that turns previews into pictures: `python -m primray_service.pictures.process`, spoken to over pipes.
 
-A request is a line of JSON, {"path", and PictureRequest's members}, or {"table": [SPACE, VIEW, DISPLAY, LOOK]} for a view itself;
-an answer is a line of JSON, {"bytes", "media_type", "headers"} or {"error"}, and then so many bytes. It ends when its standard
-input does, however its server died.
+A request is a line of JSON: {"path", and PictureRequest's members}, or {"table": [SPACE, VIEW, DISPLAY, LOOK]} for a view.
+An answer is a line of JSON, {"bytes", "media_type", "headers"} or {"error"}, and then so many bytes. The process ends when its
+standard input does, however its server died.
 """
 
 from __future__ import annotations

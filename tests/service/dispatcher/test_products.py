@@ -46,7 +46,7 @@ def Sphere "ball" {
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }
 def DistantLight "sun" {
-    float inputs:intensity = 2
+    float inputs:intensity = 20000
 }
 def Scope "Render" {
     def RenderSettings "S" {
