@@ -10,6 +10,7 @@ from decimal import Decimal, DecimalException
 from typing import Any
 
 from primray.errors import LimitError, SettingsError
+from primray.images.files.encoding import Encoding, compression_of
 from primray.render.frame_numbers import parse_frames
 from primray.settings import (
     DIFFUSION,
@@ -48,6 +49,8 @@ _MEMBERS = (
     ("filter", "settings.filter_width"),
     ("seed", "settings.seed"),
     ("dicing rate", "settings.dicing_rate"),
+    ("dome must", "settings.dome"),
+    ("background must", "settings.background"),
     ("shutter", "settings.shutter"),
     ("a region is", "settings.region"),
     ("motion", "settings.motion_error"),
@@ -64,6 +67,7 @@ _MEMBERS = (
 
 
 BEAUTY = "beauty"  # the product that every scene has
+ALL = "*"  # of the products
 
 
 def over_limit(member: str, detail: str, limit: float) -> Problem:
@@ -148,17 +152,12 @@ def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
 
 
 def check_settings(settings: Settings, limits: Limits) -> None:
-    """What is not made yet, this server's limits, then the renderer's own checks."""
-    asked = {
-        "products": (len(settings.products) != 1, "a job renders one product; send a job for each"),
-    }
-    for name, (value, why) in asked.items():
-        if value:
-            raise Problem("unsupported-setting", f"settings.{name}: {why}.", member=f"settings.{name}")
+    """Check this server's limits, then what the renderer itself checks."""
+    check_products(settings)
     for member, path in (
         ("render_settings", settings.render_settings),
         ("render_pass", settings.render_pass),
-        ("products", _product(settings)),
+        *(("products", path) for path in settings.products if path not in (ALL, BEAUTY)),
     ):
         if path is not None and not path.startswith("/"):
             raise invalid(f"settings.{member}", f"{path!r} is no prim's path, which begins with /")
@@ -177,6 +176,34 @@ def check_settings(settings: Settings, limits: Limits) -> None:
         raise Problem("limit-exceeded", f"{_member(error)}: {error.message}.", member=_member(error)) from None
     except SettingsError as error:
         raise invalid(_member(error), error.message) from None
+    check_files(settings)
+
+
+def check_products(settings: Settings) -> None:
+    """Problem unless they are the first product, all of them, or different ones by their paths."""
+    names = settings.products
+    if len(names) > 1 and (ALL in names or BEAUTY in names):
+        listed = f'["{BEAUTY}"] is the first product and ["{ALL}"] is all of them; several are listed by their paths'
+        raise invalid("settings.products", listed)
+    if len(set(names)) < len(names):
+        raise invalid("settings.products", "a product is named twice")
+
+
+def products_by_name(settings: Mapping[str, Any]) -> list[str] | None:
+    """Return the products of a job's settings that are written under their own names: ["*"] or paths; None: one picture."""
+    names: list[str] = settings.get("products") or [BEAUTY]
+    return names if names == [ALL] or len(names) > 1 else None
+
+
+def check_files(settings: Settings) -> None:
+    """Problem for a compression that no EXR has, and for images that are outside of the package."""
+    try:
+        Encoding(None, tuple(settings.half), *compression_of(settings.compression))
+    except SettingsError as error:
+        raise invalid("settings.compression", error.message) from None
+    for member, name in (("dome", settings.dome), ("background", settings.background)):
+        if name is not None and (name.startswith("/") or ".." in name.split("/") or "\\" in name or "\0" in name):
+            raise invalid(f"settings.{member}", f"{name!r} is no name of a file in the package")
 
 
 def check_parallel(request: JobRequest) -> None:
@@ -187,6 +214,9 @@ def check_parallel(request: JobRequest) -> None:
     if request.parallel is not None and request.settings.stop_at == "denoised":
         why = "a frame in parts is judged by the picture's own error, not by a denoised one's; leave out stop_at, or parallel"
         raise Problem("parallel-denoise", f"parallel: {why}.", member="parallel")
+    if request.parallel is not None and products_by_name(request.settings.model_dump()) is not None:
+        why = "a frame in parts is one picture; send a job for each product, or leave out parallel"
+        raise Problem("unsupported-setting", f"parallel: {why}.", member="parallel")
 
 
 def check_denoising(settings: Settings) -> None:
@@ -229,6 +259,10 @@ def render_settings(settings: Settings) -> RenderSettings:
         default_light=settings.default_light,
         studio_light=StudioLight(settings.studio_light),
         ground=None if settings.ground is None else Ground(settings.ground),
+        dome=settings.dome,
+        dome_rotation=settings.dome_rotation,
+        dome_visible=settings.dome_visible,
+        background=settings.background,
         default_wrap=DefaultWrap(settings.default_wrap),
         render_context=RenderContext(settings.render_context),
         translated_shaders=settings.translated_shaders,
@@ -252,8 +286,9 @@ def render_settings(settings: Settings) -> RenderSettings:
 
 
 def _product(settings: Settings) -> str | None:
-    """The RenderProduct that is named; None for the first there is."""
-    return None if settings.products == [BEAUTY] else settings.products[0]
+    """The RenderProduct that is named; None for the first there is, and where several are made."""
+    name = settings.products[0]
+    return None if len(settings.products) > 1 or name in (BEAUTY, ALL) else name
 
 
 def _member(error: SettingsError | LimitError) -> str:
@@ -311,6 +346,16 @@ NEW_SETTINGS = (
     "allow",
     "clamp_indirect",
     "caustics",
+    "dome",
+    "dome_rotation",
+    "dome_visible",
+    "background",
+    "view",
+    "display",
+    "look",
+    "exposure",
+    "half",
+    "compression",
 )
 
 

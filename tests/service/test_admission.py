@@ -98,13 +98,30 @@ def test_one_that_did_not_reach_its_end_goes_on_as_it_was(state):
     assert continued(job(before, state), ContinuedRules(), LIMITS) == before
 
 
-@pytest.mark.parametrize(("member", "value"), [("products", ["beauty", "/Render/x"])])
-def test_what_is_not_made_yet_is_refused_by_name(member, value):
+@pytest.mark.parametrize(
+    ("member", "value"),
+    [
+        ("products", ["beauty", "/Render/x"]),
+        ("products", ["*", "/Render/x"]),
+        ("products", ["/Render/x", "/Render/x"]),
+        ("compression", "squeeze"),
+        ("compression", "zip:much"),
+        ("dome", "/etc/passwd"),
+        ("dome", "../sky.hdr"),
+        ("background", "a/../../b.png"),
+    ],
+)
+def test_products_and_files_that_cannot_be_are_refused_by_name(member, value):
     settings = Settings.model_validate({member: value})
     with pytest.raises(Problem) as refused:
         check_settings(settings, Limits())
-    assert refused.value.slug == "unsupported-setting"
+    assert refused.value.slug == "invalid-request"
     assert refused.value.extra["member"] == f"settings.{member}"
+
+
+@pytest.mark.parametrize("value", [["*"], ["/Render/x", "/Render/y"]])
+def test_several_products_are_admitted(value):
+    check_settings(Settings.model_validate({"products": value}), Limits())
 
 
 @pytest.mark.parametrize(("member", "value"), [("products", ["side"]), ("render_settings", "S")])

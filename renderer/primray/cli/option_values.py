@@ -10,7 +10,7 @@ from typing import Literal
 
 from ..aov_names import AOVS
 from ..errors import SettingsError
-from ..images.files.encoding import BIT_DEPTHS, Encoding
+from ..images.files.encoding import BIT_DEPTHS, Encoding, compression_of
 from ..process_memory import available_bytes
 from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK
@@ -208,19 +208,9 @@ def encoding_of(
         listed = ", ".join(map(str, known))
         raise SettingsError(f"there are pictures of {listed} bits, not of {bit_depth}", where="--bit-depth", code="bit-depth")
     names = [name.strip() for text in half or () for name in text.split(",")]
-    kind, level = _compression_of(compression)
+    kind, level = compression_of(compression)
     header = tuple(_attribute_of(text) for text in metadata or ())
     return Encoding(bit_depth, tuple(name for name in names if name), kind, level, header)
-
-
-def _compression_of(text: str | None) -> tuple[str, float | None]:
-    """NAME or NAME:LEVEL."""
-    kind, colon, level = (text or "").strip().lower().partition(":")
-    try:
-        return kind, float(level) if colon else None
-    except ValueError:
-        sentence = f"{text!r} is no compression; write one like dwaa:45"
-        raise SettingsError(sentence, where="compression", code="exr-setting") from None
 
 
 def _attribute_of(text: str) -> tuple[str, str]:

@@ -45,7 +45,27 @@ class StopRules(Sent):
     max_seconds: float | None = Field(None, gt=0, description="Seconds of sampling, a frame.")
 
 
-class Settings(Sent):
+class FileSettings(Sent):
+    """How the job's files store and show the picture."""
+
+    view: str | None = Field(None, max_length=256, description="OCIO view of PNG, JPEG and TIFF; null: the display's default.")
+    display: str | None = Field(None, max_length=256, description="OCIO display of these; null: the configuration's default.")
+    look: str | None = Field(None, max_length=256, description="OCIO look in place of the view's.")
+    exposure: Annotated[float, Field(ge=-30, le=30)] | Literal["auto"] | None = Field(
+        None,
+        description="In stops, of PNG, JPEG and TIFF; auto: what the view needs, for each frame; null: as the product asks.",
+    )
+    half: list[Annotated[str, Field(max_length=280)]] = Field(
+        default=[],
+        max_length=64,
+        description="Channels, layers or parts of the EXR stored as halves (R, stderr, rgba), or all, or none.",
+    )
+    compression: str | None = Field(
+        None, max_length=32, description="NAME or NAME:LEVEL of the EXR, such as dwaa:45; null: the product's, else zip."
+    )
+
+
+class Settings(FileSettings):
     """As RenderSettings of the library and the flags of `primray render`."""
 
     camera: str | None = Field(None, max_length=1024, description="A prim path, or a name that only one camera has.")
@@ -60,7 +80,8 @@ class Settings(Sent):
         default=["beauty"],
         min_length=1,
         max_length=64,
-        description='["beauty"]: the first product of the render settings; or the path of one RenderProduct. One a job.',
+        description='["beauty"]: the first product of the render settings; ["*"]: all of them, each in a file of its own name; '
+        "or paths of RenderProducts, several of which are files of their own names.",
     )
     aovs: list[Annotated[str, Field(max_length=280)]] | None = Field(
         None, max_length=64, description="Parts of the EXR beside the picture, by name; null: what the stage's product orders."
@@ -91,6 +112,16 @@ class Settings(Sent):
     )
     ground: Literal["shadow", "plane"] | None = Field(
         None, description="Below all that is drawn: only its shadow, or a grey plane; null: none."
+    )
+    dome: str | None = Field(
+        None, max_length=1024, description="A lat-long image of the package that lights the stage in place of its own domes."
+    )
+    dome_rotation: float = Field(0.0, ge=-36000, le=36000, description="Degrees, about the up axis.")
+    dome_visible: bool = Field(True, description="To the camera.")
+    background: str | None = Field(
+        None,
+        max_length=1024,
+        description="Behind all that is drawn: #rrggbb, r,g,b as displayed, transparent, or an image of the package.",
     )
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from primray.cli import option_values, output_flags, render_flags, stage_flags
+from primray.cli import option_values, output_flags, render_flags, show_flags, stage_flags
 from primray.cli.json_lines import print_line
 from primray.cli.option_values import OnOff
 from primray.settings import (
@@ -71,6 +71,15 @@ def submit(
     no_default_light: stage_flags.NoDefaultLight = False,
     studio_light: stage_flags.Studio = StudioLight.AUTO,
     ground: stage_flags.GroundBelow = None,
+    background: show_flags.Background = None,
+    product: output_flags.Products = None,
+    all_products: output_flags.AllProducts = False,
+    view: output_flags.View = None,
+    display: output_flags.Display = None,
+    look: output_flags.Look = None,
+    exposure: output_flags.Exposure = None,
+    half: output_flags.Half = None,
+    compression: output_flags.Compression = None,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     no_translated_shaders: stage_flags.NoTranslatedShaders = False,
@@ -148,6 +157,14 @@ def submit(
         "default_light": False if no_default_light else None,
         "studio_light": studio_light.value if studio_light is not StudioLight.AUTO else None,
         "ground": ground.value if ground is not None else None,
+        "background": background,
+        "products": products_of(product, all_products),
+        "view": view,
+        "display": display,
+        "look": look,
+        "exposure": option_values.exposure_of(exposure),
+        "half": _list(option_values.encoding_of(None, half).half or None),
+        "compression": compression,
         "default_wrap": default_wrap.value if default_wrap is not DefaultWrap.BLACK else None,
         "render_context": render_context.value if render_context is not RenderContext.MTLX else None,
         "translated_shaders": False if no_translated_shaders else None,
@@ -202,6 +219,13 @@ def _follow(client: Client, job: Job, folder: Path | None, as_json: bool, overwr
     if folder is not None:
         download_all(client, ended.id, folder, as_json, overwrite=overwrite)
     end_as(ended)
+
+
+def products_of(paths: list[str] | None, all_of_them: bool) -> list[str] | None:
+    """Return a job's products: all, those at these paths, or None for the first; CommandError for all and some."""
+    if paths and all_of_them:
+        raise CommandError("product-option", "--all-products and --product both choose products; give one", USAGE)
+    return ["*"] if all_of_them else paths or None
 
 
 def given(settings: dict[str, Any]) -> dict[str, Any]:

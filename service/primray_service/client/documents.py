@@ -25,7 +25,7 @@ class Settings(TypedDict, total=False):
     auto_camera: Literal["three-quarter", "usdrecord"]
     render_settings: str | None  # path of a RenderSettings prim
     render_pass: str | None  # path of a RenderPass prim
-    products: list[str]  # ["beauty"], or the path of one RenderProduct
+    products: list[str]  # ["beauty"], ["*"] for all, or paths of RenderProducts
     aovs: list[str] | None
     aov_errors: bool
     frames: str | None
@@ -43,6 +43,10 @@ class Settings(TypedDict, total=False):
     default_light: bool
     studio_light: Literal["auto", "on", "off"]
     ground: Literal["shadow", "plane"] | None
+    dome: str | None  # an image of the package
+    dome_rotation: float
+    dome_visible: bool
+    background: str | None  # a colour, transparent, or an image of the package
     default_wrap: Literal["black", "clamp", "repeat", "mirror"]
     render_context: Literal["mtlx", "universal"]
     translated_shaders: bool
@@ -65,6 +69,12 @@ class Settings(TypedDict, total=False):
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None
+    view: str | None  # of OpenColorIO
+    display: str | None
+    look: str | None
+    exposure: float | Literal["auto"] | None
+    half: list[str]
+    compression: str | None  # NAME or NAME:LEVEL
 
 
 class QuotaChanges(TypedDict, total=False):

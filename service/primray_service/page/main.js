@@ -1,4 +1,4 @@
-// Chooses the view by the address's fragment: #/ (new render), #/jobs, #/jobs/<id>, #/compare/<id>/<id>, #/admin. A view is a function
+// Chooses the view by the address's fragment: #/ (new render), #/jobs, #/jobs/<id>, #/again/<id>, #/compare/<id>/<id>, #/admin. A view is a function
 // (root, arguments) that fills its root and answers a function that ends it.
 //
 // Imports go one way: views/ (what an address shows) is made of scene/ (what is sent), job/ (what is told of a job), admin/ (what an
@@ -9,6 +9,7 @@ import { element, fill } from "./base/dom.js";
 import { keyForm } from "./key_form.js";
 import { watchServer } from "./server_line.js";
 import { adminView } from "./views/admin_view.js";
+import { againView } from "./views/again_view.js";
 import { compareView } from "./views/compare_view.js";
 import { jobView } from "./views/job_view.js";
 import { jobsView } from "./views/jobs_view.js";
@@ -21,6 +22,7 @@ const ROUTES = [
   [/^\/?$/, "new", newView],
   [/^\/jobs$/, "jobs", jobsView],
   [/^\/jobs\/([^/]+)$/, "jobs", jobView],
+  [/^\/again\/([^/]+)$/, "new", againView],
   [/^\/admin$/, "admin", adminView],
   [/^\/compare(?:\/([^/]+))?(?:\/([^/]+))?$/, "compare", compareView],
 ];

@@ -18,6 +18,7 @@ from .request import PictureRequest, Space
 
 KEPT_BYTES = 64 * MiB
 TIMEOUT_S = 20.0
+MOST_TABLES = 12  # of less than a megabyte each
 LINE_BYTES = 64 * 1024
 # The beginning of worker/preview.py's header, which is read here without numpy: magic, version, 4 sizes, passes, samples.
 HEADER = struct.Struct("<8sIIIIIIQ")
@@ -55,7 +56,7 @@ class PictureEncoder:
         self._turn = asyncio.Lock()
         self._kept: OrderedDict[tuple[str, str, PictureRequest], Picture] = OrderedDict()
         self._kept_bytes = 0
-        self._tables: dict[str, bytes] = {}
+        self._tables: dict[tuple[str | None, ...], bytes] = {}
 
     async def picture(self, path: Path, known_revision: str, request: PictureRequest) -> Picture:
         """Problem("unavailable") where it cannot be made."""
@@ -69,12 +70,17 @@ class PictureEncoder:
             self._keep(key, made)
             return made
 
-    async def view_table(self, space: Space) -> bytes:
-        """What pictures are seen through, as view_table.py says; made once. Problem("unavailable") where it cannot be made."""
+    async def view_table(self, space: Space, *through: str | None) -> bytes:
+        """Return what pictures are seen through, as view_table.py says: view, display and look, or the configuration's own.
+        Problem("unavailable") where it cannot be made."""
+        key = (space, *through)
         async with self._turn:
-            if space not in self._tables:
-                self._tables[space] = (await self._made({"table": space})).data
-            return self._tables[space]
+            if key not in self._tables:
+                made = (await self._made({"table": key})).data
+                while len(self._tables) >= MOST_TABLES:
+                    del self._tables[next(iter(self._tables))]
+                self._tables[key] = made
+            return self._tables[key]
 
     async def warm(self) -> None:
         """Start the helper before it is needed."""

@@ -1,8 +1,8 @@
 """The process that turns previews into pictures: `python -m primray_service.pictures.process`, spoken to over pipes.
 
-A request is a line of JSON, {"path", and PictureRequest's members} or {"table": SPACE} for the view itself; an answer is a line
-of JSON, {"bytes", "media_type", "headers"} or {"error"}, and then so many bytes. It ends when its standard input does, however
-its server died.
+A request is a line of JSON: {"path", and PictureRequest's members}, or {"table": [SPACE, VIEW, DISPLAY, LOOK]} for a view.
+An answer is a line of JSON, {"bytes", "media_type", "headers"} or {"error"}, and then so many bytes. The process ends when its
+standard input does, however its server died.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main() -> None:
 
 def answer(asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
     if "table" in asked:
-        data = view_table(asked["table"])
+        data = view_table(*asked["table"])
         return {"bytes": len(data), "media_type": MEDIA_TYPES["raw"], "headers": {}}, data
     request = PictureRequest(**{name: value for name, value in asked.items() if name != "path"})
     preview = read_preview(Path(asked["path"]))

@@ -29,6 +29,11 @@ class PictureRequest:
     exposure: float = 0.0
     format: str = "png"
     width: int | None = None
+    # What the job's files are seen through, which `exposure` is added to.
+    through: str | None = None
+    display: str | None = None
+    look: str | None = None
+    stops: float | Literal["auto"] | None = None
 
     @property
     def tag(self) -> str:

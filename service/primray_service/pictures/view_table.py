@@ -20,15 +20,15 @@ SIDE = 65
 LEAST, MOST = 0.03, 512.0
 
 
-def view_table(space: str) -> bytes:
-    """`space`: one of request.Space."""
+def view_table(space: str, view: str | None = None, display: str | None = None, look: str | None = None) -> bytes:
+    """`space`: one of request.Space; SettingsError for names that the configuration does not have."""
     places = np.geomspace(LEAST, MOST + LEAST, SIDE, dtype=np.float64) - LEAST
     places[0] = 0.0
     cube = np.stack(np.meshgrid(places, places, places, indexing="ij"), axis=-1).astype(np.float32)
     found = named(space)
     assert found is not None
-    shown = to_display(cube.reshape(SIDE, -1, 3), space=found)
+    shown = to_display(cube.reshape(SIDE, -1, 3), view, display, look=look, space=found)
     values = (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
-    display, view = check_view(None)
+    display, view = check_view(view, display)
     head = json.dumps({"side": SIDE, "least": LEAST, "most": MOST, "display": display, "view": view}).encode()
     return struct.pack("<I", len(head)) + head + values.tobytes()

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from primray.color.color_space import LUMINANCE_WEIGHTS
 from primray.color.ocio import check_view
+from primray.images.exposure import View, exposure_that_serves
 from primray.images.image import encode
 
 from ..worker.preview import Preview
@@ -33,13 +34,13 @@ def picture(preview: Preview, request: PictureRequest) -> tuple[Values, dict[str
     """(H, W, 1, 3 or 4) uint8, and what the answer's headers say of it."""
     if request.view == "beauty":
         values = _beauty(_narrowed(preview.rgb, request), _narrowed(preview.alpha[..., None], request), request)
-        return values, {} if request.channel == "a" else {"preview-view": _view_in_header()}
+        return values, {} if request.channel == "a" else {"preview-view": _view_in_header(request)}
     return _error_map(preview, request)
 
 
-def _view_in_header() -> str:
+def _view_in_header(request: PictureRequest) -> str:
     """VIEW (DISPLAY), percent-encoded where a header cannot hold it."""
-    display, view = check_view(None)
+    display, view = check_view(request.through, request.display)
     return quote(f"{view} ({display})", safe=" ()-.,:/+")
 
 
@@ -47,9 +48,21 @@ def _beauty(rgb: Values, alpha: Values, request: PictureRequest) -> Values:
     if request.channel == "a":
         return (np.clip(alpha, 0, 1) * 255 + 0.5).astype(np.uint8)
     if request.channel == "rgb":
-        return encode(np.concatenate([rgb, alpha], axis=2), exposure=request.exposure)
+        return _encoded(np.concatenate([rgb, alpha], axis=2), request, _stops(rgb, alpha, request))
     grey = np.repeat(_one_channel(rgb, request.channel)[..., None], 3, axis=2)
-    return encode(np.concatenate([grey, np.ones_like(alpha)], axis=2), exposure=request.exposure)
+    return _encoded(np.concatenate([grey, np.ones_like(alpha)], axis=2), request, _stops(rgb, alpha, request))
+
+
+def _encoded(pixels: Values, request: PictureRequest, stops: float) -> Values:
+    return encode(pixels, view=request.through, display=request.display, look=request.look, exposure=stops)
+
+
+def _stops(rgb: Values, alpha: Values, request: PictureRequest) -> float:
+    """Return the exposure asked for beside that of the job's files."""
+    if request.stops != "auto":
+        return (request.stops or 0.0) + request.exposure
+    view = View(request.through, request.display, request.look)
+    return exposure_that_serves(np.concatenate([rgb, alpha], axis=2), view) + request.exposure
 
 
 def _one_channel(values: Values, channel: str) -> Values:

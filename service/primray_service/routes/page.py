@@ -7,8 +7,9 @@ import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Annotated
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 
 from ..http.callers import Serving
 from ..pictures.request import Space
@@ -77,10 +78,20 @@ def login_page(problem: Problem) -> Response:
     return Response(files()["login.html"].content, problem.status, headers, media_type=MEDIA_TYPES[".html"])
 
 
+OcioName = Annotated[str | None, Query(max_length=256)]
+
+
 @router.get("/page/view-table")
-async def view_table(request: Request, service: Serving, space: Space) -> Response:
+async def view_table(
+    request: Request,
+    service: Serving,
+    space: Space,
+    view: OcioName = None,
+    display: OcioName = None,
+    look: OcioName = None,
+) -> Response:
     """What the server's pictures are seen through (pictures/view_table.py)."""
-    return _answer_with(request, _table(await service.pictures.view_table(space)))
+    return _answer_with(request, _table(await service.pictures.view_table(space, view, display, look)))
 
 
 @lru_cache(maxsize=8)

@@ -11,7 +11,6 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -94,13 +93,19 @@ def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) ->
 def renders() -> Do:
     """Frames of one job, whose stage is kept from one to the next; their parts, and the merges of these."""
     from .merge_task import merge_parts
+    from .product_task import render_products
     from .render_task import render_frame
     from .stage_of_frames import StageOfFrames
 
-    render = partial(render_frame, StageOfFrames())
+    stages = StageOfFrames()
 
     def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-        (merge_parts if command["do"] == "merge" else render)(command, job, out, channel)
+        if command["do"] == "merge":
+            merge_parts(command, job, out, channel)
+        elif command.get("products"):
+            render_products(stages, command, job, out, channel)
+        else:
+            render_frame(stages, command, job, out, channel)
 
     return do
 

@@ -9,37 +9,58 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from primray.images.files.encoding import Encoding
-
 from .channel import finite
+from .picture_files import PictureFiles
 
 if TYPE_CHECKING:
     from primray.diagnostics import Diagnostics
     from primray.images.image import Image
 
-MEDIA_TYPES = {".exr": "image/x-exr", ".png": "image/png", ".json": "application/json"}
+MEDIA_TYPES = {
+    ".exr": "image/x-exr",
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".tif": "image/tiff",
+    ".tiff": "image/tiff",
+    ".hdr": "image/vnd.radiance",
+    ".json": "application/json",
+}
 DEFAULT_NAMES = ("beauty.exr", "beauty.png", "report.json")
 
 
-def write_pictures(image: Image, names: Sequence[str], folder: Path, diagnostics: Diagnostics) -> dict[str, Any]:
-    """The report, with what writing took; what a view does not show well goes to `diagnostics`. Records come first: of a view
-    that fails nothing else is lost."""
-    from primray.images.exposure import view_fault
-    from primray.images.image import faults_of_exr
-    from primray.report.unfinished import kept_without
+def write_pictures(
+    image: Image, names: Sequence[str], folder: Path, diagnostics: Diagnostics, files: PictureFiles
+) -> dict[str, Any]:
+    """Write the pictures and return the report with what writing took; what a view does not show well goes to `diagnostics`.
 
-    start, view, stops = time.perf_counter(), image.view_of(), image.file.view.exposure
+    EXRs come first, so that a view that fails loses nothing else.
+    """
+    start = time.perf_counter()
     for name in sorted(names, key=lambda name: not name.endswith(".exr")):
-        if name.endswith(".exr"):
-            image.write(folder / name, view, 0.0)
-            diagnostics.extend(faults_of_exr(image, Encoding()))
-        elif not name.endswith(".json"):
-            with kept_without(name, diagnostics):
-                image.write(folder / name, view, stops)
-                faults = (view.assumption(), view_fault(image.shown.pixels, view, stops))
-                diagnostics.extend(fault for fault in faults if fault is not None)
+        if not name.endswith(".json"):
+            write_picture(image, folder / name, diagnostics, files)
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     return {**image.report, "outputs": list(names), "stages_s": stages_s}
+
+
+def write_picture(image: Image, path: Path, diagnostics: Diagnostics, files: PictureFiles) -> None:
+    """Write one file; a view that cannot be made is reported and the file is left out."""
+    from primray.images.exposure import view_fault
+    from primray.images.image import faults_of_exr, shows_view
+    from primray.report.unfinished import kept_without
+
+    view = files.view_of(image)
+    if not shows_view(path, files.encoding):
+        image.write(path, view, 0.0, files.encoding)
+        if path.suffix.lower() == ".exr":
+            diagnostics.extend(faults_of_exr(image, files.encoding))
+        return
+    with kept_without(path.name, diagnostics):
+        stops = files.stops(image)
+        image.write(path, view, stops, files.encoding)
+        faults = (view.assumption(), view_fault(image.shown.pixels, view, stops))
+        diagnostics.extend(fault for fault in faults if fault is not None)
 
 
 def write_report(report: Mapping[str, Any], names: Sequence[str], folder: Path) -> None:
@@ -58,7 +79,7 @@ def described(path: Path) -> dict[str, Any]:
         "file": path.name,
         "bytes": path.stat().st_size,
         "sha256": sha256,
-        "media_type": MEDIA_TYPES[path.suffix],
+        "media_type": MEDIA_TYPES[path.suffix.lower()],
     }
 
 

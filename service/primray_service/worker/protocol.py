@@ -9,11 +9,13 @@ Commands
     {"do": "render", "file": "package/shot.usda", "settings": {RenderSettings as JSON}, "checkpoint": "checkpoint.prc" | null,
      "number": 3, "checkpoint_every_s": 10, "picture_only": false, "preview": true, "limits": {..}, "traceparent": "..",
      "outputs": ["beauty.exr", "beauty.png", "report.json"], "spent_s": 3.5, "fraction": 0.4,
-     "part": false, "stay": true}
+     "part": false, "stay": true, "files": {"exposure": 1.5, ..},
+     "products": {"named": ["/Render/beauty", ..] | null, "name_end": ".0012"}}
         goes on from `checkpoint` (whose number is `number`), or begins; `picture_only`: take no more samples, write the
         outputs; `preview`: as the command of that name, from the start; `outputs`: what files are to be called, by whose
         endings the worker knows what they are; `spent_s`: seconds of sampling before this run that the settings' time limit
         counts; `fraction`: of progress that was told before; `stay`: after `done`, for more work;
+        `files`: members of FileSettings; `products`: all or those named, in files of their own names, which `name_end` ends;
         `part`: the settings name a range of samples; take them and leave a checkpoint, without previews and without a picture
         (then: checkpoint, done with no outputs and a report {"stop", "samples", "rays"})
     {"do": "merge", "parts": ["checkpoint.prc", "part-8.prc"], "number": 3, "metric": "relmse", "target": 0.01 | null,

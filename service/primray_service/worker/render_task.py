@@ -13,6 +13,7 @@ from typing import Any
 
 from primray.checkpoints.checkpointing import Saver, begin
 from primray.checkpoints.kept_beside import kept_beside
+from primray.description.picture_file import PictureView
 from primray.diagnostics import Diagnostics
 from primray.render import Prepared, picture_of
 from primray.report.report import Costs, settings_as_json
@@ -23,7 +24,8 @@ from ..problems import Problem
 from ..sandbox import end_phase
 from .channel import Channel
 from .outputs import DEFAULT_NAMES, described, to_send, write_pictures, write_report
-from .render_watch import Numbers, Phases, Warnings, Watch
+from .picture_files import PictureFiles, picture_files_of
+from .render_watch import Numbers, Phases, Share, Warnings, Watch
 from .stage_of_frames import StageOfFrames
 
 REPORT_BYTES = 2**20
@@ -37,28 +39,17 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
     costs.on_stage = phases
     prepared = _prepare(command, job, stages, costs, diagnostics)
     warned.send(diagnostics)
-    files = command.get("outputs") or DEFAULT_NAMES
-    check_view_of(files, prepared, bool(command.get("part")))
+    names, files = command.get("outputs") or DEFAULT_NAMES, picture_files_of(command)
+    if not command.get("part"):
+        check_view_of(names, files, prepared)
+    numbers = Numbers(number, out)
     with costs.stage("render"):
-        sampling, about = begin(prepared, list(diagnostics), _checkpoint(command, job))
-        sampling.count_as_spent(float(command.get("spent_s") or 0.0))
-        channel.send("effective", **_effective(prepared, sampling))
-        channel.nothing_to_save(None)
-        channel.send("phase", phase="sampling")
-        end_phase()
-        numbers = Numbers(number, out)
-        saver = Saver(about, float(command.get("checkpoint_every_s") or 60.0), numbers.next_file, numbers.send_to(channel))
-        watch = Watch(sampling, saver, channel, out, shows=not command.get("part"))
-        if command.get("preview"):
-            channel.ask_preview()
-        if command.get("picture_only"):
-            sampling.run(lambda fraction, samples, rays: False)
-        elif watch.run(float(command.get("fraction") or 0.0)) == "gave way":
-            channel.leave("yielded", number=numbers.number)
-        if command.get("keeps_beside") and sampling.film.samples:
-            saver.wait()
-            saver.keep_beside(kept_beside(prepared, sampling))
-        watch.last_words()
+        run = Run(prepared, command, diagnostics, channel, out, numbers, _checkpoint(command, job))
+        if command.get("keeps_beside") and run.sampling.film.samples:
+            run.saver.wait()
+            run.saver.keep_beside(kept_beside(prepared, run.sampling))
+        run.watch.last_words()
+    sampling, saver = run.sampling, run.saver
     if not sampling.film.samples:  # it was stopped before there was a picture
         saver.wait()
         channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
@@ -69,29 +60,71 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
         return channel.done(stay=bool(command.get("stay")), outputs=[], report=said)
     phases("write")
     image = picture_of(prepared, sampling, costs, diagnostics)
-    report = write_pictures(replace(image, metadata=channel.text.in_json(image.metadata)), files, out, diagnostics)
+    run.watch.show(image)
+    image = replace(image, metadata=channel.text.in_json(image.metadata))
+    report = write_pictures(image, names, out, diagnostics, files)
     saver.wait()
     report["checkpoint"] = saver.as_json() | {"file": f"checkpoint-{numbers.number}.prc"}
     if report["checkpoint"]["failed"]:
         diagnostics.add("checkpoint-unwritten", "", report["checkpoint"]["failed"])
     warned.send(diagnostics)
     report["diagnostics"] = [diagnostic.as_json() for diagnostic in diagnostics]
-    write_report(channel.text.in_json(report), files, out)
-    outputs = [described(out / file) for file in files if (out / file).exists()]
+    write_report(channel.text.in_json(report), names, out)
+    outputs = [described(out / file) for file in names if (out / file).exists()]
     channel.done(stay=bool(command.get("stay")), outputs=outputs, report=to_send(report, REPORT_BYTES))
 
 
-def check_view_of(files: Sequence[str], prepared: Prepared, is_part: bool) -> None:
-    """SettingsError before sampling where a PNG is to be written and the configuration cannot make its view."""
-    if not is_part and any(file.endswith(".png") for file in files):
-        from primray.images.exposure import View
+class Run:
+    """The sampling of one picture, from its checkpoint if there is one; it has ended, or the process has left to give way.
 
-        View(space=prepared.scene.rendering_space).check()
+    `spent_s`: seconds of it before, which its time limit counts.
+    """
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        command: Mapping[str, Any],
+        diagnostics: Diagnostics,
+        channel: Channel,
+        out: Path,
+        numbers: Numbers,
+        checkpoint: Path | None,
+        share: Share = Share(),  # noqa: B008 - immutable
+        spent_s: float | None = None,
+    ) -> None:
+        self.sampling, about = begin(prepared, list(diagnostics), checkpoint)
+        self.sampling.count_as_spent(float(command.get("spent_s") or 0.0) if spent_s is None else spent_s)
+        if share.place == 0:
+            channel.send("effective", **_effective(prepared, self.sampling))
+        channel.nothing_to_save(None)
+        channel.send("phase", phase="sampling")
+        end_phase()
+        every_s = float(command.get("checkpoint_every_s") or 60.0)
+        self.saver = Saver(about, every_s, numbers.next_file, numbers.send_to(channel))
+        self.watch = Watch(self.sampling, self.saver, channel, out, shows=not command.get("part"), share=share)
+        if command.get("preview"):
+            channel.ask_preview()
+        if command.get("picture_only"):
+            self.sampling.run(lambda fraction, samples, rays: False)
+        elif self.watch.run(share.own(float(command.get("fraction") or 0.0))) == "gave way":
+            channel.leave("yielded", number=numbers.number)
+
+
+def check_view_of(names: Sequence[str], files: PictureFiles, prepared: Prepared) -> None:
+    """SettingsError before sampling where a view is to be written and the configuration cannot make it."""
+    from primray.images.exposure import View
+    from primray.images.image import shows_view
+
+    if any(shows_view(Path(name), files.encoding) for name in names):
+        asked = PictureView() if prepared.file is None else prepared.file.view
+        if files.view is not None or files.display is not None or files.look is not None:
+            asked = PictureView(files.view, files.display, files.look)
+        View(asked.view, asked.display, asked.look, prepared.scene.rendering_space).check()
 
 
 def _prepare(command: Mapping[str, Any], job: Path, stages: StageOfFrames, costs: Costs, diagnostics: Diagnostics) -> Prepared:
-    settings = _settings(command)
-    _limit_images(command.get("limits") or {})
+    settings = settings_of(command, job)
+    limit_images(command.get("limits") or {})
     more_follow = bool(command.get("stay"))
     prepared = stages.prepare(str(job / command["file"]), settings, costs, diagnostics, more_follow=more_follow)
     return within_limits(prepared, command.get("limits") or {}, diagnostics)
@@ -117,18 +150,33 @@ def _checkpoint(command: Mapping[str, Any], job: Path) -> Path | None:
     return None if name is None else job / str(name)
 
 
-def _settings(command: Mapping[str, Any]) -> RenderSettings:
+def settings_of(command: Mapping[str, Any], job: Path) -> RenderSettings:
+    """Return the command's settings, with its limits and with the places of the package's images."""
     values = dict(command["settings"])
     limits = command.get("limits") or {}
     if values.get("max_memory_bytes") is None and limits.get("memory_bytes") is not None:
         values["max_memory_bytes"] = int(limits["memory_bytes"])
+    for name in ("dome", "background"):
+        if values.get(name) and (file := package_file(command, job, values[name])) is not None:
+            values[name] = str(file)
     try:
         return settings_of_json(values)
     except (TypeError, ValueError) as error:
         raise Problem("settings-rejected", f"The settings make no sense: {error}.") from error
 
 
-def _limit_images(limits: Mapping[str, Any]) -> None:
+def package_file(command: Mapping[str, Any], job: Path, name: str) -> Path | None:
+    """Return the package's (or the shared root's) file of this name; None: there is no such file."""
+    if command.get("root"):
+        folder = Path(command["root"])
+    else:
+        *folders, _ = Path(command["file"]).parts
+        folder = job / folders[0] if folders else job
+    path = folder / name
+    return path if path.is_file() else None
+
+
+def limit_images(limits: Mapping[str, Any]) -> None:
     import OpenImageIO as oiio
 
     if limits.get("texture_bytes"):

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from primray.checkpoints.checkpointing import Saver
 from primray.color.color_space import REC709, ColorSpace, matrix, transformed
 from primray.diagnostics import Diagnostics
+from primray.images.image import Image
 from primray.sampling.forecast import Forecaster
 from primray.sampling.sampling import Sampling
 from primray.settings import SAMPLE_BLOCK
@@ -109,11 +110,41 @@ class Numbers:
         return written
 
 
+@dataclass(frozen=True)
+class Share:
+    """Which of a frame's renders is watched. Those of several products follow one another."""
+
+    place: int = 0
+    renders: int = 1
+    passes: int = 0  # of the previews before, which those of this render follow
+
+    def fraction(self, own: float) -> float:
+        return (self.place + own) / self.renders
+
+    def own(self, fraction: float) -> float:
+        """Return this render's part of what the frame has reached."""
+        return min(max(fraction * self.renders - self.place, 0.0), 1.0)
+
+    def left_s(self, own: float, whole: float) -> float:
+        """Return the seconds left of the frame; each render to come takes as long as this one."""
+        return own + (self.renders - self.place - 1) * whole
+
+
 class Watch:
     """Between the sampling and the server: progress, rows, previews, checkpoints, being told to stop. `shows`: previews, and
     the error; no part of a frame does."""
 
-    def __init__(self, sampling: Sampling, saver: Saver, channel: Channel, out: Path, *, shows: bool = True) -> None:
+    def __init__(
+        self,
+        sampling: Sampling,
+        saver: Saver,
+        channel: Channel,
+        out: Path,
+        *,
+        shows: bool = True,
+        share: Share = Share(),
+    ) -> None:
+        self._share = share
         self._sampling = sampling
         self._saver = saver
         self._channel = channel
@@ -159,6 +190,13 @@ class Watch:
         if self._shows and self._sampling.film.samples != self._shown_samples:
             self._preview()
 
+    def show(self, image: Image) -> int:
+        """Preview the picture as its files show it where that is not what was sampled; return the last preview's pass."""
+        if self._shows and image.shown is not image:
+            shown = image.shown
+            self._send_preview(*in_rec709(shown.pixels, self._sampling.film.image()[1], image.color_space))
+        return self._share.passes + self._shown
+
     def _on_progress(self, fraction: float, samples: int, rays: int) -> bool:
         now = time.monotonic()
         if now >= self._next_progress:
@@ -182,18 +220,22 @@ class Watch:
 
     def _preview(self) -> None:
         start = time.monotonic()
-        film = self._sampling.film
-        pixels, errors = film.image()
-        number = max(passes_of(self._sampling), self._shown + 1)
-        preview = preview_of(*in_rec709(pixels, errors, self._sampling.scene.rendering_space), number, film.samples)
-        file, size = write_preview(preview, self._out)
-        self._channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})
-        self._shown, self._shown_samples = number, film.samples
+        pixels, errors = self._sampling.film.image()
+        self._send_preview(*in_rec709(pixels, errors, self._sampling.scene.rendering_space))
         took = time.monotonic() - start
         self._next_preview = time.monotonic() + max(PREVIEW_EVERY_S, 9 * took)
 
+    def _send_preview(self, pixels: Values, errors: Values) -> None:
+        """Pixels and errors are in Rec.709."""
+        number, samples = max(passes_of(self._sampling), self._shown + 1), self._sampling.film.samples
+        preview = preview_of(pixels, errors, self._share.passes + number, samples)
+        file, size = write_preview(preview, self._out)
+        self._channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})
+        self._shown, self._shown_samples = number, samples
+
     def _send_rows(self) -> None:
-        rows = self._sampling.rows
+        """Of several renders the first alone has a curve: a frame has one."""
+        rows = self._sampling.rows if self._share.place == 0 else []
         for row in rows[self._rows :]:
             found = row.as_json()
             if math.isfinite(row.error.relmse.high) and math.isfinite(row.error.rmse.high):
@@ -207,7 +249,7 @@ class Watch:
         elapsed = max(sampling.now_s, sampling.seconds)
         ran = elapsed - self._forecaster.start_s
         ended = sampling.stop is not None
-        left = None if ended else forecast.left_s
+        left, share = None if ended else forecast.left_s, self._share
         error: dict[str, Any] | None = None
         if forecast.error is not None and math.isfinite(forecast.error.high):
             settings = sampling.settings
@@ -216,7 +258,7 @@ class Watch:
             error |= {"target": settings.target_error, "kind": "estimated"}
         self._channel.send(
             "progress",
-            fraction=fraction,
+            fraction=share.fraction(fraction),
             samples_done=sampling.mean_samples(),
             samples_min=int(of_tiles.min()),
             samples_max=int(of_tiles.max()),
@@ -224,7 +266,11 @@ class Watch:
             rays_per_s=(film.rays - self._first_rays) / ran if ran > 0 else 0.0,
             elapsed_s=elapsed,
             error=error,
-            eta_s=0.0 if ended else None if left is None else left.value,
-            eta_ci95=None if left is None else [left.low, left.high],
-            **{"pass": passes_of(sampling)},
+            eta_s=share.left_s(0.0, elapsed)
+            if ended
+            else None
+            if left is None
+            else share.left_s(left.value, elapsed + left.value),
+            eta_ci95=None if left is None else [share.left_s(seconds, elapsed + seconds) for seconds in (left.low, left.high)],
+            **{"pass": share.passes + passes_of(sampling)},
         )

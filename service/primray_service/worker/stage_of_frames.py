@@ -7,7 +7,7 @@ from primray.keeping.frugal_steps import KEPT_PART
 from primray.keeping.kept_stage import KeptStage
 from primray.process_memory import resident_bytes
 from primray.render import Prepared, prepare
-from primray.render.prepare import composing_settings
+from primray.render.prepare import OpenedStage, composing_settings
 from primray.report.report import Costs
 from primray.settings import RenderSettings
 
@@ -25,7 +25,7 @@ class StageOfFrames:
     ) -> Prepared:
         """As render.prepare, for a checkpoint. Of the last frame nothing is kept that it does not have itself."""
         found, self._kept = self._kept, None
-        if found is None or (self._file, found.opened.composed_by) != (file, composing_settings(settings)):
+        if found is None or not self._has(found, file, settings):
             with costs.stage("open"):
                 found = KeptStage(file, settings)
             if not more_follow:
@@ -35,6 +35,17 @@ class StageOfFrames:
         if more_follow and self._is_small(settings.max_memory_bytes):
             self._kept, self._file = found, file
         return prepared
+
+    def opened(self, file: str, settings: RenderSettings, costs: Costs) -> OpenedStage:
+        """Return the stage, which the next `prepare` uses."""
+        if self._kept is None or not self._has(self._kept, file, settings):
+            self._kept = None
+            with costs.stage("open"):
+                self._kept, self._file = KeptStage(file, settings), file
+        return self._kept.opened
+
+    def _has(self, found: KeptStage, file: str, settings: RenderSettings) -> bool:
+        return (self._file, found.opened.composed_by) == (file, composing_settings(settings))
 
     def _is_small(self, most_bytes: int | None) -> bool:
         return most_bytes is None or resident_bytes() - self._bytes_before <= KEPT_PART * most_bytes

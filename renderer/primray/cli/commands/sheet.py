@@ -47,7 +47,9 @@ def sheet(
     frames: stage_flags.Frames = None,
     cameras: Annotated[
         list[str] | None,
-        typer.Option("--camera", "-c", "-cam", metavar="CAMERA", help="Of a scene; may be repeated.", show_default="the stage's"),
+        typer.Option(
+            "--camera", "-c", "-cam", metavar="CAMERA", help="Of a scene; may be repeated.", show_default="the stage's"
+        ),
     ] = None,
     variants: Annotated[
         list[str] | None,

@@ -74,6 +74,16 @@ class Encoding:
         return any(name in self.half for name in _names(part, channel))
 
 
+def compression_of(text: str | None) -> tuple[str, float | None]:
+    """Return the compression and its level, from NAME or NAME:LEVEL; SettingsError for a level that is no number."""
+    kind, colon, level = (text or "").strip().lower().partition(":")
+    try:
+        return kind, float(level) if colon else None
+    except ValueError:
+        sentence = f"{text!r} is no compression; write one like dwaa:45"
+        raise SettingsError(sentence, where="compression", code="exr-setting") from None
+
+
 def _names(part: str, channel: str) -> tuple[str, ...]:
     """By which a channel is meant: "rgba" is the picture without its errors, which share a part."""
     layer = channel.rpartition(".")[0]

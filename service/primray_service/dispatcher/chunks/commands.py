@@ -10,8 +10,8 @@ from pathlib import Path
 from primray.report.report import settings_as_json
 from primray.settings import RenderSettings
 
-from ...admission import render_settings
-from ...api.models import Settings
+from ...admission import ALL, products_by_name, render_settings
+from ...api.models import FileSettings, Settings
 from ...executor.base import Capacity, Chunk
 from ...files import DataDirectory
 from ...jobs import Frame, Job, Json, Part, Scene
@@ -22,6 +22,7 @@ from ...scenes.names import file_name
 from ...shared_roots import SharedFile, shared_name
 
 MERGE_CPU_S = 900.0  # reading and measuring some large films
+FILE_SETTINGS = tuple(FileSettings.model_fields)
 SHARED = "shared"  # the kind of scenes on shared storage
 CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
 
@@ -62,7 +63,9 @@ def render_chunk(
         "fraction": 0.0 if begin else float(frame.progress.get("fraction", 0.0)),
         "limits": asdict(limits),
         "traceparent": job.traceparent,
-    } | _root_of(roots)
+        "files": {name: value for name in FILE_SETTINGS if (value := job.settings.get(name)) is not None},
+    }
+    command |= _products_of(job, frame, asked.frames) | _root_of(roots)
     # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene. A frame that is
     # retried has a group of its own, since its outputs have the names of those before.
     group = f"{job.id}/{job.attempt}/{frame.attempt}" if asked.frames > 1 else ""
@@ -79,6 +82,14 @@ def render_chunk(
         keep_s=limits.scene_kept_s if not roots else 0.0,
         roots=roots,
     )
+
+
+def _products_of(job: Job, frame: Frame, frames: int) -> Json:
+    """The products that are written under their own names, and how the names of this frame's files end."""
+    products = products_by_name(job.settings)
+    if products is None:
+        return {}
+    return {"products": {"named": None if products == [ALL] else products, "name_end": name_end(job, frame, frames)}}
 
 
 def part_chunk(
@@ -214,13 +225,18 @@ def frame_settings(asked: Json, frame: Frame, capacity: Capacity) -> RenderSetti
 
 
 def output_names(job: Job, frame: Frame, frames: int) -> tuple[str, ...]:
-    """In the job's outputs folder and in URLs. Jobs of several frames have the time code in them; later attempts have their
+    """In the job's outputs folder and in URLs. Frames that are asked for by number have it in them; later attempts have their
     number, since whoever fetched a name may keep what it meant."""
+    end = name_end(job, frame, frames)
+    if products_by_name(job.settings) is not None:
+        return (f"report{end}.json",)
+    return tuple(f"{stem}{end}.{suffix}" for stem, suffix in (("beauty", "exr"), ("beauty", "png"), ("report", "json")))
+
+
+def name_end(job: Job, frame: Frame, frames: int) -> str:
+    """What is before the extension in the names of all files of a frame."""
     attempt = f"-{job.attempt}" if job.attempt > 1 else ""
-    code = f".{_code_text(frame)}" if frames > 1 else ""
-    return tuple(
-        f"{stem}{attempt}{code}.{suffix}" for stem, suffix in (("beauty", "exr"), ("beauty", "png"), ("report", "json"))
-    )
+    return f"{attempt}.{_code_text(frame)}" if frames > 1 or frame.time_code is not None else attempt
 
 
 def _code_text(frame: Frame) -> str:

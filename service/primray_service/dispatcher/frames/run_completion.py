@@ -108,7 +108,7 @@ class RunCompletion:
         context, job, frame = self.context, self.job, self.frame
         assert self.run is not None
         assert self.ended is not None
-        if {made.name for made in done.outputs} - set(self.run.chunk.command["outputs"]):
+        if not all(_is_asked(made.name, self.run.chunk.command) for made in done.outputs):
             raise adoption.NotAdopted("there is one that was not asked for")
         adopted = await context.calls.disk(
             adoption.adopt_outputs,
@@ -187,6 +187,14 @@ class RunCompletion:
             await self.context.calls.disk(adoption.append_log, data, path, title, text, limits.log_bytes)
         except OSError:
             self.context.disk_is_full = True
+
+
+def _is_asked(name: str, command: Json) -> bool:
+    """Return whether the command asks for a file of this name. Products name their files, so their ends alone are known."""
+    if name in command["outputs"]:
+        return True
+    products = command.get("products")
+    return products is not None and name.rpartition(".")[0].endswith(products["name_end"])
 
 
 def _stop_of(done: Done, out_of_time: bool) -> Json | None:

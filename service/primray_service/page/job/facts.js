@@ -12,10 +12,10 @@ function errorOf(found) {
   return `${format.error(found.estimate)} (95 %: ${format.error(low)} – ${format.error(high)})`;
 }
 
-export function facts() {
-  const failure = element("div", {});
+export function facts(id) {
+  const failure = element("div", {}); // the problem of a job that failed, which a view puts first
   const list = element("dl", { class: "facts" });
-  const root = element("div", {}, failure, element("details", { class: "card" }, element("summary", {}, "Settings and figures"), list));
+  const root = element("div", {}, element("details", { class: "card" }, element("summary", {}, "Settings and figures"), list));
   let told = "";
 
   function show(job, scene) {
@@ -52,8 +52,9 @@ export function facts() {
     const text = JSON.stringify(found);
     if (text === shown) return;
     shown = text;
-    fill(failure, found && problemBox(found));
+    const again = element("a", { class: "button main", href: `#/again/${encodeURIComponent(id)}` }, "Change the settings and submit again…");
+    fill(failure, found && [problemBox(found), element("p", { class: "actions" }, again)]);
   }
 
-  return { root, show, problem };
+  return { root, failure, show, problem };
 }

@@ -10,7 +10,8 @@ const SHOWN = 200;
 
 const ENDED = new Set(["succeeded", "failed", "canceled"]);
 
-export function frameStrip(job, onChoose, onRetry) {
+// `onFrames(frames)`: those that are shown, whenever they are read.
+export function frameStrip(job, onChoose, onRetry, onFrames = () => {}) {
   const list = element("div", { class: "frames", role: "group", "aria-label": "Frames" });
   const pages = element("div", { class: "pages" });
   const follow = button("Follow", () => choose(null), { "aria-pressed": "true", class: "quiet", title: "Show the frame that is being rendered" });
@@ -32,6 +33,7 @@ export function frameStrip(job, onChoose, onRetry) {
     const after = first > 0 ? `&after=${first - 1}` : "";
     frames = (await get(jobPath(job, `/frames?limit=${SHOWN}${after}`))).items;
     update();
+    onFrames(frames);
   }
 
   function update() {
@@ -81,5 +83,5 @@ export function frameStrip(job, onChoose, onRetry) {
     chip.setAttribute("aria-label", `Frame ${name}: ${stateWords(frame.state)}`);
   }
 
-  return { root, load };
+  return { root, load, choose };
 }

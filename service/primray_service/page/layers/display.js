@@ -7,19 +7,22 @@ import { call } from "../base/api.js";
 export const SPACES = ["lin_rec709_scene", "lin_ap1_scene", "lin_ap0_scene", "lin_p3d65_scene", "lin_rec2020_scene", "lin_adobergb_scene"];
 const asked = new Map();
 
-// Of light in a space: resolves to {display, view, shade}; null where there is none for the space. Fetched once.
-export function serversView(space) {
+// Of light in a space: resolves to {display, view, shade}; null where there is none for the space. Fetched once. `through`: names
+// of a job's view, display and look, where its files are not seen through the default.
+export function serversView(space, through = {}) {
   if (!SPACES.includes(space)) return null;
-  if (!asked.has(space)) {
-    const fetching = fetchTable(space);
-    asked.set(space, fetching);
-    fetching.catch(() => asked.delete(space));
+  const named = ["view", "display", "look"].filter((name) => through[name]).map((name) => [name, through[name]]);
+  const query = new URLSearchParams([["space", space], ...named]).toString();
+  if (!asked.has(query)) {
+    const fetching = fetchTable(query);
+    asked.set(query, fetching);
+    fetching.catch(() => asked.delete(query));
   }
-  return asked.get(space);
+  return asked.get(query);
 }
 
-async function fetchTable(space) {
-  const response = await call("GET", `/page/view-table?space=${space}`, { accept: "*/*" });
+async function fetchTable(query) {
+  const response = await call("GET", `/page/view-table?${query}`, { accept: "*/*" });
   return viewOf(await response.arrayBuffer());
 }
 

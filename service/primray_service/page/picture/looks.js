@@ -7,7 +7,10 @@ export const KEY_STOPS = 0.5; // of exposure
 export const EXPOSE_AFTER_S = 0.06; // a slider that is dragged asks for the last place only
 
 // What paint() wants to know of how a layer is looked at; the server's view is fetched when light is first seen through it.
-export async function lookOf(look, layer, stops, channel = "rgb") {
-  const view = look === "display" && layer.kind === "color" && layer.isLight ? await serversView(layer.space) : null;
-  return { stops, channel, isFalse: look === "false", view };
+// `files`: settings of the job's files, whose exposure the PNG has too.
+export async function lookOf(look, layer, stops, channel = "rgb", files = {}) {
+  const asPng = look === "display" && layer.kind === "color" && layer.isLight;
+  const view = asPng ? await serversView(layer.space, files) : null;
+  const own = asPng && Number.isFinite(files.exposure) ? files.exposure : 0;
+  return { stops: stops + own, channel, isFalse: look === "false", view };
 }

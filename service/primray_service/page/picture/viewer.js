@@ -7,6 +7,7 @@ import { paint } from "../layers/paint.js";
 import { legend } from "./legend.js";
 import { EXPOSE_AFTER_S, KEY_STOPS, LOOKS, lookOf } from "./looks.js";
 import { partsOf } from "./parts.js";
+import { player } from "./player.js";
 import { region } from "./region.js";
 import { pixelValues } from "./pixel_values.js";
 import { rawOf } from "./raw_image.js";
@@ -16,8 +17,9 @@ import { stage } from "./stage.js";
 const VIEWS = [["beauty", "Picture"], ["error", "Error"], ["relative-error", "Error, relative"]];
 const CHANNELS = [["rgb", "Colour"], ["r", "Red"], ["g", "Green"], ["b", "Blue"], ["a", "Alpha"], ["luminance", "Luminance"]];
 const PART = "part:";
+const MOST_PREVIEWED = 2 ** 20; // pixels that a preview has each of
 
-export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
+export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed = () => {} } = {}) {
   const waiting = element("span", {}, "Waiting for the first picture");
   const pulse = element("span", { class: "pulse" });
   const wait = element("p", { class: "wait" }, pulse, waiting);
@@ -30,6 +32,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const parts = partsOf();
   let found = null; // the parts of the frame that is shown
   let [layer, front] = [null, null]; // what is drawn here, if anything is; the server's <img>
+  let fileSettings = {}; // of the job: view, display, look, exposure
   let frontSize = [1, 1]; // of the whole picture
   let [isLive, closed, exposeTimer, drawing] = [true, false, 0, 0];
 
@@ -51,7 +54,8 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
   const mark = region(board, onRegion);
   const [channelField, lookField] = [field("Channel", channel), field("Look", look)];
   const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField);
-  board.tools.prepend(mark.toggle);
+  const playing = player(job, board.sheet, { query: () => (isPart() ? { view: "beauty" } : { view: state.view, channel: state.channel, exposure: state.exposure }), onFrame: onPlayed });
+  board.tools.prepend(playing.root, mark.toggle);
   const under = element("div", { class: "under" }, element("div", {}, values.root, colors.root, meaning), board.tools);
   const root = element("div", { class: "viewer" }, board.root, under, bar, mark.panel, note, counts.root);
 
@@ -121,7 +125,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
     }
     try {
       const next = await layerNow();
-      const seen = next && (await lookOf(state.look, next, state.exposure, state.channel));
+      const seen = next && (await lookOf(state.look, next, state.exposure, state.channel, fileSettings));
       if (mine !== drawing || closed || !next) return;
       pictures.pause(isPart());
       layer = next;
@@ -189,10 +193,13 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
     if (closed || frame !== state.frame) return;
     found = now;
     const before = view.value;
+    const shown = now?.layers.find(({ part }) => part.name === "denoised"); // previews of what has ended show it
+    const isTwice = ({ kind, part }) => shown && kind === shown.kind && part === shown.part && part.width * part.height <= MOST_PREVIEWED;
+    const views = VIEWS.map(([value, text]) => [value, shown && value === "beauty" && !isLive ? shown.label : text]);
     fill(
       view,
-      element("optgroup", { label: "As it refines" }, VIEWS.map(option)),
-      now && element("optgroup", { label: `Parts of ${now.name}` }, now.layers.map(({ key, label }) => option([PART + key, label]))),
+      element("optgroup", { label: isLive ? "As it refines" : "As it ended" }, views.map(option)),
+      now && element("optgroup", { label: `Parts of ${now.name}` }, now.layers.filter((each) => isLive || !isTwice(each)).map(({ key, label }) => option([PART + key, label]))),
     );
     const isThere = [...view.options].some(({ value }) => value === before);
     view.value = isThere ? before : "beauty";
@@ -215,6 +222,10 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
       change({ frame: number });
       offer();
     },
+    // The job's settings, by which its files are seen.
+    settings: (now) => (fileSettings = now ?? {}),
+    // Frames that have ended, to be played at the stage's rate.
+    sequence: playing.know,
     // What the job has made, as listed.
     files: (outputs) => {
       parts.know(outputs);
@@ -224,11 +235,13 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {} } = {}) {
       isLive = now;
       pictures.live(now, has);
       pulse.hidden = !now;
+      if (!now) offer();
       write(waiting, now ? "Waiting for the first picture" : "There is no picture");
     },
     close: () => {
       closed = true;
       clearTimeout(exposeTimer);
+      playing.close();
       pictures.close();
       parts.close();
       board.close();

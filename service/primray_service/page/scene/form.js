@@ -14,31 +14,34 @@ const SCALES = [["1", "full"], ["0.5", "half"], ["0.25", "quarter"]];
 
 const number = (attributes) => element("input", { type: "number", inputmode: "decimal", ...attributes });
 
-// `server`: what /v1/capabilities says.
-export function sceneForm(scene, server) {
+// `server`: what /v1/capabilities says; `before`: a job of the scene whose settings the form begins with.
+export function sceneForm(scene, server, before = null) {
   const facts = factsOf(scene);
+  const was = before?.settings ?? {};
   const limits = server.limits ?? {};
-  const outputs = outputsChoice(facts, server.aovs ?? []);
+  const outputs = outputsChoice(facts, server.aovs ?? [], before && was);
   const times = new Map(); // by quality: where its time is told
-  const name = element("input", { type: "text", maxlength: "200", value: scene.name ?? "", autocomplete: "off" });
-  const entry = facts.entries.length > 1 ? choice(facts.entries.map((name) => [name, name]), facts.entry) : null;
-  const camera = choice(facts.cameras.map(({ path }) => [path, path]), facts.camera);
+  const name = element("input", { type: "text", maxlength: "200", value: before?.name ?? scene.name ?? "", autocomplete: "off" });
+  const entry = facts.entries.length > 1 ? choice(facts.entries.map((name) => [name, name]), before?.scene.entry ?? facts.entry) : null;
+  const asked = was.camera && facts.cameras.find(({ path }) => path === was.camera || path.split("/").at(-1) === was.camera);
+  const camera = facts.cameras.length > 0 ? choice(facts.cameras.map(({ path }) => [path, path]), asked?.path ?? facts.camera) : element("input", { type: "text", spellcheck: "false", value: was.camera ?? "" });
+  const lost = was.camera && !asked && facts.cameras.length > 0 && `${was.camera} was asked for, which the stage does not have`;
   const width = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const height = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const keep = element("input", { type: "checkbox", checked: true });
   const frames = element("input", { type: "text", placeholder: facts.frames || "1:10", spellcheck: "false", autocomplete: "off" });
   const range = element("input", { type: "checkbox", on: { change: () => (frames.disabled = !range.checked) } });
-  const seconds = number({ min: "1", step: "any", value: "600" });
-  const samples = number({ min: "1", max: String(limits.samples ?? 2 ** 20), step: "1", placeholder: "no limit" });
-  const seed = number({ min: "0", max: String(2 ** 32 - 1), step: "1", value: "0", required: true });
-  const depth = number({ min: "1", step: "1", placeholder: "no limit" });
-  const priority = number({ min: "0", max: "100", step: "1", value: "50", required: true });
-  const strict = element("input", { type: "checkbox" });
-  const light = element("input", { type: "checkbox", checked: true });
+  const seconds = number({ min: "1", step: "any", value: before ? (was.stop?.max_seconds ?? "") : "600" });
+  const samples = number({ min: "1", max: String(limits.samples ?? 2 ** 20), step: "1", placeholder: "no limit", value: was.stop?.max_samples ?? "" });
+  const seed = number({ min: "0", max: String(2 ** 32 - 1), step: "1", value: was.seed ?? 0, required: true });
+  const depth = number({ min: "1", step: "1", placeholder: "no limit", value: was.max_depth ?? "" });
+  const priority = number({ min: "0", max: "100", step: "1", value: before?.priority ?? 50, required: true });
+  const strict = element("input", { type: "checkbox", checked: was.strict });
+  const light = element("input", { type: "checkbox", checked: was.default_light ?? true });
   const variants = facts.variants.map(({ prim, set, selection, names }) =>
-    field(`${set} of ${prim}`, choice([["", `as in the scene: ${selection || "none"}`], ...names.map((each) => [`${prim}:${set}=${each}`, each])], "")),
+    field(`${set} of ${prim}`, choice([["", `as in the scene: ${selection || "none"}`], ...names.map((each) => [`${prim}:${set}=${each}`, each])], variantOf(was, prim, set, names))),
   );
-  const labels = element("textarea", { rows: "2", placeholder: "shot = 010", spellcheck: "false" });
+  const labels = element("textarea", { rows: "2", placeholder: "shot = 010", spellcheck: "false", value: textOf(before?.labels ?? {}) });
   const own = number({ min: "0", step: "any", placeholder: "0.005", "aria-label": "Own target error", on: { input: () => (form.elements.quality.value = "own"), focus: () => (form.elements.quality.value = "own") } });
   const trouble = element("div", {});
   const submit = element("button", { class: "main" }, "Render");
@@ -57,7 +60,7 @@ export function sceneForm(scene, server) {
       { class: "columns" },
       field("Name", name, "a label, to find it by"),
       entry && field("Root layer", entry),
-      facts.cameras.length > 1 ? field("Camera", camera) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.path ?? "none in the scene: one is placed to see everything")),
+      facts.cameras.length > 1 || (before && facts.cameras.length === 0) ? field("Camera", camera, lost) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.path ?? "none in the scene: one is placed to see everything")),
       element("fieldset", { class: "size" }, element("legend", {}, "Resolution"), labelled("Width", width), element("span", { "aria-hidden": "true" }, "×"), labelled("Height", height), ticked("keep the shape", keep), element("div", { class: "segments" }, SCALES.map(([scale, name]) => button(name, () => scaled(Number(scale)))))),
       element("fieldset", {}, element("legend", {}, "Frames"), ticked("several frames", range), frames, element("small", {}, facts.frames ? `The scene has ${facts.frames}. ` : "The scene names no range. ", "“1:10”, “1-10x2” or “1,5”")),
     ),
@@ -98,6 +101,16 @@ export function sceneForm(scene, server) {
 
   let full = [960, 540];
 
+  // What the job before had, where it differs from what a new one begins with.
+  function begin() {
+    const target = was.stop?.target_error;
+    const known = QUALITIES.find(([value]) => Number(value) === target);
+    form.elements.quality.value = known ? known[0] : "own";
+    if (!known && target) own.value = target;
+    if (was.resolution) [width.value, height.value] = full = [was.resolution[0] || "", was.resolution[1] || ""];
+    tell();
+  }
+
   function scaled(scale) {
     width.value = Math.max(1, Math.round(full[0] * scale));
     height.value = Math.max(1, Math.round(full[1] * scale));
@@ -123,11 +136,13 @@ export function sceneForm(scene, server) {
   function job() {
     const chosen = form.elements.quality.value;
     const stop = {
+      ...was.stop,
       target_error: chosen === "own" ? optional(own) : Number(chosen),
       max_seconds: optional(seconds),
       max_samples: optional(samples),
     };
     const settings = {
+      ...was,
       camera: camera.value || null,
       frames: range.checked ? frames.value.trim() || facts.frames || null : null,
       resolution: [Number(width.value), Number(height.value)],
@@ -136,7 +151,7 @@ export function sceneForm(scene, server) {
       max_depth: optional(depth),
       default_light: light.checked,
       strict: strict.checked,
-      variants: variants.map((each) => each.querySelector("select").value).filter(Boolean),
+      variants: [...othersOf(was, facts.variants), ...variants.map((each) => each.querySelector("select").value).filter(Boolean)],
       ...outputs.settings(),
     };
     return { scene: { id: scene.id, ...(entry && { entry: entry.value }) }, settings, ...(name.value.trim() && { name: name.value.trim() }), priority: Number(priority.value), labels: labelsOf(labels.value, name.value.trim()) };
@@ -165,10 +180,12 @@ export function sceneForm(scene, server) {
     }
   });
 
-  frames.disabled = true;
+  frames.disabled = !was.frames;
+  range.checked = Boolean(was.frames);
   frames.setAttribute("aria-label", "Frames");
-  if (facts.frames) frames.value = facts.frames;
+  frames.value = was.frames ?? facts.frames;
   cameraChanged();
+  if (before) begin();
   form.addEventListener("input", timing.update);
   form.addEventListener("change", timing.update);
   timing.history();
@@ -177,6 +194,19 @@ export function sceneForm(scene, server) {
   const root = element("div", { class: "form-and-notes" }, form, (scene.warnings ?? []).length > 0 && notes.root);
   return { root, focus: () => submit.focus(), close: timing.close };
 }
+
+function variantOf(was, prim, set, names) {
+  const chosen = names.map((each) => `${prim}:${set}=${each}`);
+  return (was.variants ?? []).find((each) => chosen.includes(each)) ?? "";
+}
+
+// The job's variants that the form has no control for.
+function othersOf(was, offered) {
+  const known = offered.map(({ prim, set }) => `${prim}:${set}=`);
+  return (was.variants ?? []).filter((each) => !known.some((start) => each.startsWith(start)));
+}
+
+const textOf = (labels) => Object.entries(labels).filter(([name]) => name !== "name").map(([name, value]) => `${name} = ${value}`).join("\n");
 
 const optional = (control) => (control.value === "" ? null : Number(control.value));
 

@@ -27,13 +27,15 @@ export function jobView(root, [id]) {
   const state = element("span", { class: "state" });
   const link = element("p", { class: "note", role: "status" });
   const trouble = element("div", {});
-  const picture = viewer(id, { onFirst: () => performance.mark("first-pixel"), onRegion: renderRegion });
+  const picture = viewer(id, { onFirst: () => performance.mark("first-pixel"), onRegion: renderRegion, onPlayed: (number) => strip.choose(number) });
   const bar = progress();
   const plot = curve();
   const notes = diagnostics();
   const files = outputs(id);
-  const strip = frameStrip(id, chooseFrame, retryFrame);
-  const details = facts();
+  const strip = frameStrip(id, chooseFrame, retryFrame, (frames) => {
+    picture.sequence(frames.filter((each) => each.state === "succeeded").map((each) => each.number), scene?.frame_range?.fps);
+  });
+  const details = facts(id);
   const doing = actions(id, { changed: refresh, failed: (failure) => fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter })) });
   let job = null;
   let scene = null;
@@ -50,6 +52,7 @@ export function jobView(root, [id]) {
     root,
     element("div", { class: "head" }, title, state, tags),
     trouble,
+    details.failure,
     element(
       "div",
       { class: "job" },
@@ -131,6 +134,7 @@ export function jobView(root, [id]) {
     state.dataset.state = job.state;
     const fraction = job.progress?.fraction ?? 0;
     document.title = `${ended ? phaseWords(job) : format.percent(fraction)} · ${name} · primray`;
+    picture.settings(job.settings);
     bar.show(job);
     doing.show(job);
     details.show(job, scene);

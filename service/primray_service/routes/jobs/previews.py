@@ -13,7 +13,7 @@ from ...http.answers import none_match
 from ...http.callers import Reader, Serving
 from ...http.described import answer, described
 from ...http.file_answer import file_answer
-from ...jobs import FRAME_TERMINAL, Frame, FrameState
+from ...jobs import FRAME_TERMINAL, Frame, FrameState, Json
 from ...pictures.encoder import revision
 from ...pictures.request import MOST_STOPS, MOST_WIDTH, VIEWS, Channel, Format, PictureRequest
 from ...problems import Problem
@@ -60,14 +60,14 @@ async def preview(
         raise Problem("view-unavailable", f"There is no view {view!r}; there are: {', '.join(VIEWS)}.", views=list(VIEWS))
     if view != "beauty" and channel == "a":
         raise Problem("view-unavailable", "Coverage has no estimate of its error.", views=list(VIEWS))
-    row = await run_in_threadpool(_frame, service, caller, job_id, frame)
+    row, files = await run_in_threadpool(_frame, service, caller, job_id, frame)
     if row.state is FrameState.RUNNING:
         service.dispatcher.ask_preview(job_id, row.number)
     path = service.data.frame(job_id, row.number) / FILE
     found_revision = await run_in_threadpool(_newest, service, path)
     if found_revision is None:
         raise _none_yet(row)
-    asked = PictureRequest(view, channel, exposure, format, width)
+    asked = PictureRequest(view, channel, exposure, format, width, **files)
     headers = {"cache-control": "private, no-cache", "preview-frame": str(row.number)}
     if format == "raw":
         return await file_answer(request, path, "application/octet-stream", f'"{found_revision}-raw"', headers)
@@ -83,9 +83,16 @@ def _newest(service: Service, path: Path) -> str | None:
     return revision(path)
 
 
-def _frame(service: Service, caller: Caller, job_id: str, number: int | None) -> Frame:
-    """The one asked for; else the first that runs, else the last that has been begun, else the first."""
-    found(service, caller, job_id)
+def _frame(service: Service, caller: Caller, job_id: str, number: int | None) -> tuple[Frame, Json]:
+    """Return the frame asked for; else the first that runs, else the last that has been begun, else the first. And what the
+    job's files are seen through."""
+    settings = found(service, caller, job_id).settings
+    files = {"through": settings.get("view"), "stops": settings.get("exposure")}
+    files |= {name: settings.get(name) for name in ("display", "look")}
+    return _frame_of(service, job_id, number), files
+
+
+def _frame_of(service: Service, job_id: str, number: int | None) -> Frame:
     if number is not None:
         row = service.store.frame(job_id, number)
         if row is None:

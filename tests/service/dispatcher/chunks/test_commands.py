@@ -17,7 +17,7 @@ JOB = Job("job_1", "t", JobState.RUNNING, "sha256:0", None, {"stop": {}}, 0.0, 0
     ("time_code", "frames", "attempt", "name"),
     [
         (None, 1, 1, "beauty.exr"),
-        (7.0, 1, 1, "beauty.exr"),
+        (7.0, 1, 1, "beauty.0007.exr"),
         (7.0, 2, 1, "beauty.0007.exr"),
         (12345.0, 2, 1, "beauty.12345.exr"),
         (-3.0, 2, 1, "beauty.-003.exr"),
