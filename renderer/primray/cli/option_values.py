@@ -244,3 +244,11 @@ def bytes_of(text: str | None) -> int | None:
     if match is None:
         raise SettingsError(f"{text!r} is no amount of memory; write one like 4G or 500M", code="max-memory")
     return int(float(match[1]) * _UNITS[match[2].upper()])
+
+
+PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps
+
+
+def previewed(spp: int | None, target_error: float | None, time_limit: float | None) -> tuple[int | None, bool]:
+    """Return samples a pixel, and whether the picture is denoised, where a preview is asked for."""
+    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), True

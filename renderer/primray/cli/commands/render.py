@@ -154,7 +154,7 @@ def render(
     if turns is not None and len(turns) > 1:
         names = [name.with_holder() for name in names]
     if preview:
-        spp, denoise = _previewed(spp, target_error, time_limit)
+        spp, denoise = option_values.previewed(spp, target_error, time_limit)
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         auto_camera=auto_camera,
@@ -251,14 +251,6 @@ def _memory_watch() -> process_memory.Watch:
 
     watch: process_memory.Watch = module().watch_memory
     return watch
-
-
-PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps
-
-
-def _previewed(spp: int | None, target_error: float | None, time_limit: float | None) -> tuple[int | None, bool]:
-    """Samples a pixel, and whether the picture is denoised, where a preview is asked for."""
-    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), True
 
 
 def _render_turntable(
