@@ -300,10 +300,6 @@ CODES: dict[str, Code] = {
     "near-plane": Code(Severity.INFO, Kind.NOTE,
         "The camera's near plane cuts off something that is in its view.",
         "Author a clippingRange that begins nearer, unless the cut is meant."),
-    "error-vague": Code(Severity.INFO, Kind.NOTE,
-        "The interval of the error spans a factor of 100 or more; the message names the prim on which most of it is.",
-        "Take more samples, or enlarge what light finds by chance (small bright lights behind glass or in rough metal); "
-        "`primray doctor` measures which light brings the noise."),
     "denoised-worse": Code(Severity.INFO, Kind.NOTE,
         "The denoised picture's error is above that of the picture it was made of.",
         "Leave out `--denoise`: the picture has samples enough."),

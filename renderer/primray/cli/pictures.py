@@ -323,7 +323,8 @@ def _error_line(report: dict[str, Any]) -> str:
         what = "target" if report["settings"]["stop_at"] == "picture" else "target of the denoised picture"
         met = "reached" if report["stop"]["target_met"] else "NOT reached"
         line += f", {what} {target:g} {met}"
-    return f"{line}; stopped by {report['stop']['reason']}{_denoised_text(report.get('denoised'), metric)}"
+    ruled = f"\n{report['error_ruled_by']['message']}" if "error_ruled_by" in report else ""
+    return f"{line}; stopped by {report['stop']['reason']}{ruled}{_denoised_text(report.get('denoised'), metric)}"
 
 
 def _too_few(samples: int) -> str:

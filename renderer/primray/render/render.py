@@ -209,7 +209,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
     from ..report.unfinished import kept_without
-    from ..report.vague_error import note_vague_error
+    from ..report.vague_error import what_rules
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
     if failed:
@@ -231,7 +231,8 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
     with kept_without("what rules the error", diagnostics):
-        note_vague_error(prepared, report, pixels, errors, diagnostics)
+        rules = what_rules(prepared, report, pixels, errors)
+        report |= {"error_ruled_by": rules} if rules is not None else {}
     report |= {"stage_settings": prepared.asked.as_json()} if prepared.asked.asked else {}
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report |= {"labels": of_labels} if of_labels else {}

@@ -10,35 +10,34 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 from ..core import first_hits
-from ..diagnostics import Diagnostics
 from .prepared import Prepared
 
-CODE = "error-vague"
 FACTOR = 100.0  # between an interval's ends
 FEW_SAMPLES = 16  # a pixel, on average
 
 
-def note_vague_error(
-    prepared: Prepared, report: Mapping[str, Any], pixels: Floats, errors: Floats | None, diagnostics: Diagnostics
-) -> None:
-    """Report an error whose interval spans a factor of 100 and more, with the prim that rules it and what narrows it.
+def what_rules(prepared: Prepared, report: Mapping[str, Any], pixels: Floats, errors: Floats | None) -> dict[str, Any] | None:
+    """Return what rules an error whose interval spans a factor of 100 and more, and what narrows it; None for other errors.
 
     `pixels` are (H, W, 4), `errors` are their standard errors (H, W, 3).
     """
-    metric = report["settings"]["error_metric"]
-    found = (report["error"] or {}).get(metric)
+    found = (report["error"] or {}).get(report["settings"]["error_metric"])
     if found is None or errors is None:
-        return
+        return None
     low, high = found["ci95"]
     if not high >= FACTOR * low or not math.isfinite(high):
-        return
+        return None
     span = f"a factor of {high / low:.3g}" if low > 0 else f"0 to {high:.3g}"
     samples = report["samples"] / pixels[..., 0].size
-    helps = "Doctor measures which light brings it; a larger light, or --denoise, helps."
+    helps = "`primray doctor` measures which light brings it; a larger light, or --denoise, helps."
     if samples < FEW_SAMPLES:
         helps = f"{samples:.3g} samples a pixel are few for an estimate: take more (--spp)."
-    path, said = _rulers(prepared, pixels, errors)
-    diagnostics.add(CODE, path, f"The interval of {metric} spans {span} and is of no use: {said}. {helps}")
+    rulers = _rulers(prepared, pixels, errors)
+    x, y = rulers["pixel"]
+    where = f"on {rulers['prim']}" if rulers["prim"] else "where no geometry is seen"
+    subject = "1 pixel has" if rulers["pixels"] == 1 else f"{rulers['pixels']:,} pixels have"
+    half = f"{subject} half of the error, the most of it at ({x}, {y}), {where}"
+    return {**rulers, "message": f"The interval spans {span} and is of no use: {half}. {helps}"}
 
 
 def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = None) -> Doubles:
@@ -49,14 +48,11 @@ def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = No
     return values
 
 
-def _rulers(prepared: Prepared, pixels: Floats, errors: Floats) -> tuple[str, str]:
-    """Return the prim where the error is largest, or an empty string, and how many pixels have half of the error."""
+def _rulers(prepared: Prepared, pixels: Floats, errors: Floats) -> dict[str, Any]:
+    """Return how many pixels have half of the error, the pixel that has most of it, and the prim there or an empty string."""
     part = weighed_errors(pixels, errors)
     ordered = np.sort(part, axis=None)[::-1]
     count = int(np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())) + 1
     y, x = (int(at) for at in np.unravel_index(int(part.argmax()), part.shape))
     number = int(first_hits(prepared.scene, ["prim"], [], prepared.settings)["prim"][y, x, 0])
-    path = prepared.scene.uploaded.shape_rows.path_of(number)
-    where = f"on {path}" if path else "where no geometry is seen"
-    subject = "1 pixel has" if count == 1 else f"{count:,} pixels have"
-    return path, f"{subject} half of the error of {part.size:,}, the most of it at ({x}, {y}), {where}"
+    return {"prim": prepared.scene.uploaded.shape_rows.path_of(number), "pixel": [x, y], "pixels": count}

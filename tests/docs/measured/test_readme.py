@@ -34,7 +34,8 @@ def commands(name: str) -> list[str]:
 
 
 def unknown_flags(command: str, known: set[str]) -> list[str]:
-    return [flag for flag in re.findall(r"(?<=\s)--?[a-zA-Z][a-zA-Z-]*", command) if flag not in known]
+    own = command.partition(" -- ")[0]  # what follows is handed on to another command
+    return [flag for flag in re.findall(r"(?<=\s)--?[a-zA-Z][a-zA-Z-]*", own) if flag not in known]
 
 
 def test_it_is_short():
