@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 import shutil
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..cli.exits import SCENE_REJECTED, CommandError
 from ..cli.scene_file import scene_file
 
 LOG = logging.getLogger("primray")
@@ -29,13 +29,19 @@ def packed(stage: Path, scratch: Path) -> Packed:
     found = scene_file(stage, scratch)
     for note in found.notes:
         LOG.warning(note)
-    if found.entry is None:
+    if found.members is None or found.entry is None:
         # A copy: nodes must not get half of a file that is saved while the frame is rendered.
         copy = scratch / f"root{found.path.suffix.lower()}"
         shutil.copyfile(found.path, copy)
         return Packed(found.name, {found.name: copy})
     folder = scratch / PACKAGE
-    with zipfile.ZipFile(found.path) as files:
-        files.extractall(folder)
-    found.path.unlink()
+    for name, file in found.members.items():
+        copy = folder / name
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            shutil.copyfile(file, copy)
+        except OSError as error:
+            raise CommandError(
+                "unreadable-file", f"it cannot be read: {error.strerror}", SCENE_REJECTED, where=str(file)
+            ) from None
     return Packed(f"{PACKAGE}/{found.entry}", {}, {PACKAGE: folder})

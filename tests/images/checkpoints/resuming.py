@@ -42,7 +42,7 @@ def scene(name: str = "materials") -> core.CoreScene:
 
 def settings(**values: Any) -> RenderSettings:
     """Resolved, as far as checkpoints look at it."""
-    return RenderSettings(**{"resolution": scene().resolution, "filter_width": 1.0, "threads": 2, **values})
+    return RenderSettings(**{"resolution": scene().resolution, "filter": "box", "filter_width": 1.0, "threads": 2, **values})
 
 
 def begin(**values: Any) -> Sampling:

@@ -90,4 +90,4 @@ def test_every_header_that_the_service_reads_or_documents_is_listed() -> None:
     assert documented - set(SENT) - set(READ) <= {"set-cookie"}
     read = set(re.findall(r'headers\.get(?:list)?\("([a-z-]+)"', sources))
     of_browsers = {"accept", "accept-encoding", "content-length", "content-encoding", "transfer-encoding", "host", "origin"}
-    assert read - set(SENT) - set(READ) - of_browsers - {"sec-fetch-site"} == set()
+    assert read - set(SENT) - set(READ) - of_browsers - {"sec-fetch-site", "sec-fetch-mode"} == set()

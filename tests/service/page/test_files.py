@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "service/primray_service/page"
 # The folders of its modules: none imports from one that is not before it, those of one number not from each other.
-ORDER = {"base": 0, "docs": 1, "exr": 1, "layers": 1, "job": 2, "picture": 2, "scene": 2, "views": 3, "": 4}
+ORDER = {"base": 0, "admin": 1, "docs": 1, "exr": 1, "layers": 1, "job": 2, "picture": 2, "scene": 2, "views": 3, "": 4}
 OWN = sorted(path for path in PAGE.rglob("*") if path.is_file() and "vendor" not in path.parts)
 # What nothing is loaded from: a namespace, and the service's own address as examples have it.
 ADDRESSES = ('xmlns="http://www.w3.org/2000/svg"', '"http://127.0.0.1:8700"')

@@ -64,7 +64,7 @@ def test_an_example_fills_the_form_which_sends_its_outputs(open_page):
     assert settings["aovs"] == ["depth", "normal", "prim", "crypto_object", "primvar:st", "labels:wikidata"]
     assert settings["aov_errors"] is True
     assert settings["purposes"] == ["default", "render", "proxy"]
-    assert settings["denoise"] is False
+    assert settings["denoise"] is None
     assert sent.value.status == 202
 
 
