@@ -27,7 +27,7 @@ from primray.settings import (
 )
 
 from . import ids
-from .api.models import JobPatch, JobRequest, Settings, StopRules
+from .api.models import JobPatch, JobRequest, SceneOfRequest, Settings, StopRules
 from .jobs import Job, JobState, Json
 from .limits import Limits
 from .problems import Problem
@@ -324,6 +324,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name", "parallel")
+NEW_OF_SCENE = ("shared",)
 NEW_SETTINGS = (
     "render_pass",
     "auto_camera",
@@ -369,7 +370,11 @@ def fingerprint(request: JobRequest) -> str:
     """The same for requests that ask for the same, however their JSON is written."""
     said = request.model_dump(mode="json")
     _as_of_old(said["settings"])
-    for members, model, names in ((said, JobRequest, NEW_MEMBERS), (said["settings"], Settings, NEW_SETTINGS)):
+    for members, model, names in (
+        (said, JobRequest, NEW_MEMBERS),
+        (said["scene"], SceneOfRequest, NEW_OF_SCENE),
+        (said["settings"], Settings, NEW_SETTINGS),
+    ):
         for name in names:
             if members[name] == model.model_fields[name].default:
                 del members[name]
