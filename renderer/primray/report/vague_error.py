@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Doubles, Floats
-from ..core import first_hits
 from .prepared import Prepared
 
 FACTOR = 100.0  # between an interval's ends
@@ -50,6 +49,8 @@ def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = No
 
 def _rulers(prepared: Prepared, pixels: Floats, errors: Floats) -> dict[str, Any]:
     """Return how many pixels have half of the error, the pixel that has most of it, and the prim there or an empty string."""
+    from ..core import first_hits
+
     part = weighed_errors(pixels, errors)
     ordered = np.sort(part, axis=None)[::-1]
     count = int(np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())) + 1

@@ -26,8 +26,10 @@ _WIDTHS = {"float": 1, "integer": 1, "vector2": 2, "vector3": 3, "vector4": 4, "
 _READERS = {name: ("varname", found.width) for name, found in USD_NODES.items() if found.category == "UsdPrimvarReader"}
 _READERS |= {f"ND_geompropvalue_{name}": ("geomprop", width) for name, width in _WIDTHS.items()}
 # Other renderers' (materials/foreign); PxrPrimvar's may be a colour, which its type says.
-_FOREIGN = {"arnold:user_data_float": 1, "arnold:user_data_int": 1, "arnold:user_data_rgb": 3, "arnold:user_data_rgba": 4}
-_READERS |= {name: ("attribute", width) for name, width in _FOREIGN.items()} | {"PxrPrimvar": ("varname", 1)}
+_ARNOLD, _USER_DATA = "arnold:", {"float": 1, "int": 1, "rgb": 3, "rgba": 4}
+_READERS |= {f"{_ARNOLD}user_data_{kind}": ("attribute", width) for kind, width in _USER_DATA.items()} | {
+    "PxrPrimvar": ("varname", 1)
+}
 _BY_SET = ("ND_texcoord_", "ND_tangent_", "ND_bitangent_")  # nodes that read a numbered set of texture coordinates
 _COLORS = ("_color3", "_color4", "user_data_rgb", "user_data_rgba")  # readers of colours end in these
 SHOWN_COLOR = "primvars:displayColor"  # of shapes without a material

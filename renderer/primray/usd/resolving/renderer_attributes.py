@@ -76,8 +76,10 @@ ERROR_THRESHOLDS = (
     "arnold:AA_adaptive_threshold",
     "cycles:integrator:adaptive_threshold",
 )
+INTEGRATORS = ("ri:integrator", "outputs:ri:integrator")  # the prim that has a RenderMan integrator's settings
 SETTINGS_OF_OTHERS = frozenset(
     {
+        *INTEGRATORS,
         *KARMA_SAMPLES,
         *RENDERMAN_SAMPLES,
         *CYCLES_SAMPLES,

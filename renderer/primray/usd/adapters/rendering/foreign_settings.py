@@ -24,6 +24,7 @@ from ...resolving.renderer_attributes import (
     CYCLES_SAMPLES,
     CYCLES_TIME,
     ERROR_THRESHOLDS,
+    INTEGRATORS,
     KARMA,
     KARMA_BOUNCES,
     KARMA_SAMPLES,
@@ -31,8 +32,6 @@ from ...resolving.renderer_attributes import (
     RENDERMAN_SAMPLES,
     TOTAL_BOUNCES,
 )
-
-INTEGRATORS = ("ri:integrator", "outputs:ri:integrator")
 
 
 @dataclass(frozen=True)
