@@ -21,7 +21,7 @@ SCENE = {"id": f"sha256:{'0' * 64}"}
 NOT_OF_JOBS = {"threads", "max_memory_bytes", "sample_range", "session_layer", "rendering_color_space", "resolution_scale"}
 NOT_OF_JOBS |= {"time_code"}  # frames
 NOT_OF_JOBS |= {"joint_products"}  # what the library says to itself
-NOT_OF_JOBS |= {"dome", "dome_rotation", "dome_visible", "background", "orbit_deg"}  # files of the user's machine, and views
+NOT_OF_JOBS |= {"orbit_deg"}  # views of a turntable
 
 
 def understood(settings: dict[str, Any]) -> Settings:

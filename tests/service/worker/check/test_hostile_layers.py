@@ -64,7 +64,7 @@ def test_what_no_count_sees_ends_by_its_cpu_seconds(tmp_path: Path) -> None:
     began = time.monotonic()
     found = check(tmp_path / "slot", {"scene.usda": scene}, cpu_s=0.5)
     assert (found.problem, found.facts, found.signal) == (None, None, signal.SIGXCPU)
-    assert time.monotonic() - began < 30
+    assert time.monotonic() - began < 300  # where others use the processors too; all of it would take days
 
 
 NESTED = {
