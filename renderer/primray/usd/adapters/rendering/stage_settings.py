@@ -8,7 +8,6 @@ authors comes before what its settings do, attribute by attribute, as UsdRenderP
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from pxr import Usd
 
 from ....description.picture_file import PictureView
 from ....diagnostics import Diagnostics
-from ....errors import LimitError, SettingsError
+from ....errors import LimitError, SettingsError, did_you_mean
 from ....settings import RenderSettings
 from ....settings.in_stage import CHECKPOINT_EVERY, STOPS, Asked, StageSettings
 from ...querying.guarded import authored_attributes
@@ -82,8 +81,7 @@ def note_unknown(prim: Usd.Prim, found: Iterable[str], names: frozenset[str], di
     """Report attributes in primray's namespace that mean nothing there: a misspelt one would do nothing."""
     for name in found:
         if name.startswith(PREFIX) and name not in names:
-            near = get_close_matches(name, sorted(names), 1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(names))}."
+            hint = did_you_mean(name, sorted(names), otherwise=f"there are {', '.join(sorted(names))}.")
             diagnostics.add("render-settings-input", str(prim.GetPath()), f"{name} means nothing: {hint}", name)
 
 
