@@ -27,10 +27,14 @@ def resident_bytes() -> float:
         return float("inf")
 
 
+def machine_bytes() -> int:
+    """Return the memory that the machine has."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
 def available_bytes() -> int:
     """Return what this process may hold at most: the least of its cgroups' limits and the machine's memory."""
-    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), *_cgroup_limits()]
-    return min(limits)
+    return min([machine_bytes(), *_cgroup_limits()])
 
 
 def _cgroup_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> Iterator[int]:

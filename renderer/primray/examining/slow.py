@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from ..description import Mesh, NurbsPatch, SubdivisionMesh
+from ..process_memory import machine_bytes
 from .examined import Examined
 from .finding import Finding, Question
 
@@ -139,7 +139,7 @@ def speed(seen: Examined) -> dict[str, Any]:
 
 def _memory_bytes() -> int | None:
     try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        return machine_bytes()
     except (OSError, ValueError):
         return None
 

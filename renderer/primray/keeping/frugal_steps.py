@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
-from ..process_memory import resident_bytes
+from ..process_memory import machine_bytes, resident_bytes
 from .kept_steps import KeptSteps
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ class FrugalSteps(KeptSteps):
         self, description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape]
     ) -> CoreScene:
         scene = super().build(description, textures, settings, shapes)
-        there_is = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        there_is = machine_bytes()
         if settings.max_memory_bytes is not None:
             there_is = min(there_is, settings.max_memory_bytes)
         if resident_bytes() > KEPT_PART * there_is:

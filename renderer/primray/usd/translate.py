@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ from ..description import (
 )
 from ..diagnostics import Diagnostics
 from ..garbage import without_collection
+from ..process_memory import machine_bytes
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.lights.light import light
@@ -302,16 +302,12 @@ def _arranged(groups: list[Group[ResolvedPrim]], ctx: Context) -> Arrangement:
     """Where the groups stand, each once; what cannot stand anywhere is told."""
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
-    where = arrange(groups, ctx.settings.max_memory_bytes or _physical_memory() // 2)
+    where = arrange(groups, ctx.settings.max_memory_bytes or machine_bytes() // 2)
     if not ctx.timing.is_open and not ctx.timing.is_frame:
         where = at_instant(where, groups, ctx.timing.opens)
     for parent, child in where.cyclic:
         ctx.warn("invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}.")
     return where
-
-
-def _physical_memory() -> int:
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def _context(
