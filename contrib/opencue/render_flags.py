@@ -1,11 +1,43 @@
-"""What both scripts here take of primray's flags, and the words that they make of it."""
+"""What both scripts here share: their arguments, the flags of primray that these become, and sending a job."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
+
+from outline import Outline, cuerun
 
 PLACE = "#IFRAME#"  # OpenCue's: becomes the frame's number
+
+
+def parser_of(description: str, output: str, frames: str) -> argparse.ArgumentParser:
+    """Return a parser with what both scripts take; `output` and `frames` are the help of these two."""
+    parser = argparse.ArgumentParser(description=description, epilog="After --: further flags of primray render.")
+    parser.add_argument("scene", type=Path, help="the stage")
+    parser.add_argument("output", type=Path, help=output)
+    parser.add_argument("--frames", default="1", help=frames)
+    add_flags(parser)
+    return parser
+
+
+def parsed_by(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argparse.Namespace:
+    """Return a script's own arguments, and as `extra` what follows `--`: further flags of `primray render`."""
+    own = list(arguments)
+    at = own.index("--") if "--" in own else len(own)
+    asked = parser.parse_args(own[:at])
+    asked.extra = own[at + 1 :]
+    return asked
+
+
+def send(job: Outline, asked: argparse.Namespace) -> None:
+    """Send the job to OpenCue, or print what would be sent."""
+    launcher = cuerun.OutlineLauncher(job, range=asked.frames)
+    if asked.print:
+        launcher.setup()
+        print(launcher.serialize(use_pycuerun=False))
+    else:
+        launcher.launch(use_pycuerun=False)
 
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
@@ -20,13 +52,6 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--memory", help="that OpenCue reserves for a task, such as 8g")
     parser.add_argument("--name", default="primray", help="of the job")
     parser.add_argument("--print", action="store_true", help="what would be sent, and send nothing")
-
-
-def split_extra(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return a script's own arguments, and what follows `--`: further flags of `primray render`."""
-    own = list(arguments)
-    at = own.index("--") if "--" in own else len(own)
-    return own[:at], own[at + 1 :]
 
 
 def flags(asked: argparse.Namespace, no_outputs: Sequence[str] = ()) -> list[str]:

@@ -12,21 +12,15 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from pathlib import Path
 
-from outline import Outline, cuerun
+from outline import Outline
 from outline.modules.shell import Shell
-from render_flags import PLACE, add_flags, flags, layer_arguments, split_extra
+from render_flags import PLACE, flags, layer_arguments, parsed_by, parser_of, send
 
 
 def main() -> None:
     asked = parsed(sys.argv[1:])
-    launcher = cuerun.OutlineLauncher(job_of(asked), range=asked.frames)
-    if asked.print:
-        launcher.setup()
-        print(launcher.serialize(use_pycuerun=False))
-    else:
-        launcher.launch(use_pycuerun=False)
+    send(job_of(asked), asked)
 
 
 def job_of(asked: argparse.Namespace) -> Outline:
@@ -46,20 +40,14 @@ def render_command(asked: argparse.Namespace) -> list[str]:
 
 
 def parsed(arguments: list[str]) -> argparse.Namespace:
-    own, extra = split_extra(arguments)
-    parser = argparse.ArgumentParser(
-        description="Render frames of a USD stage on OpenCue, a task a frame.",
-        epilog="After --: further flags of primray render.",
+    parser = parser_of(
+        "Render frames of a USD stage on OpenCue, a task a frame.",
+        output="a picture's name, #### becomes the frame; of products a folder",
+        frames="such as 1-100 or 1-100x2",
     )
-    parser.add_argument("scene", type=Path, help="the stage")
-    parser.add_argument("output", type=Path, help="a picture's name, #### becomes the frame; of products a folder")
-    parser.add_argument("--frames", default="1", help="such as 1-100 or 1-100x2")
     parser.add_argument("--products", nargs="*", metavar="PRIM", help="the stage's products by these names; without names, all")
     parser.add_argument("--denoise", action="store_true", help="a denoised picture beside the record (primray[denoise])")
-    add_flags(parser)
-    asked = parser.parse_args(own)
-    asked.extra = extra
-    return asked
+    return parsed_by(parser, arguments)
 
 
 if __name__ == "__main__":

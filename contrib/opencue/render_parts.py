@@ -17,19 +17,14 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
-from outline import Outline, cuerun
+from outline import Outline
 from outline.modules.shell import Shell
-from render_flags import PLACE, add_flags, flags, layer_arguments, split_extra
+from render_flags import PLACE, flags, layer_arguments, parsed_by, parser_of, send
 
 
 def main() -> None:
     asked = parsed(sys.argv[1:])
-    launcher = cuerun.OutlineLauncher(job_of(asked), range=asked.frames)
-    if asked.print:
-        launcher.setup()
-        print(launcher.serialize(use_pycuerun=False))
-    else:
-        launcher.launch(use_pycuerun=False)
+    send(job_of(asked), asked)
 
 
 def job_of(asked: argparse.Namespace) -> Outline:
@@ -74,20 +69,14 @@ def sample_ranges(samples: int, parts: int) -> list[tuple[int, int]]:
 
 
 def parsed(arguments: list[str]) -> argparse.Namespace:
-    own, extra = split_extra(arguments)
-    parser = argparse.ArgumentParser(
-        description="Render frames of a USD stage on OpenCue, each frame's samples in parts.",
-        epilog="After --: further flags of primray render.",
+    parser = parser_of(
+        "Render frames of a USD stage on OpenCue, each frame's samples in parts.",
+        output="a picture's name; #### becomes the frame",
+        frames="such as 1-100",
     )
-    parser.add_argument("scene", type=Path, help="the stage")
-    parser.add_argument("output", type=Path, help="a picture's name; #### becomes the frame")
-    parser.add_argument("--frames", default="1", help="such as 1-100")
     parser.add_argument("--samples", type=int, default=256, help="a pixel, of all parts together")
     parser.add_argument("--parts", type=int, default=4, help="that a frame's samples are divided among")
-    add_flags(parser)
-    asked = parser.parse_args(own)
-    asked.extra = extra
-    return asked
+    return parsed_by(parser, arguments)
 
 
 if __name__ == "__main__":
