@@ -42,7 +42,7 @@ class Diagnosis:
     set_up_s: Mapping[str, float]  # seconds before the first sample, by step
     speed: Mapping[str, Any]  # rays and samples a second
     counts: Mapping[str, int]
-    time_to_1_percent: Mapping[str, Any] | None  # samples and seconds to relMSE 0.01, with 95 % intervals; None: unknown
+    time_to_1_percent: Mapping[str, Any] | None  # samples and seconds to relMSE 0.0001, with 95 % intervals; None: unknown
     findings: tuple[Finding, ...]
     diagnostics: tuple[Diagnostic, ...]
 

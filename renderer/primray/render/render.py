@@ -223,15 +223,15 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if sampling.view_fault:
         diagnostics.add("display-error-unknown", "", sampling.view_fault)
     space = prepared.scene.rendering_space
-    backdrop, coverage = _backdrop(prepared, costs), pixels[..., 3:]
+    backdrop, rendered = _backdrop(prepared, costs), pixels
     if backdrop is not None:
-        pixels = backdrop.behind(pixels)
+        pixels = backdrop.behind(rendered)
     aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
     with kept_without("what rules the error", diagnostics):
-        rules = what_rules(prepared, report, pixels, errors)
+        rules = what_rules(prepared, report, rendered, errors)
         report |= {"error_ruled_by": rules} if rules is not None else {}
     report |= {"stage_settings": prepared.asked.as_json()} if prepared.asked.asked else {}
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
@@ -245,7 +245,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
         with kept_without("the denoised picture", diagnostics):
             image = _denoised(image, prepared, sampling, costs)
             _note_if_worse(image, diagnostics)
-            image = image if backdrop is None else backdrop.behind_denoised(image, coverage)
+            image = image if backdrop is None else backdrop.behind_denoised(image, rendered[..., 3:])
     if camera.diffusion.strength != 0:
         from ..diffusing.diffuse import with_diffusion
 
