@@ -5,13 +5,11 @@ Pictures and scenes are the tenant's alone: nothing here answers with them.
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, Literal
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 
-from ...admission import changes_of
 from ...api import admin_views
 from ...api.job_json import frame_json
 from ...api.models import JobPatch
@@ -22,10 +20,10 @@ from ...http.described import answer, described, json_request
 from ...jobs import Job, JobState, Json
 from ...problems import Problem
 from ...service import Service
-from ...store.base import Conflict, JobFilter
+from ...store.base import JobFilter
 from ..jobs.frames import FrameNumber
 from ..jobs.interventions import paused, resumed, retried
-from ..jobs.jobs import JOB_ID, JobId, check_version, job_answer, no_job, split_label
+from ..jobs.jobs import JOB_ID, JobId, canceled, check_version, job_answer, no_job, split_label, updated
 from .audit import record
 
 router = APIRouter(prefix="/v1/admin/jobs", tags=["admin"])
@@ -130,17 +128,8 @@ def change(
     patch: Annotated[JobPatch, Depends(json_body(JobPatch))],
 ) -> Response:
     """Change the priority, labels, name or time to live of a job of any tenant."""
-    job = found(service, job_id)
-    version = job.version if check_version(request, job) else None
-    changes = changes_of(patch, service.limits)
-    try:
-        job = service.store.update_job(job_id, time.time(), version=version, changes=changes)
-    except Conflict:
-        raise Problem("precondition-failed", "It has changed since it was read.") from None
-    except KeyError:
-        raise no_job() from None
+    job, changes = updated(service, request, found(service, job_id), patch)
     record(caller, "change-job", job.tenant, job_id=job_id, changes=changes)
-    service.dispatcher.wake()
     return answered(service, job)
 
 
@@ -155,14 +144,8 @@ def change(
 def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
     """End a job of any tenant; the picture made so far is kept."""
     check_version(request, found(service, job_id))
-    try:
-        job = service.store.request_cancel(job_id, time.time())
-    except Conflict:
-        raise Problem("conflict", "The job has ended already, in another way.") from None
-    except KeyError:
-        raise no_job() from None
+    job = canceled(service, job_id)
     record(caller, "cancel-job", job.tenant, job_id=job_id)
-    service.dispatcher.wake()
     return answered(service, job, 202)
 
 

@@ -13,9 +13,8 @@ from ...jobs import Frame, Job
 from ...limits import Quotas
 from ...problems import Problem
 from ...service import Service
-from ...store.base import Conflict
 from .frames import FrameNumber
-from .jobs import JobId, body_of, check_version, found, job_answer, no_job
+from .jobs import JobId, acted, body_of, check_version, found, job_answer
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -71,38 +70,20 @@ def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Submitte
 
 
 def paused(service: Service, job_id: str) -> Job:
-    try:
-        job = service.store.request_pause(job_id, time.time())
-    except Conflict:
-        raise Problem("conflict", "Only a job that has not ended, and is not being canceled, can be paused.") from None
-    except KeyError:
-        raise no_job() from None
-    service.dispatcher.wake()
-    return job
+    conflict = Problem("conflict", "Only a job that has not ended, and is not being canceled, can be paused.")
+    return acted(service, lambda: service.store.request_pause(job_id, time.time()), conflict)
 
 
 def resumed(service: Service, job_id: str) -> Job:
-    try:
-        job = service.store.request_resume(job_id, time.time())
-    except Conflict:
-        raise Problem("conflict", "Only a job that has not ended, and is not being canceled, can be resumed.") from None
-    except KeyError:
-        raise no_job() from None
-    service.dispatcher.wake()
-    return job
+    conflict = Problem("conflict", "Only a job that has not ended, and is not being canceled, can be resumed.")
+    return acted(service, lambda: service.store.request_resume(job_id, time.time()), conflict)
 
 
 def retried(service: Service, job_id: str, number: int, quotas: Quotas) -> Job:
     frame = _frame(service, job_id, number)
-    try:
-        job = service.store.retry_frame(job_id, number, frame.attempt, time.time(), quotas)
-    except Conflict:
-        said = f"Frame {number} is {frame.state.value}: only a frame that has ended can be retried, of a scene that is there."
-        raise Problem("conflict", said, state=frame.state.value) from None
-    except KeyError:
-        raise no_job() from None
-    service.dispatcher.wake()
-    return job
+    said = f"Frame {number} is {frame.state.value}: only a frame that has ended can be retried, of a scene that is there."
+    conflict = Problem("conflict", said, state=frame.state.value)
+    return acted(service, lambda: service.store.retry_frame(job_id, number, frame.attempt, time.time(), quotas), conflict)
 
 
 def _frame(service: Service, job_id: str, number: int) -> Frame:

@@ -21,7 +21,7 @@ from ...http.answers import ETAG, json_answer, json_bytes, none_match, not_modif
 from ...http.bodies import json_body
 from ...http.callers import Reader, Serving, Submitter
 from ...http.described import answer, described, json_request
-from ...jobs import TERMINAL, Job, JobState, etag, version_in
+from ...jobs import TERMINAL, Job, JobState, Json, etag, version_in
 from ...limits import Limits
 from ...problems import Problem
 from ...service import Service
@@ -108,6 +108,35 @@ async def changed(service: Service, caller: Caller, job: Job, seconds: float, is
             if not is_enough(job):
                 await wait(event, left)
     return job
+
+
+def acted(service: Service, act: Callable[[], Job], conflict: Problem) -> Job:
+    """Return the job after `act` has changed it in the store, and have the dispatcher look at it.
+
+    Raise `conflict` where the store refuses the change, and "not-found" where there is no such job any more.
+    """
+    try:
+        job = act()
+    except Conflict:
+        raise conflict from None
+    except KeyError:
+        raise no_job() from None
+    service.dispatcher.wake()
+    return job
+
+
+def updated(service: Service, request: Request, job: Job, patch: JobPatch) -> tuple[Job, Json]:
+    """Return the job with what a PATCH changes, and that; Problem where it is not at the version that If-Match names."""
+    version = job.version if check_version(request, job) else None
+    changes = changes_of(patch, service.limits)
+    conflict = Problem("precondition-failed", "It has changed since it was read.")
+    act = lambda: service.store.update_job(job.id, time.time(), version=version, changes=changes)  # noqa: E731
+    return acted(service, act, conflict), changes
+
+
+def canceled(service: Service, job_id: str) -> Job:
+    conflict = Problem("conflict", "The job has ended already, in another way.")
+    return acted(service, lambda: service.store.request_cancel(job_id, time.time()), conflict)
 
 
 def has_ended(job: Job) -> bool:
@@ -211,16 +240,7 @@ def change(
     patch: Annotated[JobPatch, Depends(json_body(JobPatch))],
 ) -> Response:
     """Change a job's priority, labels or time to live."""
-    job = found(service, caller, job_id)
-    version = job.version if check_version(request, job) else None
-    changes = changes_of(patch, service.limits)
-    try:
-        job = service.store.update_job(job_id, time.time(), version=version, changes=changes)
-    except Conflict:
-        raise Problem("precondition-failed", "It has changed since it was read.") from None
-    except KeyError:
-        raise no_job() from None
-    service.dispatcher.wake()
+    job, _ = updated(service, request, found(service, caller, job_id), patch)
     return job_answer(job, body_of(service, job))
 
 
@@ -235,11 +255,7 @@ def change(
 def cancel(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
     """End a job; the picture made so far is kept. It may be asked for again."""
     check_version(request, found(service, caller, job_id))
-    try:
-        job = service.store.request_cancel(job_id, time.time())
-    except Conflict:
-        raise Problem("conflict", "The job has ended already, in another way.") from None
-    service.dispatcher.wake()
+    job = canceled(service, job_id)
     return job_answer(job, body_of(service, job), 202)
 
 
@@ -278,13 +294,9 @@ def go_on(
     if job.state not in TERMINAL:
         raise Problem("conflict", f"The job is {job.state.value}; only one that has ended can go on.", state=job.state.value)
     stop = continued(job, asked.stop, service.limits)
-    try:
-        job = service.store.continue_job(job_id, stop, time.time(), service.quotas_of(caller))
-    except Conflict:
-        raise Problem("conflict", "The job cannot go on: it does so already, or its scene is gone.") from None
-    except KeyError:
-        raise no_job() from None
-    service.dispatcher.wake()
+    quotas = service.quotas_of(caller)
+    conflict = Problem("conflict", "The job cannot go on: it does so already, or its scene is gone.")
+    job = acted(service, lambda: service.store.continue_job(job_id, stop, time.time(), quotas), conflict)
     return job_answer(job, body_of(service, job), 202, {"location": f"/v1/jobs/{job.id}"})
 
 
