@@ -25,12 +25,10 @@ NB_MODULE(PRIMRAY_MODULE, m) {
   m.def(
       "watch_memory",
       [](int64_t bytes, const std::string& before, const std::string& after, const std::string& json_before,
-         const std::string& json_after, int exit_code) {
-        watch_memory(bytes, {before, after, json_before, json_after, exit_code});
-      },
+         const std::string& json_after,
+         int exit_code) { watch_memory(bytes, {before, after, json_before, json_after, exit_code}); },
       nb::arg("bytes"), nb::arg("before") = "", nb::arg("after") = "", nb::arg("json_before") = "", nb::arg("json_after") = "",
-      nb::arg("exit_code") = 4,
-      "End the process, saying so, before it holds so many bytes; 0: no more.");
+      nb::arg("exit_code") = 4, "End the process, saying so, before it holds so many bytes; 0: no more.");
   // Core errors carry a code; Python makes them into the classes of primray.errors.
   static PyObject* core_error = nb::exception<Error>(m, "CoreError").release().ptr();
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {

@@ -28,8 +28,8 @@ rtc::Device device = nullptr;
 std::mutex load_mutex;
 std::atomic<int64_t> bytes_now{0}, bytes_peak{0}, bytes_most{std::numeric_limits<int64_t>::max()};
 
-// Embree asks before it allocates (`post` is false) or says that it has. An answer of false makes it end with its error for being
-// out of memory; it frees what it had by then.
+// Embree asks before it allocates (`post` is false) or says that it has. An answer of false makes it end with its error for
+// being out of memory; it frees what it had by then.
 bool count_memory(void*, ptrdiff_t bytes, bool post) {
   const int64_t now = bytes_now += bytes;
   if (bytes > 0 && !post && now > bytes_most.load()) {

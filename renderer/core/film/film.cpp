@@ -41,7 +41,8 @@ void Film::merge(const Film& other) {
       add(p, c, other.sum(p, c));
     }
     for (size_t why = 0; why < kRemovals; ++why)
-      for (size_t i = p * kColors; removed[why].any() && i < (p + 1) * kColors; ++i) removed[why].add(i, other.removed[why].at(i));
+      for (size_t i = p * kColors; removed[why].any() && i < (p + 1) * kColors; ++i)
+        removed[why].add(i, other.removed[why].at(i));
     counts[p] += other.counts[p], covered[p] += other.covered[p];
   }
   for (size_t i = 0; i < next.size(); ++i) next[i] = std::max(next[i], other.next[i]);

@@ -34,8 +34,8 @@ inline void leave_out_caustics(Worker& w, int slots, bool clamps) {
   }
 }
 
-// Adds light of two scatterings and more to samples [0, slots), scaled so that its largest channel is `most` at most; light path
-// expressions take the same factor. What was taken away is left where that light was summed.
+// Adds light of two scatterings and more to samples [0, slots), scaled so that its largest channel is `most` at most; light
+// path expressions take the same factor. What was taken away is left where that light was summed.
 inline void clamp_indirect(Worker& w, int slots, float most) {
   float* const colors[] = {w.r, w.g, w.b};
   for (int s = 0; s < slots; ++s) {

@@ -43,7 +43,7 @@ struct Worker {
   static constexpr int kSums = 2 * kSlots;
   alignas(64) float r[kSums], g[kSums], b[kSums], a[kSlots];
   std::vector<float> caustics;  // of samples, channel by channel, where these are left out of the picture
-  std::vector<vec3> weights;  // of samples, behind a lens that takes some of their light
+  std::vector<vec3> weights;    // of samples, behind a lens that takes some of their light
   uint8_t pixel_x[kTile * kTile], pixel_y[kTile * kTile];
   std::span<const LightOutlines::Part> outlines[kTile * kTile];
   EntryChoice camera_entry, scattered_entry, shadow_entry;
