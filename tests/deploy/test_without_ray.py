@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -94,7 +95,7 @@ def test_the_jobs_command_renders_the_frame_of_its_index(tmp_path: Path) -> None
     scene = sorted((ROOT / "scenes/analytic").rglob("*.usda"))[0]
     (text,) = inside["args"]
     for name, value in (
-        ("/stages/shot.usda", str(scene)),
+        ("/stages/shot.usda", shlex.quote(str(scene))),
         ("/pictures/", f"{tmp_path}/"),
         ("--target-error 0.001", "--spp 1 --res 16 12"),
     ):

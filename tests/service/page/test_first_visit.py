@@ -105,8 +105,13 @@ def test_times_come_from_an_earlier_render_or_a_small_one(open_page, site):
         # Another camera sees something else.
         page.get_by_label("Camera", exact=True).select_option("/side")
         assert page.evaluate(TIMES) == [""] * 4
-        page.get_by_role("button", name="Estimate the times").click()
-        until(page, f"{TIMES}[0] !== ''")
+        ended = f"{TIMES}[0] !== '' || document.querySelector('.estimate').textContent.includes('no estimate')"
+        # A busy machine may draw too little of the small picture, says so, and is asked again.
+        for _ in range(20):
+            page.get_by_role("button", name="Estimate the times").click()
+            until(page, ended)
+            if page.evaluate(TIMES)[0]:
+                break
         assert "small picture" in page.locator(".estimate").inner_text()
         page.wait_for_load_state("networkidle")
         assert client.get("/v1/jobs", params={"label": "estimate:"}).json()["items"] == []

@@ -15,7 +15,8 @@ export function estimate(asked, tell) {
   const words = element("span", { class: "note", role: "status" });
   const go = button("Estimate the times", () => pilot(), { class: "quiet" });
   const root = element("p", { class: "estimate" }, go, words);
-  let known = null; // {key, seconds, error, pixels, power}
+  let known = null; // {key, each, start, samples, ci95, pixels, power}
+  let saidOf = null; // the key that the words are of
   let [running, closed] = [null, false];
 
   // What a measured course says of others: camera, variants and so on must be the same.
@@ -26,7 +27,12 @@ export function estimate(asked, tell) {
     const isSame = known?.key === keyOf(job);
     go.hidden = isSame || running !== null;
     tell(targets.map((target) => (isSame && target > 0 && pixels > 0 ? timeTo(target, pixels) : null)));
-    if (known && !isSame && !running) write(words, "");
+    if (saidOf !== keyOf(job) && !running) say("", keyOf(job));
+  }
+
+  function say(text, key) {
+    saidOf = key;
+    write(words, text);
   }
 
   // Seconds, {low, high}, of as many pixels.
@@ -62,29 +68,32 @@ export function estimate(asked, tell) {
       pixels: width * height,
       power: Math.min(MOST_POWER, Math.max(LEAST_POWER, power || 1)),
     };
-    write(words, `Times of sampling, ${source}.`);
+    say(`Times of sampling, ${source}.`, key);
     update();
     return true;
   }
 
   async function pilot() {
     const { job } = asked();
+    const key = keyOf(job);
     const [width, height] = job.settings.resolution;
     const scale = Math.min(1, PILOT.side / Math.max(width, height));
     const resolution = [width, height].map((side) => Math.max(1, Math.round(side * scale)));
     const settings = { ...job.settings, resolution, aovs: [], denoise: false, strict: false, stop: { max_seconds: PILOT.seconds } };
     go.hidden = true;
-    write(words, "A small picture is rendered for some seconds…");
+    say("A small picture is rendered for some seconds…", key);
     try {
       const made = await send("POST", "/v1/jobs", { ...job, settings, name: "estimate", labels: { estimate: "" }, ttl_s: 300 });
       running = made.id;
       const response = await call("GET", jobPath(made.id), { headers: { prefer: `wait=${PILOT.wait}` } });
       const ended = await response.json();
       if (closed) return;
-      if (ended.state !== "succeeded" || !(await learn(ended, keyOf(job), "from a small picture"))) write(words, ended.error?.detail ?? "There is no estimate: the server is busy, or the picture too small.");
+      if (ended.error) say(ended.error.detail, key);
+      else if (ended.state !== "succeeded") say("There is no estimate: the server is busy with other jobs.", key);
+      else if (!(await learn(ended, key, "from a small picture"))) say(`There is no estimate: a small picture came to no error in ${PILOT.seconds} s.`, key);
     } catch (failure) {
       if (!failure.problem) throw failure;
-      write(words, failure.problem.detail);
+      say(failure.problem.detail, key);
     } finally {
       stop();
       update();
