@@ -14,10 +14,10 @@ import shutil
 import struct
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from .exits import SCENE_REJECTED, CommandError
+from .exits import SCENE_REJECTED, USAGE, CommandError
 
 PACKAGES = (".zip", ".usdz")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # zip's earliest
@@ -66,6 +66,32 @@ def scene_file(scene: Path, scratch: Path) -> SceneFile:
     members = {Path(file).relative_to(root).as_posix(): Path(file) for file in found.files}
     entry = Path(found.files[0]).relative_to(root).as_posix()
     return SceneFile(target, target.name, entry, len(found.files), notes, members)
+
+
+def with_images(sent: SceneFile, scratch: Path, images: Mapping[str, Path]) -> tuple[SceneFile, dict[str, str]]:
+    """Return the scene with the images of these settings in its package, and each setting's path within that.
+
+    An image that the scene itself refers to is where it was. CommandError where a file is not there.
+    """
+    members = dict(sent.members or {sent.name: sent.path})
+    own = {os.path.realpath(file): name for name, file in members.items()}
+    names: dict[str, str] = {}
+    for setting, image in images.items():
+        if not image.is_file():
+            raise CommandError("no-such-file", f"--{setting}: there is no such file", USAGE, where=str(image))
+        names[setting] = own.get(os.path.realpath(image)) or _free(f"{setting}/{image.name}", members)
+        members[names[setting]] = image
+    if not set(names.values()) - set(own.values()):
+        return sent, names
+    path = scratch / f"{Path(sent.name).stem}.zip"
+    return replace(sent, path=path, name=path.name, entry=sent.entry or sent.name, files=len(members), members=members), names
+
+
+def _free(name: str, members: Mapping[str, Path]) -> str:
+    folder, file = name.split("/", 1)
+    while f"{folder}/{file}" in members:
+        folder += "_"
+    return f"{folder}/{file}"
 
 
 def _notes(what: str, named: list[str]) -> list[str]:

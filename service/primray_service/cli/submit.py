@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -28,7 +28,7 @@ from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, err
 from .fetch import Overwrite, download_all
 from .job_text import plain
 from .labels import Labels, labels_of
-from .scene_file import SceneFile, scene_file
+from .scene_file import SceneFile, scene_file, with_images
 from .watch import end_as, watched
 
 if TYPE_CHECKING:
@@ -70,6 +70,9 @@ def submit(
     filter_width: render_flags.FilterWidth = None,
     no_default_light: stage_flags.NoDefaultLight = False,
     studio_light: stage_flags.Studio = StudioLight.AUTO,
+    dome: stage_flags.Dome = None,
+    dome_rotation: stage_flags.DomeRotation = 0.0,
+    dome_visible: stage_flags.DomeVisible = OnOff.ON,
     ground: stage_flags.GroundBelow = None,
     background: show_flags.Background = None,
     product: output_flags.Products = None,
@@ -156,6 +159,9 @@ def submit(
         "filter_width": filter_width,
         "default_light": False if no_default_light else None,
         "studio_light": studio_light.value if studio_light is not StudioLight.AUTO else None,
+        "dome": dome,
+        "dome_rotation": dome_rotation or None,
+        "dome_visible": False if dome_visible is OnOff.OFF else None,
         "ground": ground.value if ground is not None else None,
         "background": background,
         "products": products_of(product, all_products),
@@ -191,11 +197,11 @@ def submit(
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
     with connected("submit", server, key_file) as client:
-        uploaded, its_entry = uploaded_scene(client, scene, json)
+        uploaded, its_entry, images = uploaded_scene(client, scene, json, images_of(scene, dome, background))
         job = client.submit(
             uploaded,
             entry=entry or its_entry,
-            settings=_settings(given(settings)),
+            settings=_settings(given(settings) | images),
             name=name,
             parallel=parallel_of(parallel),
             priority=priority,
@@ -254,19 +260,34 @@ def _webhook(url: str | None) -> Webhook | None:
     return None if url is None else {"url": url}
 
 
-def uploaded_scene(client: Client, scene: Path, as_json: bool) -> tuple[Scene | str, str | None]:
-    """What the job names, and its entry; a stage on the service's shared storage is not sent."""
+def images_of(scene: Path, dome: str | None, background: str | None) -> dict[str, Path]:
+    """Return the files, by setting, that are sent with the scene; a zip and a stage on shared storage have theirs already."""
+    if str(scene).startswith(SHARED) or scene.suffix.lower() == ".zip":
+        return {}
+    images = {} if dome is None else {"dome": Path(dome)}
+    if background is None:
+        return images
+    from primray.images.background import background_of
+
+    behind = background_of(background)
+    return images if behind is None or behind.file is None else {**images, "background": Path(behind.file)}
+
+
+def uploaded_scene(
+    client: Client, scene: Path, as_json: bool, images: Mapping[str, Path]
+) -> tuple[Scene | str, str | None, dict[str, str]]:
+    """What the job names, its entry, and where its images are; a stage on the service's shared storage is not sent."""
     if str(scene).startswith(SHARED):
-        return str(scene), None
-    uploaded, packed = upload(client, scene, as_json)
-    return uploaded, packed.entry
+        return str(scene), None, {}
+    uploaded, packed, names = upload(client, scene, as_json, images)
+    return uploaded, packed.entry, names
 
 
-def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile]:
+def upload(client: Client, scene: Path, as_json: bool, images: Mapping[str, Path]) -> tuple[Scene, SceneFile, dict[str, str]]:
     """Packed where that is needed, sent unless the server has it."""
     with tempfile.TemporaryDirectory(prefix="primray-submit-") as scratch:
         try:
-            packed = scene_file(scene, Path(scratch))
+            packed, names = with_images(scene_file(scene, Path(scratch)), Path(scratch), images)
         except OSError as error:
             raise CommandError("unreadable-file", f"the scene cannot be packed: {error}", USAGE) from None
         for note in packed.notes:
@@ -280,7 +301,7 @@ def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile
         refusal = error_of(uploaded.problem or {"detail": "the server rejects the scene"})
         exit_code = SCENE_REJECTED if refusal.exit_code == FAILED else refusal.exit_code
         raise CommandError(refusal.code, refusal.message, exit_code, where=refusal.where)
-    return uploaded, packed
+    return uploaded, packed, names
 
 
 def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -> Scene:

@@ -10,7 +10,7 @@ import pytest
 
 from primray import usd
 from primray_service.cli.exits import CommandError
-from primray_service.cli.scene_file import SceneFile, scene_file
+from primray_service.cli.scene_file import SceneFile, scene_file, with_images
 
 
 def write(file: Path, text: str = "content") -> Path:
@@ -108,6 +108,33 @@ def test_missing_files_are_told_and_not_too_many(show: Path, scratch: Path) -> N
     assert len(notes) == 11
     assert notes[0].endswith("lost00.png: cannot be found, and will be missing")
     assert notes[-1] == "... and 4 more"
+
+
+def test_images_of_settings_are_sent_with_whatever_is_sent(show: Path, scratch: Path, tmp_path: Path) -> None:
+    """A stage alone becomes a package; an image of the scene is not sent twice, and no file takes another's place."""
+    sky, plate = write(tmp_path / "sky.exr", "sky"), write(tmp_path / "b/sky.exr", "plate")
+    images = {"dome": sky, "background": plate}
+    alone = scene_of(show / "shot.usda")
+    for scene in (alone, write(show / "model.usdz", "not even a zip")):
+        sent, names = with_images(scene_file(scene, scratch), scratch, images)
+        assert names == {"dome": "dome/sky.exr", "background": "background/sky.exr"}
+        assert (sent.entry, sent.files) == (scene.name, 3)
+        sent.write()
+        assert members(sent) == sorted([scene.name, *names.values()])
+        assert sent.path.parent == scratch
+    write(show / "dome/sky.exr", "another")
+    write(show / "tex/plate.exr", "plate")
+    scene = scene_of(show / "other.usda", "./dome/sky.exr", "./tex/plate.exr")
+    sent, names = with_images(scene_file(scene, scratch), scratch, {"dome": sky, "background": show / "tex/plate.exr"})
+    assert names == {"dome": "dome_/sky.exr", "background": "tex/plate.exr"}
+    assert sent.members is not None
+    assert sent.members["dome/sky.exr"].read_text() == "another"
+    assert len(sent.members) == 4
+    as_it_is = scene_file(scene, scratch)
+    assert with_images(as_it_is, scratch, {"background": show / "tex/plate.exr"})[0] is as_it_is
+    with pytest.raises(CommandError) as refused:
+        with_images(as_it_is, scratch, {"dome": tmp_path / "none.exr"})
+    assert refused.value.where == str(tmp_path / "none.exr")
 
 
 def package_of(scene: Path, scratch: Path) -> bytes:

@@ -60,7 +60,10 @@ def targets_of(cluster: RunningCluster, node: Path, database: Server, server: so
     assert database.folder is not None
     return {
         "port": [*reaching.listening(pids), server.getsockname()[1]],
-        "socket": [*map(str, cluster.folder.glob("ray/session_latest/sockets/*")), *map(str, database.folder.glob(".s.PGSQL.*[0-9]"))],
+        "socket": [
+            *map(str, cluster.folder.glob("ray/session_latest/sockets/*")),
+            *map(str, database.folder.glob(".s.PGSQL.*[0-9]")),
+        ],
         "file": [str(other), *map(str, sorted(cluster.folder.rglob("logs/raylet.out"))[:1])],
         "environment": pids,
         "memory": pids,

@@ -17,9 +17,6 @@ OPEN_A_STAGE = {"render", "estimate", "inspect", "doctor", "submit"}
 RENDER = {"render", "estimate", "submit"}
 LACKING = {
     ("submit", "--session-layer"): "a file of the user's machine",
-    ("submit", "--dome"): "a file of the user's machine",
-    ("submit", "--dome-rotation"): "of --dome",
-    ("submit", "--dome-visible"): "of --dome",
     ("submit", "--rendering-color-space"): "no setting of the API",
     ("submit", "--res-scale"): "no setting of the API",
     ("submit", "--threads"): "the server decides",
