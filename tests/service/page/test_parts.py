@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from tests.service.page.conftest import pictures, until, until_pictures
-from tests.service.page.scenes import submit, upload
+from tests.service.page.scenes import SMALL, submit, upload
 
 from primray.images.aov_parts import read_aovs
 
@@ -198,3 +198,65 @@ def decoded(content):
         file.write(content)
         file.flush()
         return np.asarray(oiio.ImageBuf(file.name).get_pixels(oiio.UINT8), np.int32)[..., :3]
+
+
+TWO_PRODUCTS = """
+def Scope "Render"
+{
+    def RenderSettings "settings"
+    {
+        rel products = [</Render/near>, </Render/side>]
+        int2 resolution = (48, 32)
+    }
+    def RenderProduct "near"
+    {
+        token productName = "near.exr"
+        rel camera = </camera>
+        rel orderedVars = [</Render/color>, </Render/prim>]
+    }
+    def RenderProduct "side"
+    {
+        token productName = "side.exr"
+        rel camera = </side>
+        int2 resolution = (24, 24)
+        rel orderedVars = [</Render/color>, </Render/prim>]
+    }
+    def RenderVar "color"
+    {
+        string sourceName = "color"
+    }
+    def RenderVar "prim"
+    {
+        token dataType = "int"
+        string sourceName = "prim"
+    }
+}
+"""
+
+
+def test_each_product_has_its_parts(open_page, site):
+    """Those of another camera and resolution too, with the prims that are there."""
+    scene = SMALL.replace("    upAxis", '    renderSettingsPrimPath = "/Render/settings"\n    upAxis') + TWO_PRODUCTS
+    with site.client() as client:
+        job = submit(client, upload(client, scene), wait_s=60, products=["*"], resolution=None)
+        names = [each["name"] for each in client.get(f"/v1/jobs/{job}/outputs").json()["items"]]
+    assert {"near.exr", "side.exr"} <= set(names)
+    page = open_page(f"#/jobs/{job}").page
+    until(page, "document.querySelectorAll('.viewer optgroup').length === 3 && document.querySelector('.stage img')")
+    assert page.locator(".viewer optgroup").evaluate_all("groups => groups.map((group) => group.label)") == [
+        "As it ended",
+        "Parts of near.exr",
+        "Parts of side.exr",
+    ]
+    stage, sizes = page.locator(".stage"), []
+    for group in (1, 2):
+        option = page.locator(".viewer optgroup").nth(group).locator("option", has_text=re.compile("^Prim$"))
+        before = pictures(page)
+        page.get_by_label("View", exact=True).select_option(option.get_attribute("value"))
+        until_pictures(page, before)
+        sizes.append(page.evaluate("[...[document.querySelector('.sheet > canvas')].map((c) => [c.width, c.height])][0]"))
+        stage.focus()
+        stage.press("Shift+ArrowUp")
+        until(page, "document.querySelector('.values').innerText !== ''")
+        assert re.search(r" /(ball|floor|post)$", values(page)), values(page)
+    assert sizes == [[48, 32], [24, 24]]

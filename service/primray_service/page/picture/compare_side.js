@@ -29,16 +29,17 @@ export function compareSide(id) {
     const frames = self.job.progress?.frames;
     number = Math.min(frames?.total ?? 1, Math.max(1, frame)) - 1;
     if ((frames?.succeeded ?? 0) > 0) parts.know((await get(jobPath(id, "/outputs"))).items);
-    const file = await parts.of(number);
-    // Of the file's picture there is the preview already, which can be seen while it refines.
-    const layers = file?.layers.filter(({ label }) => label !== PICTURE) ?? [];
+    const files = await parts.of(number);
+    // Of the first file's picture there is the preview already, which can be seen while it refines.
+    const layers = files.flatMap((file, index) => file.layers.map((layer) => ({ ...layer, label: index > 0 ? `${file.name}: ${layer.label}` : layer.label })))
+      .filter(({ label }) => label !== PICTURE);
     self.names = [PICTURE, ...layers.map(({ label }) => label)];
     const wanted = layers.find(({ label }) => label === name);
-    const found = name === PICTURE ? await rawOf(id, number) : wanted ? await file.read(wanted) : null;
+    const found = name === PICTURE ? await rawOf(id, number) : wanted ? await wanted.read() : null;
     if (mine !== loads) return false;
     self.layer = found;
     const before = seen;
-    seen = `${number} ${name} ${found?.tag ?? file?.digest} ${found === null}`;
+    seen = `${number} ${name} ${found?.tag ?? files.map(({ digest }) => digest)} ${found === null}`;
     return seen !== before;
   }
 

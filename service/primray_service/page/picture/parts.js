@@ -13,15 +13,16 @@ export function partsOf() {
     rows = outputs.filter(({ name }) => name.endsWith(".exr"));
   }
 
-  // {name, digest, layers, read(layer)} of a frame's first EXR, or null where there is none.
+  // {name, digest, layers} of each of a frame's EXRs: one, or one for each product that has a file of its own. Layers have `read()`.
   async function of(frame) {
-    const row = rows.find((each) => each.frame === frame) ?? rows.find((each) => each.frame === null);
-    if (!row) return null;
+    const its = (number) => rows.filter((each) => each.frame === number);
+    const here = its(frame).length > 0 ? its(frame) : its(null);
+    const digests = here.map(({ sha256 }) => sha256).join(" ");
     const before = files.get(frame);
-    if (before?.row.sha256 === row.sha256) return before.opened;
-    const opened = open(row, leaving.signal);
+    if (before?.digests === digests) return before.opened;
+    const opened = Promise.all(here.map((row, index) => open(row, index, leaving.signal)));
     files.clear(); // the planes of one frame are as much as a page should keep
-    files.set(frame, { row, opened });
+    files.set(frame, { digests, opened });
     opened.catch(() => files.delete(frame));
     return opened;
   }
@@ -29,8 +30,13 @@ export function partsOf() {
   return { know, of, close: () => leaving.abort() };
 }
 
-async function open(row, signal) {
+async function open(row, index, signal) {
   const file = await openExr(rangesOf(row.urls.immutable, signal), row.bytes);
-  const read = async (layer) => filled(layer, await file.planes(layer.number));
-  return { name: row.name, digest: row.sha256, layers: layersOf(file.parts), read };
+  // Keys are the same for all frames of a sequence, so that a choice stays from frame to frame.
+  const layers = layersOf(file.parts).map((layer) => ({
+    ...layer,
+    key: index > 0 ? `${index}/${layer.key}` : layer.key,
+    read: async () => filled(layer, await file.planes(layer.number)),
+  }));
+  return { name: row.name, digest: row.sha256, layers };
 }

@@ -30,7 +30,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   board.sheet.prepend(canvas);
   const state = { frame: null, view: "beauty", channel: "rgb", exposure: 0, look: "display" };
   const parts = partsOf();
-  let found = null; // the parts of the frame that is shown
+  let found = []; // the files of the frame that is shown, with their parts
   let [layer, front] = [null, null]; // what is drawn here, if anything is; the server's <img>
   let fileSettings = {}; // of the job: view, display, look, exposure
   let frontSize = [1, 1]; // of the whole picture
@@ -59,6 +59,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   const under = element("div", { class: "under" }, element("div", {}, values.root, colors.root, meaning), board.tools);
   const root = element("div", { class: "viewer" }, board.root, under, bar, mark.panel, note, counts.root);
 
+  const chosen = () => found.flatMap(({ layers }) => layers).find(({ key }) => PART + key === state.view);
   const isPart = () => state.view.startsWith(PART);
   const size = () => (layer ? [layer.fullWidth, layer.fullHeight] : frontSize);
 
@@ -100,7 +101,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   }
 
   function arrange() {
-    const kind = isPart() ? found?.layers.find(({ key }) => PART + key === state.view)?.kind : state.view === "beauty" ? "color" : "error";
+    const kind = isPart() ? chosen()?.kind : state.view === "beauty" ? "color" : "error";
     channelField.hidden = !["color", "error"].includes(kind);
     lookField.hidden = kind !== "color";
     exposureField.hidden = kind !== "color" && isPart();
@@ -146,8 +147,8 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   async function layerNow() {
     if (!isPart()) return rawOf(job, state.frame);
     found = await parts.of(state.frame);
-    const chosen = found?.layers.find(({ key }) => PART + key === state.view);
-    return chosen ? found.read(chosen) : null;
+    values.forget(); // another file may have another picture's prims
+    return (await chosen()?.read()) ?? null;
   }
 
   // The histogram of what the server shows is of the numbers behind it, fetched where somebody looks at it.
@@ -161,10 +162,10 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   }
 
   async function layerOfIds(frame) {
-    const opened = await parts.of(frame);
-    const layers = opened?.layers ?? [];
+    const files = await parts.of(frame);
+    const layers = (files.find((file) => file.layers.some(({ key }) => PART + key === state.view)) ?? files[0])?.layers ?? [];
     const best = layers.find(({ part }) => part.name === "prim") ?? layers.find(({ kind, part }) => kind === "mattes" && part.name === "crypto_object");
-    return best ? opened.read(best) : null;
+    return best ? best.read() : null;
   }
 
   function onImage(next, before, whole) {
@@ -188,18 +189,18 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     const frame = state.frame;
     const now = await parts.of(frame).catch((failure) => {
       if (!closed) write(note, `Its parts cannot be shown: ${failure.message}`);
-      return null;
+      return [];
     });
     if (closed || frame !== state.frame) return;
     found = now;
     const before = view.value;
-    const shown = now?.layers.find(({ part }) => part.name === "denoised"); // previews of what has ended show it
+    const shown = now[0]?.layers.find(({ part }) => part.name === "denoised"); // previews of what has ended show it
     const isTwice = ({ kind, part }) => shown && kind === shown.kind && part === shown.part && part.width * part.height <= MOST_PREVIEWED;
     const views = VIEWS.map(([value, text]) => [value, shown && value === "beauty" && !isLive ? shown.label : text]);
     fill(
       view,
       element("optgroup", { label: isLive ? "As it refines" : "As it ended" }, views.map(option)),
-      now && element("optgroup", { label: `Parts of ${now.name}` }, now.layers.filter((each) => isLive || !isTwice(each)).map(({ key, label }) => option([PART + key, label]))),
+      now.map(({ name, layers }) => element("optgroup", { label: `Parts of ${name}` }, layers.filter((each) => isLive || !isTwice(each)).map(({ key, label }) => option([PART + key, label])))),
     );
     const isThere = [...view.options].some(({ value }) => value === before);
     view.value = isThere ? before : "beauty";
