@@ -56,6 +56,9 @@ def test_an_example_fills_the_form_which_sends_its_outputs(open_page):
     page.get_by_label("And by name").fill("primvar:st, labels:wikidata")
     page.get_by_label("standard errors").check()
     page.get_by_label("proxy").check()
+    page.get_by_text("More", exact=True).click()
+    page.get_by_label("Clamp indirect light at").fill("2.5")
+    page.get_by_label("caustics", exact=True).uncheck()
     page.get_by_label("Width", exact=True).fill("32")
     page.get_by_label("Or after samples a pixel").fill("2")
     with page.expect_response(lambda answer: answer.url.endswith("/v1/jobs") and answer.request.method == "POST") as sent:
@@ -65,6 +68,7 @@ def test_an_example_fills_the_form_which_sends_its_outputs(open_page):
     assert settings["aov_errors"] is True
     assert settings["purposes"] == ["default", "render", "proxy"]
     assert settings["denoise"] is None
+    assert (settings["clamp_indirect"], settings["caustics"]) == (2.5, False)
     assert sent.value.status == 202
 
 

@@ -20,7 +20,7 @@ export function estimate(asked, tell) {
   let [running, closed] = [null, false];
 
   // What a measured course says of others: camera, variants and so on must be the same.
-  const keyOf = ({ settings, scene }) => JSON.stringify([scene, settings.camera, settings.variants ?? [], settings.purposes ?? null, settings.max_depth ?? null, settings.frames ?? null]);
+  const keyOf = ({ settings, scene }) => JSON.stringify([scene, settings.camera, settings.variants ?? [], settings.purposes ?? null, settings.max_depth ?? null, settings.clamp_indirect ?? null, settings.caustics ?? true, settings.frames ?? null]);
 
   function update() {
     const { job, targets, pixels } = asked();

@@ -35,6 +35,8 @@ export function sceneForm(scene, server, before = null) {
   const samples = number({ min: "1", max: String(limits.samples ?? 2 ** 20), step: "1", placeholder: "no limit", value: was.stop?.max_samples ?? "" });
   const seed = number({ min: "0", max: String(2 ** 32 - 1), step: "1", value: was.seed ?? 0, required: true });
   const depth = number({ min: "1", step: "1", placeholder: "no limit", value: was.max_depth ?? "" });
+  const clamp = number({ min: "0", step: "any", placeholder: "never", value: was.clamp_indirect ?? "" });
+  const caustics = element("input", { type: "checkbox", checked: was.caustics ?? true });
   const priority = number({ min: "0", max: "100", step: "1", value: before?.priority ?? 50, required: true });
   const strict = element("input", { type: "checkbox", checked: was.strict });
   const light = element("input", { type: "checkbox", checked: was.default_light ?? true });
@@ -75,7 +77,7 @@ export function sceneForm(scene, server, before = null) {
     element("div", { class: "columns" }, field("Or after seconds", seconds, "of sampling, each frame"), field("Or after samples a pixel", samples)),
     outputs.root,
     variants.length > 0 && element("details", { open: variants.length <= 4 }, element("summary", {}, "Variants"), element("div", { class: "columns" }, variants)),
-    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), ticked("light a scene that has no lights", light), ticked("refuse a scene with warnings", strict))),
+    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Clamp indirect light at", clamp, "a bias; the render tells how much light it took"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), ticked("light a scene that has no lights", light), ticked("caustics", caustics), ticked("refuse a scene with warnings", strict))),
     trouble,
     element("div", { class: "submit" }, submit, summary),
   );
@@ -149,6 +151,8 @@ export function sceneForm(scene, server, before = null) {
       stop,
       seed: Number(seed.value),
       max_depth: optional(depth),
+      clamp_indirect: optional(clamp),
+      caustics: caustics.checked,
       default_light: light.checked,
       strict: strict.checked,
       variants: [...othersOf(was, facts.variants), ...variants.map((each) => each.querySelector("select").value).filter(Boolean)],
