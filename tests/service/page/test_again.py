@@ -21,6 +21,7 @@ def test_a_failed_job_is_submitted_again_with_another_camera(open_page, site):
     assert camera.locator("option").all_text_contents() == ["/camera", "/side"]
     assert page.get_by_label("Width", exact=True).input_value() == "48"
     camera.select_option("/side")
+    assert [page.get_by_label(side, exact=True).input_value() for side in ("Width", "Height")] == ["48", "48"]  # its shape
     with page.expect_response(lambda answer: answer.url.endswith("/v1/jobs") and answer.request.method == "POST") as sent:
         page.get_by_role("button", name="Render", exact=True).click()
     settings = sent.value.request.post_data_json["settings"]

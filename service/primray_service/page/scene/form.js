@@ -94,7 +94,8 @@ export function sceneForm(scene, server, before = null) {
 
   function cameraChanged() {
     const chosen = facts.cameras.find(({ path }) => path === camera.value);
-    const [w, h] = facts.resolution ?? [960, chosen?.aspect ? Math.max(1, Math.round(960 / chosen.aspect)) : 540];
+    const side = was.resolution?.[0] || 960; // of a job before: as wide as that was, in the camera's shape
+    const [w, h] = (was.resolution ? null : facts.resolution) ?? [side, Math.max(1, Math.round(side / (chosen?.aspect ?? 16 / 9)))];
     width.value = w;
     height.value = h;
     full = [w, h];
