@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from itertools import pairwise
+from typing import assert_never
 
 import numpy as np
 
@@ -31,8 +32,8 @@ def flux(light: Light) -> Doubles:
 
 
 def _unshaped(light: Light) -> float:
-    m = light.world_from_light
-    match light.type:
+    m, kind = light.world_from_light, light.type
+    match kind:
         case LightType.POINT:
             return 4 * math.pi
         case LightType.LINE:  # the sine's integral over directions
@@ -43,8 +44,12 @@ def _unshaped(light: Light) -> float:
             return math.pi * disk_area(m, light.radius)
         case LightType.SPHERE:
             return math.pi * sphere_area(m, light.radius)
-        case _:
+        case LightType.CYLINDER:
             return math.pi * cylinder_area(m, light.length, light.radius)
+        case LightType.DISTANT | LightType.DOME | LightType.GEOMETRY:
+            raise ValueError(f"a {kind.value} light has no surface of its own")
+        case _:
+            assert_never(kind)
 
 
 @lru_cache(maxsize=256)

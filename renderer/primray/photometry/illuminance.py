@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import assert_never
 
 import numpy as np
 
@@ -44,15 +45,23 @@ def _ahead(
 ) -> tuple[float, float, float]:
     axes = whole_axes(np.frombuffer(linear).reshape(3, 3))
     axis = axis_of(axes)
-    if kind is LightType.POINT:
-        received = _factor(shaping, axes, axis[None])[0] / distance**2
-    elif kind is LightType.SPHERE:
-        received = _from_sphere(axes, sizes, shaping, distance)
-    elif kind is LightType.LINE:
-        received = _from_line(axes, sizes, shaping, distance)
-    else:
-        surface = {LightType.RECT: _rect, LightType.DISK: _disk, LightType.CYLINDER: _cylinder}[kind]
-        received = _weights(surface(axes, sizes, distance), axes, shaping, distance).sum(axis=0)
+    match kind:
+        case LightType.POINT:
+            received = _factor(shaping, axes, axis[None])[0] / distance**2
+        case LightType.SPHERE:
+            received = _from_sphere(axes, sizes, shaping, distance)
+        case LightType.LINE:
+            received = _from_line(axes, sizes, shaping, distance)
+        case LightType.RECT:
+            received = _weights(_rect(axes, sizes, distance), axes, shaping, distance).sum(axis=0)
+        case LightType.DISK:
+            received = _weights(_disk(axes, sizes, distance), axes, shaping, distance).sum(axis=0)
+        case LightType.CYLINDER:
+            received = _weights(_cylinder(axes, sizes, distance), axes, shaping, distance).sum(axis=0)
+        case LightType.DISTANT | LightType.DOME | LightType.GEOMETRY:
+            raise ValueError(f"a {kind.value} light has no surface of its own")
+        case _:
+            assert_never(kind)
     r, g, b = received.tolist()
     return (r, g, b)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import assert_never
 
 import numpy as np
 
@@ -40,19 +41,32 @@ def facing(axes: Doubles) -> Doubles:
 def shown_area(kind: LightType, axes: Doubles, sizes: Sizes, directions: Doubles) -> Doubles:
     """(N,) of what emits, as seen from afar along unit directions (N, 3); a point shows 1."""
     width, height, radius, length = sizes
-    if kind is LightType.POINT:
-        return np.ones(len(directions))
-    if kind is LightType.LINE:
-        sine: Doubles = np.linalg.norm(np.cross(directions, axes[:, 0]), axis=1)
-        return sine * length
-    if kind in (LightType.RECT, LightType.DISK):
-        area = width * height if kind is LightType.RECT else math.pi * radius**2
-        return area * np.maximum(directions @ facing(axes), 0.0)
+    match kind:
+        case LightType.POINT:
+            return np.ones(len(directions))
+        case LightType.LINE:
+            sine: Doubles = np.linalg.norm(np.cross(directions, axes[:, 0]), axis=1)
+            return sine * length
+        case LightType.RECT:
+            return width * height * np.maximum(directions @ facing(axes), 0.0)
+        case LightType.DISK:
+            return math.pi * radius**2 * np.maximum(directions @ facing(axes), 0.0)
+        case LightType.SPHERE:
+            ellipse: Doubles = math.pi * radius**2 * np.linalg.norm(_seen_area(axes, directions), axis=1)
+            return ellipse
+        case LightType.CYLINDER:
+            seen = _seen_area(axes, directions)
+            outline: Doubles = 2 * radius * length * np.hypot(seen[:, 1], seen[:, 2])
+            return outline
+        case LightType.DISTANT | LightType.DOME | LightType.GEOMETRY:
+            raise ValueError(f"a {kind.value} light has no surface of its own")
+        case _:
+            assert_never(kind)
+
+
+def _seen_area(axes: Doubles, directions: Doubles) -> Doubles:
+    """Return (N, 3): the area vectors, in the light's frame, that project to unit area along each direction in the world."""
     x, y, z = axes.T
     cofactors = np.column_stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])  # carry area vectors to the world
-    seen = directions @ cofactors
-    if kind is LightType.SPHERE:
-        ellipse: Doubles = math.pi * radius**2 * np.linalg.norm(seen, axis=1)
-        return ellipse
-    outline: Doubles = 2 * radius * length * np.hypot(seen[:, 1], seen[:, 2])
-    return outline
+    seen: Doubles = directions @ cofactors
+    return seen

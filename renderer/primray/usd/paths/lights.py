@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, assert_never
 
 import numpy as np
 
@@ -138,7 +138,8 @@ def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precisi
 
 
 def _half_size(light: Light) -> tuple[float, float, float]:
-    match light.type:
+    kind = light.type
+    match kind:
         case LightType.RECT:
             return light.width / 2, light.height / 2, 0.0
         case LightType.DISK:
@@ -149,4 +150,7 @@ def _half_size(light: Light) -> tuple[float, float, float]:
             return light.length / 2, light.radius, light.radius
         case LightType.LINE:
             return light.length / 2, 0.0, 0.0
-    return 0.0, 0.0, 0.0
+        case LightType.POINT | LightType.DISTANT | LightType.DOME | LightType.GEOMETRY:
+            return 0.0, 0.0, 0.0
+        case _:
+            assert_never(kind)
