@@ -1,6 +1,6 @@
 """How a stage is to be composed: what `--variant`, `--load`, `--mask` and `--session-layer` say, checked as text.
 
-Which prims, sets and names there are is known only once the stage is open: usd/stage.py.
+Which prims, sets and names there are is known only once the stage is open: usd/opening/stage.py.
 """
 
 from __future__ import annotations

@@ -77,9 +77,9 @@ class SceneBuilder {
   // In place of add_instances, once for the placement: `rows` are 12 doubles for each time and, within it, instance.
   std::vector<int64_t> add_moving_instances(std::span<const float> times, bool turns, std::span<const double> rows);
   // Rays' times: the shutter's part of the span that all times are of, and the frame's time.
+  void set_exposure(double opens, double closes, double frame);
   // How much later the shutter opens for each column and row of the frame, in parts of the span: set_exposure is of the first.
   void set_rolling(double per_column, double per_row);
-  void set_exposure(double opens, double closes, double frame);
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
   // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.

@@ -14,7 +14,7 @@
 
 namespace primray {
 
-// The order of refine/displacement.py's names.
+// The order of core/dicing/displacement.py's names.
 enum class DisplacedAlong : int32_t { kNothing, kNormal, kTangents, kObjectAxes };
 
 // A primvar of a cage: what its rows belong to, and where the dicer has them.

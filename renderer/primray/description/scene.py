@@ -31,7 +31,7 @@ class Placed:
 class Prototype:
     """What is stored once and placed many times: shapes, or placements of prototypes that have shapes (two levels at most).
 
-    Nested instancing is multiplied out by translation, up to a budget (usd/instances.py).
+    Nested instancing is multiplied out by translation, up to a budget (usd/walking/instances.py).
     """
 
     path: str

@@ -8,5 +8,5 @@
     judging.py     whether the error of what was merged ends the frame, and where it is measured next
     gather.py      merges what comes, measures the error, stops
 
-It knows no stage and no machine: render/processes.py renders parts in processes here, the service on a cluster.
+It knows no stage and no machine: render/local_processes.py renders parts in processes here, the service on a cluster.
 """

@@ -28,7 +28,7 @@ struct ShapedFrame {
 
 inline ShapedFrame shaped_frame(const daffine& world_from_light) {
   const daffine m = whole_axes(world_from_light), inv = inverse(m);
-  // The profile's horizontal angles begin at the light's -X: see primray/ies.py.
+  // The profile's horizontal angles begin at the light's -X: see textures/ies.py.
   double largest = 0;
   for (const dvec3& c : {inv.x, inv.y, inv.z})
     largest = std::max(largest, max_component(dvec3{std::fabs(c.x), std::fabs(c.y), std::fabs(c.z)}));
