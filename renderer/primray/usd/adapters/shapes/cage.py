@@ -1,4 +1,4 @@
-"""UsdGeomMesh with a subdivision scheme to a SubdivisionMesh: its cage (usd/shapes/subdivision.py), colours, primvars, surfaces.
+"""UsdGeomMesh with a subdivision scheme to a SubdivisionMesh: cage (usd/shapes/subdivision.py), colours, primvars and surfaces.
 
 Authored normals do not count: the limit surface has its own.
 """
