@@ -9,7 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 CHANGELOG = Path(__file__).resolve().parents[2] / "CHANGELOG.md"
-HEADINGS = ("Added", "Changed", "Faster", "Fixed", "Removed")
+HEADINGS = ("Breaking", "Added", "Changed", "Faster", "Fixed", "Removed")
+
+
+MOST_LETTERS = 160  # of an entry: what is longer belongs to a page that the entry links
 
 
 def faults(text: str, version: str) -> Iterator[str]:
@@ -28,10 +31,10 @@ def faults(text: str, version: str) -> Iterator[str]:
     if numbers[:1] != [tuple(int(part) for part in version.split("."))]:
         yield f"does not have {version}, the package's version, as its newest"
     for title, part in zip(titles, parts, strict=True):
-        yield from (f"{title}: {why}" for why in _section_faults(part, may_be_empty=title == "Unreleased"))
+        yield from (f"{title}: {why}" for why in _section_faults(part, is_unreleased=title == "Unreleased"))
 
 
-def _section_faults(part: str, may_be_empty: bool) -> Iterator[str]:
+def _section_faults(part: str, is_unreleased: bool) -> Iterator[str]:
     before, *groups = re.split(r"^### ", part.partition("\n")[2], flags=re.MULTILINE)
     names = [group.partition("\n")[0] for group in groups]
     if "\n- " in f"\n{before}":
@@ -39,7 +42,11 @@ def _section_faults(part: str, may_be_empty: bool) -> Iterator[str]:
     if names != [heading for heading in HEADINGS if heading in names]:
         yield f"has the headings {', '.join(names)}, not some of {', '.join(HEADINGS)} in that order"
     yield from (f"has nothing under {name}" for name, group in zip(names, groups, strict=True) if "\n- " not in group)
-    if not groups and not may_be_empty:
+    if is_unreleased:  # entries of released versions stay as they were published
+        lines = [line for group in groups for line in group.splitlines()[1:] if line]
+        yield from (f"has a line that is no entry of its own: {line}" for line in lines if not line.startswith("- "))
+        yield from (f"has an entry of {len(line)} letters: {line}" for line in lines if len(line) > MOST_LETTERS)
+    if not groups and not is_unreleased:
         yield "says nothing"
 
 

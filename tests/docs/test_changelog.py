@@ -53,6 +53,8 @@ def test_a_good_one_has_no_fault(text):
         ("## 0.2.0 (", "## 0.4.0 (", "as its newest"),
         ("### Added\n\n- This.\n\n### Fixed", "### Fixed\n\n- This.\n\n### Added", "in that order"),
         ("### Fixed", "### Mended", "in that order"),
+        ("- This.", "- This,\n  and that.", "no entry of its own"),
+        ("- This.", f"- {160 * 'a'}", "has an entry of 162 letters"),
         ("### Changed\n\n", "", "above its first heading"),
         ("- Another.\n", "", "nothing under Changed"),
         ("### Changed\n\n- Another.\n", "", "0.2.0 (2026-11-24): says nothing"),
