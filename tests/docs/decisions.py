@@ -11,7 +11,6 @@ from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "decisions"
 INDEX = FOLDER / "README.md"
-MOST_RECORDS = 20  # of a topic
 # The folders, in the order in which a scene becomes a picture and a picture a job.
 TOPICS = {
     "usd": "From a stage to its description",
@@ -90,8 +89,6 @@ def faults(all_records: list[Record]) -> Iterator[str]:
     for name in {posixpath.dirname(record.path) for record in all_records}:
         if name not in TOPICS:
             yield f"{name}/ is no topic of tests/docs/decisions.py"
-        if (count := sum(posixpath.dirname(record.path) == name for record in all_records)) > MOST_RECORDS:
-            yield f"{name}/ has {count} records; {MOST_RECORDS} are allowed"
 
 
 def _faults(record: Record, by_path: dict[str, Record]) -> Iterator[str]:
