@@ -41,6 +41,7 @@ class Client:
 
     Not for several threads at once. `retries` are those after a first try, `first_retries` those before
     the server has answered at all (None: as many); see transport.py for what is tried again.
+    `on_wait` is called with a problem and the seconds that are waited before the request is sent again.
     """
 
     def __init__(
@@ -52,12 +53,14 @@ class Client:
         first_retries: int | None = None,
         timeout_s: float = 30.0,
         sleep: Callable[[float], None] = time.sleep,
+        on_wait: Callable[[ProblemError, float], None] | None = None,
     ) -> None:
         server = server or os.environ.get("PRIMRAY_SERVER") or DEFAULT_SERVER
         key = key or os.environ.get("PRIMRAY_API_KEY")
         self._sleep = sleep
         self.has_key = bool(key)
-        self._transport = Transport(server, key, retries=retries, first_retries=first_retries, timeout_s=timeout_s, sleep=sleep)
+        tries: dict[str, Any] = {"retries": retries, "first_retries": first_retries, "timeout_s": timeout_s}
+        self._transport = Transport(server, key, **tries, sleep=sleep, on_wait=on_wait)
 
     @property
     def server(self) -> str:

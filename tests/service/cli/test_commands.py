@@ -18,6 +18,7 @@ from primray_service.cli.exits import CommandError, error_of, error_of_end
 from primray_service.cli.submit import parallel_of
 from primray_service.client import Job
 from primray_service.client.reading import read
+from primray_service.client.transport import Transport
 from primray_service.problems import KINDS
 
 SCENE = {"id": "sha256:" + "0" * 64, "state": "ready"}
@@ -240,6 +241,23 @@ def test_submit_and_wait(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert lines[2] == {"type": "event", "job": "job_1", "id": 2, "event": "progress", "data": JOB["progress"]}
     assert lines[-2]["state"] == "succeeded"
     assert lines[-1]["exit_code"] == 5
+
+
+def test_a_quota_that_frees_up_is_waited_for_and_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    init = Transport.__init__
+    monkeypatch.setattr(
+        Transport, "__init__", lambda self, *given, **named: init(self, *given, **{**named, "sleep": lambda s: None})
+    )
+    quota = {"type": "/problems/quota-exceeded", "status": 429, "detail": "2 jobs may wait.", "quota": "queued_jobs"}
+    busy = as_json({**quota, "retryable": True}, 429, Retry_After="30")
+    with serving([as_json({}), as_json(SCENE), busy, busy, as_json(JOB, 202)]) as server:
+        (tmp_path / "shot.usda").write_text("#usda 1.0\n")
+        assert run(["submit", "shot.usda", "--server", server.url]) == 0
+    said = capsys.readouterr()
+    assert said.out == "job_1\n"
+    assert said.err.count("waiting: 2 jobs may wait. The request is sent again every 30 s") == 1
 
 
 def test_a_rejected_scene_is_not_submitted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -73,7 +73,7 @@ const ADVICE = {
   unauthenticated: "Enter a valid API key.",
   forbidden: "Use a key that is allowed to do this.",
   "too-many-requests": "Wait a moment, then try again.",
-  "quota-exceeded": "Wait until running jobs end, or delete jobs that are not needed.",
+  "quota-exceeded": "Wait until running jobs end, or delete jobs and scenes that are not needed.",
   "not-usd": "Upload a .usda, .usdc or .usdz file, or a zip or folder that holds the root layer and its assets.",
   "ambiguous-entry": "Choose the root layer below.",
   "entry-missing": "Choose one of the package's root layers.",
