@@ -13,6 +13,7 @@ import pytest
 from tests.service.client.scripted import Answer, Request, as_json, problem, serving
 
 from primray.cli import run
+from primray.errors import SettingsError
 from primray_service.cli import COMMANDS
 from primray_service.cli.exits import CommandError, error_of, error_of_end
 from primray_service.cli.submit import parallel_of
@@ -132,6 +133,7 @@ def test_every_problem_has_an_exit_code_that_is_documented() -> None:
     assert error_of({"type": "/problems/layer-unreadable", "detail": "d"}).exit_code == 3
     assert error_of({"type": "/problems/limit-exceeded", "detail": "d"}).exit_code == 4
     assert error_of({"type": "/problems/invalid-request", "detail": "d"}).exit_code == 2
+    assert error_of({"type": "/problems/settings-rejected", "detail": "d"}).exit_code == SettingsError.exit_code == 2
     assert str(error_of({"type": "/problems/layer-unreadable", "detail": "d", "layer": "a.usda", "line": 3})) == (
         "layer-unreadable: d [layer a.usda, line 3]"
     )
