@@ -50,9 +50,8 @@ def _member(model: type[BaseModel], place: Sequence[str]) -> str:
     *above, name = place
     known = list(_members(model))
     meant = _MEANT.get(name.casefold())
-    for path in known if meant else ():
-        if path[-len(meant) :] == meant:
-            return f"did you mean {'.'.join(path)}?"
+    if meant is not None and (fitting := [path for path in known if path[-len(meant) :] == meant]):
+        return f"did you mean {'.'.join(fitting[0])}?"
     if hint := did_you_mean(name[:_LONGEST], [path[-1] for path in known if path[:-1] == tuple(above)]):
         return hint
     elsewhere = [".".join(path) for path in known if path[-1] == name]
