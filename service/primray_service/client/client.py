@@ -219,6 +219,19 @@ class Client:
             if time.monotonic() - begun < 0.25:  # a server that does not wait, or a job that changes all the time
                 self._sleep(0.25)
 
+    def last_event_id(self, job_id: str) -> int | None:
+        """Return the id of the newest event so far, after which `watch` gives only what is new; None where there is none."""
+        last: int | None = None
+        while True:
+            params = {} if last is None else {"after": last}
+            answer = self._transport.request(
+                "GET", f"{job_path(job_id)}/events", params=params, headers={"Accept": "application/json"}
+            )
+            page = object_of(json_of(answer))
+            if not page.get("items"):
+                return last
+            last = int(page["next_after"])
+
     def watch(self, job_id: str, after: int | None = None) -> Iterator[Event]:
         """What happens to a job, from its beginning or after an event, until it has ended; through broken connections."""
         reading = Reading(last_id=after)

@@ -285,6 +285,43 @@ def test_status(capsys: pytest.CaptureFixture[str]) -> None:
     assert server.asked[0] == "GET /v1/jobs?state=queued&label=shot%3A010"
 
 
+def test_a_list_says_why_a_job_failed(capsys: pytest.CaptureFixture[str]) -> None:
+    errors = [{"type": "/problems/settings-rejected", "code": "unknown-camera"}, {"type": "/problems/memory-limit"}]
+    jobs = [{**JOB, "tenant": "t", "state": "failed", "error": {**error, "detail": "d"}} for error in errors]
+    with serving(lambda request: as_json({"items": jobs})) as server:
+        assert run(["status", "--server", server.url]) == 0
+        assert run(["admin", "jobs", "--tenant", "t", "-l", "shot=010", "--server", server.url]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for listed in (lines[1:3], lines[4:6]):
+        assert "failed: unknown-camera" in listed[0]
+        assert "failed: memory-limit" in listed[1]
+    assert server.asked[-1] == "GET /v1/admin/jobs?limit=200&tenant=t&label=shot%3A010"
+
+
+@pytest.mark.parametrize(("known", "noted"), [("layout", False), ("layuot", True)])
+def test_quotas_of_a_tenant_that_nobody_knows_are_noted(known: str, noted: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    share = {"used": 0, "limit": None}
+    shares = dict.fromkeys(("queued_jobs", "running_jobs", "stored_bytes", "cpu_s_per_day"), share)
+    tenant = {
+        "tenant": known,
+        **shares,
+        "cpu_s_total": 0,
+        "requests_per_s": 1,
+        "quotas": {"stored_bytes": 3 * 2**20},
+        "quotas_set": {},
+    }
+
+    def script(request: Request) -> Answer:
+        return as_json({"items": [tenant]} if request.path.startswith("/v1/admin/tenants?") else {**tenant, "tenant": "layout"})
+
+    with serving(script) as server:
+        assert run(["admin", "quotas", "layout", "--stored-bytes", "3M", "--server", server.url]) == 0
+    said = capsys.readouterr()
+    assert ("note: a tenant layout has no key, scene or job here" in said.err) == noted
+    assert "stored_bytes    3,145,728" in said.out
+    assert json.loads(server.requests[-1].body) == {"stored_bytes": 3 * 2**20}
+
+
 def test_cancel_and_fetch_of_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with serving(script) as server:
         assert run(["cancel", "job_1", "job_2", "--server", server.url]) == 0
