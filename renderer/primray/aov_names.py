@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from .errors import SettingsError
+from .errors import SettingsError, did_you_mean
 
 WIDE = "aov:"  # before a primvar's name: all of its numbers, where surfaces read fewer of them
 
@@ -128,7 +128,8 @@ def check_names(names: Iterable[str]) -> None:
             or occlusion_distance(name) is not None
         ):
             known = ", ".join((*AOVS, *CRYPTOMATTES, *IN_PICTURE))
-            sentence = f"there is no AOV {name!r}; there are {known}, "
+            near = did_you_mean(str(name), (*AOVS, *CRYPTOMATTES, *IN_PICTURE))
+            sentence = f"there is no AOV {name!r}{f'; {near} There' if near else '; there'} are {known}, "
             sentence += "occlusion:DISTANCE, primvar:NAME, labels:TAXONOMY and light path expressions"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
 

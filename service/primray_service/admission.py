@@ -157,7 +157,6 @@ def check_settings(settings: Settings, limits: Limits) -> None:
     for member, path in (
         ("render_settings", settings.render_settings),
         ("render_pass", settings.render_pass),
-        *(("products", path) for path in settings.products if path not in (ALL, BEAUTY)),
     ):
         if path is not None and not path.startswith("/"):
             raise invalid(f"settings.{member}", f"{path!r} is no prim's path, which begins with /")
@@ -187,6 +186,11 @@ def check_products(settings: Settings) -> None:
         raise invalid("settings.products", listed)
     if len(set(names)) < len(names):
         raise invalid("settings.products", "a product is named twice")
+    for name in names:
+        if not name or ("/" in name and not name.startswith("/")):
+            raise invalid(
+                "settings.products", f"{name!r} is neither the path of a RenderProduct, which begins with /, nor a name"
+            )
 
 
 def products_by_name(settings: Mapping[str, Any]) -> list[str] | None:

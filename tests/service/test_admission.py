@@ -124,7 +124,7 @@ def test_several_products_are_admitted(value):
     check_settings(Settings.model_validate({"products": value}), Limits())
 
 
-@pytest.mark.parametrize(("member", "value"), [("products", ["side"]), ("render_settings", "S")])
+@pytest.mark.parametrize(("member", "value"), [("products", ["Render/side"]), ("render_settings", "S")])
 def test_prims_are_named_by_their_paths(member, value):
     with pytest.raises(Problem) as refused:
         check_settings(Settings.model_validate({member: value}), Limits())

@@ -95,6 +95,13 @@ class Backdrop:
         return replace(image, denoised=replace(image.denoised, pixels=pixels))
 
 
+def behind_previews(text: str | None, frame: Frame, space: ColorSpace) -> Backdrop | None:
+    """Return what previews show behind a picture that is still sampled: the background, without the shadow of a ground, whose
+    render comes last. None where no background is asked for."""
+    background = background_of(text)
+    return None if background is None else Backdrop(None, background, frame, space)
+
+
 def background_of(text: str | None) -> Background | None:
     """Return what is to be composited; None for none and for `transparent`. SettingsError for neither a colour nor a file."""
     if text is None or text == TRANSPARENT:

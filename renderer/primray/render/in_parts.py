@@ -70,7 +70,7 @@ def with_ends_of_stage(stage: str, settings: RenderSettings) -> tuple[RenderSett
     if settings.stops_early or settings.spp is not None:
         return settings, notes
     found = usd.products(open_once(stage, settings).stage, settings)
-    product = next((p for p in found if p.path == settings.product), found[0])
+    product = next((p for p in found if settings.product in (p.path, p.path.rpartition("/")[2])), found[0])
     asked = replace(product.asked, asked=tuple(one for one in product.asked.asked if one.name in ENDS))
     return with_stage_settings(settings, asked, notes)[0], notes
 

@@ -62,7 +62,7 @@ class RenderSettings:
     auto_camera: AutoCamera = AutoCamera.THREE_QUARTER
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
     render_pass: str | None = None  # path of the RenderPass that changes the scene, and names the render settings
-    product: str | None = None  # prim path of one of their RenderProducts; None: the first
+    product: str | None = None  # path or name of one of their RenderProducts; None: the first
     joint_products: tuple[str, ...] | None = None  # paths of further ones whose outputs the same render makes
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
     resolution_scale: float = 1.0  # of the resolution, whoever chose it

@@ -88,13 +88,18 @@ def exceeded(quota: str, quotas: Quotas, usage: Usage, coming: int = 0) -> Probl
     what = {
         "queued_jobs": "jobs may wait",
         "running_jobs": "jobs may run at a time",
-        "stored_bytes": "bytes may be stored; delete scenes or jobs",
+        "stored_bytes": "bytes may be stored",
         "cpu_s_per_day": "CPU seconds may be used in a day (UTC)",
     }[quota]
+    more = f"; this needs {coming:,} more" if coming else ""
+    sentence = f"{limit:,} {what}, and {used:,.0f} are in use{more}."
+    if quota == "stored_bytes":  # nothing is freed by waiting
+        sentence = f"{sentence} Delete scenes or jobs that are no longer needed."
+        return Problem("quota-exceeded", sentence, retryable=False, quota=quota, limit=limit, used=used)
     wait = math.ceil(DAY_S - time.time() % DAY_S) if quota == "cpu_s_per_day" else SOON_S
     return Problem(
         "quota-exceeded",
-        f"{limit:,} {what}, and {used:,.0f} are in use{f'; this needs {coming:,} more' if coming else ''}.",
+        sentence,
         headers={"retry-after": str(wait)},
         quota=quota,
         limit=limit,

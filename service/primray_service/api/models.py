@@ -81,7 +81,7 @@ class Settings(FileSettings):
         min_length=1,
         max_length=64,
         description='["beauty"]: the first product of the render settings; ["*"]: all of them, each in a file of its own name; '
-        "or paths of RenderProducts, several of which are files of their own names.",
+        "or paths of RenderProducts, or names that only one has; several of them are files of their own names.",
     )
     aovs: list[Annotated[str, Field(max_length=280)]] | None = Field(
         None, max_length=64, description="Parts of the EXR beside the picture, by name; null: what the stage's product orders."

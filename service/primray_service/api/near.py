@@ -10,6 +10,22 @@ from pydantic import BaseModel
 
 from primray.errors import did_you_mean
 
+# Members by what others call them: the last parts of the member's path.
+_ALIASES: dict[tuple[str, ...], str] = {
+    ("stop", "max_seconds"): "deadline duration max_time seconds time timeout",
+    ("stop", "max_samples"): "max_spp num_samples sample_count samples samples_per_pixel",
+    ("stop", "target_error"): "noise noise_threshold quality threshold",
+    ("settings", "resolution"): "height image_height image_width size width",
+    ("settings", "frames"): "frame_range",
+    ("settings", "denoise"): "denoiser denoising",
+    ("settings", "aovs"): "layers outputs passes render_passes",
+    ("settings", "max_depth"): "bounces max_bounces ray_depth",
+    ("settings", "dome"): "env environment hdri",
+    ("settings", "camera"): "cam",
+    ("labels",): "tags",
+    ("webhook",): "callback callback_url",
+}
+_MEANT = {alias: member for member, aliases in _ALIASES.items() for alias in aliases.split()}
 _QUOTED = re.compile(r"'([^']*)'")
 _LONGEST = 100  # of a name or a value that is compared
 
@@ -33,6 +49,9 @@ def hint_of(found: Mapping[str, Any], model: type[BaseModel] | None = None) -> s
 def _member(model: type[BaseModel], place: Sequence[str]) -> str:
     *above, name = place
     known = list(_members(model))
+    meant = _MEANT.get(name.casefold())
+    if meant is not None and (fitting := [path for path in known if path[-len(meant) :] == meant]):
+        return f"did you mean {'.'.join(fitting[0])}?"
     if hint := did_you_mean(name[:_LONGEST], [path[-1] for path in known if path[:-1] == tuple(above)]):
         return hint
     elsewhere = [".".join(path) for path in known if path[-1] == name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +15,9 @@ from .cancel import Jobs
 from .connection import Json, KeyFile, Server, connected
 from .exits import USAGE, CommandError
 from .interventions import Job, show
-from .job_text import block, percent_text, place_text, plain, seconds_text
+from .job_text import block, percent_text, place_text, plain, seconds_text, state_text
+from .labels import Labels, labels_of
+from .limit_options import quota_of
 
 if TYPE_CHECKING:
     from ..client import Job as JobDocument
@@ -39,23 +42,25 @@ def jobs(
     tenant: Tenant = None,
     state: Annotated[str | None, typer.Option(metavar="STATE", help="Only those.", show_default=False)] = None,
     count: Annotated[int, typer.Option("--count", "-n", metavar="N", help="So many of the latest.", min=1)] = 50,
+    label: Labels = None,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
     """List jobs of all tenants, newest first."""
     with connected("admin jobs", server, key_file) as client:
+        labels = labels_of(label)
         if json:
-            for document in islice(client.admin.documents(tenant=tenant, state=state), count):
+            for document in islice(client.admin.documents(tenant=tenant, state=state, labels=labels), count):
                 print_line({"type": "job", **document})
             return
         rows: list[tuple[str, ...]] = [("JOB", "TENANT", "STATE", "PRIORITY", "DONE", "QUEUE", "NAME")]
-        rows += [_row(job) for job in islice(client.admin.jobs(tenant=tenant, state=state), count)]
+        rows += [_row(job) for job in islice(client.admin.jobs(tenant=tenant, state=state, labels=labels), count)]
     _print_table(rows)
 
 
 def _row(job: JobDocument) -> tuple[str, ...]:
-    words = (plain(job.id), plain(job.tenant), plain(job.state), str(job.priority), percent_text(job.progress))
+    words = (plain(job.id), plain(job.tenant), state_text(job), str(job.priority), percent_text(job.progress))
     return (*words, place_text(job.queue), plain(job.name or ""))
 
 
@@ -194,16 +199,24 @@ def quotas(
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
-    """Set quotas of a tenant, whatever its keys say, or show them; `none` is no limit."""
-    whole = {"running_jobs": running_jobs, "queued_jobs": queued_jobs, "stored_bytes": stored_bytes}
-    asked = {**whole, "cpu_s_per_day": cpu_s_per_day, "requests_per_s": requests_per_s}
+    """Set quotas of a tenant, whatever its keys say, or show them; `none` is no limit, 3M and 2h are numbers with units."""
+    asked = {
+        "running_jobs": running_jobs,
+        "queued_jobs": queued_jobs,
+        "stored_bytes": stored_bytes,
+        "cpu_s_per_day": cpu_s_per_day,
+        "requests_per_s": requests_per_s,
+    }
     changes: QuotaChanges = {}
     for name, text in asked.items():
         if text is not None:
-            changes[name] = _limit_of(name, text, is_whole=name in whole)  # type: ignore[literal-required]
+            changes[name] = quota_of(name, text)  # type: ignore[literal-required]
     if unset and changes:
         raise CommandError("quotas", "--unset stands alone", USAGE)
     with connected("admin quotas", server, key_file) as client:
+        if changes and all(each.tenant != tenant for each in client.admin.tenants()):
+            note = "has no key, scene or job here; the quotas hold for whatever it will have (--unset takes them back)"
+            print(f"note: a tenant {plain(tenant)} {note}", file=sys.stderr)
         if unset:
             found = client.admin.unset_quotas(tenant)
         else:
@@ -214,16 +227,6 @@ def quotas(
     for name, value in found.quotas.items():
         mark = "  set by an administrator" if name in found.quotas_set else ""
         print(f"{name:15} {NO_LIMIT if value is None else f'{value:,}'}{mark}")
-
-
-def _limit_of(name: str, text: str, *, is_whole: bool) -> float | int | None:
-    if text == NO_LIMIT:
-        return None
-    try:
-        return int(text) if is_whole else float(text)
-    except ValueError:
-        flag = f"--{name.replace('_', '-')}"
-        raise CommandError("quotas", f"{flag} {text}: write a number, or {NO_LIMIT}", USAGE) from None
 
 
 def _lines(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .exits import USAGE, CommandError, error_of
+from .job_text import plain
 
 if TYPE_CHECKING:
-    from ..client import Client
+    from ..client import Client, ProblemError
 
 Server = Annotated[
     str | None,
@@ -31,6 +32,7 @@ KeyFile = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 
 EXTRA = ("httpx2", "fastapi", "uvicorn", "sqlalchemy", "alembic", "structlog", "prometheus_client", "python_multipart")
+NOTED_WAIT_S = 5.0
 FIRST_RETRIES = 2  # before the server has answered at all: somebody waits for an error
 
 
@@ -49,7 +51,7 @@ def connected(command: str, server: str | None, key_file: Path | None) -> Iterat
     from ..client import Client, ClientError, ProblemError, ServerUnreachable
 
     try:
-        client = Client(server or None, key_of(key_file), first_retries=FIRST_RETRIES)
+        client = Client(server or None, key_of(key_file), first_retries=FIRST_RETRIES, on_wait=_noted_once())
     except ValueError as error:
         raise CommandError("server-address", str(error), USAGE) from None
     with client:
@@ -65,6 +67,22 @@ def connected(command: str, server: str | None, key_file: Path | None) -> Iterat
             raise error_of(document) from None
         except ClientError as error:
             raise CommandError("unexpected-answer", str(error)) from None
+
+
+def _noted_once() -> Callable[[ProblemError, float], None]:
+    """Say on stderr, once for each kind of problem, that the command waits and why; short waits are not worth a line."""
+    noted: set[str] = set()
+
+    def note(problem: ProblemError, wait_s: float) -> None:
+        kind = f"{problem.slug} {problem.document.get('quota', '')}"
+        if wait_s >= NOTED_WAIT_S and kind not in noted:
+            noted.add(kind)
+            said = plain(problem.detail)
+            print(
+                f"waiting: {said} The request is sent again every {wait_s:.0f} s for some minutes.", file=sys.stderr, flush=True
+            )
+
+    return note
 
 
 def _about_the_key(was_sent: bool) -> str:

@@ -21,12 +21,12 @@ _EXITS = {
         (
             SCENE_REJECTED,
             "not-usd ambiguous-entry entry-missing package-unsafe package-too-large asset-path-outside-job asset-missing "
-            "layer-unreadable scene-rejected settings-rejected strict-warnings",
+            "layer-unreadable scene-rejected strict-warnings",
         ),
         (
             USAGE,
-            "invalid-request invalid-json unsupported-media-type unsupported-setting view-unavailable webhook-address "
-            "parallel-adaptive parallel-denoise idempotency-key-reused",
+            "invalid-request invalid-json settings-rejected unsupported-media-type unsupported-setting view-unavailable "
+            "webhook-address parallel-adaptive parallel-denoise idempotency-key-reused",
         ),
         (
             LIMIT,

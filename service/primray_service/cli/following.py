@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 Show = Callable[[str, "Progress", str], None]  # the job's state, how far it is, and its place while it waits
 
 
-def follow(client: Client, job: Job, as_json: bool) -> Job:
-    """The job when it has ended. KeyboardInterrupt goes through: the job does not end with it."""
+def follow(client: Client, job: Job, as_json: bool, after: int | None = None) -> Job:
+    """Show the events of a job after the one of that id, and return the job when it has ended. KeyboardInterrupt goes through:
+    the job does not end with it."""
     from ..client import Progress, QueuePlace
     from ..client.documents import TERMINAL
     from ..client.reading import read
@@ -30,7 +31,7 @@ def follow(client: Client, job: Job, as_json: bool) -> Job:
     state, progress, place = job.state, job.progress, place_text(job.queue)
     with _showing(job.id) as show:
         show(state, progress, place)
-        for event in client.watch(job.id):
+        for event in client.watch(job.id, after):
             if event.type == "progress":
                 progress = read(Progress, event.data)
             elif event.type in ("state", "end"):

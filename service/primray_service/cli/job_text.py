@@ -60,6 +60,11 @@ def place_text(queue: QueuePlace | None) -> str:
     return f"place {queue.place} of {queue.waiting}, {start}"
 
 
+def state_text(job: Job) -> str:
+    """ "failed: unknown-camera", by the renderer's code where the error is the renderer's."""
+    return plain(job.state if job.error is None else f"{job.state}: {error_of(job.error).code}")
+
+
 def block(job: Job, outputs: Sequence[Output]) -> list[str]:
     """Everything worth a line."""
     progress = job.progress
@@ -127,7 +132,7 @@ def _row(job: Job) -> tuple[str, ...]:
     progress, error, frames = job.progress, job.progress.error, job.progress.frames
     return (
         plain(job.id),
-        plain(job.state),
+        state_text(job),
         percent_text(progress),
         f"{frames.succeeded}/{frames.total}" if frames else "",
         f"{error.estimate:.3g}" if error and error.estimate is not None else "",

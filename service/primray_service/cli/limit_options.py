@@ -26,12 +26,17 @@ def limits_of(texts: Sequence[str]) -> tuple[Limits, Quotas]:
         name = name.strip().replace("-", "_")
         if not equals or name not in known:
             raise CommandError("limit-option", f"--limit {text}: `primray serve --limits` lists what there is", USAGE)
-        changes[name] = _parsed(known[name], value.strip(), text)
+        changes[name] = _parsed(known[name], value.strip(), f"--limit {text}", "limit-option")
     quotas = {field.name for field in fields(Quotas)}
     return (
         replace(Limits(), **{name: value for name, value in changes.items() if name not in quotas}),
         replace(Quotas(), **{name: value for name, value in changes.items() if name in quotas}),
     )
+
+
+def quota_of(name: str, text: str) -> float | None:
+    """Return the value of a quota that is given as an option of its own, in the units of --limit; None for no limit."""
+    return _parsed(_fields()[name], text.strip(), f"--{name.replace('_', '-')} {text}", "quotas")
 
 
 def lines() -> list[str]:
@@ -64,19 +69,20 @@ def _units(name: str) -> dict[str, int]:
     )
 
 
-def _parsed(field: Field[Any], text: str, whole: str) -> float | None:
+def _parsed(field: Field[Any], text: str, option: str, code: str) -> float | None:
     kind = str(field.type)
     if text.lower() == "none":
         if "None" in kind:
             return None
-        raise CommandError("limit-option", f"--limit {whole}: this one cannot be left away", USAGE)
+        raise CommandError(code, f"{option}: this one cannot be left away", USAGE)
     match = _VALUE.fullmatch(text)
     units = _units(field.name)
     unit = (match[2].upper().removesuffix("IB") if units is _BYTES else match[2].upper()) if match else ""
     if match is None or unit not in units:
+        or_none = ", or none" if "None" in kind else ""
         some = ", ".join(f"2{unit if units is _BYTES else unit.lower()}" for unit in units if unit)
-        raise CommandError("limit-option", f"--limit {whole}: write a number, such as 2 or {some}", USAGE)
+        raise CommandError(code, f"{option}: write a number, such as 2 or {some}{or_none}", USAGE)
     value = float(match[1]) * units[unit]
     if not math.isfinite(value) or ("int" in kind and (value != int(value) or value > 2**62)):
-        raise CommandError("limit-option", f"--limit {whole}: write a whole number", USAGE)
+        raise CommandError(code, f"{option}: write a whole number", USAGE)
     return int(value) if "int" in kind else value

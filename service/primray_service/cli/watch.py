@@ -12,6 +12,7 @@ from primray.cli.json_lines import print_line
 from .connection import Json, KeyFile, Server, connected
 from .exits import INTERRUPTED, CommandError, error_of_end
 from .following import follow
+from .job_text import print_warnings
 
 if TYPE_CHECKING:
     from ..client import Client, Job
@@ -22,13 +23,17 @@ JobId = Annotated[str, typer.Argument(metavar="JOB", help="A job's id.", show_de
 def watch(job: JobId, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
     """Follow a job until it has ended; ends as the job did. Ctrl-C ends only the watching."""
     with connected("watch", server, key_file) as client:
-        end_as(watched(client, client.job(job), json))
+        after = None if json else client.last_event_id(job)  # before the job: what happens between is shown twice, not missed
+        found = client.job(job)
+        if not json:
+            print_warnings(found.warnings)
+        end_as(watched(client, found, json, after))
 
 
-def watched(client: Client, job: Job, as_json: bool) -> Job:
-    """The job at its end; CommandError where the user does not want to wait for that."""
+def watched(client: Client, job: Job, as_json: bool, after: int | None = None) -> Job:
+    """The job at its end, with what happens after an event; CommandError where the user does not want to wait for that."""
     try:
-        ended = follow(client, job, as_json)
+        ended = follow(client, job, as_json, after)
     except KeyboardInterrupt:
         advice = f"the job goes on: `primray watch {job.id}` to see more, `primray cancel {job.id}` to end it"
         raise CommandError("interrupted", advice, INTERRUPTED) from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import quote
 
@@ -18,9 +18,13 @@ class Administration:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
 
-    def documents(self, *, tenant: str | None = None, state: str | None = None) -> Iterator[Json]:
-        """Jobs of all tenants, or of one, newest first, each as the server describes it; pages are asked for as needed."""
-        params: Json = {"limit": PAGE_ITEMS, "tenant": tenant, "state": state}
+    def documents(
+        self, *, tenant: str | None = None, state: str | None = None, labels: Mapping[str, str] | None = None
+    ) -> Iterator[Json]:
+        """Jobs of all tenants, or of one, newest first, each as the server describes it; pages are asked for as needed. Labels
+        are looked for within one tenant."""
+        found = [f"{name}:{value}" for name, value in (labels or {}).items()]
+        params: Json = {"limit": PAGE_ITEMS, "tenant": tenant, "state": state, "label": found or None}
         while True:
             page = object_of(self._get("/v1/admin/jobs", params))
             yield from (object_of(item) for item in items_of(page))
@@ -28,8 +32,10 @@ class Administration:
                 return
             params["cursor"] = page["next_cursor"]
 
-    def jobs(self, *, tenant: str | None = None, state: str | None = None) -> Iterator[Job]:
-        return (read(Job, document) for document in self.documents(tenant=tenant, state=state))
+    def jobs(
+        self, *, tenant: str | None = None, state: str | None = None, labels: Mapping[str, str] | None = None
+    ) -> Iterator[Job]:
+        return (read(Job, document) for document in self.documents(tenant=tenant, state=state, labels=labels))
 
     def job(self, job_id: str) -> Job:
         return read(Job, self._get(_job(job_id)))

@@ -41,6 +41,7 @@ class Client:
 
     Not for several threads at once. `retries` are those after a first try, `first_retries` those before
     the server has answered at all (None: as many); see transport.py for what is tried again.
+    `on_wait` is called with a problem and the seconds that are waited before the request is sent again.
     """
 
     def __init__(
@@ -52,12 +53,14 @@ class Client:
         first_retries: int | None = None,
         timeout_s: float = 30.0,
         sleep: Callable[[float], None] = time.sleep,
+        on_wait: Callable[[ProblemError, float], None] | None = None,
     ) -> None:
         server = server or os.environ.get("PRIMRAY_SERVER") or DEFAULT_SERVER
         key = key or os.environ.get("PRIMRAY_API_KEY")
         self._sleep = sleep
         self.has_key = bool(key)
-        self._transport = Transport(server, key, retries=retries, first_retries=first_retries, timeout_s=timeout_s, sleep=sleep)
+        tries: dict[str, Any] = {"retries": retries, "first_retries": first_retries, "timeout_s": timeout_s}
+        self._transport = Transport(server, key, **tries, sleep=sleep, on_wait=on_wait)
 
     @property
     def server(self) -> str:
@@ -215,6 +218,19 @@ class Client:
             _check(deadline, f"{job_id} did not end in time")
             if time.monotonic() - begun < 0.25:  # a server that does not wait, or a job that changes all the time
                 self._sleep(0.25)
+
+    def last_event_id(self, job_id: str) -> int | None:
+        """Return the id of the newest event so far, after which `watch` gives only what is new; None where there is none."""
+        last: int | None = None
+        while True:
+            params = {} if last is None else {"after": last}
+            answer = self._transport.request(
+                "GET", f"{job_path(job_id)}/events", params=params, headers={"Accept": "application/json"}
+            )
+            page = object_of(json_of(answer))
+            if not page.get("items"):
+                return last
+            last = int(page["next_after"])
 
     def watch(self, job_id: str, after: int | None = None) -> Iterator[Event]:
         """What happens to a job, from its beginning or after an event, until it has ended; through broken connections."""

@@ -25,7 +25,7 @@ class Settings(TypedDict, total=False):
     auto_camera: Literal["three-quarter", "usdrecord"]
     render_settings: str | None  # path of a RenderSettings prim
     render_pass: str | None  # path of a RenderPass prim
-    products: list[str]  # ["beauty"], ["*"] for all, or paths of RenderProducts
+    products: list[str]  # ["beauty"], ["*"] for all, or paths or names of RenderProducts
     aovs: list[str] | None
     aov_errors: bool
     frames: str | None

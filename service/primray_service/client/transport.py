@@ -2,7 +2,7 @@
 
 What may be repeated after its answer was lost: GET, HEAD, DELETE, and whatever the caller says the server recognises
 (an upload by its digest, a job by its Idempotency-Key). A request that was refused with 429 or 503, or whose connection
-was never made, was not carried out and is always repeated.
+was never made, was not carried out and is repeated, unless the problem says that it is not retryable.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ MOST_ERROR_BYTES = 2**20
 
 
 class Transport:
-    """`retries`: tries after the first; `sleep` takes seconds."""
+    """`retries`: tries after the first; `sleep` takes seconds; `on_wait` is called with a problem and the seconds before the
+    request is sent again."""
 
     def __init__(
         self,
@@ -42,6 +43,7 @@ class Transport:
         timeout_s: float,
         first_retries: int | None = None,
         sleep: Callable[[float], None] = time.sleep,
+        on_wait: Callable[[ProblemError, float], None] | None = None,
     ) -> None:
         self.server = server.rstrip("/")
         url = httpx2.URL(self.server)
@@ -51,6 +53,7 @@ class Transport:
         self._first_retries = retries if first_retries is None else first_retries
         self._has_answered = False
         self._sleep = sleep
+        self._on_wait = on_wait
         headers = {"User-Agent": f"primray-client/{__version__}"} | ({"Authorization": f"Bearer {key}"} if key else {})
         self._http = httpx2.Client(
             base_url=self.server,
@@ -94,6 +97,7 @@ class Transport:
                 return answer
             problem = problem_of(answer)
             again = answer.status_code in (429, 503) or (may_repeat and answer.status_code in RETRIED_STATUSES)
+            again = again and not _is_final(problem)
             self._wait_or_raise(tries, problem, again, getattr(problem, "retry_after_s", None))
         raise AssertionError("the last try returned or raised")
 
@@ -116,7 +120,7 @@ class Transport:
     def patiently(self, tries: int, error: Exception) -> None:
         """Wait before another try of a stream, or raise the error: the last try, or one that would not help."""
         if isinstance(error, ProblemError):
-            self._wait_or_raise(tries, error, error.status in RETRIED_STATUSES, error.retry_after_s)
+            self._wait_or_raise(tries, error, error.status in RETRIED_STATUSES and not _is_final(error), error.retry_after_s)
         else:
             self._wait_or_raise(tries, error, isinstance(error, ServerUnreachable), None)
 
@@ -125,7 +129,15 @@ class Transport:
         if not again or tries >= most or (asked_s or 0.0) > LONGEST_WAIT_S:
             raise error
         delay = min(LONGEST_DELAY_S, FIRST_DELAY_S * 2**tries) * random.uniform(0.5, 1.0)
-        self._sleep(max(delay, asked_s or 0.0))
+        wait_s = max(delay, asked_s or 0.0)
+        if self._on_wait is not None and isinstance(error, ProblemError):
+            self._on_wait(error, wait_s)
+        self._sleep(wait_s)
+
+
+def _is_final(error: Exception) -> bool:
+    """Return whether the server says that the same request will fail again."""
+    return isinstance(error, ProblemError) and error.document.get("retryable") is False
 
 
 def not_sent(error: httpx2.TransportError) -> bool:

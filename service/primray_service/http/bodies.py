@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any, TypeVar
 
 from fastapi import Request
@@ -82,7 +82,7 @@ def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
     try:
         return model.model_validate_json(body if meant is document else json.dumps(meant))
     except ValidationError as error:
-        raise invalid(error, where, model) from None
+        raise invalid(error, where, model, meant) from None
 
 
 def _with_whole_numbers(value: Any) -> Any:
@@ -156,19 +156,38 @@ def _check_text(value: Any) -> None:
             _check_text(member)
 
 
-def invalid(error: ValidationError, where: str = "", model: type[BaseModel] | None = None) -> Problem:
-    """All that a model found, in a few words each, with what was probably meant; nothing of what was sent is repeated but
-    names."""
-    errors = [
-        {
-            "member": ".".join([where] * bool(where) + [str(part)[:100] for part in found["loc"]]),
-            "detail": f"{found['msg']}{hint_of(found, model)}",
-        }
-        for found in error.errors(include_url=False)[:20]
-    ]
+def invalid(error: ValidationError, where: str = "", model: type[BaseModel] | None = None, document: Any = None) -> Problem:
+    """Return all that a model found in the document, in a few words each, with what was probably meant; nothing of what was
+    sent is repeated but names."""
+    details: dict[str, list[str]] = {}
+    for found in error.errors(include_url=False)[:20]:
+        member = ".".join([where] * bool(where) + _place(found, document))
+        details.setdefault(member, []).append(f"{found['msg']}{hint_of(found, model)}")
+    errors = [{"member": member, "detail": one_of(texts)} for member, texts in details.items()]
     first = errors[0]
     place = f"{first['member']}: " if first["member"] else ""
     return Problem("invalid-request", f"{place}{_sentence(first['detail'])}", member=first["member"], errors=errors)
+
+
+def _place(found: Mapping[str, Any], document: Any) -> list[str]:
+    """Return the parts of a member's path in the document: pydantic names the branches of a union between them."""
+    *above, last = found["loc"] or ("",)
+    parts, value = [], document
+    for part in above:
+        if _has(value, part):
+            parts.append(str(part)[:100])
+            value = value[part]
+    return [*parts, str(last)[:100]] if found["type"] == "missing" or _has(value, last) else parts
+
+
+def _has(value: Any, part: int | str) -> bool:
+    return part in value if isinstance(value, dict) else isinstance(value, list) and isinstance(part, int)
+
+
+def one_of(details: Sequence[str]) -> str:
+    """Return one sentence of what the branches of a union say of one value."""
+    first, *others = dict.fromkeys(details)
+    return ", or ".join([first, *(detail.removeprefix("Input should be ") for detail in others)])
 
 
 def _sentence(text: str) -> str:

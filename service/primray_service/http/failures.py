@@ -18,6 +18,7 @@ from ..objects import ObjectStoreFailed
 from ..problems import Problem
 from ..store.base import QuotaExceeded, Unavailable
 from .answers import problem_answer
+from .bodies import one_of
 from .callers import caller_of_request, service_of
 from .guard import request_id_of
 
@@ -78,14 +79,11 @@ async def _of_object_store(request: Request, error: Exception) -> Response:
 async def _of_validation(request: Request, error: Exception) -> Response:
     """Parameters of the path, the query and the header."""
     assert isinstance(error, RequestValidationError)
-    found = [
-        {
-            "member": ".".join(str(part)[:100] for part in one["loc"][1:]),
-            "in": str(one["loc"][0]),
-            "detail": f"{one['msg']}{hint_of(one)}",
-        }
-        for one in error.errors()[:20]
-    ]
+    details: dict[tuple[str, str], list[str]] = {}
+    for one in error.errors()[:20]:
+        place, name, *_ = (*map(str, one["loc"]), "", "")  # after the name: places in its list, branches of its union
+        details.setdefault((name[:100], place), []).append(f"{one['msg']}{hint_of(one)}")
+    found = [{"member": member, "in": place, "detail": one_of(texts)} for (member, place), texts in details.items()]
     first = found[0]
     said = first["detail"] if first["detail"].endswith("?") else f"{first['detail']}."
     problem = Problem(

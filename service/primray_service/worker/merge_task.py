@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from primray.checkpoints.merge import Merged, merge
+from primray.images.background import behind_previews
 from primray.parts.judging import merge_and_judge
 from primray.settings import SAMPLE_BLOCK
 
 from .channel import Channel
 from .preview import preview_of, write_preview
+from .render_task import place_of_image
 from .render_watch import in_rec709
 
 
@@ -27,7 +29,7 @@ def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Chann
     samples, seconds = int(report["sample_ranges"][-1][1]), float(report["sampling_s"])
     size = file.stat().st_size
     channel.send("checkpoint", number=number, file=file.name, bytes=size, samples=float(samples), seconds=seconds)
-    _send_preview(merged, samples, out, channel)
+    _send_preview(merged, samples, place_of_image(command, job, command.get("background")), out, channel)
     for row in report["convergence"][-1:]:
         if _is_known(row["ci95"]):
             channel.send("row", **{("t_s" if name == "seconds" else name): value for name, value in row.items()})
@@ -46,11 +48,13 @@ def _merged(paths: list[Path], command: Mapping[str, Any]) -> tuple[Merged, dict
     return merged, {"target_met": is_met, "goal": found.goal, "expected": found.expected}
 
 
-def _send_preview(merged: Merged, samples: int, out: Path, channel: Channel) -> None:
+def _send_preview(merged: Merged, samples: int, background: str | None, out: Path, channel: Channel) -> None:
     image = merged.image
     if image.errors is None:
         return
-    shown = in_rec709(image.pixels, image.errors, image.color_space)
+    backdrop = None if image.frame is None else behind_previews(background, image.frame, image.color_space)
+    pixels = image.pixels if backdrop is None else backdrop.behind(image.pixels)
+    shown = in_rec709(pixels, image.errors, image.color_space)
     preview = preview_of(*shown, samples // SAMPLE_BLOCK, int(image.report["samples"]))
     file, size = write_preview(preview, out)
     channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})

@@ -15,6 +15,7 @@ from primray.checkpoints.checkpointing import Saver, begin
 from primray.checkpoints.kept_beside import kept_beside
 from primray.description.picture_file import PictureView
 from primray.diagnostics import Diagnostics
+from primray.images.background import behind_previews
 from primray.render import Prepared, picture_of
 from primray.report.report import Costs, settings_as_json
 from primray.sampling.sampling import Sampling
@@ -101,7 +102,17 @@ class Run:
         end_phase()
         every_s = float(command.get("checkpoint_every_s") or 60.0)
         self.saver = Saver(about, every_s, numbers.next_file, numbers.send_to(channel))
-        self.watch = Watch(self.sampling, self.saver, channel, out, shows=not command.get("part"), share=share)
+        shows, asked = not command.get("part"), prepared.settings.background
+        self.watch = Watch(
+            self.sampling,
+            self.saver,
+            channel,
+            out,
+            shows=shows,
+            share=share,
+            backdrop=behind_previews(asked, prepared.frame, prepared.scene.rendering_space) if shows else None,
+            is_composited=asked is not None or prepared.ground_shadow is not None,
+        )
         if command.get("preview"):
             channel.ask_preview()
         if command.get("picture_only"):
@@ -157,12 +168,16 @@ def settings_of(command: Mapping[str, Any], job: Path) -> RenderSettings:
     if values.get("max_memory_bytes") is None and limits.get("memory_bytes") is not None:
         values["max_memory_bytes"] = int(limits["memory_bytes"])
     for name in ("dome", "background"):
-        if values.get(name) and (file := package_file(command, job, values[name])) is not None:
-            values[name] = str(file)
+        values[name] = place_of_image(command, job, values.get(name))
     try:
         return settings_of_json(values)
     except (TypeError, ValueError) as error:
         raise Problem("settings-rejected", f"The settings make no sense: {error}.") from error
+
+
+def place_of_image(command: Mapping[str, Any], job: Path, name: str | None) -> str | None:
+    """Return the place of the package's file of this name; what is no such file stays as it is."""
+    return str(package_file(command, job, name) or name) if name else name
 
 
 def package_file(command: Mapping[str, Any], job: Path, name: str) -> Path | None:

@@ -15,6 +15,7 @@ import numpy as np
 from primray.checkpoints.checkpointing import Saver
 from primray.color.color_space import REC709, ColorSpace, matrix, transformed
 from primray.diagnostics import Diagnostics
+from primray.images.background import Backdrop
 from primray.images.image import Image
 from primray.sampling.forecast import Forecaster
 from primray.sampling.sampling import Sampling
@@ -132,7 +133,8 @@ class Share:
 
 class Watch:
     """Between the sampling and the server: progress, rows, previews, checkpoints, being told to stop. `shows`: previews, and
-    the error; no part of a frame does."""
+    the error; no part of a frame does. `backdrop` is behind the previews while it samples; `is_composited`: something is behind
+    the picture of the files."""
 
     def __init__(
         self,
@@ -143,8 +145,12 @@ class Watch:
         *,
         shows: bool = True,
         share: Share = Share(),
+        backdrop: Backdrop | None = None,
+        is_composited: bool = False,
     ) -> None:
         self._share = share
+        self._backdrop = backdrop
+        self._is_composited = is_composited
         self._sampling = sampling
         self._saver = saver
         self._channel = channel
@@ -192,7 +198,7 @@ class Watch:
 
     def show(self, image: Image) -> int:
         """Preview the picture as its files show it where that is not what was sampled; return the last preview's pass."""
-        if self._shows and image.shown is not image:
+        if self._shows and (self._is_composited or image.shown is not image):
             shown = image.shown
             self._send_preview(*in_rec709(shown.pixels, self._sampling.film.image()[1], image.color_space))
         return self._share.passes + self._shown
@@ -221,6 +227,8 @@ class Watch:
     def _preview(self) -> None:
         start = time.monotonic()
         pixels, errors = self._sampling.film.image()
+        if self._backdrop is not None:
+            pixels = self._backdrop.behind(pixels)
         self._send_preview(*in_rec709(pixels, errors, self._sampling.scene.rendering_space))
         took = time.monotonic() - start
         self._next_preview = time.monotonic() + max(PREVIEW_EVERY_S, 9 * took)

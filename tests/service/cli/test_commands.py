@@ -13,11 +13,13 @@ import pytest
 from tests.service.client.scripted import Answer, Request, as_json, problem, serving
 
 from primray.cli import run
+from primray.errors import SettingsError
 from primray_service.cli import COMMANDS
 from primray_service.cli.exits import CommandError, error_of, error_of_end
 from primray_service.cli.submit import parallel_of
 from primray_service.client import Job
 from primray_service.client.reading import read
+from primray_service.client.transport import Transport
 from primray_service.problems import KINDS
 
 SCENE = {"id": "sha256:" + "0" * 64, "state": "ready"}
@@ -131,6 +133,7 @@ def test_every_problem_has_an_exit_code_that_is_documented() -> None:
     assert error_of({"type": "/problems/layer-unreadable", "detail": "d"}).exit_code == 3
     assert error_of({"type": "/problems/limit-exceeded", "detail": "d"}).exit_code == 4
     assert error_of({"type": "/problems/invalid-request", "detail": "d"}).exit_code == 2
+    assert error_of({"type": "/problems/settings-rejected", "detail": "d"}).exit_code == SettingsError.exit_code == 2
     assert str(error_of({"type": "/problems/layer-unreadable", "detail": "d", "layer": "a.usda", "line": 3})) == (
         "layer-unreadable: d [layer a.usda, line 3]"
     )
@@ -242,6 +245,23 @@ def test_submit_and_wait(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert lines[-1]["exit_code"] == 5
 
 
+def test_a_quota_that_frees_up_is_waited_for_and_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    init = Transport.__init__
+    monkeypatch.setattr(
+        Transport, "__init__", lambda self, *given, **named: init(self, *given, **{**named, "sleep": lambda s: None})
+    )
+    quota = {"type": "/problems/quota-exceeded", "status": 429, "detail": "2 jobs may wait.", "quota": "queued_jobs"}
+    busy = as_json({**quota, "retryable": True}, 429, Retry_After="30")
+    with serving([as_json({}), as_json(SCENE), busy, busy, as_json(JOB, 202)]) as server:
+        (tmp_path / "shot.usda").write_text("#usda 1.0\n")
+        assert run(["submit", "shot.usda", "--server", server.url]) == 0
+    said = capsys.readouterr()
+    assert said.out == "job_1\n"
+    assert said.err.count("waiting: 2 jobs may wait. The request is sent again every 30 s") == 1
+
+
 def test_a_rejected_scene_is_not_submitted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "shot.usda").write_text("#usda 1.0\n")
     refusal = {"type": "/problems/asset-path-outside-job", "detail": "it refers outside", "asset_path": "/etc/passwd"}
@@ -263,6 +283,43 @@ def test_status(capsys: pytest.CaptureFixture[str]) -> None:
         assert run(["status", "job_1", "--json", "--server", server.url]) == 0
         assert json.loads(capsys.readouterr().out) == {"type": "job", **DONE}
     assert server.asked[0] == "GET /v1/jobs?state=queued&label=shot%3A010"
+
+
+def test_a_list_says_why_a_job_failed(capsys: pytest.CaptureFixture[str]) -> None:
+    errors = [{"type": "/problems/settings-rejected", "code": "unknown-camera"}, {"type": "/problems/memory-limit"}]
+    jobs = [{**JOB, "tenant": "t", "state": "failed", "error": {**error, "detail": "d"}} for error in errors]
+    with serving(lambda request: as_json({"items": jobs})) as server:
+        assert run(["status", "--server", server.url]) == 0
+        assert run(["admin", "jobs", "--tenant", "t", "-l", "shot=010", "--server", server.url]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for listed in (lines[1:3], lines[4:6]):
+        assert "failed: unknown-camera" in listed[0]
+        assert "failed: memory-limit" in listed[1]
+    assert server.asked[-1] == "GET /v1/admin/jobs?limit=200&tenant=t&label=shot%3A010"
+
+
+@pytest.mark.parametrize(("known", "noted"), [("layout", False), ("layuot", True)])
+def test_quotas_of_a_tenant_that_nobody_knows_are_noted(known: str, noted: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    share = {"used": 0, "limit": None}
+    shares = dict.fromkeys(("queued_jobs", "running_jobs", "stored_bytes", "cpu_s_per_day"), share)
+    tenant = {
+        "tenant": known,
+        **shares,
+        "cpu_s_total": 0,
+        "requests_per_s": 1,
+        "quotas": {"stored_bytes": 3 * 2**20},
+        "quotas_set": {},
+    }
+
+    def script(request: Request) -> Answer:
+        return as_json({"items": [tenant]} if request.path.startswith("/v1/admin/tenants?") else {**tenant, "tenant": "layout"})
+
+    with serving(script) as server:
+        assert run(["admin", "quotas", "layout", "--stored-bytes", "3M", "--server", server.url]) == 0
+    said = capsys.readouterr()
+    assert ("note: a tenant layout has no key, scene or job here" in said.err) == noted
+    assert "stored_bytes    3,145,728" in said.out
+    assert json.loads(server.requests[-1].body) == {"stored_bytes": 3 * 2**20}
 
 
 def test_cancel_and_fetch_of_nothing(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import fields
 import pytest
 
 from primray_service.cli.exits import CommandError
-from primray_service.cli.limit_options import limits_of, lines
+from primray_service.cli.limit_options import limits_of, lines, quota_of
 from primray_service.limits import Limits, Quotas
 
 
@@ -66,3 +66,13 @@ def test_what_is_none(text: str, says: str) -> None:
         limits_of([text])
     assert caught.value.exit_code == 2
     assert says in caught.value.message
+
+
+def test_quotas_of_a_tenant_have_the_same_units() -> None:
+    assert quota_of("stored_bytes", "3M") == 3 * 2**20
+    assert quota_of("cpu_s_per_day", "2h") == 7200
+    assert quota_of("requests_per_s", "0.5") == 0.5
+    assert quota_of("running_jobs", "none") is None
+    with pytest.raises(CommandError, match="--stored-bytes 3X: write a number, such as 2 or 2K, 2M, 2G, 2T, or none") as wrong:
+        quota_of("stored_bytes", "3X")
+    assert (wrong.value.code, wrong.value.exit_code) == ("quotas", 2)

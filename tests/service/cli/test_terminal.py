@@ -26,6 +26,9 @@ PROGRESS = {
 }
 
 
+NONE_YET = as_json({"items": [], "next_after": 0, "ended": False})
+
+
 def event(number: int, type: str, data: object) -> str:
     return f"id: {number}\nevent: {type}\ndata: {json.dumps(data)}\n\n"
 
@@ -62,6 +65,8 @@ def test_a_bar_on_a_terminal() -> None:
     )
 
     def script(request: Request) -> Answer:
+        if "json" in request.headers["Accept"] and request.path.endswith("/events"):
+            return NONE_YET
         if request.path.endswith("/events"):
             return Answer(200, streamed.encode(), {"Content-Type": "text/event-stream", "Connection": "close"})
         return as_json({**JOB, "state": "succeeded", "progress": PROGRESS})
@@ -85,9 +90,11 @@ def test_the_last_line_counts_the_frames_of_the_job_that_ended() -> None:
     all_done = PROGRESS | {"fraction": 1.0, "frames": {"total": 3, "succeeded": 3}}
 
     def script(request: Request) -> Answer:
+        if "json" in request.headers["Accept"] and request.path.endswith("/events"):
+            return NONE_YET
         if request.path.endswith("/events"):
             return Answer(200, streamed.encode(), {"Content-Type": "text/event-stream", "Connection": "close"})
-        state = "running" if len(server.requests) < 2 else "succeeded"
+        state = "running" if len(server.requests) < 3 else "succeeded"
         return as_json({**JOB, "state": state, "progress": PROGRESS if state == "running" else all_done})
 
     with serving(script) as server:
@@ -97,11 +104,38 @@ def test_the_last_line_counts_the_frames_of_the_job_that_ended() -> None:
     assert lines[0].startswith("job_1 succeeded: 3/3 frames")
 
 
+def test_what_is_over_is_not_shown_as_if_it_were_now() -> None:
+    """Two pages of events are over when the watching begins: only the job's state now, and what follows, is shown."""
+    after: list[str | None] = []
+    warning = {"code": "c", "detail": "d", "severity": "warning"}
+
+    def script(request: Request) -> Answer:
+        if "/events" in request.path and "json" in request.headers["Accept"]:
+            page = {"": [1, 2], "?after=2": [3], "?after=3": []}[request.path.partition("/events")[2]]
+            items = [{"id": number, "type": "state", "data": {"state": "queued"}} for number in page]
+            return as_json({"items": items, "next_after": page[-1] if page else 3, "ended": False})
+        if "/events" in request.path:
+            after.append(request.headers.get("Last-Event-ID"))
+            streamed = event(4, "end", {"state": "succeeded", "attempt": 1})
+            return Answer(200, streamed.encode(), {"Content-Type": "text/event-stream", "Connection": "close"})
+        state = "succeeded" if after else "running"
+        return as_json({**JOB, "state": state, "progress": PROGRESS, "warnings": [warning]})
+
+    with serving(script) as server:
+        process = start("watch", "job_1", stderr=subprocess.PIPE, PRIMRAY_SERVER=server.url)
+        _, shown = process.communicate(timeout=60)
+    assert after == ["3"]
+    lines = [line for line in shown.decode().splitlines() if line.startswith(("job_1", "warning"))]
+    assert [line.split(":")[0] for line in lines] == ["warning", "job_1 running", "job_1 succeeded", "job_1 succeeded"]
+
+
 @pytest.mark.parametrize("as_json_lines", [False, True])
 def test_ctrl_c_ends_the_watching_and_not_the_job(as_json_lines: bool) -> None:
     released = threading.Event()
 
     def script(request: Request) -> Answer:
+        if "json" in request.headers["Accept"] and request.path.endswith("/events"):
+            return NONE_YET
         if request.path.endswith("/events") and "Last-Event-ID" in request.headers:
             released.wait(20)
         if request.path.endswith("/events"):

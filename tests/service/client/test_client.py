@@ -56,6 +56,15 @@ def test_a_wait_that_is_too_long_is_the_callers_to_decide(sleeps: Sleeps) -> Non
     assert (caught.value.slug, caught.value.retry_after_s, sleeps) == ("quota-exceeded", 7200, [])
 
 
+def test_a_problem_that_is_not_retryable_is_raised_at_once(sleeps: Sleeps) -> None:
+    full = {"type": "/problems/quota-exceeded", "status": 429, "detail": "full", "retryable": False}
+    waits: list[float] = []
+    with serving([problem("unavailable", 503), as_json(full, 429)]) as server, pytest.raises(ProblemError) as caught:
+        client_of(server, sleeps, on_wait=lambda problem, wait_s: waits.append(wait_s)).job("job_1")
+    assert (caught.value.slug, len(server.requests), len(sleeps)) == ("quota-exceeded", 2, 1)
+    assert waits == sleeps, "the one that is waited for is reported"
+
+
 def test_tries_end(sleeps: Sleeps) -> None:
     with serving(lambda request: problem("unavailable", 503)) as server, pytest.raises(ProblemError):
         client_of(server, sleeps, retries=3).job("job_1")

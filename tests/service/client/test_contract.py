@@ -161,7 +161,8 @@ def script(request: Request) -> Answer:
     if request.method == "HEAD" and request.path == f"/v1/scenes/sha256:{ABSENT}":
         return Answer(404)
     if request.path.endswith("/events"):
-        return Answer(204)
+        is_page = request.headers["Accept"] == "application/json"
+        return as_json({"items": [], "next_after": 0, "ended": True}) if is_page else Answer(204)
     body = next(answer for pattern, answer in ANSWERS if re.fullmatch(pattern, f"{request.method} {request.path}"))
     return Answer(200, body) if isinstance(body, bytes) else as_json(body)
 
@@ -190,6 +191,7 @@ def ask_for_everything(server: Scripted, folder: Path) -> set[str]:
             "documents": lambda: list(client.documents(state="queued", labels={"a": "b"})),
             "jobs": lambda: list(client.jobs(state="queued", labels={"a": "b"})),
             "wait": lambda: client.wait("job_1"),
+            "last_event_id": lambda: client.last_event_id("job_1"),
             "watch": lambda: list(client.watch("job_1", after=3)),
             "change": lambda: client.change("job_1", priority=1, labels={"a": "b"}, ttl_s=9.0),
             "cancel": lambda: client.cancel("job_1"),
@@ -214,7 +216,7 @@ def ask_for_everything(server: Scripted, folder: Path) -> set[str]:
         }
         admin = client.admin
         of_admin: dict[str, Callable[[], object]] = {
-            "documents": lambda: list(admin.documents(tenant="t", state="queued")),
+            "documents": lambda: list(admin.documents(tenant="t", state="queued", labels={"a": "b"})),
             "jobs": lambda: list(admin.jobs(tenant="t", state="queued")),
             "job": lambda: admin.job("job_1"),
             "frames": lambda: list(admin.frames("job_1")),

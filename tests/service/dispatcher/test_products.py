@@ -153,6 +153,21 @@ def test_a_worker_that_dies_costs_no_product_that_was_finished(tmp_path: Path) -
     play(tmp_path, act, checkpoint_every_s=0.2)
 
 
+def test_products_are_named_as_the_command_line_names_them(tmp_path: Path) -> None:
+    async def act(rig: Rig) -> None:
+        scene = rig.scene((STAGE % "x").encode())
+        asked = [["side"], ["/Render/side"], ["side", "/Render/beauty"], ["sde"]]
+        made = [rig.submit(scene, settings={**SMALL, "products": products}) for products in asked]
+        by_name, by_path, several, wrong = await rig.ended(*(job.id for job in made), timeout_s=120)
+        one, other = (values_of(folder_of(rig, job.id) / "beauty.exr") for job in (by_name, by_path))
+        assert np.array_equal(one, other)
+        assert {row.name for row in rig.outputs(several.id)} == {"shot.exr", "side_view.x.exr", "report.json"}
+        assert wrong.error is not None
+        assert wrong.error["detail"].startswith("There is no product sde; the products of the render settings: /Render/beauty")
+
+    play(tmp_path, act)
+
+
 @pytest.mark.parametrize(
     ("name", "asked", "words"),
     [("####", ["*"], "settings.frames says"), ("x", ["/Render/none", "/Render/side"], "There is no product /Render/none")],

@@ -118,16 +118,20 @@ def merge_chunk(
     folder, stop = data.job(job.id), job.settings.get("stop", {})
     merged = {CHECKPOINT: folder / frame.checkpoint_file} if frame.merged else {}
     merged |= {f"part-{part.first}.prc": folder / part.checkpoint_file for part in parts}
-    _, inputs, folders = _files(scene, data)  # or they would be taken from the worker, and its next part would miss them
+    # Files of the scene stay: else they would be taken from the worker, and its next part would miss them.
+    root, inputs, folders = _files(scene, data)
+    roots = _roots(scene, data)
     command: Json = {
         "do": "merge",
+        "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
+        "background": job.settings.get("background"),
         "parts": list(merged),
         "number": frame.checkpoint,
         "metric": stop.get("metric") or "relmse",
         "target": stop.get("target_error"),
         "most": stop.get("max_samples"),
         "limits": asdict(limits),
-    }
+    } | _root_of(roots)
     return Chunk(
         chunk_id,
         "render",
@@ -139,7 +143,7 @@ def merge_chunk(
         more_follow=True,
         scene=_open_scene(job, scene),
         keep_s=limits.scene_kept_s if scene.kind != SHARED else 0.0,
-        roots=_roots(scene, data),
+        roots=roots,
     )
 
 

@@ -3,7 +3,7 @@
 import { send } from "../base/api.js";
 import { button, choice, element, field, fill, labelled } from "../base/dom.js";
 import * as format from "../base/format.js";
-import { STATES, TERMINAL, phaseWords, stateWords } from "../base/words.js";
+import { STATES, TERMINAL, codeOf, phaseWords, stateWords } from "../base/words.js";
 import { table } from "./table.js";
 
 const PAGE = 25;
@@ -51,7 +51,7 @@ export function jobTable({ changed, failed }) {
       !ended && !PAUSED.has(job.state) && job.state !== "canceling" && button("Pause", () => act(job, "POST", "/pause"), { "aria-label": `Pause ${name}` }),
       !ended && job.state !== "canceling" && button("Cancel", () => act(job, "POST", "/cancel"), { "aria-label": `Cancel ${name}` }),
     ];
-    const words = element("span", { class: "state", data: { state: job.state } }, ended ? stateWords(job.state) : phaseWords(job));
+    const words = element("span", { class: "state", data: { state: job.state }, title: job.error?.detail || undefined }, ended ? stateWords(job.state) : phaseWords(job), job.error && `: ${codeOf(job.error)}`);
     const made = element("time", { datetime: job.created_at, class: "soft" }, format.when(job.created_at));
     return [element("span", { title: job.id }, name), job.tenant, words, ended || job.state === "queued" ? "" : done(job), ended ? String(job.priority) : priority, made, element("div", { class: "actions" }, doing)];
   }

@@ -59,7 +59,7 @@ export const STOPPED = {
 };
 
 const ADVICE = {
-  "invalid-request": "Correct the setting named below and try again.",
+  "invalid-request": "Correct the setting named above and try again.",
   "not-found": "It may have been deleted, or it belongs to another key. Look in the job list.",
   conflict: "Its state changed meanwhile. Look at it again, then try again.",
   "scene-in-use": "Cancel or delete the jobs that use it first.",
@@ -73,15 +73,15 @@ const ADVICE = {
   unauthenticated: "Enter a valid API key.",
   forbidden: "Use a key that is allowed to do this.",
   "too-many-requests": "Wait a moment, then try again.",
-  "quota-exceeded": "Wait until running jobs end, or delete jobs that are not needed.",
+  "quota-exceeded": "Wait until running jobs end, or delete jobs and scenes that are not needed.",
   "not-usd": "Upload a .usda, .usdc or .usdz file, or a zip or folder that holds the root layer and its assets.",
-  "ambiguous-entry": "Choose the root layer below.",
+  "ambiguous-entry": "Choose one of the root layers that were found.",
   "entry-missing": "Choose one of the package's root layers.",
-  "package-unsafe": "Remove or rename the member named below and pack it again.",
+  "package-unsafe": "Remove or rename the member named above and pack it again.",
   "package-too-large": "Remove what the shot does not need.",
   "asset-path-outside-job": "Upload the folder that holds the scene and all it refers to, and make its paths relative.",
   "asset-missing": "Upload the folder that holds the scene together with this file.",
-  "layer-unreadable": "Open the layer at the place named below, correct it, and upload it again.",
+  "layer-unreadable": "Correct the layer at the place named above, and upload it again.",
   "scene-rejected": "Correct the scene and upload it again.",
   "scene-too-large": "Make the scene smaller, or ask the operator for a higher limit.",
   "settings-rejected": "Choose settings that the scene allows.",
@@ -100,5 +100,8 @@ const ADVICE = {
 };
 
 export const slugOf = (problem) => String(problem.type ?? "").replace("/problems/", "");
+
+// Why a job failed, for lists: the renderer's own code where the error is the renderer's.
+export const codeOf = (problem) => String(problem.code || slugOf(problem));
 
 export const adviceFor = (problem) => ADVICE[slugOf(problem)] ?? "";

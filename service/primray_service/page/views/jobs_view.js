@@ -4,7 +4,7 @@ import { get, jobPath } from "../base/api.js";
 import { button, choice, element, field, fill, say } from "../base/dom.js";
 import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
-import { STATES, TERMINAL, phaseWords, stateWords } from "../base/words.js";
+import { STATES, TERMINAL, codeOf, phaseWords, stateWords } from "../base/words.js";
 
 const PAGE = 25;
 const SEARCHED = 200; // jobs that a name is looked for in: the newest, or the oldest, of that state and label
@@ -87,7 +87,7 @@ export function jobsView(root) {
       mark,
       thumb(job),
       element("a", { href: `#/jobs/${encodeURIComponent(job.id)}`, data: { key: job.id } }, nameOf(job)),
-      element("span", { class: "state" }, TERMINAL.has(job.state) ? stateWords(job.state) : phaseWords(job)),
+      element("span", { class: "state", title: job.error?.detail || undefined }, TERMINAL.has(job.state) ? stateWords(job.state) : phaseWords(job), job.error && `: ${codeOf(job.error)}`),
       element("span", { class: "soft" }, TERMINAL.has(job.state) || job.state === "queued" ? "" : format.percent(job.progress?.fraction ?? 0)),
       element("span", { class: "soft numbers" }, error?.estimate > 0 ? `error ${format.error(error.estimate)}` : ""),
       element("span", { class: "labels" }, labels(otherLabels(job))),

@@ -91,13 +91,14 @@ def _asked_for(stage: Usd.Stage, asked: str, candidates: Sequence[Usd.Prim]) -> 
 
 
 def _named(asked: str, targets: Sequence[Usd.Prim | None]) -> Usd.Prim:
-    for prim in targets:
-        if prim is not None and str(prim.GetPath()) == asked:
-            return prim
-    listed = ", ".join(_path(prim) for prim in targets[:LISTED] if prim is not None) or "none"
-    raise SettingsError(
-        f"There is no product {asked}; the products of the render settings: {listed}.", where=asked, code="unknown-product"
-    )
+    """Return the product at this path or, if only one has it, of this name."""
+    found = [prim for prim in targets if prim is not None]
+    matching = [prim for prim in found if _path(prim) == asked] or [prim for prim in found if prim.GetName() == asked]
+    if len(matching) == 1:
+        return matching[0]
+    listed = ", ".join(_path(prim) for prim in found[:LISTED]) or "none"
+    problem = f"Several products are called {asked}" if matching else f"There is no product {asked}"
+    raise SettingsError(f"{problem}; the products of the render settings: {listed}.", where=asked, code="unknown-product")
 
 
 def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnostics) -> list[Usd.Prim | None]:
