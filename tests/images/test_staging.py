@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import primray
 from primray.cli import run
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
+from primray.images.exposure import View, exposure_that_serves, view_fault
 from primray.settings import RenderSettings
 from primray.staging import staged
 from primray.staging.additions import GROUND
@@ -229,3 +231,43 @@ def test_a_preview_is_denoised(shot: Path) -> None:
     image = primray.read_image(shot / "a.exr")
     assert image.denoised is not None
     assert image.metadata["settings.spp"] == 16
+
+
+@pytest.mark.parametrize("background", ["#ffffff", "#000000", "linear"])
+def test_an_exposure_is_judged_by_what_is_seen_of_the_stage(background: str, sky: str) -> None:
+    """A background that fills most of the picture changes neither the exposure that serves nor what is warned of."""
+    stage = stage_of(CUBE)
+    alone = rendered(stage, background="transparent")
+    image = rendered(stage, background=sky if background == "linear" else background)
+    np.testing.assert_array_equal(image.seen, alone.pixels)
+    auto, plain = image.to_uint8(exposure="auto"), alone.to_uint8(exposure="auto")
+    inside = alone.pixels[..., 3] == 1
+    np.testing.assert_allclose(auto[inside].astype(int), plain[inside], atol=1)
+    assert view_fault(image.seen, View()) is None
+    shadow = rendered(stage, ground="shadow", background="transparent")
+    assert (shadow.pixels[..., 3] > alone.pixels[..., 3]).any()
+    np.testing.assert_array_equal(shadow.seen[..., 3], alone.pixels[..., 3])
+
+
+@pytest.mark.parametrize("stops", [-3.0, 2.0, "auto"])
+def test_a_background_as_displayed_stays_so_at_any_exposure(stops: Any, sky: str) -> None:
+    image = rendered(stage_of(CUBE), background="#335577")
+    np.testing.assert_allclose(image.to_uint8(exposure=stops)[0, 0, :3], (51, 85, 119), atol=1)
+    assert np.abs(image.to_uint8(exposure=2.0).astype(int) - image.to_uint8()).max() > 10
+    # Scene-linear files are light like the stage's: they are brightened with it.
+    linear = rendered(stage_of(CUBE), background=sky)
+    brighter = replace(linear, pixels=linear.pixels * np.array([4, 4, 4, 1], np.float32), foreground=None)
+    corner = np.s_[0, 0]
+    np.testing.assert_allclose(linear.to_uint8(exposure=2.0)[corner], brighter.to_uint8()[corner], atol=1)
+
+
+def test_a_denoised_picture_without_light_asks_for_no_exposure() -> None:
+    pytest.importorskip("pyoidn")
+    stage = stage_of(CUBE)
+    dark = rendered(stage, studio_light="off", denoise=True, resolution=(64, 48), spp=4)
+    assert dark.denoised is not None
+    assert view_fault(dark.seen, View()) is None
+    assert exposure_that_serves(dark.seen, View()) == 0
+    lit = rendered(stage, denoise=True, resolution=(64, 48), spp=4)
+    assert lit.denoised is not None
+    np.testing.assert_array_equal(lit.seen[lit.pixels[..., 3] == 1], lit.denoised.pixels[lit.pixels[..., 3] == 1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,7 +24,7 @@ from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
-from .exposure import View, as_viewed, exposure_that_serves, view_fault
+from .exposure import View, as_viewed, exposure_that_serves, view_fault, where_lit
 from .files.as_product import as_ordered, store_as_product
 from .files.encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
@@ -45,6 +45,15 @@ _ACES_CHROMATICITIES = {
     "lin_ap0_scene": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_WHITE),
     "lin_ap1_scene": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES_WHITE),
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Foreground:
+    """A picture (H, W, 4) premultiplied as it was rendered, and `exposed`, which brightens such pixels by stops and puts behind
+    them what was asked for."""
+
+    pixels: Floats
+    exposed: Callable[[Floats, float], Floats]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,6 +88,7 @@ class Image:
     # As the camera's lens diffuses it, with the errors of that, where it does: a part of an EXR as well, and what is shown.
     diffused: Image | None = None
     file: PictureFile = PLAIN  # what the stage's product asks of an EXR
+    foreground: Foreground | None = None  # what was rendered, where a background or a ground's shadow is behind it
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -126,6 +136,15 @@ class Image:
         """What views and notebooks show: the denoised picture or the diffused one, where there is one; else this."""
         return self.denoised or self.diffused or self
 
+    @property
+    def seen(self) -> Floats:
+        """Return what views show of the stage, (H, W, 4) premultiplied: an exposure is judged by it, not by a background."""
+        record = self.pixels if self.foreground is None else self.foreground.pixels
+        if self.denoised is None:
+            return record if self.diffused is None or self.foreground is not None else self.diffused.pixels
+        rendered = self.denoised.foreground
+        return where_lit(self.denoised.pixels if rendered is None else rendered.pixels, record)
+
     def save(
         self,
         path: str | os.PathLike[str],
@@ -159,7 +178,7 @@ class Image:
         stops = 0.0
         if shows_view(path, encoding):
             stops = self._stops(chosen, exposure)
-            faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, stops))
+            faults = (chosen.assumption(), view_fault(self.seen, chosen, stops, is_auto=exposure == "auto"))
             Announcer(path).tell([fault for fault in faults if fault is not None])
         if path.suffix.lower() == ".exr":
             Announcer(path).tell(faults_of_exr(self, encoding))
@@ -188,7 +207,7 @@ class Image:
 
     def _encoded(self, suffix: str, view: View, exposure: float, encoding: Encoding) -> npt.NDArray[Any]:
         keep_alpha, over = self._has_alpha and suffix in WITH_ALPHA, encoding.flatten_over
-        bits, pixels = encoding.bits_of(suffix), self.shown.pixels
+        bits, (pixels, exposure) = encoding.bits_of(suffix), self._exposed(exposure)
         if keep_alpha or over is None or self.file.lit_behind:
             return _encode(pixels, view, exposure, keep_alpha=keep_alpha, bits=bits)
         return _whole(_flattened(pixels, view, exposure, over), bits)
@@ -213,14 +232,23 @@ class Image:
         config, SettingsError where it has no such. What is None is as the stage's product asks, else the default.
         """
         chosen = self.view_of(view, display, look)
-        encoded = _encode(self.shown.pixels, chosen, self._stops(chosen, exposure), keep_alpha=self._has_alpha)
+        pixels, stops = self._exposed(self._stops(chosen, exposure))
+        encoded = _encode(pixels, chosen, stops, keep_alpha=self._has_alpha)
         opaque = np.full((*encoded.shape[:2], 4 - encoded.shape[2]), 255, np.uint8)
         return np.concatenate([encoded, opaque], axis=2)
 
     def _stops(self, view: View, exposure: float | Literal["auto"] | None) -> float:
         if exposure is None:
             return self.file.view.exposure
-        return exposure_that_serves(self.shown.pixels, view) if exposure == "auto" else exposure
+        return exposure_that_serves(self.seen, view) if exposure == "auto" else exposure
+
+    def _exposed(self, stops: float) -> tuple[Floats, float]:
+        """Return the pixels that a view is made of and the stops that are left to it: a background given as displayed is shown
+        as it was given, whatever the exposure of what is before it."""
+        shown = self.shown
+        if shown.foreground is None or stops == 0:
+            return shown.pixels, stops
+        return shown.foreground.exposed(shown.foreground.pixels, stops), 0.0
 
     def show(self) -> None:
         """Show it: under the cell in a notebook, else a PNG of it in the desktop's viewer.
@@ -256,7 +284,7 @@ class Image:
         return f"<Image {', '.join(told)}>"
 
     def _repr_html_(self) -> str | None:
-        fault = view_fault(self.shown.pixels, self.view_of(), self.file.view.exposure)
+        fault = view_fault(self.seen, self.view_of(), self.file.view.exposure)
         told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
         if self.errors is None:
             return picture_html(self._repr_png_, self.resolution, told)

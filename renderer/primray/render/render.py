@@ -205,7 +205,7 @@ def render_opened(
 
 def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:
     """What a render that has stopped made, with its report; what sampling has to tell goes to `diagnostics`."""
-    from ..images.image import Image, pixels_sha256
+    from ..images.image import Foreground, Image, pixels_sha256
     from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
     from ..report.unfinished import kept_without
@@ -223,9 +223,9 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if sampling.view_fault:
         diagnostics.add("display-error-unknown", "", sampling.view_fault)
     space = prepared.scene.rendering_space
-    backdrop, rendered = _backdrop(prepared, costs), pixels
+    backdrop, rendered, foreground = _backdrop(prepared, costs), pixels, None
     if backdrop is not None:
-        pixels = backdrop.behind(rendered)
+        pixels, foreground = backdrop.behind(rendered), Foreground(rendered, backdrop.exposed)
     aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
@@ -240,7 +240,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
     image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
-    image = replace(image, file=prepared.file) if prepared.file is not None else image
+    image = replace(image, file=prepared.file or image.file, foreground=foreground)
     if prepared.settings.denoises:
         with kept_without("the denoised picture", diagnostics):
             image = _denoised(image, prepared, sampling, costs)

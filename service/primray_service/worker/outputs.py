@@ -59,7 +59,7 @@ def write_picture(image: Image, path: Path, diagnostics: Diagnostics, files: Pic
     with kept_without(path.name, diagnostics):
         stops = files.stops(image)
         image.write(path, view, stops, files.encoding)
-        faults = (view.assumption(), view_fault(image.shown.pixels, view, stops))
+        faults = (view.assumption(), view_fault(image.seen, view, stops, is_auto=files.exposure == "auto"))
         diagnostics.extend(fault for fault in faults if fault is not None)
 
 

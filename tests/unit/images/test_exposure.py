@@ -15,7 +15,7 @@ import pytest
 import primray
 from primray.arrays import Floats
 from primray.cli import run
-from primray.images.exposure import View, exposure_that_serves, view_fault
+from primray.images.exposure import View, exposure_that_serves, view_fault, where_lit
 from primray.images.image import Image, encode
 
 VIEWS = [View(), View("Un-tone-mapped")]
@@ -125,3 +125,28 @@ def test_the_command_tells_and_takes_what_serves(intensity: str, tmp_path: Path,
     assert abs(report["view_exposure"]) > 3
     shown = stored_in(tmp_path / "auto.png")
     assert 150 < shown[..., 0].max() < 250
+
+
+def test_where_no_exposure_serves_none_is_advised() -> None:
+    """A tenth is very bright and the rest black: what was chosen for it shows no more than that."""
+    pixels = np.zeros((20, 20, 4), np.float32)
+    pixels[..., 3] = 1
+    pixels[:2] = ramp(5.0)[0, :20]
+    stops = exposure_that_serves(pixels, View())
+    chosen, other = (view_fault(pixels, View(), exposure, is_auto=True) for exposure in (stops, stops + 4))
+    assert chosen is not None
+    assert "no other exposure" in chosen.message
+    assert other is not None
+    assert "would serve." in other.message
+    assert "auto" not in chosen.message + other.message
+
+
+def test_a_denoiser_leaves_no_light_where_its_record_has_none() -> None:
+    record = np.zeros((20, 30, 4), np.float32)
+    record[..., 3] = 1
+    record[3, 3, :3] = 1
+    denoised = record + np.float32(1e-6)
+    shown = where_lit(denoised, record)
+    np.testing.assert_array_equal(shown[:8, :8], denoised[:8, :8])
+    assert shown[8:, :, :3].max() == shown[:, 8:, :3].max() == 0
+    np.testing.assert_array_equal(shown[..., 3], denoised[..., 3])
