@@ -271,3 +271,33 @@ def test_a_denoised_picture_without_light_asks_for_no_exposure() -> None:
     lit = rendered(stage, denoise=True, resolution=(64, 48), spp=4)
     assert lit.denoised is not None
     np.testing.assert_array_equal(lit.seen[lit.pixels[..., 3] == 1], lit.denoised.pixels[lit.pixels[..., 3] == 1])
+
+
+SHADE = "double3 xformOp:translate = (0, 3, 8)\n    float xformOp:rotateX = -20\n"
+SHADE += "    uniform token[] xformOpOrder = ['xformOp:translate', 'xformOp:rotateX']"
+
+
+def test_a_shadow_costs_no_more_than_its_picture() -> None:
+    """By the clock where there is a time limit, else by rays, so that the same render has the same shadow."""
+    stage = stage_of(CUBE, camera=SHADE)
+    limited = RenderSettings(time_limit_s=0.6, ground="shadow", resolution=(320, 240))
+    assert limited.sampling_time_s is not None
+    assert limited.shadow_time_s is not None
+    assert limited.sampling_time_s + limited.shadow_time_s == pytest.approx(0.6)
+    image = primray.render(stage, limited)
+    assert image.report["sampling_s"] < 0.6
+    assert image.report["stages_s"]["ground_shadow"] < 1.5  # 256 samples, as without a limit, take ten times as long
+    assert RenderSettings(time_limit_s=0.6, ground="plane").sampling_time_s == 0.6
+    pictures = [rendered(stage, ground="shadow", spp=32, threads=threads) for threads in (1, 2)]
+    np.testing.assert_array_equal(pictures[0].pixels, pictures[1].pixels)
+
+
+def test_the_shadow_below_a_denoised_picture_is_denoised() -> None:
+    pytest.importorskip("pyoidn")
+    stage = stage_of(CUBE, camera=SHADE)
+    image = rendered(stage, ground="shadow", denoise=True, resolution=(64, 48), spp=2)
+    clean = rendered(stage, ground="shadow", resolution=(64, 48), spp=256).pixels[..., 3]
+    assert image.denoised is not None
+    beside = image.seen[..., 3] == 0
+    noisy, denoised = (np.abs(made[..., 3] - clean)[beside].mean() for made in (image.pixels, image.denoised.pixels))
+    assert denoised < 0.7 * noisy

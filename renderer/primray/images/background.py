@@ -74,12 +74,14 @@ def _encoded(light: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """What is under a render's picture: the shadow (H, W) that a ground receives, and a background."""
+    """What is under a render's picture: the shadow (H, W) that a ground receives, and a background. The shadow below a denoised
+    picture is denoised as well."""
 
     shadow: Floats | None
     background: Background | None
     frame: Frame
     space: ColorSpace
+    denoised_shadow: Floats | None = None
 
     def behind(self, pixels: Floats, scale: float = 1.0) -> Floats:
         """Return (H, W, 4) premultiplied with all of it behind; `scale` is that of `Background.behind`."""
@@ -97,8 +99,9 @@ class Backdrop:
         """Return the picture with this behind its denoised form, which has the film's coverage (H, W, 1)."""
         if image.denoised is None:
             return image
+        under = self if self.denoised_shadow is None else replace(self, shadow=self.denoised_shadow)
         rendered = np.concatenate([image.denoised.pixels[..., :3], coverage], axis=2)
-        made = replace(image.denoised, pixels=self.behind(rendered), foreground=Foreground(rendered, self.exposed))
+        made = replace(image.denoised, pixels=under.behind(rendered), foreground=Foreground(rendered, under.exposed))
         return replace(image, denoised=made)
 
 

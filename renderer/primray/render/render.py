@@ -223,7 +223,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if sampling.view_fault:
         diagnostics.add("display-error-unknown", "", sampling.view_fault)
     space = prepared.scene.rendering_space
-    backdrop, rendered, foreground = _backdrop(prepared, costs), pixels, None
+    backdrop, rendered, foreground = _backdrop(prepared, sampling, costs), pixels, None
     if backdrop is not None:
         pixels, foreground = backdrop.behind(rendered), Foreground(rendered, backdrop.exposed)
     aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
@@ -266,16 +266,26 @@ def _are_all_sampled(sampling: Sampling, diagnostics: Diagnostics) -> bool:
     return False
 
 
-def _backdrop(prepared: Prepared, costs: Costs) -> Backdrop | None:
+def _backdrop(prepared: Prepared, sampling: Sampling, costs: Costs) -> Backdrop | None:
     """What is composited under the picture, where that is asked for."""
     shadow, asked = prepared.ground_shadow, prepared.settings.background
     if shadow is None and asked is None:
         return None
     from ..images.background import Backdrop, background_of
 
-    with costs.stage("render"):
-        opacity = None if shadow is None else shadow.opacity
-    return Backdrop(opacity, background_of(asked), prepared.frame, prepared.scene.rendering_space)
+    opacity = denoised = None
+    if shadow is not None:
+        from ..staging.ground_shadow import Spent
+
+        film = sampling.film
+        with costs.stage("ground_shadow"):
+            opacity = shadow.opacity(film.image()[0][..., 3], Spent(sampling.mean_samples(), film.rays))
+        if prepared.settings.denoises:
+            from ..denoising.denoised import denoised_shadow
+
+            with costs.stage("denoise"):
+                denoised = denoised_shadow(opacity, prepared.settings)
+    return Backdrop(opacity, background_of(asked), prepared.frame, prepared.scene.rendering_space, denoised)
 
 
 def _note_if_worse(image: Image, diagnostics: Diagnostics) -> None:
