@@ -93,7 +93,9 @@ class Backdrop:
     def exposed(self, pixels: Floats, stops: float) -> Floats:
         """Return the pixels brightened by so many stops, with all of it behind: colours as displayed stay as they are."""
         scale = 2.0**stops
-        return self.behind(np.concatenate([pixels[..., :3] * np.float32(scale), pixels[..., 3:]], axis=2), scale)
+        with np.errstate(over="ignore"):
+            lit = np.minimum(pixels[..., :3] * np.float32(scale), np.finfo(np.float32).max)
+        return self.behind(np.concatenate([lit, pixels[..., 3:]], axis=2), scale)
 
     def behind_denoised(self, image: Image, coverage: Floats) -> Image:
         """Return the picture with this behind its denoised form, which has the film's coverage (H, W, 1)."""

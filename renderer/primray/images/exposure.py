@@ -14,6 +14,7 @@ from ..color import ocio as color
 from ..color.color_space import LUMINANCE_WEIGHTS, REC709, ColorSpace
 from ..diagnostic_codes import CODES
 from ..diagnostics import Diagnostic
+from ..settings import MAX_STOPS
 
 AUTO = "auto"
 CODE, ASSUMED = "view-exposure", "view-space-assumed"
@@ -100,7 +101,7 @@ def exposure_that_serves(pixels: Floats, view: View) -> float:
     bright, grey = _levels_shown_as(view, (BRIGHT, GREY))
     fit = np.log2(bright / np.quantile(level, BRIGHTEST_SHARE))
     least = np.log2(grey / np.median(level)) - DARKEST_STOPS
-    return round(float(max(fit, least)), 2)
+    return round(float(np.clip(max(fit, least), -MAX_STOPS, MAX_STOPS)), 2)
 
 
 def where_lit(pixels: Floats, record: Floats) -> Floats:

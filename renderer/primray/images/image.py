@@ -22,6 +22,7 @@ from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
+from ..settings import check_stops
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
 from .exposure import View, as_viewed, exposure_that_serves, view_fault, where_lit
@@ -240,7 +241,7 @@ class Image:
     def _stops(self, view: View, exposure: float | Literal["auto"] | None) -> float:
         if exposure is None:
             return self.file.view.exposure
-        return exposure_that_serves(self.seen, view) if exposure == "auto" else exposure
+        return exposure_that_serves(self.seen, view) if exposure == "auto" else check_stops(exposure, "exposure")
 
     def _exposed(self, stops: float) -> tuple[Floats, float]:
         """Return the pixels that a view is made of and the stops that are left to it: a background given as displayed is shown

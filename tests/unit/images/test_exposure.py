@@ -15,6 +15,7 @@ import pytest
 import primray
 from primray.arrays import Floats
 from primray.cli import run
+from primray.errors import SettingsError
 from primray.images.exposure import View, exposure_that_serves, view_fault, where_lit
 from primray.images.image import Image, encode
 
@@ -150,3 +151,29 @@ def test_a_denoiser_leaves_no_light_where_its_record_has_none() -> None:
     np.testing.assert_array_equal(shown[:8, :8], denoised[:8, :8])
     assert shown[8:, :, :3].max() == shown[:, 8:, :3].max() == 0
     np.testing.assert_array_equal(shown[..., 3], denoised[..., 3])
+
+
+@pytest.mark.parametrize("stops", ["1e9", "1e4", "-101", "nan", "inf", "bright"])
+def test_an_exposure_that_no_float_holds_is_refused(stops: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At once: before the stage is opened, which there is none here, and by the library before a file is written."""
+    assert run(["render", str(tmp_path / "no.usda"), "-o", str(tmp_path / "a.png"), f"--exposure={stops}"]) == 2
+    said = capsys.readouterr().err
+    assert "exposure" in said
+    assert "-100 to 100" in said
+    given: Any = stops if stops == "bright" else float(stops)
+    for made in (
+        lambda: Image(ramp(1)).save(tmp_path / "a.png", exposure=given),
+        lambda: Image(ramp(1)).to_uint8(exposure=given),
+    ):
+        with pytest.raises(SettingsError, match="-100 to 100") as refused:
+            made()
+        assert (refused.value.code, refused.value.where) == ("settings-error", "exposure")
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_the_most_exposure_is_white_and_the_least_black() -> None:
+    pixels = ramp(1e12)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert Image(pixels).to_uint8(exposure=100)[..., :3].min() == 255
+        assert Image(ramp(1)).to_uint8(exposure=np.float32(-100))[..., :3].max() == 0
