@@ -95,6 +95,39 @@ def test_a_dome_that_is_not_there_is_refused() -> None:
     assert refused.value.where == "dome"
 
 
+def test_a_dome_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    """As one that is not there: it is asked for by the user, who would get a black picture."""
+    broken = tmp_path / "broken.exr"
+    broken.write_text("no picture")
+    with pytest.raises(SettingsError, match=r"the dome's image cannot be used: the texture cannot be read") as refused:
+        rendered(stage_of(CUBE), dome=str(broken))
+    assert (refused.value.where, refused.value.code) == ("dome", "texture-unreadable")
+
+
+def test_a_dome_beside_the_studio_light_says_what_stays(sky: str) -> None:
+    image = rendered(stage_of(CUBE), dome=sky, studio_light="on")
+    assert "its key light stays" in says(image)
+    assert "in place of primray" not in says(image)
+    assert "studio" not in says(rendered(stage_of(CUBE), dome=sky))
+
+
+@pytest.mark.parametrize("up", ["Y", "Z"])
+def test_domes_of_the_stage_are_turned_and_hidden(up: str, sky: str) -> None:
+    """As their author would have turned them about the up axis, after their own transforms."""
+    turned = f"double xformOp:rotate{up} = 110\n    "
+    own = 'double xformOp:rotateX:own = 25\n    uniform token[] xformOpOrder = [%s"xformOp:rotateX:own"]\n}\n'
+    dome = f'def DomeLight_1 "sky"\n{{\n    asset inputs:texture:file = @{sky}@\n    '
+    wanted = rendered(stage_of(CUBE + dome + turned + own % f'"xformOp:rotate{up}", ', up))
+    stage = stage_of(CUBE + dome + own % "", up)
+    found = rendered(stage, dome_rotation=110.0)
+    np.testing.assert_allclose(found.pixels, wanted.pixels, rtol=2e-4, atol=1e-5)
+    assert says(found) == "/sky is turned by 110 degrees, as asked for."
+    hidden = rendered(stage, dome_visible=False)
+    assert (hidden.pixels[0, 0] == 0).all()
+    assert "hidden from the camera" in says(hidden)
+    assert "no dome" in says(rendered(stage_of(CUBE), dome_rotation=110.0))
+
+
 @pytest.mark.parametrize("up", ["Y", "Z"])
 def test_the_ground_touches_the_lowest_point(up: str) -> None:
     settings = RenderSettings(ground="plane", resolution=(32, 24))

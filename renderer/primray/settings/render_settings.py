@@ -90,7 +90,8 @@ class RenderSettings:
     default_light: bool = True  # False: as studio_light off
     # A light that the camera does not see. auto: where nothing of the stage lights most of what is seen; on: beside its lights.
     studio_light: StudioLight = StudioLight.AUTO
-    # Beside the stage: a lat-long image that lights it, in place of its own domes, turned about the up axis by degrees.
+    # Beside the stage: a lat-long image that lights it, in place of its own domes. The next two are of that dome, or of the
+    # stage's where none is given: degrees that it is turned about the up axis, and whether the camera sees it.
     dome: str | None = None
     dome_rotation: float = 0.0
     dome_visible: bool = True  # to the camera
