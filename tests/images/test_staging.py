@@ -264,6 +264,10 @@ def test_a_preview_is_denoised(shot: Path) -> None:
     image = primray.read_image(shot / "a.exr")
     assert image.denoised is not None
     assert image.metadata["settings.spp"] == 16
+    assert run(["render", "shot.usda", "--res", "16", "12", "--preview", "--no-denoise", "-o", "a.exr"]) == 0
+    image = primray.read_image(shot / "a.exr")
+    assert image.denoised is None
+    assert image.metadata["settings.spp"] == 16
 
 
 @pytest.mark.parametrize("background", ["#ffffff", "#000000", "linear"])
@@ -334,3 +338,17 @@ def test_the_shadow_below_a_denoised_picture_is_denoised() -> None:
     beside = image.seen[..., 3] == 0
     noisy, denoised = (np.abs(made[..., 3] - clean)[beside].mean() for made in (image.pixels, image.denoised.pixels))
     assert denoised < 0.7 * noisy
+
+
+def test_a_jpeg_shows_the_shadow_over_white(tmp_path: Path) -> None:
+    image = rendered(stage_of(CUBE, camera=SHADE), ground="shadow", resolution=(64, 48))
+    beside = (image.seen[..., 3] == 0) & (image.pixels[..., 3] > 0.3)
+    assert beside.any()
+    shown = oiio.ImageBuf(str(image.save(tmp_path / "a.jpg"))).get_pixels(oiio.UINT8)
+    assert shown[0, 0].min() > 250
+    assert shown[beside].max() < 215
+    over = oiio.ImageBuf(str(image.save(tmp_path / "b.jpg", flatten_over=(0, 0, 1)))).get_pixels(oiio.UINT8)
+    assert over[0, 0, 2] > 250
+    assert over[0, 0, 0] < 5
+    plain = oiio.ImageBuf(str(rendered(stage_of(CUBE)).save(tmp_path / "c.jpg"))).get_pixels(oiio.UINT8)
+    assert plain[0, 0].max() < 5

@@ -242,6 +242,8 @@ def bytes_of(text: str | None) -> int | None:
 PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps
 
 
-def previewed(spp: int | None, target_error: float | None, time_limit: float | None) -> tuple[int | None, bool]:
-    """Return samples a pixel, and whether the picture is denoised, where a preview is asked for."""
-    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), True
+def previewed(
+    spp: int | None, target_error: float | None, time_limit: float | None, denoise: bool | None
+) -> tuple[int | None, bool]:
+    """Return samples a pixel, and whether the picture is denoised, where a preview is asked for: unless that is refused."""
+    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), denoise is not False

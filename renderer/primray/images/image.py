@@ -37,6 +37,7 @@ ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 WITH_ALPHA = (".png", ".tif", ".tiff")
 BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind what covers the picture
+WHITE = (1.0, 1.0, 1.0)
 EYE = "settings.eye"  # in metadata: of a stereo pair
 EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
 
@@ -169,7 +170,8 @@ class Image:
         halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
         nothing is called so, or values are beyond what a half holds. `compression` of an EXR is none, rle, zips, zip, piz,
         pxr24, b44, b44a, dwaa or dwab, with the `level` of zip and DWA; `header` adds attributes to its header. `flatten_over`
-        is the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black.
+        is the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black, or white
+        where the shadow on a ground is to be seen.
         """
         path = check_output_path(path)
         chosen, encoding = (
@@ -208,6 +210,8 @@ class Image:
 
     def _encoded(self, suffix: str, view: View, exposure: float, encoding: Encoding) -> npt.NDArray[Any]:
         keep_alpha, over = self._has_alpha and suffix in WITH_ALPHA, encoding.flatten_over
+        if over is None and self.foreground is not None:
+            over = WHITE
         bits, (pixels, exposure) = encoding.bits_of(suffix), self._exposed(exposure)
         if keep_alpha or over is None or self.file.lit_behind:
             return _encode(pixels, view, exposure, keep_alpha=keep_alpha, bits=bits)
