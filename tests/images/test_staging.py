@@ -352,3 +352,13 @@ def test_a_jpeg_shows_the_shadow_over_white(tmp_path: Path) -> None:
     assert over[0, 0, 0] < 5
     plain = oiio.ImageBuf(str(rendered(stage_of(CUBE)).save(tmp_path / "c.jpg"))).get_pixels(oiio.UINT8)
     assert plain[0, 0].max() < 5
+
+
+def test_the_shadow_darkens_a_dome_that_the_camera_sees(sky: str) -> None:
+    stage = stage_of(CUBE, camera=SHADE)
+    asked: dict[str, Any] = {"dome": sky, "resolution": (64, 48)}
+    image, plain = rendered(stage, ground="shadow", **asked), rendered(stage, **asked)
+    beside = plain.pixels[..., 3] == 0
+    opacity = image.pixels[beside][:, 3:]
+    assert opacity.max() > 0.3
+    np.testing.assert_allclose(image.pixels[beside][:, :3], plain.pixels[beside][:, :3] * (1 - opacity), rtol=1e-5)

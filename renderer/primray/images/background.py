@@ -82,12 +82,16 @@ class Backdrop:
     frame: Frame
     space: ColorSpace
     denoised_shadow: Floats | None = None
+    lit_behind: bool = False  # light of the stage is behind what covers the picture, and the shadow is before it
 
     def behind(self, pixels: Floats, scale: float = 1.0) -> Floats:
         """Return (H, W, 4) premultiplied with all of it behind; `scale` is that of `Background.behind`."""
         if self.shadow is not None:
             alpha = np.clip(pixels[..., 3:], 0, 1)
-            pixels = np.concatenate([pixels[..., :3], alpha + (1 - alpha) * self.shadow[..., None]], axis=2)
+            opacity, rgb = (1 - alpha) * self.shadow[..., None], pixels[..., :3]
+            # The light in a pixel that is covered in part is not known apart: what is behind is taken for all of it.
+            rgb = rgb * (1 - opacity) if self.lit_behind else rgb
+            pixels = np.concatenate([rgb, alpha + opacity], axis=2)
         return pixels if self.background is None else self.background.behind(pixels, self.frame, self.space, scale)
 
     def exposed(self, pixels: Floats, stops: float) -> Floats:
