@@ -72,7 +72,9 @@ def needs_alpha(pixels: Floats) -> bool:
     return not background_shines and not bool(np.all(alpha == 1))
 
 
-def view_fault(pixels: Floats, view: View, exposure: float = 0.0, *, is_auto: bool = False) -> Diagnostic | None:
+def view_fault(
+    pixels: Floats, view: View, exposure: float = 0.0, *, is_auto: bool = False, lacks_textures: bool = False
+) -> Diagnostic | None:
     """Return what to report of (H, W, 4) premultiplied; None where the view shows more than white or black, or there is nothing
     to see. `is_auto`: the exposure was chosen for the picture, or for the first of its sequence."""
     seen = _seen(pixels)
@@ -87,6 +89,8 @@ def view_fault(pixels: Floats, view: View, exposure: float = 0.0, *, is_auto: bo
     advice = f"--exposure {stops:.1f} would serve" + ("" if is_auto else ", or --exposure auto")
     if abs(stops - exposure) < SAME_STOPS:
         advice = "no other exposure would show more"
+    if lacks_textures and black >= white:
+        advice = f"what textures that are missing leave is black, so look for these first; else {advice}"
     message = f"{max(white, black):.0%} of what it shows is almost {what}: {advice}."
     return Diagnostic(CODES[CODE].severity, CODE, "", message)
 

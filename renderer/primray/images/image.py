@@ -37,6 +37,7 @@ ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 WITH_ALPHA = (".png", ".tif", ".tiff")
 BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind what covers the picture
+MISSING_TEXTURES = ("asset-missing", "texture-unreadable", "tile-missing")
 WHITE = (1.0, 1.0, 1.0)
 EYE = "settings.eye"  # in metadata: of a stereo pair
 EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
@@ -181,7 +182,7 @@ class Image:
         stops = 0.0
         if shows_view(path, encoding):
             stops = self._stops(chosen, exposure)
-            faults = (chosen.assumption(), view_fault(self.seen, chosen, stops, is_auto=exposure == "auto"))
+            faults = (chosen.assumption(), self.view_fault(chosen, stops, is_auto=exposure == "auto"))
             Announcer(path).tell([fault for fault in faults if fault is not None])
         if path.suffix.lower() == ".exr":
             Announcer(path).tell(faults_of_exr(self, encoding))
@@ -193,6 +194,11 @@ class Image:
             asked = self.file.view
             view, display, look = asked.view, asked.display, asked.look
         return View(view, display, look, self.color_space)
+
+    def view_fault(self, view: View, exposure: float, *, is_auto: bool = False) -> Diagnostic | None:
+        """Return what to report of a view of the picture; where textures are missing, which are black, they come first."""
+        missing = any(row["code"] in MISSING_TEXTURES for row in self.report.get("diagnostics", ()))
+        return view_fault(self.seen, view, exposure, is_auto=is_auto, lacks_textures=missing)
 
     def write(self, path: Path, view: View, exposure: float, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
         """`save`, to a path that has been checked and without a word about what the file does not show."""
@@ -289,7 +295,7 @@ class Image:
         return f"<Image {', '.join(told)}>"
 
     def _repr_html_(self) -> str | None:
-        fault = view_fault(self.seen, self.view_of(), self.file.view.exposure)
+        fault = self.view_fault(self.view_of(), self.file.view.exposure)
         told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
         if self.errors is None:
             return picture_html(self._repr_png_, self.resolution, told)

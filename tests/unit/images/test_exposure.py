@@ -177,3 +177,13 @@ def test_the_most_exposure_is_white_and_the_least_black() -> None:
         warnings.simplefilter("error")
         assert Image(pixels).to_uint8(exposure=100)[..., :3].min() == 255
         assert Image(ramp(1)).to_uint8(exposure=np.float32(-100))[..., :3].max() == 0
+
+
+@pytest.mark.parametrize(("scale", "asks_for_textures"), [(3e-4, True), (3e4, False)])
+def test_missing_textures_come_before_an_exposure(scale: float, asks_for_textures: bool) -> None:
+    report = {"diagnostics": [{"code": "asset-missing", "severity": "error", "prim": "/m", "message": "no a.png"}]}
+    whole, lacking = (Image(ramp(scale), said).view_fault(View(), 0.0) for said in ({}, report))
+    assert whole is not None
+    assert lacking is not None
+    assert ("textures that are missing" in lacking.message) == asks_for_textures
+    assert "textures" not in whole.message
