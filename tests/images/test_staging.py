@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import primray
 from primray.cli import run
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
+from primray.images.exposure import View, exposure_that_serves, view_fault
 from primray.settings import RenderSettings
 from primray.staging import staged
 from primray.staging.additions import GROUND
@@ -91,6 +93,39 @@ def test_a_dome_that_is_not_there_is_refused() -> None:
     with pytest.raises(SettingsError, match="is not there") as refused:
         rendered(stage_of(CUBE), dome="no.exr")
     assert refused.value.where == "dome"
+
+
+def test_a_dome_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    """As one that is not there: it is asked for by the user, who would get a black picture."""
+    broken = tmp_path / "broken.exr"
+    broken.write_text("no picture")
+    with pytest.raises(SettingsError, match=r"the dome's image cannot be used: the texture cannot be read") as refused:
+        rendered(stage_of(CUBE), dome=str(broken))
+    assert (refused.value.where, refused.value.code) == ("dome", "texture-unreadable")
+
+
+def test_a_dome_beside_the_studio_light_says_what_stays(sky: str) -> None:
+    image = rendered(stage_of(CUBE), dome=sky, studio_light="on")
+    assert "its key light stays" in says(image)
+    assert "in place of primray" not in says(image)
+    assert "studio" not in says(rendered(stage_of(CUBE), dome=sky))
+
+
+@pytest.mark.parametrize("up", ["Y", "Z"])
+def test_domes_of_the_stage_are_turned_and_hidden(up: str, sky: str) -> None:
+    """As their author would have turned them about the up axis, after their own transforms."""
+    turned = f"double xformOp:rotate{up} = 110\n    "
+    own = 'double xformOp:rotateX:own = 25\n    uniform token[] xformOpOrder = [%s"xformOp:rotateX:own"]\n}\n'
+    dome = f'def DomeLight_1 "sky"\n{{\n    asset inputs:texture:file = @{sky}@\n    '
+    wanted = rendered(stage_of(CUBE + dome + turned + own % f'"xformOp:rotate{up}", ', up))
+    stage = stage_of(CUBE + dome + own % "", up)
+    found = rendered(stage, dome_rotation=110.0)
+    np.testing.assert_allclose(found.pixels, wanted.pixels, rtol=2e-4, atol=1e-5)
+    assert says(found) == "/sky is turned by 110 degrees, as asked for."
+    hidden = rendered(stage, dome_visible=False)
+    assert (hidden.pixels[0, 0] == 0).all()
+    assert "hidden from the camera" in says(hidden)
+    assert "no dome" in says(rendered(stage_of(CUBE), dome_rotation=110.0))
 
 
 @pytest.mark.parametrize("up", ["Y", "Z"])
@@ -229,3 +264,101 @@ def test_a_preview_is_denoised(shot: Path) -> None:
     image = primray.read_image(shot / "a.exr")
     assert image.denoised is not None
     assert image.metadata["settings.spp"] == 16
+    assert run(["render", "shot.usda", "--res", "16", "12", "--preview", "--no-denoise", "-o", "a.exr"]) == 0
+    image = primray.read_image(shot / "a.exr")
+    assert image.denoised is None
+    assert image.metadata["settings.spp"] == 16
+
+
+@pytest.mark.parametrize("background", ["#ffffff", "#000000", "linear"])
+def test_an_exposure_is_judged_by_what_is_seen_of_the_stage(background: str, sky: str) -> None:
+    """A background that fills most of the picture changes neither the exposure that serves nor what is warned of."""
+    stage = stage_of(CUBE)
+    alone = rendered(stage, background="transparent")
+    image = rendered(stage, background=sky if background == "linear" else background)
+    np.testing.assert_array_equal(image.seen, alone.pixels)
+    auto, plain = image.to_uint8(exposure="auto"), alone.to_uint8(exposure="auto")
+    inside = alone.pixels[..., 3] == 1
+    np.testing.assert_allclose(auto[inside].astype(int), plain[inside], atol=1)
+    assert view_fault(image.seen, View()) is None
+    shadow = rendered(stage, ground="shadow", background="transparent")
+    assert (shadow.pixels[..., 3] > alone.pixels[..., 3]).any()
+    np.testing.assert_array_equal(shadow.seen[..., 3], alone.pixels[..., 3])
+
+
+@pytest.mark.parametrize("stops", [-3.0, 2.0, "auto"])
+def test_a_background_as_displayed_stays_so_at_any_exposure(stops: Any, sky: str) -> None:
+    image = rendered(stage_of(CUBE), background="#335577")
+    np.testing.assert_allclose(image.to_uint8(exposure=stops)[0, 0, :3], (51, 85, 119), atol=1)
+    assert np.abs(image.to_uint8(exposure=2.0).astype(int) - image.to_uint8()).max() > 10
+    # Scene-linear files are light like the stage's: they are brightened with it.
+    linear = rendered(stage_of(CUBE), background=sky)
+    brighter = replace(linear, pixels=linear.pixels * np.array([4, 4, 4, 1], np.float32), foreground=None)
+    corner = np.s_[0, 0]
+    np.testing.assert_allclose(linear.to_uint8(exposure=2.0)[corner], brighter.to_uint8()[corner], atol=1)
+
+
+def test_a_denoised_picture_without_light_asks_for_no_exposure() -> None:
+    pytest.importorskip("pyoidn")
+    stage = stage_of(CUBE)
+    dark = rendered(stage, studio_light="off", denoise=True, resolution=(64, 48), spp=4)
+    assert dark.denoised is not None
+    assert view_fault(dark.seen, View()) is None
+    assert exposure_that_serves(dark.seen, View()) == 0
+    lit = rendered(stage, denoise=True, resolution=(64, 48), spp=4)
+    assert lit.denoised is not None
+    np.testing.assert_array_equal(lit.seen[lit.pixels[..., 3] == 1], lit.denoised.pixels[lit.pixels[..., 3] == 1])
+
+
+SHADE = "double3 xformOp:translate = (0, 3, 8)\n    float xformOp:rotateX = -20\n"
+SHADE += "    uniform token[] xformOpOrder = ['xformOp:translate', 'xformOp:rotateX']"
+
+
+def test_a_shadow_costs_no_more_than_its_picture() -> None:
+    """By the clock where there is a time limit, else by rays, so that the same render has the same shadow."""
+    stage = stage_of(CUBE, camera=SHADE)
+    limited = RenderSettings(time_limit_s=0.6, ground="shadow", resolution=(320, 240))
+    assert limited.sampling_time_s is not None
+    assert limited.shadow_time_s is not None
+    assert limited.sampling_time_s + limited.shadow_time_s == pytest.approx(0.6)
+    image = primray.render(stage, limited)
+    assert image.report["sampling_s"] < 0.6
+    assert image.report["stages_s"]["ground_shadow"] < 1.5  # 256 samples, as without a limit, take ten times as long
+    assert RenderSettings(time_limit_s=0.6, ground="plane").sampling_time_s == 0.6
+    pictures = [rendered(stage, ground="shadow", spp=32, threads=threads) for threads in (1, 2)]
+    np.testing.assert_array_equal(pictures[0].pixels, pictures[1].pixels)
+
+
+def test_the_shadow_below_a_denoised_picture_is_denoised() -> None:
+    pytest.importorskip("pyoidn")
+    stage = stage_of(CUBE, camera=SHADE)
+    image = rendered(stage, ground="shadow", denoise=True, resolution=(64, 48), spp=2)
+    clean = rendered(stage, ground="shadow", resolution=(64, 48), spp=256).pixels[..., 3]
+    assert image.denoised is not None
+    beside = image.seen[..., 3] == 0
+    noisy, denoised = (np.abs(made[..., 3] - clean)[beside].mean() for made in (image.pixels, image.denoised.pixels))
+    assert denoised < 0.7 * noisy
+
+
+def test_a_jpeg_shows_the_shadow_over_white(tmp_path: Path) -> None:
+    image = rendered(stage_of(CUBE, camera=SHADE), ground="shadow", resolution=(64, 48))
+    beside = (image.seen[..., 3] == 0) & (image.pixels[..., 3] > 0.3)
+    assert beside.any()
+    shown = oiio.ImageBuf(str(image.save(tmp_path / "a.jpg"))).get_pixels(oiio.UINT8)
+    assert shown[0, 0].min() > 250
+    assert shown[beside].max() < 215
+    over = oiio.ImageBuf(str(image.save(tmp_path / "b.jpg", flatten_over=(0, 0, 1)))).get_pixels(oiio.UINT8)
+    assert over[0, 0, 2] > 250
+    assert over[0, 0, 0] < 5
+    plain = oiio.ImageBuf(str(rendered(stage_of(CUBE)).save(tmp_path / "c.jpg"))).get_pixels(oiio.UINT8)
+    assert plain[0, 0].max() < 5
+
+
+def test_the_shadow_darkens_a_dome_that_the_camera_sees(sky: str) -> None:
+    stage = stage_of(CUBE, camera=SHADE)
+    asked: dict[str, Any] = {"dome": sky, "resolution": (64, 48)}
+    image, plain = rendered(stage, ground="shadow", **asked), rendered(stage, **asked)
+    beside = plain.pixels[..., 3] == 0
+    opacity = image.pixels[beside][:, 3:]
+    assert opacity.max() > 0.3
+    np.testing.assert_allclose(image.pixels[beside][:, :3], plain.pixels[beside][:, :3] * (1 - opacity), rtol=1e-5)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from enum import Enum
@@ -13,7 +12,7 @@ from ..errors import SettingsError
 from ..images.files.encoding import BIT_DEPTHS, Encoding, compression_of
 from ..process_memory import available_bytes
 from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
-from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK
+from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK, check_stops
 from .standard_output import suffix_of
 
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
@@ -88,13 +87,7 @@ def exposure_of(stops: str | None) -> float | Literal["auto"] | None:
     """Return the exposure of views; None where it is left to the stage."""
     if stops is None or stops == "auto":
         return None if stops is None else "auto"
-    try:
-        number = float(stops)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise SettingsError(f"the exposure is a number of stops, or auto, not {stops}", where="--exposure")
-    return number
+    return check_stops(stops, "--exposure")
 
 
 def threads_of(threads: int | None) -> int | None:
@@ -249,6 +242,8 @@ def bytes_of(text: str | None) -> int | None:
 PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps
 
 
-def previewed(spp: int | None, target_error: float | None, time_limit: float | None) -> tuple[int | None, bool]:
-    """Return samples a pixel, and whether the picture is denoised, where a preview is asked for."""
-    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), True
+def previewed(
+    spp: int | None, target_error: float | None, time_limit: float | None, denoise: bool | None
+) -> tuple[int | None, bool]:
+    """Return samples a pixel, and whether the picture is denoised, where a preview is asked for: unless that is refused."""
+    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), denoise is not False

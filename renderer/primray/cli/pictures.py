@@ -58,7 +58,7 @@ class Looks:
             return self
         from ..images.exposure import exposure_that_serves
 
-        return replace(self, exposure=exposure_that_serves(image.shown.pixels, self.view_of(image)), chose_exposure=True)
+        return replace(self, exposure=exposure_that_serves(image.seen, self.view_of(image)), chose_exposure=True)
 
     def settled_if_it_can_be(self, image: Image) -> Looks:
         """`settled`; or as it is where the view fails, which is reported where a file needs it."""
@@ -259,7 +259,6 @@ def is_refused(image: Image, settings: RenderSettings, looks: Looks) -> bool:
 
 
 def _faults_of_view(image: Image, files: list[str], looks: Looks, held: Held) -> list[dict[str, str]]:
-    from ..images.exposure import view_fault
     from ..images.image import faults_of_exr, shows_view
 
     names = [Path(f"picture{suffix_of(file)}") for file in files if not is_tev(file)]
@@ -267,7 +266,7 @@ def _faults_of_view(image: Image, files: list[str], looks: Looks, held: Held) ->
     if looks.exposure != "auto" and any(shows_view(name, looks.encoding) for name in names):
         faults += [
             None if looks.names_space else view.assumption(),
-            view_fault(image.shown.pixels, view, looks.stops_of(image)),
+            image.view_fault(view, looks.stops_of(image), is_auto=looks.chose_exposure),
         ]
     for held_image in _held_by_exrs(image, files, held):
         faults += [fault for fault in faults_of_exr(held_image, looks.encoding) if fault not in faults]

@@ -24,5 +24,9 @@ FramesPerSecond = Annotated[
     typer.Option("--fps", metavar="N", help="Of a --turntable's movie; without it, frames alone.", show_default=False),
 ]
 Preview = Annotated[
-    bool, typer.Option("--preview", help="Denoised, of 16 samples a pixel (or --spp), in seconds: to look at, not to measure.")
+    bool,
+    typer.Option(
+        "--preview",
+        help="Denoised (unless --no-denoise), of 16 samples a pixel (or --spp), in seconds: to look at, not to measure.",
+    ),
 ]

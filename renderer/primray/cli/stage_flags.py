@@ -96,9 +96,15 @@ Dome = Annotated[
 ]
 DomeRotation = Annotated[
     float,
-    typer.Option("--dome-rotation", metavar="DEGREES", help="Turns --dome about the up axis, counterclockwise from above."),
+    typer.Option(
+        "--dome-rotation",
+        metavar="DEGREES",
+        help="Turns --dome, else the stage's domes, about the up axis, counterclockwise from above.",
+    ),
 ]
-DomeVisible = Annotated[OnOff, typer.Option("--dome-visible", help="Whether the camera sees --dome.")]
+DomeVisible = Annotated[
+    OnOff, typer.Option("--dome-visible", help="Whether the camera sees --dome; off: nor the stage's own domes.")
+]
 GroundBelow = Annotated[
     Ground | None,
     typer.Option("--ground", help="Below all that is drawn: only its shadow, or a grey plane.", show_default=False),

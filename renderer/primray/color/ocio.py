@@ -128,7 +128,11 @@ def to_display(
     A look takes the place of those that the view has.
     """
     processor, by = _display_processor(view, display, look, space)
-    return _applied(processor, color_space.transformed(rgb * np.float32(2.0**exposure), by))
+    with np.errstate(over="ignore"):
+        exposed = rgb * np.float32(2.0**exposure)
+    if exposure > 0:  # what floats do not hold shows as the brightest that they do
+        exposed = np.minimum(exposed, np.finfo(np.float32).max)
+    return _applied(processor, color_space.transformed(exposed, by))
 
 
 def from_display(shown: Floats, space: ColorSpace = REC709) -> Floats:

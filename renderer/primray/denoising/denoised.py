@@ -22,6 +22,7 @@ from .denoiser import Denoiser, Guides, denoiser_name
 from .halves import halves_of
 
 GUIDES = ("albedo", "normal")
+LEAST_SHADOW = 0.002  # half a step of 8 bits
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,12 @@ class Denoising:
         else:
             pixels, error = np.asarray(self._denoiser.denoise(noisy.astype(np.float32)), np.float64), None
         return Denoised(pixels, error, _energy(noisy, pixels), time.perf_counter() - start)
+
+
+def denoised_shadow(opacity: Floats, settings: RenderSettings) -> Floats:
+    """Return the opacity (H, W) of a ground's shadow without its noise; what 8 bits do not show is left out."""
+    made = Denoiser(None, core.threads(settings)).denoise(np.repeat(opacity[..., None], 3, axis=2))[..., 0]
+    return np.where(made < LEAST_SHADOW, 0, np.clip(made, 0, 1)).astype(np.float32)
 
 
 def with_denoised(image: Image, made: Denoised) -> Image:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ..description import Surface
 from ..diagnostic_codes import CODES
 from ..images.exposure import View, view_fault
+from ..images.image import MISSING_TEXTURES
 from .examined import Examined
 from .finding import Finding, Question
 
@@ -30,7 +31,8 @@ def findings(seen: Examined) -> Iterator[Finding]:
         prims = tuple(dict.fromkeys(d.prim_path for d in told if d.code == code))
         if prims:
             yield Finding(Question.DARK, code, CODES[code].meaning, CODES[code].advice, prims)
-    fault = view_fault(pixels, View(space=seen.image.color_space))
+    missing = any(diagnostic.code in MISSING_TEXTURES for diagnostic in told)
+    fault = view_fault(pixels, View(space=seen.image.color_space), lacks_textures=missing)
     if fault is not None:
         yield Finding(Question.DARK, fault.code, fault.message, CODES[fault.code].advice)
 

@@ -1,4 +1,4 @@
-"""Why what is seen has no colour: no material, a material that is not understood, a file that is not there, or grey it is."""
+"""Why what is seen has no colour, or is black: no material, one that is not understood, a missing file, or grey it is."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ OF_MATERIALS = (
     "material-input",
 )
 MOSTLY = 0.9  # of what is seen
+BLACK = 0.06  # albedo: what is black still has the sheen of a dielectric
 COLORLESS = 0.02  # difference of channels, of the largest
 
 
@@ -73,10 +74,18 @@ def _by_material(seen: Examined) -> Iterator[Finding]:
         prims = _concerned(seen, code)
         shapes = {path for path, material in seen.bound.items() if material in prims} | set(prims)
         worn = np.isin(seen.materials, [numbers[path] for path in prims if path in numbers])
-        share = _share(seen, worn | np.isin(seen.prims, _numbers_of(seen, shapes)))
+        where = worn | np.isin(seen.prims, _numbers_of(seen, shapes))
+        share = _share(seen, where)
         more = f" (and {len(messages) - 1:,} more)" if len(messages) > 1 else ""
         said = f"{messages[0].rstrip('.')}{more}{_of_what_is_seen(share)}."
-        yield Finding(Question.GREY, code, said, CODES[code].advice, prims, share)
+        question = Question.DARK if _is_black(seen, where) else Question.GREY
+        yield Finding(question, code, said, CODES[code].advice, prims, share)
+
+
+def _is_black(seen: Examined, where: npt.NDArray[np.bool_]) -> bool:
+    """Whether what is seen in these pixels reflects next to nothing, as where the image of a texture is missing."""
+    albedo = seen.image.aovs["albedo"].values[where]
+    return len(albedo) > 0 and float(albedo.mean()) < BLACK
 
 
 def _concerned(seen: Examined, code: str) -> tuple[str, ...]:

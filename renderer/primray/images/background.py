@@ -1,7 +1,8 @@
 """What is behind a picture: a colour or a file that is composited under it, after it is rendered.
 
 Colours and files with display values are as displayed: they are brought back through the default view, so that a picture saved
-with that view and no exposure shows them as they were given. Files with scene-linear values are taken as Rec.709.
+with that view shows them as they were given. An exposure is of the picture before them (`Image.foreground`), and of files with
+scene-linear values, which are taken as Rec.709.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from ..color import color_space, ocio
 from ..color.color_space import REC709, ColorSpace
 from ..description import Frame
 from ..errors import SettingsError
-from .image import Image
+from .image import Foreground, Image
 
 TRANSPARENT = "transparent"
 _HEX = re.compile(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
@@ -32,15 +33,15 @@ class Background:
     color: tuple[float, float, float] | None = None
     file: str | None = None
 
-    def behind(self, pixels: Floats, frame: Frame, space: ColorSpace) -> Floats:
-        """Return (H, W, 4) premultiplied over this, opaque."""
+    def behind(self, pixels: Floats, frame: Frame, space: ColorSpace, scale: float = 1.0) -> Floats:
+        """Return (H, W, 4) premultiplied over this, opaque; `scale` multiplies a file of scene-linear values."""
         if self.color is not None:
             rgb = _over_shown(pixels, np.array([[self.color]], np.float32), space)
         else:
             assert self.file is not None
             under = _cropped(_covering(self.file, frame.resolution), frame)
             if self.file.lower().endswith(LINEAR):
-                linear = color_space.transformed(under, color_space.matrix(REC709, space))
+                linear = scale * color_space.transformed(under, color_space.matrix(REC709, space))
                 rgb = pixels[..., :3] + (1 - np.clip(pixels[..., 3:], 0, 1)) * linear
             else:
                 rgb = _over_shown(pixels, under, space)
@@ -73,26 +74,41 @@ def _encoded(light: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """What is under a render's picture: the shadow (H, W) that a ground receives, and a background."""
+    """What is under a render's picture: the shadow (H, W) that a ground receives, and a background. The shadow below a denoised
+    picture is denoised as well."""
 
     shadow: Floats | None
     background: Background | None
     frame: Frame
     space: ColorSpace
+    denoised_shadow: Floats | None = None
+    lit_behind: bool = False  # light of the stage is behind what covers the picture, and the shadow is before it
 
-    def behind(self, pixels: Floats) -> Floats:
-        """Return (H, W, 4) premultiplied with all of it behind."""
+    def behind(self, pixels: Floats, scale: float = 1.0) -> Floats:
+        """Return (H, W, 4) premultiplied with all of it behind; `scale` is that of `Background.behind`."""
         if self.shadow is not None:
             alpha = np.clip(pixels[..., 3:], 0, 1)
-            pixels = np.concatenate([pixels[..., :3], alpha + (1 - alpha) * self.shadow[..., None]], axis=2)
-        return pixels if self.background is None else self.background.behind(pixels, self.frame, self.space)
+            opacity, rgb = (1 - alpha) * self.shadow[..., None], pixels[..., :3]
+            # The light in a pixel that is covered in part is not known apart: what is behind is taken for all of it.
+            rgb = rgb * (1 - opacity) if self.lit_behind else rgb
+            pixels = np.concatenate([rgb, alpha + opacity], axis=2)
+        return pixels if self.background is None else self.background.behind(pixels, self.frame, self.space, scale)
+
+    def exposed(self, pixels: Floats, stops: float) -> Floats:
+        """Return the pixels brightened by so many stops, with all of it behind: colours as displayed stay as they are."""
+        scale = 2.0**stops
+        with np.errstate(over="ignore"):
+            lit = np.minimum(pixels[..., :3] * np.float32(scale), np.finfo(np.float32).max)
+        return self.behind(np.concatenate([lit, pixels[..., 3:]], axis=2), scale)
 
     def behind_denoised(self, image: Image, coverage: Floats) -> Image:
         """Return the picture with this behind its denoised form, which has the film's coverage (H, W, 1)."""
         if image.denoised is None:
             return image
-        pixels = self.behind(np.concatenate([image.denoised.pixels[..., :3], coverage], axis=2))
-        return replace(image, denoised=replace(image.denoised, pixels=pixels))
+        under = self if self.denoised_shadow is None else replace(self, shadow=self.denoised_shadow)
+        rendered = np.concatenate([image.denoised.pixels[..., :3], coverage], axis=2)
+        made = replace(image.denoised, pixels=under.behind(rendered), foreground=Foreground(rendered, under.exposed))
+        return replace(image, denoised=made)
 
 
 def behind_previews(text: str | None, frame: Frame, space: ColorSpace) -> Backdrop | None:

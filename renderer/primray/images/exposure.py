@@ -14,6 +14,7 @@ from ..color import ocio as color
 from ..color.color_space import LUMINANCE_WEIGHTS, REC709, ColorSpace
 from ..diagnostic_codes import CODES
 from ..diagnostics import Diagnostic
+from ..settings import MAX_STOPS
 
 AUTO = "auto"
 CODE, ASSUMED = "view-exposure", "view-space-assumed"
@@ -24,6 +25,8 @@ ALMOST = 0.8  # of what there is to see
 # The exposure that serves shows the brightest twentieth so, and no median darker than this many stops below mid-grey.
 BRIGHT, BRIGHTEST_SHARE = 0.82, 0.95
 GREY, DARKEST_STOPS = 0.35, 1.0
+SAME_STOPS = 0.05  # advice is given in tenths of stops
+BLOCK = 8  # pixels: a block in which no sample of the record has light is black
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,11 @@ def needs_alpha(pixels: Floats) -> bool:
     return not background_shines and not bool(np.all(alpha == 1))
 
 
-def view_fault(pixels: Floats, view: View, exposure: float = 0.0) -> Diagnostic | None:
-    """For (H, W, 4) premultiplied; None where the view shows more than white or black, or there is nothing to see."""
+def view_fault(
+    pixels: Floats, view: View, exposure: float = 0.0, *, is_auto: bool = False, lacks_textures: bool = False
+) -> Diagnostic | None:
+    """Return what to report of (H, W, 4) premultiplied; None where the view shows more than white or black, or there is nothing
+    to see. `is_auto`: the exposure was chosen for the picture, or for the first of its sequence."""
     seen = _seen(pixels)
     if not len(seen) or not seen.any():
         return None
@@ -80,9 +86,12 @@ def view_fault(pixels: Floats, view: View, exposure: float = 0.0) -> Diagnostic 
         return None
     stops = exposure_that_serves(pixels, view)
     what = "white" if white > black else "black"
-    message = (
-        f"{max(white, black):.0%} of what it shows is almost {what}: --exposure {stops:.1f} would serve, or --exposure auto."
-    )
+    advice = f"--exposure {stops:.1f} would serve" + ("" if is_auto else ", or --exposure auto")
+    if abs(stops - exposure) < SAME_STOPS:
+        advice = "no other exposure would show more"
+    if lacks_textures and black >= white:
+        advice = f"what textures that are missing leave is black, so look for these first; else {advice}"
+    message = f"{max(white, black):.0%} of what it shows is almost {what}: {advice}."
     return Diagnostic(CODES[CODE].severity, CODE, "", message)
 
 
@@ -96,7 +105,20 @@ def exposure_that_serves(pixels: Floats, view: View) -> float:
     bright, grey = _levels_shown_as(view, (BRIGHT, GREY))
     fit = np.log2(bright / np.quantile(level, BRIGHTEST_SHARE))
     least = np.log2(grey / np.median(level)) - DARKEST_STOPS
-    return round(float(max(fit, least)), 2)
+    return round(float(np.clip(max(fit, least), -MAX_STOPS, MAX_STOPS)), 2)
+
+
+def where_lit(pixels: Floats, record: Floats) -> Floats:
+    """Return a denoised picture (H, W, 4), black in the blocks where its record has no light at all: a denoiser leaves a
+    millionth there, which would be taken for what is seen."""
+    height, width = record.shape[:2]
+    lit = np.zeros((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK), bool)
+    lit[:height, :width] = (record[..., :3] > 0).any(axis=2)
+    blocks = lit.reshape(lit.shape[0] // BLOCK, BLOCK, -1, BLOCK).any(axis=(1, 3))
+    if blocks.all():
+        return pixels
+    whole = np.repeat(np.repeat(blocks, BLOCK, axis=0), BLOCK, axis=1)[:height, :width]
+    return np.concatenate([pixels[..., :3] * whole[..., None], pixels[..., 3:]], axis=2)
 
 
 def _seen(pixels: Floats) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,9 +22,10 @@ from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
+from ..settings import check_stops
 from .aov import Aov, Values
 from .aov_parts import VIEW, Parts, parts_of
-from .exposure import View, as_viewed, exposure_that_serves, view_fault
+from .exposure import View, as_viewed, exposure_that_serves, view_fault, where_lit
 from .files.as_product import as_ordered, store_as_product
 from .files.encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
@@ -36,6 +37,8 @@ ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 WITH_ALPHA = (".png", ".tif", ".tiff")
 BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind what covers the picture
+MISSING_TEXTURES = ("asset-missing", "texture-unreadable", "tile-missing")
+WHITE = (1.0, 1.0, 1.0)
 EYE = "settings.eye"  # in metadata: of a stereo pair
 EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
 
@@ -45,6 +48,15 @@ _ACES_CHROMATICITIES = {
     "lin_ap0_scene": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_WHITE),
     "lin_ap1_scene": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES_WHITE),
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Foreground:
+    """A picture (H, W, 4) premultiplied as it was rendered, and `exposed`, which brightens such pixels by stops and puts behind
+    them what was asked for."""
+
+    pixels: Floats
+    exposed: Callable[[Floats, float], Floats]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,6 +91,7 @@ class Image:
     # As the camera's lens diffuses it, with the errors of that, where it does: a part of an EXR as well, and what is shown.
     diffused: Image | None = None
     file: PictureFile = PLAIN  # what the stage's product asks of an EXR
+    foreground: Foreground | None = None  # what was rendered, where a background or a ground's shadow is behind it
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -126,6 +139,15 @@ class Image:
         """What views and notebooks show: the denoised picture or the diffused one, where there is one; else this."""
         return self.denoised or self.diffused or self
 
+    @property
+    def seen(self) -> Floats:
+        """Return what views show of the stage, (H, W, 4) premultiplied: an exposure is judged by it, not by a background."""
+        record = self.pixels if self.foreground is None else self.foreground.pixels
+        if self.denoised is None:
+            return record if self.diffused is None or self.foreground is not None else self.diffused.pixels
+        rendered = self.denoised.foreground
+        return where_lit(self.denoised.pixels if rendered is None else rendered.pixels, record)
+
     def save(
         self,
         path: str | os.PathLike[str],
@@ -149,7 +171,8 @@ class Image:
         halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
         nothing is called so, or values are beyond what a half holds. `compression` of an EXR is none, rle, zips, zip, piz,
         pxr24, b44, b44a, dwaa or dwab, with the `level` of zip and DWA; `header` adds attributes to its header. `flatten_over`
-        is the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black.
+        is the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black, or white
+        where the shadow on a ground is to be seen.
         """
         path = check_output_path(path)
         chosen, encoding = (
@@ -159,7 +182,7 @@ class Image:
         stops = 0.0
         if shows_view(path, encoding):
             stops = self._stops(chosen, exposure)
-            faults = (chosen.assumption(), view_fault(self.shown.pixels, chosen, stops))
+            faults = (chosen.assumption(), self.view_fault(chosen, stops, is_auto=exposure == "auto"))
             Announcer(path).tell([fault for fault in faults if fault is not None])
         if path.suffix.lower() == ".exr":
             Announcer(path).tell(faults_of_exr(self, encoding))
@@ -171,6 +194,11 @@ class Image:
             asked = self.file.view
             view, display, look = asked.view, asked.display, asked.look
         return View(view, display, look, self.color_space)
+
+    def view_fault(self, view: View, exposure: float, *, is_auto: bool = False) -> Diagnostic | None:
+        """Return what to report of a view of the picture; where textures are missing, which are black, they come first."""
+        missing = any(row["code"] in MISSING_TEXTURES for row in self.report.get("diagnostics", ()))
+        return view_fault(self.seen, view, exposure, is_auto=is_auto, lacks_textures=missing)
 
     def write(self, path: Path, view: View, exposure: float, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
         """`save`, to a path that has been checked and without a word about what the file does not show."""
@@ -188,7 +216,9 @@ class Image:
 
     def _encoded(self, suffix: str, view: View, exposure: float, encoding: Encoding) -> npt.NDArray[Any]:
         keep_alpha, over = self._has_alpha and suffix in WITH_ALPHA, encoding.flatten_over
-        bits, pixels = encoding.bits_of(suffix), self.shown.pixels
+        if over is None and self.foreground is not None:
+            over = WHITE
+        bits, (pixels, exposure) = encoding.bits_of(suffix), self._exposed(exposure)
         if keep_alpha or over is None or self.file.lit_behind:
             return _encode(pixels, view, exposure, keep_alpha=keep_alpha, bits=bits)
         return _whole(_flattened(pixels, view, exposure, over), bits)
@@ -213,14 +243,23 @@ class Image:
         config, SettingsError where it has no such. What is None is as the stage's product asks, else the default.
         """
         chosen = self.view_of(view, display, look)
-        encoded = _encode(self.shown.pixels, chosen, self._stops(chosen, exposure), keep_alpha=self._has_alpha)
+        pixels, stops = self._exposed(self._stops(chosen, exposure))
+        encoded = _encode(pixels, chosen, stops, keep_alpha=self._has_alpha)
         opaque = np.full((*encoded.shape[:2], 4 - encoded.shape[2]), 255, np.uint8)
         return np.concatenate([encoded, opaque], axis=2)
 
     def _stops(self, view: View, exposure: float | Literal["auto"] | None) -> float:
         if exposure is None:
             return self.file.view.exposure
-        return exposure_that_serves(self.shown.pixels, view) if exposure == "auto" else exposure
+        return exposure_that_serves(self.seen, view) if exposure == "auto" else check_stops(exposure, "exposure")
+
+    def _exposed(self, stops: float) -> tuple[Floats, float]:
+        """Return the pixels that a view is made of and the stops that are left to it: a background given as displayed is shown
+        as it was given, whatever the exposure of what is before it."""
+        shown = self.shown
+        if shown.foreground is None or stops == 0:
+            return shown.pixels, stops
+        return shown.foreground.exposed(shown.foreground.pixels, stops), 0.0
 
     def show(self) -> None:
         """Show it: under the cell in a notebook, else a PNG of it in the desktop's viewer.
@@ -256,7 +295,7 @@ class Image:
         return f"<Image {', '.join(told)}>"
 
     def _repr_html_(self) -> str | None:
-        fault = view_fault(self.shown.pixels, self.view_of(), self.file.view.exposure)
+        fault = self.view_fault(self.view_of(), self.file.view.exposure)
         told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
         if self.errors is None:
             return picture_html(self._repr_png_, self.resolution, told)

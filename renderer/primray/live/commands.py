@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import SettingsError
+from ..settings import check_stops
 
 if TYPE_CHECKING:
     from .viewed_scene import ViewedScene
@@ -29,7 +30,7 @@ def order_of(command: Mapping[str, Any]) -> Order:
 
 def stops_of(command: Mapping[str, Any]) -> float | Literal["auto"]:
     """Of an exposure."""
-    return "auto" if command.get("stops") == "auto" else _number(command, "stops")
+    return "auto" if command.get("stops") == "auto" else check_stops(_number(command, "stops"), "stops")
 
 
 def _tumble(command: Mapping[str, Any]) -> Order:

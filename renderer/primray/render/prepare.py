@@ -104,6 +104,10 @@ def _prepare(
             sizes = texture_sizes(description, usd.read_asset).values()
             check_memory(description, settings, [size for size in sizes if size], film_copies=int(fingerprinted))
         description, textures = steps.load_textures(description, diagnostics, settings)
+        if settings.dome is not None:
+            from ..staging import require_dome
+
+            require_dome(description, settings, diagnostics)
         diagnostics.raise_if_refused(settings.refusal)
     images = steps.image_sizes(textures)
     check_memory(description, settings, images, film_copies=int(fingerprinted))

@@ -205,7 +205,7 @@ def render_opened(
 
 def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:
     """What a render that has stopped made, with its report; what sampling has to tell goes to `diagnostics`."""
-    from ..images.image import Image, pixels_sha256
+    from ..images.image import Foreground, Image, pixels_sha256
     from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
     from ..report.unfinished import kept_without
@@ -223,9 +223,9 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if sampling.view_fault:
         diagnostics.add("display-error-unknown", "", sampling.view_fault)
     space = prepared.scene.rendering_space
-    backdrop, rendered = _backdrop(prepared, costs), pixels
+    backdrop, rendered, foreground = _backdrop(prepared, sampling, costs), pixels, None
     if backdrop is not None:
-        pixels = backdrop.behind(rendered)
+        pixels, foreground = backdrop.behind(rendered), Foreground(rendered, backdrop.exposed)
     aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
@@ -240,7 +240,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
     image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
-    image = replace(image, file=prepared.file) if prepared.file is not None else image
+    image = replace(image, file=prepared.file or image.file, foreground=foreground)
     if prepared.settings.denoises:
         with kept_without("the denoised picture", diagnostics):
             image = _denoised(image, prepared, sampling, costs)
@@ -266,16 +266,27 @@ def _are_all_sampled(sampling: Sampling, diagnostics: Diagnostics) -> bool:
     return False
 
 
-def _backdrop(prepared: Prepared, costs: Costs) -> Backdrop | None:
+def _backdrop(prepared: Prepared, sampling: Sampling, costs: Costs) -> Backdrop | None:
     """What is composited under the picture, where that is asked for."""
     shadow, asked = prepared.ground_shadow, prepared.settings.background
     if shadow is None and asked is None:
         return None
     from ..images.background import Backdrop, background_of
 
-    with costs.stage("render"):
-        opacity = None if shadow is None else shadow.opacity
-    return Backdrop(opacity, background_of(asked), prepared.frame, prepared.scene.rendering_space)
+    opacity = denoised = None
+    if shadow is not None:
+        from ..staging.ground_shadow import Spent
+
+        film = sampling.film
+        with costs.stage("ground_shadow"):
+            opacity = shadow.opacity(film.image()[0][..., 3], Spent(sampling.mean_samples(), film.rays))
+        if prepared.settings.denoises:
+            from ..denoising.denoised import denoised_shadow
+
+            with costs.stage("denoise"):
+                denoised = denoised_shadow(opacity, prepared.settings)
+    lit_behind = prepared.file is not None and prepared.file.lit_behind
+    return Backdrop(opacity, background_of(asked), prepared.frame, prepared.scene.rendering_space, denoised, lit_behind)
 
 
 def _note_if_worse(image: Image, diagnostics: Diagnostics) -> None:

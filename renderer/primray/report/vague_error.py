@@ -28,7 +28,8 @@ def what_rules(prepared: Prepared, report: Mapping[str, Any], pixels: Floats, er
         return None
     span = f"a factor of {high / low:.3g}" if low > 0 else f"0 to {high:.3g}"
     samples = report["samples"] / pixels[..., 0].size
-    helps = "`primray doctor` measures which light brings it; a larger light, or --denoise, helps."
+    larger = "a larger light helps" if prepared.settings.denoises else "a larger light, or --denoise, helps"
+    helps = f"`primray doctor` measures which light brings it; {larger}."
     if samples < FEW_SAMPLES:
         helps = f"{samples:.3g} samples a pixel are few for an estimate: take more (--spp)."
     rulers = _rulers(prepared, pixels, errors)

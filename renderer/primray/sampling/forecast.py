@@ -104,8 +104,8 @@ class Forecaster:
             by_target = self._samples_to_target(samples)
             if by_target is not None:
                 rules.append(Estimate(*(_at(by_target, end, samples, each) for end in (0, -1, 1))))
-        if settings.time_limit_s is not None:
-            left = max(settings.time_limit_s - (seconds - self.sampling.schedule.earlier_seconds), 0.0)
+        if settings.sampling_time_s is not None:
+            left = max(settings.sampling_time_s - (seconds - self.sampling.schedule.earlier_seconds), 0.0)
             rules.append(Estimate(left, left, left))
         if not rules:
             return None

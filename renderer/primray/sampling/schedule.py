@@ -120,8 +120,8 @@ class Schedule:
         after = (done // SAMPLE_BLOCK + 1) * SAMPLE_BLOCK  # an earlier run may have stopped inside a block
         if expected is not None:
             goal = min(goal, max(expected, after))
-        if self.settings.time_limit_s is not None:
-            goal = min(goal, max(after, self._within_time(self.settings.time_limit_s, done, seconds)))
+        if self.settings.sampling_time_s is not None:
+            goal = min(goal, max(after, self._within_time(self.settings.sampling_time_s, done, seconds)))
         return max(min(goal, most), done)
 
     def _within_time(self, limit: float, done: int, seconds: float) -> int:
@@ -145,7 +145,7 @@ class Schedule:
 
     def stop(self, done: int, here: Row | None, seconds: float) -> Stop | None:
         """Whether the render ends where a pass has ended; `here`: the error measured there, if it was."""
-        limit, at_end = self.settings.time_limit_s, done >= self.settings.most_samples
+        limit, at_end = self.settings.sampling_time_s, done >= self.settings.most_samples
         if here is not None and (here.decides or at_end) and self.target_met(here):
             return Stop("target-error", True)
         if at_end:
@@ -157,7 +157,7 @@ class Schedule:
         return None
 
     def is_out_of_time(self, seconds: float) -> bool:
-        limit = self.settings.time_limit_s
+        limit = self.settings.sampling_time_s
         return limit is not None and seconds - self.earlier_seconds > limit
 
     def fraction(self, now: float, expected: int | None, seconds: float) -> float:
@@ -165,8 +165,8 @@ class Schedule:
         by = [(now - self.first) / (self.settings.most_samples - self.first)]
         if expected is not None:
             by.append(min(now / expected, 0.99))
-        if self.settings.time_limit_s is not None:
-            by.append(min((seconds - self.earlier_seconds) / self.settings.time_limit_s, 0.99))
+        if self.settings.sampling_time_s is not None:
+            by.append(min((seconds - self.earlier_seconds) / self.settings.sampling_time_s, 0.99))
         return max(by)
 
 

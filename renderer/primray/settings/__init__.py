@@ -20,9 +20,11 @@ from .limits import (
     MAX_PIXELS,
     MAX_RESOLUTION,
     MAX_SPP,
+    MAX_STOPS,
     MAX_THREADS,
     QUICK_LOOK,
     SAMPLE_BLOCK,
+    check_stops,
     limit_pixels,
 )
 from .render_settings import PURPOSES, RenderSettings, with_values
@@ -38,6 +40,7 @@ __all__ = [
     "MAX_PIXELS",
     "MAX_RESOLUTION",
     "MAX_SPP",
+    "MAX_STOPS",
     "MAX_THREADS",
     "PURPOSES",
     "QUICK_LOOK",
@@ -55,6 +58,7 @@ __all__ = [
     "SettingsValues",
     "StopAt",
     "StudioLight",
+    "check_stops",
     "limit_pixels",
     "settings_of_json",
     "with_values",

@@ -32,6 +32,7 @@ from .written import DIFFUSION, READERS, SettingsValues
 if TYPE_CHECKING:
     from ..camera import Camera
 
+SHADOW_SHARE = 0.3  # of a time limit, for the shadow on a ground
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 
 
@@ -89,7 +90,8 @@ class RenderSettings:
     default_light: bool = True  # False: as studio_light off
     # A light that the camera does not see. auto: where nothing of the stage lights most of what is seen; on: beside its lights.
     studio_light: StudioLight = StudioLight.AUTO
-    # Beside the stage: a lat-long image that lights it, in place of its own domes, turned about the up axis by degrees.
+    # Beside the stage: a lat-long image that lights it, in place of its own domes. The next two are of that dome, or of the
+    # stage's where none is given: degrees that it is turned about the up axis, and whether the camera sees it.
     dome: str | None = None
     dome_rotation: float = 0.0
     dome_visible: bool = True  # to the camera
@@ -158,6 +160,18 @@ class RenderSettings:
     @property
     def stops_early(self) -> bool:
         return self.target_error is not None or self.time_limit_s is not None
+
+    @property
+    def sampling_time_s(self) -> float | None:
+        """Seconds of the time limit that are the picture's own."""
+        return None if self.time_limit_s is None else self.time_limit_s - (self.shadow_time_s or 0.0)
+
+    @property
+    def shadow_time_s(self) -> float | None:
+        """Seconds of the time limit in which the shadow on a ground is found; None: no limit, or no such shadow."""
+        if self.time_limit_s is None or self.ground is not Ground.SHADOW:
+            return None
+        return self.time_limit_s * SHADOW_SHARE
 
     @property
     def adapts(self) -> bool:

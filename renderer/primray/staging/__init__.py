@@ -5,7 +5,7 @@ so that nothing which refers to its prims (light links, collections, instances) 
 `staging`, and the studio light as `default-light`.
 """
 
-from .additions import staged
+from .additions import require_dome, staged
 from .judged_light import with_studio_where_dark
 
-__all__ = ["staged", "with_studio_where_dark"]
+__all__ = ["require_dome", "staged", "with_studio_where_dark"]

@@ -14,6 +14,7 @@ from ..description.shading import CameraSight
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError
 from ..settings import Ground, RenderSettings
+from ..textures.texture_set import LIGHT_LEFT_OUT
 from ..usd import drawn_bounds
 from ..usd.lights.default_light import KEY, STUDIO, default_lights
 
@@ -30,6 +31,8 @@ def staged(description: SceneDescription, settings: RenderSettings, diagnostics:
         description = _orbited(description, settings.orbit_deg, diagnostics)
     if settings.dome is not None:
         description = _with_dome(description, settings, diagnostics)
+    elif settings.dome_rotation % 360 != 0 or not settings.dome_visible:
+        description = _with_own_domes(description, settings, diagnostics)
     if settings.ground is not None:
         description = _with_ground(description, settings.ground, diagnostics)
     if settings.background is not None:
@@ -89,11 +92,48 @@ def _with_dome(description: SceneDescription, settings: RenderSettings, diagnost
         texture=texture,
         visible_to_camera=settings.dome_visible,
     )
-    replaced = [light.path for light in description.lights if light.type is LightType.DOME]
+    replaced = [light.path for light in description.lights if light.type is LightType.DOME and light.path != STUDIO]
     kept = tuple(light for light in description.lights if light.type is not LightType.DOME)
     instead = f", in place of {', '.join(replaced)}" if replaced else ""
-    diagnostics.add("staging", "", f"A dome with {os.path.basename(settings.dome)} lights the stage{instead}, as asked for.")
+    message = f"A dome with {os.path.basename(settings.dome)} lights the stage{instead}, as asked for."
+    if any(light.path == STUDIO for light in description.lights):
+        message += " Of the studio light its key light stays; the dome takes the place of its surroundings."
+    diagnostics.add("staging", "", message)
     return replace(description, lights=(*kept, dome))
+
+
+def _with_own_domes(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
+    """Turn the stage's domes about the up axis, and hide them from the camera, as the settings ask."""
+    turned = _turned(settings.dome_rotation, _up(description))
+    found = [light for light in description.lights if light.type is LightType.DOME and light.path != STUDIO]
+    if not found:
+        diagnostics.add(
+            "staging", "", "There is no dome that could be turned or hidden: the stage has none, and none is given."
+        )
+        return description
+
+    def changed(light: Light) -> Light:
+        motion = light.motion
+        if motion is not None:
+            motion = replace(motion, matrices=turned @ motion.matrices)
+        seen = light.visible_to_camera and settings.dome_visible
+        return replace(light, world_from_light=turned @ light.world_from_light, motion=motion, visible_to_camera=seen)
+
+    made = dict.fromkeys(light.path for light in found)
+    deeds = [f"turned by {settings.dome_rotation:g} degrees"] if settings.dome_rotation % 360 != 0 else []
+    deeds += [] if settings.dome_visible else ["hidden from the camera"]
+    are = "is" if len(made) == 1 else "are"
+    diagnostics.add("staging", "", f"{', '.join(made)} {are} {' and '.join(deeds)}, as asked for.")
+    lights = tuple(changed(light) if light.path in made else light for light in description.lights)
+    return replace(description, lights=lights)
+
+
+def require_dome(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> None:
+    """SettingsError where the image of the dome that is asked for could not be read, which left the dome out."""
+    if settings.dome is None or any(light.path == DOME for light in description.lights):
+        return
+    why = next((d.message for d in diagnostics if d.prim_path == DOME), "it cannot be read").removeprefix(f"{LIGHT_LEFT_OUT}: ")
+    raise SettingsError(f"the dome's image cannot be used: {why}", where="dome", code="texture-unreadable")
 
 
 def _with_ground(description: SceneDescription, ground: Ground, diagnostics: Diagnostics) -> SceneDescription:
@@ -119,7 +159,7 @@ def _with_ground(description: SceneDescription, ground: Ground, diagnostics: Dia
     matrix = np.eye(4)
     matrix[:3, 3] = center
     shown = "the shadow on a ground" if ground is Ground.SHADOW else "a grey ground"
-    diagnostics.add("staging", "", f"Below all that is drawn {shown} is added at {low[up]:.6g}, as asked for.")
+    diagnostics.add("staging", "", f"Below all that is drawn {shown} is added at {low[up] + 0.0:.6g}, as asked for.")
     return replace(
         description,
         shapes=(*description.shapes, mesh),

@@ -19,6 +19,7 @@ from .texture import ReadAsset, Texture, load_texture
 TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
 
 THREADS = 8
+LIGHT_LEFT_OUT = "the light is left out"
 BRIGHTEST_TEXEL = 1e15  # of a light: times its tint it must stay a float
 
 
@@ -83,7 +84,7 @@ def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
             use = uses.setdefault(light.texture, _Use())
             use.channels |= set("rgb")
             use.light = use.light or light.path
-            use.without = "it shines without" if light.type is LightType.RECT else "the light is left out"
+            use.without = "it shines without" if light.type is LightType.RECT else LIGHT_LEFT_OUT
     for surface in description.surfaces:
         for _, reads in surface.inputs:
             if isinstance(reads, TextureInput) and reads.file.path:

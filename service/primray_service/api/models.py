@@ -116,8 +116,13 @@ class Settings(FileSettings):
     dome: str | None = Field(
         None, max_length=1024, description="A lat-long image of the package that lights the stage in place of its own domes."
     )
-    dome_rotation: float = Field(0.0, ge=-36000, le=36000, description="Degrees, about the up axis.")
-    dome_visible: bool = Field(True, description="To the camera.")
+    dome_rotation: float = Field(
+        0.0,
+        ge=-36000,
+        le=36000,
+        description="Degrees that the dome, or the stage's own domes where none is given, are turned about the up axis.",
+    )
+    dome_visible: bool = Field(True, description="To the camera; false hides the stage's own domes where no dome is given.")
     background: str | None = Field(
         None,
         max_length=1024,

@@ -46,7 +46,6 @@ def write_pictures(
 
 def write_picture(image: Image, path: Path, diagnostics: Diagnostics, files: PictureFiles) -> None:
     """Write one file; a view that cannot be made is reported and the file is left out."""
-    from primray.images.exposure import view_fault
     from primray.images.image import faults_of_exr, shows_view
     from primray.report.unfinished import kept_without
 
@@ -59,7 +58,7 @@ def write_picture(image: Image, path: Path, diagnostics: Diagnostics, files: Pic
     with kept_without(path.name, diagnostics):
         stops = files.stops(image)
         image.write(path, view, stops, files.encoding)
-        faults = (view.assumption(), view_fault(image.shown.pixels, view, stops))
+        faults = (view.assumption(), image.view_fault(view, stops, is_auto=files.exposure == "auto"))
         diagnostics.extend(fault for fault in faults if fault is not None)
 
 

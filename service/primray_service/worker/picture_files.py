@@ -35,7 +35,7 @@ class PictureFiles:
             return self.exposure
         from primray.images.exposure import exposure_that_serves
 
-        return exposure_that_serves(image.shown.pixels, self.view_of(image))
+        return exposure_that_serves(image.seen, self.view_of(image))
 
 
 def picture_files_of(command: Mapping[str, Any]) -> PictureFiles:

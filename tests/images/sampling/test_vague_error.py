@@ -11,6 +11,7 @@ import primray
 from primray import core
 from primray.diagnostics import Diagnostics
 from primray.render.prepare import open_once, prepare
+from primray.report import vague_error
 from primray.report.report import Costs
 from primray.settings import RenderSettings
 
@@ -36,6 +37,18 @@ def test_a_vague_error_names_the_prim_that_rules_it() -> None:
 def test_an_error_that_is_known_says_nothing_more() -> None:
     image = primray.render(SCENES / "analytic/cse168_project1.usda", resolution=(40, 30), spp=8, progress=False)
     assert "error_ruled_by" not in image.report
+
+
+@pytest.mark.parametrize("denoise", [False, True])
+def test_denoising_is_advised_where_it_was_not_asked_for(denoise: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if denoise:
+        pytest.importorskip("pyoidn")
+    monkeypatch.setattr(vague_error, "FACTOR", 1.0)
+    monkeypatch.setattr(vague_error, "FEW_SAMPLES", 1)
+    asked = RenderSettings(resolution=(16, 12), spp=8, denoise=denoise)
+    image = primray.render(SCENES / "analytic/cse168_project1.usda", asked, progress=False)
+    assert ("--denoise" in image.report["error_ruled_by"]["message"]) != denoise
+    assert "a larger light" in image.report["error_ruled_by"]["message"]
 
 
 FEATURES = ["curves", "nested-instancers", "opacity-texture", "implicit-shapes", "motion-points", "native-instances"]

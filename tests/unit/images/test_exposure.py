@@ -15,7 +15,8 @@ import pytest
 import primray
 from primray.arrays import Floats
 from primray.cli import run
-from primray.images.exposure import View, exposure_that_serves, view_fault
+from primray.errors import SettingsError
+from primray.images.exposure import View, exposure_that_serves, view_fault, where_lit
 from primray.images.image import Image, encode
 
 VIEWS = [View(), View("Un-tone-mapped")]
@@ -125,3 +126,64 @@ def test_the_command_tells_and_takes_what_serves(intensity: str, tmp_path: Path,
     assert abs(report["view_exposure"]) > 3
     shown = stored_in(tmp_path / "auto.png")
     assert 150 < shown[..., 0].max() < 250
+
+
+def test_where_no_exposure_serves_none_is_advised() -> None:
+    """A tenth is very bright and the rest black: what was chosen for it shows no more than that."""
+    pixels = np.zeros((20, 20, 4), np.float32)
+    pixels[..., 3] = 1
+    pixels[:2] = ramp(5.0)[0, :20]
+    stops = exposure_that_serves(pixels, View())
+    chosen, other = (view_fault(pixels, View(), exposure, is_auto=True) for exposure in (stops, stops + 4))
+    assert chosen is not None
+    assert "no other exposure" in chosen.message
+    assert other is not None
+    assert "would serve." in other.message
+    assert "auto" not in chosen.message + other.message
+
+
+def test_a_denoiser_leaves_no_light_where_its_record_has_none() -> None:
+    record = np.zeros((20, 30, 4), np.float32)
+    record[..., 3] = 1
+    record[3, 3, :3] = 1
+    denoised = record + np.float32(1e-6)
+    shown = where_lit(denoised, record)
+    np.testing.assert_array_equal(shown[:8, :8], denoised[:8, :8])
+    assert shown[8:, :, :3].max() == shown[:, 8:, :3].max() == 0
+    np.testing.assert_array_equal(shown[..., 3], denoised[..., 3])
+
+
+@pytest.mark.parametrize("stops", ["1e9", "1e4", "-101", "nan", "inf", "bright"])
+def test_an_exposure_that_no_float_holds_is_refused(stops: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At once: before the stage is opened, which there is none here, and by the library before a file is written."""
+    assert run(["render", str(tmp_path / "no.usda"), "-o", str(tmp_path / "a.png"), f"--exposure={stops}"]) == 2
+    said = capsys.readouterr().err
+    assert "exposure" in said
+    assert "-100 to 100" in said
+    given: Any = stops if stops == "bright" else float(stops)
+    for made in (
+        lambda: Image(ramp(1)).save(tmp_path / "a.png", exposure=given),
+        lambda: Image(ramp(1)).to_uint8(exposure=given),
+    ):
+        with pytest.raises(SettingsError, match="-100 to 100") as refused:
+            made()
+        assert (refused.value.code, refused.value.where) == ("settings-error", "exposure")
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_the_most_exposure_is_white_and_the_least_black() -> None:
+    pixels = ramp(1e12)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert Image(pixels).to_uint8(exposure=100)[..., :3].min() == 255
+        assert Image(ramp(1)).to_uint8(exposure=np.float32(-100))[..., :3].max() == 0
+
+
+@pytest.mark.parametrize(("scale", "asks_for_textures"), [(3e-4, True), (3e4, False)])
+def test_missing_textures_come_before_an_exposure(scale: float, asks_for_textures: bool) -> None:
+    report = {"diagnostics": [{"code": "asset-missing", "severity": "error", "prim": "/m", "message": "no a.png"}]}
+    whole, lacking = (Image(ramp(scale), said).view_fault(View(), 0.0) for said in ({}, report))
+    assert whole is not None
+    assert lacking is not None
+    assert ("textures that are missing" in lacking.message) == asks_for_textures
+    assert "textures" not in whole.message

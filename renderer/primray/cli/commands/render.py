@@ -154,7 +154,7 @@ def render(
     if turns is not None and len(turns) > 1:
         names = [name.with_holder() for name in names]
     if preview:
-        spp, denoise = option_values.previewed(spp, target_error, time_limit)
+        spp, denoise = option_values.previewed(spp, target_error, time_limit, denoise)
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         auto_camera=auto_camera,

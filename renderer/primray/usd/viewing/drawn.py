@@ -84,6 +84,12 @@ class Drawn:
         chosen[self._numbers[kept]] = True
         return Drawn(self._stands, chosen)
 
+    def with_box(self, low: Doubles, high: Doubles) -> Drawn:
+        """These, and a thing of which only its box (3,) in the world is known."""
+        chosen = np.zeros(sum(self._sizes) + 1, bool)
+        chosen[self._numbers] = chosen[-1] = True
+        return Drawn([*self._stands, Stand(Thing("", (low, high)), low[None], high[None], np.eye(4)[:3])], chosen)
+
     @cached_property
     def detail(self) -> Doubles:
         return np.repeat([stand.thing.detail for stand in self._stands], self._sizes)[self._numbers]

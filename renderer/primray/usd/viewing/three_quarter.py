@@ -8,6 +8,7 @@ import numpy as np
 
 from ...arrays import Doubles
 from ...description import Camera, Projection
+from ...description.placement import Box
 from ..adapters.cameras.camera import conform, window_of
 from ..adapters.rendering.render_product import ProductSettings
 from .drawn import Drawn
@@ -17,24 +18,38 @@ from .outliers import outliers
 AZIMUTH_DEG = 35.0  # from the front towards +X
 ELEVATION_DEG = 25.0
 MARGIN = 0.06  # of the frame, on each side
+GROUND_ROOM = 0.15  # of the set's height: the ground around it that is framed as well, for the shadow that is near to it
 CLEARANCE = 0.1  # of the set's size: the camera stands at least so far in front of it
 PASSES = 8  # that bring what is not tight to the middle
 CENTRED = 1e-4  # of the slope: then it is there
 
 
 def three_quarter_camera(
-    drawn: Drawn, z_up: bool, resolution: tuple[int, int], product: ProductSettings
+    drawn: Drawn, z_up: bool, resolution: tuple[int, int], product: ProductSettings, *, has_ground: bool = False
 ) -> tuple[Camera, list[str]]:
-    """The camera, and the paths of what is drawn but not fitted into its frame. Nothing is clipped."""
+    """The camera, and the paths of what is drawn but not fitted into its frame. Nothing is clipped. `has_ground`: a ground is
+    added below, which is framed where it is near."""
     out = outliers(drawn.low, drawn.high, drawn.detail, 2 if z_up else 1)
     left_out = drawn.paths(out)
     framed = drawn.only(~out)
+    if has_ground:
+        framed = framed.with_box(*_near_ground(framed, 2 if z_up else 1))
     window = window_of(conform(APERTURE, resolution, product), 1 / FOCAL_LENGTH)
     world_from_camera = np.eye(4)
     world_from_camera[:3, :3] = _axes(z_up)
     inside = 1 - 2 * MARGIN
     world_from_camera[:3, 3] = _position(framed, world_from_camera[:3, :3], window[1] * inside, window[3] * inside)
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window, (0.0, 3e38)), left_out
+
+
+def _near_ground(framed: Drawn, up: int) -> Box:
+    """Return the low and high corner (3,) of the flat box around the foot of what is framed."""
+    low, high = framed.low.min(axis=0), framed.high.max(axis=0)
+    room = np.full(3, GROUND_ROOM * (high[up] - low[up]))
+    room[up] = 0.0
+    low, high = low - room, high + room
+    high[up] = low[up]
+    return low, high
 
 
 def _axes(z_up: bool) -> Doubles:

@@ -86,7 +86,8 @@ def view_through(
     if ctx.settings.auto_camera is AutoCamera.USDRECORD:
         ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
         return _with_flaws(with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), None, ctx), frame
-    made, left_out = three_quarter_camera(drawn(), z_up, resolution, product)
+    has_ground = ctx.settings.ground is not None
+    made, left_out = three_quarter_camera(drawn(), z_up, resolution, product, has_ground=has_ground)
     ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
     return _with_flaws(with_shutter(made, shutter), None, ctx), frame
 

@@ -249,6 +249,8 @@ def test_views_come_with_the_file() -> None:
     assert set(VIEWS.values()) == {"view", "display", "look", "exposure"}
     _, told = asked_of("float primray:view = 1")
     assert [(d.code, d.attribute) for d in told] == [("render-settings-input", "primray:view")]
+    _, told = asked_of("float primray:exposure = 101")
+    assert ["-100 to 100" in d.message for d in told] == [True]
 
 
 FOREIGN: dict[str, dict[str, Any]] = {

@@ -11,7 +11,7 @@ from primray.description import Camera, Mesh, Placed, SceneDescription, Subdivis
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.viewing import drawn as drawn_module
-from primray.usd.viewing.three_quarter import MARGIN
+from primray.usd.viewing.three_quarter import GROUND_ROOM, MARGIN
 
 from ..usd_text import stage_of, translate_text
 
@@ -74,6 +74,22 @@ def test_all_corners_are_inside_with_a_margin(resolution: tuple[int, int], heade
     assert_fits(pixels_of(description))
     assert "left out" not in message_of(header + KITCHEN)
     assert (CODE, "") in found
+
+
+@pytest.mark.parametrize("header", ["", z_up("")])
+def test_a_ground_that_is_added_is_framed_where_it_is_near(header: str) -> None:
+    """The ground around the set, some way out by the set's height, is inside the frame with the margin."""
+    up = 2 if header else 1
+    description, _ = translate_text(header + KITCHEN, RenderSettings(resolution=(320, 240), ground="shadow"))
+    things = drawn_module.drawn(description.shapes, description.static, (), ())
+    low, high = things.low.min(axis=0), things.high.max(axis=0)
+    room = np.full(3, GROUND_ROOM * (high[up] - low[up]))
+    corners = np.array([[(low - room, high + room)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    corners[:, up] = low[up]
+    seen = description.camera.project(corners, (320, 240)) / (320, 240)
+    assert_fits(np.concatenate([seen, pixels_of(description)]))
+    plain, _ = translate_text(header + KITCHEN, RenderSettings(resolution=(320, 240)))
+    assert (plain.camera.project(corners, (320, 240)) > 240 * (1 - MARGIN)).any()
 
 
 @pytest.mark.parametrize("policy", ["cropAperture", "adjustApertureWidth", "adjustPixelAspectRatio", "expandAperture"])

@@ -16,7 +16,7 @@ from pxr import Usd
 from ....description.picture_file import PictureView
 from ....diagnostics import Diagnostics
 from ....errors import LimitError, SettingsError, did_you_mean
-from ....settings import RenderSettings
+from ....settings import MAX_STOPS, RenderSettings
 from ....settings.in_stage import CHECKPOINT_EVERY, STOPS, Asked, StageSettings
 from ...querying.guarded import authored_attributes
 from ...resolving.read import When, value
@@ -107,11 +107,11 @@ def _view(found: dict[str, Authored], diagnostics: Diagnostics) -> PictureView:
         if name not in found:
             continue
         given = found[name].value
-        is_number = isinstance(given, int | float) and not isinstance(given, bool) and abs(given) <= 1e3
+        is_number = isinstance(given, int | float) and not isinstance(given, bool) and abs(given) <= MAX_STOPS
         if is_number if member == "exposure" else isinstance(given, str) and bool(given):
             chosen[member] = float(given) if member == "exposure" else given
         else:
-            wanted = "number of stops" if member == "exposure" else "name"
+            wanted = f"number of stops from -{MAX_STOPS:g} to {MAX_STOPS:g}" if member == "exposure" else "name"
             message = f"{name} = {repr(given)[:SHOWN]} is no {wanted}: the default is used."
             diagnostics.add("render-settings-input", found[name].prim, message, name)
     return PictureView(**chosen)
