@@ -12,7 +12,7 @@ import pytest
 from pxr import Usd
 
 import primray
-from primray.cli import run
+from primray.cli import run, turntable
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
@@ -20,6 +20,7 @@ from primray.staging import staged
 from primray.staging.additions import GROUND
 from primray.usd import translate
 
+FFMPEG = turntable._program()  # before a test hides it from PATH
 CAMERA = {
     "Y": "double3 xformOp:translate = (0, 1, 8)\n    uniform token[] xformOpOrder = ['xformOp:translate']",
     "Z": "double3 xformOp:translate = (0, -8, 1)\n    float xformOp:rotateX = 90\n"
@@ -195,18 +196,39 @@ SMALL = ("render", "shot.usda", "--res", "16", "12", "--spp", "2")
 
 
 def test_a_turntable_writes_pictures_and_a_movie(shot: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([*SMALL, "--turntable", "3", "-o", "turn.png", "--fps", "12"]) == 0
-    assert "no movie: neither ffmpeg" in capsys.readouterr().err
-    assert sorted(path.name for path in shot.glob("turn*")) == ["turn.0001.png", "turn.0002.png", "turn.0003.png"]
     fake = shot / "ffmpeg"
-    fake.write_text('#!/bin/sh\n/bin/cat > asked.txt\nfor last; do :; done\necho "$@" > "$last"\n')
+    fake.write_text(
+        '#!/bin/sh\nfor word; do test "$last" = -i && /bin/cat "$word" > asked.txt; last=$word; done\necho "$@" > "$last"\n'
+    )
     fake.chmod(0o755)
     assert run([*SMALL, "--turntable", "2", "-o", "it's.##.png", "--fps", "12"]) == 0
     assert "it's.mp4: 2 pictures at 12 a second" in capsys.readouterr().out
+    assert sorted(path.name for path in shot.glob("it's.*.png")) == ["it's.01.png", "it's.02.png"]
     listed = (shot / "asked.txt").read_text()
     assert listed.count("duration 0.0833333333") == 2
     assert f"file '{os.path.realpath(shot)}/it'\\''s.02.png'" in listed or "it'\\''s.02.png'" in listed
     assert "-r 12" in (shot / "it's.mp4").read_text()
+
+
+def test_a_movie_is_refused_before_the_first_picture_where_nothing_makes_it(
+    shot: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(turntable, "find_spec", lambda name: None)
+    assert run([*SMALL, "--turntable", "3", "-o", "turn.png", "--fps", "12"]) == 2
+    said = capsys.readouterr().err
+    assert "movie-program" in said and "pip install imageio-ffmpeg" in said and "leave --fps out" in said
+    assert not list(shot.glob("turn*"))
+
+
+def test_ffmpeg_makes_the_movie(shot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The program itself reads what it is given: a fake one would not notice a protocol that it refuses."""
+    if FFMPEG is None:
+        pytest.skip("no ffmpeg")
+    monkeypatch.setattr(turntable, "_program", lambda: FFMPEG)
+    assert run([*SMALL, "--turntable", "2", "-o", "turn.png", "--fps", "12"]) == 0
+    made = (shot / "turn.mp4").read_bytes()
+    assert made[4:8] == b"ftyp"
+    assert b"moov" in made
 
 
 @pytest.mark.parametrize(
