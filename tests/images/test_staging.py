@@ -252,3 +252,31 @@ def test_a_preview_is_denoised(shot: Path) -> None:
     image = primray.read_image(shot / "a.exr")
     assert image.denoised is not None
     assert image.metadata["settings.spp"] == 16
+
+
+LAMP = """
+def SphereLight "lamp"
+{
+    float inputs:intensity = %s
+    double3 xformOp:translate = (3, 4, 3)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+@pytest.mark.parametrize(("intensity", "code"), [("0.001", "view-exposure"), ("0", "empty-picture")])
+def test_a_picture_that_is_dark_by_weak_lights_names_the_studio_light(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], intensity: str, code: str
+) -> None:
+    """The stage has a light, so that none is added unasked; the warning and `doctor` say what adds one, and it serves."""
+    monkeypatch.chdir(tmp_path)
+    stage = stage_of(CUBE + LAMP % intensity)
+    stage.GetRootLayer().Export("dark.usda")
+    assert run(["render", "dark.usda", "--res", "16", "12", "--spp", "4", "-o", "a.png"]) == 0
+    said = capsys.readouterr().err
+    assert code in said
+    assert "--studio-light on adds" in said
+    assert run(["doctor", "dark.usda", "--res", "16", "12", "--pilot", "0.1"]) == 0
+    assert "--studio-light on" in capsys.readouterr().out
+    assert run(["render", "dark.usda", "--res", "16", "12", "--spp", "4", "--studio-light", "on", "-o", "b.png"]) == 0
+    assert code not in capsys.readouterr().err

@@ -17,6 +17,7 @@ from ..diagnostics import Diagnostic
 
 AUTO = "auto"
 CODE, ASSUMED = "view-exposure", "view-space-assumed"
+WEAK = " Where the stage's lights are too weak, --studio-light on adds one."
 MOST_PIXELS = 1 << 14
 # As display values, nominally 0 to 1, of a pixel's darkest (or brightest) channel.
 WHITE, BLACK = 0.95, 0.05
@@ -83,6 +84,8 @@ def view_fault(pixels: Floats, view: View, exposure: float = 0.0) -> Diagnostic 
     message = (
         f"{max(white, black):.0%} of what it shows is almost {what}: --exposure {stops:.1f} would serve, or --exposure auto."
     )
+    if what == "black":
+        message += WEAK
     return Diagnostic(CODES[CODE].severity, CODE, "", message)
 
 
