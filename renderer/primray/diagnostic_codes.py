@@ -51,7 +51,8 @@ CODES: dict[str, Code] = {
         "Leave out `--no-payloads`, or name the payload with `--load`."),
     "view-exposure": Code(Severity.WARNING, Kind.NOTE,
         "A PNG or JPEG shows almost only white, or almost only black: the picture is out of the view's range.",
-        "Say `--exposure auto`, or the stops that the message names; the EXR has the picture as it is."),
+        "Say `--exposure auto`, or the stops that the message names; where the stage's lights are too weak, "
+        "`--studio-light on` adds one. The EXR has the picture as it is."),
     "view-space-assumed": Code(Severity.WARNING, Kind.NOTE,
         "The OpenColorIO configuration has no colour space that is known here: its scene_linear role is taken for the space "
         "that the picture is rendered in. PNG, JPEG and TIFF rest on that; an EXR does not.",
@@ -310,8 +311,8 @@ CODES: dict[str, Code] = {
         "An output beside the picture is in none of the parts that were merged, or not in all that it is the sum of.",
         "Ask all parts for the same outputs, and let one of them begin with sample 0."),
     "default-light": Code(Severity.INFO, Kind.CHOSEN,
-        "The stage has no light, and what glows lights less than a third of what is seen: a studio light is added, which "
-        "the camera does not see.",
+        "The stage has no light, and what glows lights less than 35 % of what is seen: a studio light is added, which the "
+        "camera does not see.",
         "Add a light, or say `--studio-light off`; for an animation `on` or `off`, since each frame is judged by itself."),
     "staging": Code(Severity.INFO, Kind.CHOSEN,
         "A dome, a ground, another background or a turned camera is rendered that the stage does not have, as asked for.",

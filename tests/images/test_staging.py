@@ -13,7 +13,7 @@ import pytest
 from pxr import Usd
 
 import primray
-from primray.cli import run
+from primray.cli import run, turntable
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.images.exposure import View, exposure_that_serves, view_fault
@@ -22,6 +22,7 @@ from primray.staging import staged
 from primray.staging.additions import GROUND
 from primray.usd import translate
 
+FFMPEG = turntable._program()  # before a test hides it from PATH
 CAMERA = {
     "Y": "double3 xformOp:translate = (0, 1, 8)\n    uniform token[] xformOpOrder = ['xformOp:translate']",
     "Z": "double3 xformOp:translate = (0, -8, 1)\n    float xformOp:rotateX = 90\n"
@@ -230,18 +231,40 @@ SMALL = ("render", "shot.usda", "--res", "16", "12", "--spp", "2")
 
 
 def test_a_turntable_writes_pictures_and_a_movie(shot: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([*SMALL, "--turntable", "3", "-o", "turn.png", "--fps", "12"]) == 0
-    assert "no movie: neither ffmpeg" in capsys.readouterr().err
-    assert sorted(path.name for path in shot.glob("turn*")) == ["turn.0001.png", "turn.0002.png", "turn.0003.png"]
     fake = shot / "ffmpeg"
-    fake.write_text('#!/bin/sh\n/bin/cat > asked.txt\nfor last; do :; done\necho "$@" > "$last"\n')
+    fake.write_text(
+        '#!/bin/sh\nfor word; do test "$last" = -i && /bin/cat "$word" > asked.txt; last=$word; done\necho "$@" > "$last"\n'
+    )
     fake.chmod(0o755)
     assert run([*SMALL, "--turntable", "2", "-o", "it's.##.png", "--fps", "12"]) == 0
     assert "it's.mp4: 2 pictures at 12 a second" in capsys.readouterr().out
+    assert sorted(path.name for path in shot.glob("it's.*.png")) == ["it's.01.png", "it's.02.png"]
     listed = (shot / "asked.txt").read_text()
     assert listed.count("duration 0.0833333333") == 2
     assert f"file '{os.path.realpath(shot)}/it'\\''s.02.png'" in listed or "it'\\''s.02.png'" in listed
     assert "-r 12" in (shot / "it's.mp4").read_text()
+
+
+def test_a_movie_is_refused_before_the_first_picture_where_nothing_makes_it(
+    shot: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(turntable, "find_spec", lambda name: None)
+    assert run([*SMALL, "--turntable", "3", "-o", "turn.png", "--fps", "12"]) == 2
+    said = capsys.readouterr().err
+    for sentence in ("movie-program", "pip install imageio-ffmpeg", "leave --fps out"):
+        assert sentence in said
+    assert not list(shot.glob("turn*"))
+
+
+def test_ffmpeg_makes_the_movie(shot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The program itself reads what it is given: a fake one would not notice a protocol that it refuses."""
+    if FFMPEG is None:
+        pytest.skip("no ffmpeg")
+    monkeypatch.setattr(turntable, "_program", lambda: FFMPEG)
+    assert run([*SMALL, "--turntable", "2", "-o", "turn.png", "--fps", "12"]) == 0
+    made = (shot / "turn.mp4").read_bytes()
+    assert made[4:8] == b"ftyp"
+    assert b"moov" in made
 
 
 @pytest.mark.parametrize(
@@ -323,7 +346,7 @@ def test_a_shadow_costs_no_more_than_its_picture() -> None:
     assert limited.sampling_time_s + limited.shadow_time_s == pytest.approx(0.6)
     image = primray.render(stage, limited)
     assert image.report["sampling_s"] < 0.6
-    assert image.report["stages_s"]["ground_shadow"] < 1.5  # 256 samples, as without a limit, take ten times as long
+    assert image.report["stages_s"]["ground_shadow"] < 6  # 256 samples, as without a limit, take ten times as long
     assert RenderSettings(time_limit_s=0.6, ground="plane").sampling_time_s == 0.6
     pictures = [rendered(stage, ground="shadow", spp=32, threads=threads) for threads in (1, 2)]
     np.testing.assert_array_equal(pictures[0].pixels, pictures[1].pixels)
@@ -362,3 +385,31 @@ def test_the_shadow_darkens_a_dome_that_the_camera_sees(sky: str) -> None:
     opacity = image.pixels[beside][:, 3:]
     assert opacity.max() > 0.3
     np.testing.assert_allclose(image.pixels[beside][:, :3], plain.pixels[beside][:, :3] * (1 - opacity), rtol=1e-5)
+
+
+LAMP = """
+def SphereLight "lamp"
+{
+    float inputs:intensity = %s
+    double3 xformOp:translate = (3, 4, 3)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+@pytest.mark.parametrize(("intensity", "code"), [("0.001", "view-exposure"), ("0", "empty-picture")])
+def test_a_picture_that_is_dark_by_weak_lights_names_the_studio_light(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], intensity: str, code: str
+) -> None:
+    """The stage has a light, so that none is added unasked; the warning and `doctor` say what adds one, and it serves."""
+    monkeypatch.chdir(tmp_path)
+    stage = stage_of(CUBE + LAMP % intensity)
+    stage.GetRootLayer().Export("dark.usda")
+    assert run(["render", "dark.usda", "--res", "16", "12", "--spp", "4", "-o", "a.png"]) == 0
+    said = capsys.readouterr().err
+    assert code in said
+    assert "--studio-light on adds" in said
+    assert run(["doctor", "dark.usda", "--res", "16", "12", "--pilot", "0.1"]) == 0
+    assert "--studio-light on" in capsys.readouterr().out
+    assert run(["render", "dark.usda", "--res", "16", "12", "--spp", "4", "--studio-light", "on", "-o", "b.png"]) == 0
+    assert code not in capsys.readouterr().err

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -10,6 +14,7 @@ from tests.colorimetry import Doubles, ciede2000, from_srgb, hue_difference_deg,
 
 import primray
 
+DOCS = Path(__file__).parents[2] / "docs"
 # X-Rite's sRGB values of the ColorChecker Classic (2005), row by row; the last row is grey, from white to black.
 PATCHES = """115 82 68  194 150 130  98 122 157  87 108 67  133 128 177  103 189 170
 214 126 44  80 91 166  193 90 99  94 60 108  157 188 64  224 163 46
@@ -42,11 +47,13 @@ def test_the_judge(first: tuple[float, ...], second: tuple[float, ...], publishe
     assert ciede2000(np.array(first, float), np.array(second, float)) == pytest.approx(published, abs=1e-4)
 
 
-def shown(text: str, size: tuple[int, int], spp: int, distance: float, exposure: str = "") -> npt.NDArray[np.uint8]:
+def shown(
+    text: str, size: tuple[int, int], spp: int, distance: float, exposure: str = "", look: dict[str, Any] | None = None
+) -> npt.NDArray[np.uint8]:
     stage = Usd.Stage.CreateInMemory()
     camera = CAMERA.format(distance=distance, exposure=exposure)
     assert stage.GetRootLayer().ImportFromString(f'#usda 1.0\n(\n    upAxis = "Y"\n)\n{camera}{text}')
-    return primray.render(stage, resolution=size, spp=spp).to_uint8()
+    return primray.render(stage, resolution=size, spp=spp).to_uint8(**(look or {}))
 
 
 def chart() -> str:
@@ -81,6 +88,18 @@ def test_a_chart_shows_its_albedos(exposure: str) -> None:
     assert (np.diff(found[3, :, 0]) < -5).all()  # white to black: every step is seen
     assert np.hypot(*np.moveaxis(found[3, :, 1:], -1, 0)).max() < 2  # greys stay grey
     assert hue_difference_deg(found, wanted)[:3].max() < 15
+
+
+@pytest.mark.parametrize("exposure", ["", "float exposure:time = 0.001"])
+def test_a_chart_shows_its_srgb_values_without_a_tone_curve(exposure: str) -> None:
+    """The view and the stops that docs/command-line.md names bring every patch back, from black to white, to its code."""
+    page = (DOCS / "command-line.md").read_text().partition("## A picture of a model")[2]
+    named = re.search(r"--view (\S+) --exposure (\S+)", page)
+    assert named is not None
+    look = {"view": named[1], "exposure": float(named[2])}
+    pixels = shown(chart(), (48, 48), 64, 30, exposure, look)[8:40, :, :3]
+    patches = np.median(pixels.reshape(4, 8, 6, 8, 3)[:, 2:6, :, 2:6], axis=(1, 3))
+    assert np.abs(patches - np.array(PATCHES.split(), float).reshape(4, 6, 3)).max() <= 1
 
 
 BALL = """

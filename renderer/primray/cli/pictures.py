@@ -322,7 +322,11 @@ def _error_line(report: dict[str, Any]) -> str:
         what = "target" if report["settings"]["stop_at"] == "picture" else "target of the denoised picture"
         met = "reached" if report["stop"]["target_met"] else "NOT reached"
         line += f", {what} {target:g} {met}"
-    ruled = f"\n{report['error_ruled_by']['message']}" if "error_ruled_by" in report else ""
+    from ..report.vague_error import why_it_continued
+
+    explained = [report["error_ruled_by"]["message"]] if "error_ruled_by" in report else []
+    explained += [why] if (why := why_it_continued(report)) else []
+    ruled = "".join(f"\n{sentence}" for sentence in explained)
     return f"{line}; stopped by {report['stop']['reason']}{ruled}{_denoised_text(report.get('denoised'), metric)}"
 
 

@@ -85,7 +85,9 @@ NoDefaultLight = Annotated[
 Studio = Annotated[
     StudioLight,
     typer.Option(
-        "--studio-light", help="auto: where the stage lights less than a third of what is seen; on: beside its lights."
+        "--studio-light",
+        help="auto: where the stage has no light, not even a weak one, and what glows lights less than 35 % of what is seen; "
+        "on: beside its lights.",
     ),
 ]
 Dome = Annotated[

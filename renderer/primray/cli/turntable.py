@@ -1,4 +1,4 @@
-"""`--turntable N`: N pictures from once around what is drawn, and a movie of them where ffmpeg is installed."""
+"""`--turntable N`: N pictures from once around what is drawn, and with `--fps` a movie of them, by ffmpeg."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from ..errors import SettingsError
 from ..render.frame_names import FrameName, check_names
@@ -18,6 +20,10 @@ from .shots import Shot
 
 PLAYABLE = (".png", ".jpg", ".jpeg")
 MOST = 100_000
+NO_PROGRAM = (
+    "a movie is made by ffmpeg, and neither it nor the package imageio-ffmpeg is installed: "
+    "run `pip install imageio-ffmpeg`, or leave --fps out to get the pictures alone"
+)
 FPS_ALONE = "--fps is the rate of a --turntable's movie; a stage's own is framesPerSecond of its root layer"
 # H.264 for every player: even sides, and chroma of half the resolution.
 CODEC = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p"]
@@ -53,8 +59,27 @@ def turntable_shots(
     ]
 
 
-def playable(names: Sequence[FrameName]) -> FrameName:
-    """Return the output that a movie is made of; SettingsError where there is none."""
+@dataclass(frozen=True)
+class Movie:
+    """An MP4 that is written beside the pictures that `frames` names, by the ffmpeg at `program`."""
+
+    frames: FrameName
+    fps: float
+    program: str
+
+
+def movie_of(names: Sequence[FrameName], fps: float | None) -> Movie | None:
+    """Return the movie that --fps asks for, or None; raise SettingsError, before the first picture, where it cannot be made."""
+    if fps is None:
+        return None
+    frames = _playable(names)
+    program = _program()
+    if program is None:
+        raise SettingsError(NO_PROGRAM, where="--fps", code="movie-program")
+    return Movie(frames, fps, program)
+
+
+def _playable(names: Sequence[FrameName]) -> FrameName:
     found = next((name for name in names if str(name).lower().endswith(PLAYABLE)), None)
     if found is None:
         sentence = "a movie is made of PNG or JPEG pictures: name one with -o, such as -o turn.png"
@@ -62,22 +87,22 @@ def playable(names: Sequence[FrameName]) -> FrameName:
     return found
 
 
-def write_movie(name: FrameName, numbers: Sequence[float], fps: float) -> None:
-    """Write an MP4 beside the pictures, or say that nothing here can."""
-    files = [Path(name.of(number)).absolute() for number in numbers]
-    program = _program()
-    if program is None:
-        print(f"no movie: neither ffmpeg nor the package imageio-ffmpeg is installed; the pictures are {name}", file=sys.stderr)
-        return
-    movie = files[0].with_name(f"{_without_number(files[0].stem)}.mp4")
-    listing = "".join(f"file {_quoted(str(file))}\nduration {1 / fps:.9g}\n" for file in files)
-    reading = ["-v", "error", "-y", "-protocol_whitelist", "file,pipe", "-f", "concat", "-safe", "0", "-i", "-"]
-    command = [program, *reading, *CODEC, "-r", f"{fps:g}", str(movie)]
-    done = subprocess.run(command, input=listing, text=True, capture_output=True, check=False)
+def write_movie(movie: Movie, numbers: Sequence[float]) -> None:
+    """Write the movie of the pictures that have these numbers."""
+    files = [Path(movie.frames.of(number)).absolute() for number in numbers]
+    path = files[0].with_name(f"{_without_number(files[0].stem)}.mp4")
+    listing = "".join(f"file {_quoted(str(file))}\nduration {1 / movie.fps:.9g}\n" for file in files)
+    # The listing is a file: of one that comes through a pipe, ffmpeg 9 takes each name for an address of the pipe.
+    with TemporaryDirectory() as folder:
+        listed = Path(folder, "pictures.txt")
+        listed.write_text(listing, encoding="utf-8")
+        reading = ["-v", "error", "-y", "-f", "concat", "-safe", "0", "-i", str(listed)]
+        command = [movie.program, *reading, *CODEC, "-r", f"{movie.fps:g}", str(path)]
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, text=True, capture_output=True, check=False)
     if done.returncode != 0:
         print(f"no movie: ffmpeg failed: {done.stderr.strip()[-500:]}", file=sys.stderr)
         raise SystemExit(1)
-    print(f"{movie}: {len(files)} pictures at {fps:g} a second")
+    print(f"{path}: {len(files)} pictures at {movie.fps:g} a second")
 
 
 def _without_number(stem: str) -> str:
@@ -91,7 +116,9 @@ def _quoted(path: str) -> str:
 
 
 def _program() -> str | None:
+    """Return the path of ffmpeg, or None where there is none; the package has none for some platforms."""
     found = shutil.which("ffmpeg")
     if found is None and find_spec("imageio_ffmpeg") is not None:
-        return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
+        with suppress(RuntimeError):
+            return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
     return found

@@ -26,7 +26,12 @@ def findings(seen: Examined) -> Iterator[Finding]:
         yield Finding(Question.DARK, "no-light", "There is no light, and nothing glows.", advice)
     elif seen.hit_share > 0 and not pixels[..., :3].any():
         said = "What the camera sees is black, though there are lights: none reaches it, or its materials reflect nothing."
-        yield Finding(Question.DARK, "unlit", said, "Look at where lights stand and face, and at their links and intensities.")
+        yield Finding(
+            Question.DARK,
+            "unlit",
+            said,
+            "Look at where lights are and face, and at their links and intensities; `--studio-light on` adds a light.",
+        )
     for code in LIGHTLESS:
         prims = tuple(dict.fromkeys(d.prim_path for d in told if d.code == code))
         if prims:

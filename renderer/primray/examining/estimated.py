@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -43,6 +44,14 @@ class CostEstimate:
         return {"type": "estimate", "metric": self.metric.value, "pilot": pilot, "targets": targets}
 
 
+def _with_shadow(prediction: Prediction, has_shadow: bool) -> Prediction:
+    """Add the seconds of a ground's shadow, which is found after the picture and costs from nothing to as much again."""
+    seconds = prediction.seconds
+    if seconds is None or not has_shadow:
+        return prediction
+    return replace(prediction, seconds=type(seconds)(math.sqrt(2) * seconds.value, seconds.low, 2 * seconds.high))
+
+
 @naming_settings
 def estimate(
     stage: str | os.PathLike[str] | Any,
@@ -81,6 +90,7 @@ def estimate(
     pilot = run_pilot(prepared.scene, prepared.settings, pilot_seconds)
     if pilot is None:
         raise KeyboardInterrupt
-    predictions = tuple(pilot.predict(target) for target in wanted or usual_targets(pilot))
+    has_shadow = prepared.ground_shadow is not None
+    predictions = tuple(_with_shadow(pilot.predict(target), has_shadow) for target in wanted or usual_targets(pilot))
     row, error = pilot.row, pilot.row.error.of(pilot.metric)
     return CostEstimate(pilot.metric, row.samples, row.seconds, error, predictions, tuple(diagnostics))

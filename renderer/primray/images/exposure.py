@@ -18,6 +18,7 @@ from ..settings import MAX_STOPS
 
 AUTO = "auto"
 CODE, ASSUMED = "view-exposure", "view-space-assumed"
+WEAK = " Where the stage's lights are too weak, --studio-light on adds one."
 MOST_PIXELS = 1 << 14
 # As display values, nominally 0 to 1, of a pixel's darkest (or brightest) channel.
 WHITE, BLACK = 0.95, 0.05
@@ -92,6 +93,8 @@ def view_fault(
     if lacks_textures and black >= white:
         advice = f"what textures that are missing leave is black, so look for these first; else {advice}"
     message = f"{max(white, black):.0%} of what it shows is almost {what}: {advice}."
+    if what == "black" and not lacks_textures:
+        message += WEAK
     return Diagnostic(CODES[CODE].severity, CODE, "", message)
 
 

@@ -51,7 +51,8 @@ def why_empty(prepared: Prepared, pixels: Floats, told: Iterable[Diagnostic]) ->
     if not pixels[..., 3].any():
         return f"The camera sees nothing: {_why_not_seen(prepared)}."
     dark = "no light reaches it" if prepared.lights else "there is no light"
-    return f"What the camera sees is black: {dark}, or its materials reflect nothing."
+    advice = "" if any(d.code == "default-light" for d in told) else " --studio-light on adds a light."
+    return f"What the camera sees is black: {dark}, or its materials reflect nothing.{advice}"
 
 
 def _why_nothing_drawn(left_out: dict[str, int], told: Iterable[Diagnostic]) -> str:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Doubles, Floats
+from ..sampling.error_curve import fewest_samples
+from ..settings import Metric, StopAt
 from .prepared import Prepared
 
 FACTOR = 100.0  # between an interval's ends
@@ -38,6 +40,24 @@ def what_rules(prepared: Prepared, report: Mapping[str, Any], pixels: Floats, er
     subject = "1 pixel has" if rulers["pixels"] == 1 else f"{rulers['pixels']:,} pixels have"
     half = f"{subject} half of the error, the most of it at ({x}, {y}), {where}"
     return {**rulers, "message": f"The interval spans {span} and is of no use: {half}. {helps}"}
+
+
+def why_it_continued(report: Mapping[str, Any]) -> str:
+    """Return why a render took at least twice the samples at which relMSE was first estimated to be within its target: the
+    estimate was too vague to be held against it. Return an empty string for other renders."""
+    settings, target = report["settings"], report["settings"]["target_error"]
+    if target is None or settings["error_metric"] != Metric.RELMSE.value or settings["stop_at"] != StopAt.PICTURE.value:
+        return ""
+    rows = [row for row in report["convergence"] if 0 < row["relmse"] <= target]
+    vague = [row for row in rows if row["samples"] < fewest_samples(row["ci95"][1] / row["relmse"])]
+    if not vague or report["convergence"][-1]["samples"] < 2 * vague[0]["samples"]:
+        return ""
+    first, widest = vague[0], max(row["ci95"][1] / row["relmse"] for row in vague)
+    return (
+        f"From {first['samples']:.0f} samples a pixel on the estimate was within the target, and the error might have been "
+        f"{widest:.3g} times larger, by few bright pixels: the render continued to know. --clamp-indirect, --caustics off or a "
+        "larger light narrow that; --time-limit bounds it."
+    )
 
 
 def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = None) -> Doubles:

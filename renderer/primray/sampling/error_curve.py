@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric
-from .error import Estimate, FrameError
+from .error import FrameError
 
 if TYPE_CHECKING:
     from .adaptive import Plan
@@ -21,9 +21,9 @@ USUAL_RATE = 1.2  # at first, before it has been measured
 WELL_KNOWN, FEWEST = 1.25, 8
 
 
-def fewest_samples(error: Estimate) -> float:
-    """Samples a pixel below which such an error is not held against a target."""
-    return FEWEST * max(error.doubt / WELL_KNOWN, 1.0) ** 2
+def fewest_samples(doubt: float) -> float:
+    """Return the samples a pixel below which an error that may be larger by the factor `doubt` is not held against a target."""
+    return FEWEST * max(doubt / WELL_KNOWN, 1.0) ** 2
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,11 @@ class Row:
     def as_json(self) -> dict[str, Any]:
         found = {"samples": self.samples, "seconds": self.seconds, "relmse": self.error.relmse.value}
         return found | {"ci95": [self.error.relmse.low, self.error.relmse.high], "rmse": self.error.rmse.value}
+
+
+def is_held(row: Row, metric: Metric) -> bool:
+    """Return whether the row's error is known well enough, for its samples, to be held against a target."""
+    return row.samples >= fewest_samples(row.error.of(metric).doubt)
 
 
 @dataclass(frozen=True)
@@ -96,4 +101,4 @@ class ErrorCurve:
         if plan is not None and row.samples >= plan.samples:
             planned = plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
             samples = planned if math.isfinite(planned) else max(samples, 2.0 * plan.samples + SAMPLE_BLOCK)
-        return min(max(samples, fewest_samples(row.error.of(self.metric))), float(MAX_SPP))
+        return min(max(samples, fewest_samples(row.error.of(self.metric).doubt)), float(MAX_SPP))

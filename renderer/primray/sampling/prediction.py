@@ -17,9 +17,9 @@ import numpy as np
 
 from .. import core
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
-from .adaptive import make_plan
+from .adaptive import Counts, Plan, make_plan
 from .error import ALL_PIXELS, Z95, Estimate
-from .error_curve import SLOWEST, Row
+from .error_curve import SLOWEST, Row, fewest_samples, is_held
 from .sampling import Progress, Sampling
 from .schedule import FIRST_ANCHOR, FIRST_PLAN
 
@@ -30,6 +30,9 @@ REPLANNING = 0.94
 # How uncertain (as a logarithm) the samples are: for every doubling beyond the pilot, and by how targets fall between blocks;
 # and the seconds beyond that, since other work shares the machine.
 PER_DOUBLING, BETWEEN_BLOCKS, OF_SPEED = 0.06, 0.04, 0.08
+# Samples that renders with vague errors took, as a multiple of those at which the interval should be narrow enough: from 1.4 to
+# 4.3, by nine renders of glass and gold balls from pilots of 8 samples.
+WAIT = 2.0
 
 
 @dataclass(frozen=True)
@@ -61,33 +64,65 @@ class Pilot:
         return self.sampling.settings.metric
 
     def predict(self, target: float) -> Prediction:
-        """Samples and seconds until the error is no larger than `target`."""
+        """Return samples and seconds until the error is known to be no larger than `target`."""
         rows = self.sampling.rows
-        met = next((i for i, row in enumerate(rows) if row.error.of(self.metric).value <= target), None)
-        if met == 0:
-            samples, rays, width = rows[0].samples, self._rays(rows[0].samples), 0.0
+        last = next((i for i, row in enumerate(rows) if self._is_within(row, target) and is_held(row, self.metric)), None)
+        if last == 0:
+            return self._prediction(target, Estimate.around(rows[0].samples, BETWEEN_BLOCKS), self._rays(rows[0].samples))
+        # From the last measurement that does not end the render; how fast the error falls from there the pilot may have seen.
+        start = rows[-1] if last is None else rows[last - 1]
+        rate = self.sampling.curve.rate() if last is None else self._rate(start, rows[last])
+        if self._is_within(start, target):
+            samples = start.samples
+            known = Estimate(samples, samples, samples * max(1.0, 1 / self._part(target, start, high=True)) ** (1 / rate))
         else:
-            # From the last measurement above the target; how fast the error falls from there the pilot may have seen.
-            start = rows[-1] if met is None else rows[met - 1]
-            rate = self.sampling.curve.rate() if met is None else self._rate(start, rows[met])
-            part = self._part(target, start)
-            samples, rays = self._to(part, start, rate, replanning=met is None)
-            width = self._width(start) / rate
-        if samples > (self.sampling.settings.spp or MAX_SPP):
-            return Prediction(target, None, None)
-        further = max(math.log2(samples / self.row.samples), 0.0)
-        spread = math.hypot(width, BETWEEN_BLOCKS, PER_DOUBLING * further)
-        # Measured at the anchors, where the target should be reached, and of what is shown at the end.
-        measurements = max(math.log2(samples / FIRST_ANCHOR), 0.0) + 3
-        seconds = rays * self.seconds_per_ray + measurements * self.seconds_per_measurement
-        return Prediction(target, Estimate.around(samples, spread), Estimate.around(seconds, math.hypot(spread, OF_SPEED)))
+            samples, rays = self._to(self._part(target, start), start, rate, replanning=last is None)
+            further = max(math.log2(samples / self.row.samples), 0.0) if math.isfinite(samples) else 0.0
+            spread = math.hypot(self._width(start) / rate, BETWEEN_BLOCKS, PER_DOUBLING * further)
+            known = Estimate.around(samples, spread)
+        waited = self._wait(start, math.inf if last is None else rows[last].samples)
+        needed = Estimate(*(max(getattr(known, end), getattr(waited, end)) for end in ("value", "low", "high")))
+        if self._is_within(start, target) or needed.value > samples:
+            rays = self._rays_of_wait(start, needed.value)
+        return self._prediction(target, needed, rays)
 
-    def _squared(self, row: Row) -> float:
-        value = max(row.error.of(self.metric).value, 1e-150)
+    def _prediction(self, target: float, samples: Estimate, rays: float) -> Prediction:
+        """Return the prediction of so many samples a pixel, of which `samples.value` trace `rays`."""
+        if samples.value > (self.sampling.settings.spp or MAX_SPP):
+            return Prediction(target, None, None)
+        # Measured at the anchors, where the target should be reached, and of what is shown at the end.
+        measurements = max(math.log2(samples.value / FIRST_ANCHOR), 0.0) + 3
+        seconds = rays * self.seconds_per_ray + measurements * self.seconds_per_measurement
+        factor = math.exp(Z95 * OF_SPEED)
+        low, high = samples.low / samples.value / factor, samples.high / samples.value * factor
+        return Prediction(target, samples, Estimate(seconds, seconds * low, seconds * high))
+
+    def _wait(self, row: Row, end: float) -> Estimate:
+        """Return the samples a pixel at which an error as vague as the row's is held against a target, if not at `end`.
+
+        At most as many as now, where the interval stays as wide; at least those at which it would be narrow enough if its
+        logarithm fell as one over the root of the samples. Which of them it will be the pilot cannot know.
+        """
+        doubt = row.error.of(self.metric).doubt
+        most = min(fewest_samples(doubt), end, float(self.sampling.settings.most_samples))
+        if most <= row.samples:
+            return Estimate(0.0, 0.0, 0.0)
+        least = row.samples
+        while least < most and least < fewest_samples(doubt ** math.sqrt(row.samples / least)):
+            least = min(least * 1.05, most)
+        return Estimate(min(WAIT * least, most), least, most)
+
+    def _is_within(self, row: Row, target: float) -> bool:
+        return row.error.of(self.metric).value <= target
+
+    def _squared(self, row: Row, *, high: bool = False) -> float:
+        known = row.error.of(self.metric)
+        value = max(known.high if high else known.value, 1e-150)
         return value if self.metric is Metric.RELMSE else value * value
 
-    def _part(self, target: float, row: Row) -> float:
-        return (target if self.metric is Metric.RELMSE else target * target) / self._squared(row)
+    def _part(self, target: float, row: Row, *, high: bool = False) -> float:
+        """Return the target as a part of the row's squared error, or of the high end of its interval."""
+        return (target if self.metric is Metric.RELMSE else target * target) / self._squared(row, high=high)
 
     def _rate(self, before: Row, after: Row) -> float:
         return max(math.log(self._squared(before) / self._squared(after)) / math.log(after.samples / before.samples), SLOWEST)
@@ -106,20 +141,34 @@ class Pilot:
 
     def _to(self, part: float, row: Row, rate: float, replanning: bool) -> tuple[float, float]:
         """Samples a pixel and rays at which the error has fallen to `part` of the row's."""
-        film = self.sampling.film
         if not self.sampling.settings.adapts or row.samples < FIRST_PLAN:
             samples = float(math.ceil(row.samples * part ** (-1 / rate) / SAMPLE_BLOCK) * SAMPLE_BLOCK)
             return samples, self._rays(samples)
-        begin = np.full(len(film.tile_rays), round(row.samples) // 2, np.int64)
-        plan = make_plan(film, row.error.tiles, round(row.samples), begin, DOUBLINGS)
+        plan, begin = self._plan(row)
         samples = plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
         if not math.isfinite(samples):
             return math.inf, math.inf
-        each = film.tile_rays / np.maximum(film.next.sum(axis=0), 1)  # rays a sample, over a tile
-        added = float((2 * (plan.ends(math.ceil(samples))[0] - begin) * each).sum())
+        added = self._added_rays(plan, begin, samples)
         fewer = REPLANNING ** math.log2(samples / row.samples) if replanning else 1.0
         more = max(samples * fewer, row.samples + SAMPLE_BLOCK)
         return more, self._rays(row.samples) + added * (more - row.samples) / (samples - row.samples)
+
+    def _plan(self, row: Row) -> tuple[Plan, Counts]:
+        """Return how adaptive sampling goes on from the row, and the samples of a replicate that every tile has there."""
+        film = self.sampling.film
+        begin = np.full(len(film.tile_rays), round(row.samples) // 2, np.int64)
+        return make_plan(film, row.error.tiles, round(row.samples), begin, DOUBLINGS), begin
+
+    def _added_rays(self, plan: Plan, begin: Counts, samples: float) -> float:
+        film = self.sampling.film
+        each = film.tile_rays / np.maximum(film.next.sum(axis=0), 1)  # rays a sample, over a tile
+        return float((2 * (plan.ends(math.ceil(samples))[0] - begin) * each).sum())
+
+    def _rays_of_wait(self, row: Row, samples: float) -> float:
+        """Return the rays of a render that goes on from the row, whose error is small enough, to so many samples a pixel."""
+        if not self.sampling.settings.adapts or samples < FIRST_PLAN:
+            return self._rays(samples)
+        return self._rays(row.samples) + self._added_rays(*self._plan(row), samples)
 
 
 def run_pilot(

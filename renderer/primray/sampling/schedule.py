@@ -141,7 +141,7 @@ class Schedule:
         if here is None:
             return False
         error = here.error.of(self.settings.metric)
-        return error.value <= target and here.samples >= min(fewest_samples(error), self.settings.most_samples)
+        return error.value <= target and here.samples >= min(fewest_samples(error.doubt), self.settings.most_samples)
 
     def stop(self, done: int, here: Row | None, seconds: float) -> Stop | None:
         """Whether the render ends where a pass has ended; `here`: the error measured there, if it was."""

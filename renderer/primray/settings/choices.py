@@ -87,7 +87,8 @@ class AutoCamera(Enum):
 
 
 class StudioLight(Enum):
-    """When the studio light is there: where the stage has nothing that lights what is seen, or always, or never.
+    """When the studio light is there: where the stage has no light and what glows lights less than 35 % of what is seen, or
+    always, or never.
 
     >>> primray.RenderSettings(studio_light="on").studio
     <StudioLight.ON: 'on'>

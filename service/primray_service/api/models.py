@@ -108,7 +108,9 @@ class Settings(FileSettings):
     filter_width: float | None = Field(None, gt=0, le=64)
     default_light: bool = True
     studio_light: Literal["auto", "on", "off"] = Field(
-        "auto", description="auto: where the stage lights less than a third of what is seen; on: beside its lights."
+        "auto",
+        description="auto: where the stage has no light, not even a weak one, and what glows lights less than 35 % of what is "
+        "seen; on: beside its lights.",
     )
     ground: Literal["shadow", "plane"] | None = Field(
         None, description="Below all that is drawn: only its shadow, or a grey plane; null: none."

@@ -93,5 +93,7 @@ def view(
     check_view(view, display)
     check_look(look)
     looks = Looks(view, display, look, option_values.exposure_of(exposure) or 0.0)
+    viewed = ViewedScene(scene, settings)
+    viewed.open()  # refuses here, and not on a page that nobody has opened yet, a stage that cannot be opened
     with problems_as_errors():
-        serve(ViewedScene(scene, settings), settings.most_samples, looks, Path(scene).name, port, opens=not no_open)
+        serve(viewed, settings.most_samples, looks, Path(scene).name, port, opens=not no_open)

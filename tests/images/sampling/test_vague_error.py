@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import primray
 from primray import core
+from primray.cli import run
 from primray.diagnostics import Diagnostics
 from primray.render.prepare import open_once, prepare
 from primray.report import vague_error
@@ -67,3 +69,79 @@ def test_rows_have_the_paths_that_aovs_have(name: str) -> None:
     for number in np.unique(numbers).tolist():
         of_record = record.meshes[number] if number >= 0 else record.curved[-2 - number] if number <= -2 else None
         assert rows.path_of(number) == ("" if of_record is None else record.shape_paths[of_record[0]])
+
+
+def balls() -> str:
+    """A gold and a glass ball above a floor, which make few bright pixels of the studio light."""
+    materials = {
+        "gold": ("(1, 0.77, 0.34)", "metallic = 1", "roughness = 0.2"),
+        "glass": ("(1, 1, 1)", "opacity = 0.1", "roughness = 0.02"),
+    }
+    text = "#usda 1.0\n"
+    for k, (name, (color, *inputs)) in enumerate(materials.items()):
+        floats = "\n".join(f"float inputs:{each}" for each in inputs)
+        text += f"""
+def Sphere "{name}" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+{{
+    double3 xformOp:translate = ({2.4 * k}, 1, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    rel material:binding = </m{k}>
+}}
+def Material "m{k}"
+{{
+    token outputs:surface.connect = </m{k}/s.outputs:surface>
+    def Shader "s"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor = {color}
+        {floats}
+        token outputs:surface
+    }}
+}}
+"""
+    return text
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_render_that_waits_for_a_vague_error_says_so_and_an_estimate_counts_the_wait(
+    tmp_path: Path, seed: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "balls.usda").write_text(balls())
+    size, target = (48, 27), 0.5
+    cost = primray.estimate(tmp_path / "balls.usda", [target], resolution=size, seed=seed, pilot_seconds=0.3)
+    assert cost.error.value < target < cost.error.high  # so the pilot alone does not answer
+    samples = cost.predictions[0].samples
+    assert samples is not None
+    flags = [
+        "render",
+        str(tmp_path / "balls.usda"),
+        "-r",
+        "64",
+        "36",
+        "--seed",
+        str(seed),
+        "--report",
+        str(tmp_path / "r.json"),
+    ]
+    assert run([*flags, "--target-error", str(target), "-o", str(tmp_path / "a.exr")]) == 0
+    took = json.loads((tmp_path / "r.json").read_text())["samples"] / (size[0] * size[1])
+    assert samples.low <= took <= samples.high
+    assert "the render continued to know" in capsys.readouterr().out
+    assert run([*flags, "--spp", "8", "-o", str(tmp_path / "a.exr")]) == 0
+    assert "continued" not in capsys.readouterr().out
+
+
+def test_the_shadow_of_a_ground_counts_in_an_estimate(tmp_path: Path) -> None:
+    (tmp_path / "balls.usda").write_text(balls())
+    bare, shadow = (
+        primray.estimate(tmp_path / "balls.usda", [0.1], resolution=(64, 36), ground=ground, pilot_seconds=0.3)
+        for ground in (None, "shadow")
+    )
+    beyond_samples = []
+    for cost in (bare, shadow):
+        samples, seconds = cost.predictions[0].samples, cost.predictions[0].seconds
+        assert samples is not None
+        assert seconds is not None
+        assert seconds.low < seconds.value < seconds.high
+        beyond_samples.append(seconds.high / seconds.low / (samples.high / samples.low))
+    assert beyond_samples[1] == pytest.approx(2 * beyond_samples[0])

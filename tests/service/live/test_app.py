@@ -11,6 +11,8 @@ from urllib.parse import urlsplit
 import httpx2
 import pytest
 
+from .conftest import write_stage
+
 
 def test_nothing_is_answered_without_the_secret_or_by_another_name(start):
     running = start()
@@ -47,6 +49,26 @@ def test_commands_are_checked(start):
         assert client.post(commands, content=b" " * 20_000, headers=how).status_code == 413
         # A form of another site's page can send this without asking; the type above it cannot.
         assert client.post(commands, content=b'{"do": "reset"}', headers={"content-type": "text/plain"}).status_code == 415
+
+
+@pytest.mark.parametrize(
+    ("name", "flags", "code", "rc"),
+    [
+        ("tri.obj", [], "stage-format", 3),
+        ("nosuch.usda", [], "stage-open", 3),
+        ("shot.usda", ["--variant", "/world:paint=green"], "unknown-variant", 2),
+    ],
+)
+def test_a_stage_that_cannot_be_opened_is_refused_before_anything_is_served(
+    tmp_path: Path, name: str, flags: list[str], code: str, rc: int
+):
+    write_stage(tmp_path)
+    (tmp_path / "tri.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    asked = [Path(sys.executable).with_name("primray"), "view", tmp_path / name, "--no-open", *flags]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == rc
+    assert code in done.stderr
+    assert done.stdout == ""
 
 
 def test_what_cannot_be_chosen_is_told_with_the_last_picture(start):

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ...examining.estimated import CostEstimate
     from ...sampling.prediction import Prediction
 
+VAGUE = 2.0  # the factor by which the pilot's error may be larger, from which on that is said
+
 
 def estimate(
     scene: stage_flags.Scene,
@@ -142,6 +144,11 @@ def _lines(cost: CostEstimate) -> Iterator[str]:
     if not cost.predictions:
         yield "the picture has no error that could be seen"
         return
+    if known.doubt >= VAGUE:
+        yield (
+            f"that may be {known.doubt:.3g} times larger, by few bright pixels: a render continues until it is known better, "
+            "and how soon that is a pilot cannot tell; a longer one (--pilot) narrows the intervals"
+        )
     yield f"{metric:>10}  {'samples':>8}  {'(95 %)':>17}  {'seconds':>8}  {'(95 %)':>17}"
     yield from map(_line, cost.predictions)
 

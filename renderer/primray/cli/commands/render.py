@@ -32,7 +32,7 @@ from ..shots import Shot, moments, product_shots
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
 from ..tev_outputs import EVERY_S, MOST_SHARE, is_tev, output_name
-from ..turntable import playable, turntable_numbers, turntable_shots, write_movie
+from ..turntable import movie_of, turntable_numbers, turntable_shots, write_movie
 
 if TYPE_CHECKING:
     import typer
@@ -267,15 +267,15 @@ def _render_turntable(
     of_report = frame_name(report) if report else None
     if of_report is not None and len(numbers) > 1:
         of_report = of_report.with_holder()
-    movie = playable(names) if fps is not None else None
+    movie = movie_of(names, fps)
     shots = turntable_shots(settings, numbers, names, of_report)
     check_shots(shots, looks)
     if ray is not None:
         _render_on_ray(ray, scene, shots, looks)
     else:
         _render_shots(scene, shots, looks, [None] * len(shots), snapshot_s)
-    if movie is not None and fps is not None:
-        write_movie(movie, numbers, fps)
+    if movie is not None:
+        write_movie(movie, numbers)
 
 
 def _render_products(

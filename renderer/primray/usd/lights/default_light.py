@@ -1,7 +1,7 @@
 """What lights a stage without lights: a photographer's studio that the camera does not see.
 
 A large soft key light over the camera's left shoulder, and a dome that is brighter on its right and behind, with a sky above a
-darker ground. Its level shows a surface that faces the camera in its own albedo in the default view, whatever the exposure.
+darker ground. Its level shows mid-grey that faces the camera as mid-grey in the default view, whatever the exposure.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ...description import Camera, Light, LightType
 STUDIO, KEY = "primray:default-light", "primray:default-key"
 # Radiance of diffuse white that faces the camera. In the default view (ACES 2.0) albedo 0.18 then shows as 119 (sRGB encodes it
 # as 118), and the ColorChecker's patches are nearest to their albedos: mean CIEDE2000 3.0; at radiance 1 it is 11.5, at 4 13.1.
+# A view without a tone curve shows albedos as they are at --exposure -log2(WHITE), which docs/command-line.md names as -0.81.
 WHITE = 1.75
 KEY_SHARE = 0.8  # of WHITE
 TO_KEY = (-0.5, 0.7, 1.0)  # in the camera's frame: right, up, back
