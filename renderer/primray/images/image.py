@@ -116,7 +116,8 @@ class Image:
 
         KeyError where its render was not for that product.
         """
-        file = dict(self.file.products)[path]
+        # What is behind the picture is known of the render, not of its products' files.
+        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)
         assert file.contents is not None
         aovs = {name: self.aovs[key] for name, key in file.contents.parts if key in self.aovs}
         return replace(self, aovs=aovs, file=file)

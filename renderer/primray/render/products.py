@@ -60,7 +60,8 @@ class Product:
         if self.has_parts:
             image = image.as_product(self.path)
         else:
-            found, file = Diagnostics(), replace(PLAIN, contents=Contents(self.picture), view=self.view)
+            found = Diagnostics()
+            file = replace(image.file.beside(), contents=Contents(self.picture), view=self.view)
             image = replace(image, aovs={}, file=with_usable_view(file, image.color_space, self.path, found))
             notes += found
         if notes:

@@ -308,3 +308,19 @@ def test_products_of_a_frame_in_parts_are_the_same(tmp_path: Path) -> None:
             product.image_of(image).save(file)
         assert parts(Path(files[0])) == parts(Path(files[1]))
         assert pixels(files[0]) == pixels(files[1])
+
+
+@pytest.mark.parametrize(("light", "background", "channels"), [("DomeLight", "light", 3), ("DistantLight", "nothing", 4)])
+@pytest.mark.parametrize("flags", [["--all-products"], ["--product", "a", "--product", "c"], ["--product", "c"]])
+def test_products_know_what_is_behind_the_picture(light: str, background: str, channels: int, flags: list[str]) -> None:
+    import OpenImageIO as oiio
+
+    write(Path("s.usda"), {"a": ("rgba z", ""), "b": ("z", ""), "c": ("rgba", 'token productName = "c.png"')})
+    Path("s.usda").write_text(Path("s.usda").read_text().replace("DomeLight", light))
+    assert rendered(*flags) == 0
+    for path in Path().glob("*.exr"):
+        assert oiio.ImageBuf(str(path)).spec().getattribute("primray:background") == background
+    assert oiio.ImageBuf("c.png").spec().nchannels == channels
+    for product, image in primray.render_products("s.usda", spp=2, progress=False):
+        product.save(image, "by-library")
+    assert oiio.ImageBuf("by-library/c.png").spec().nchannels == channels
