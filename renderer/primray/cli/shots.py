@@ -57,7 +57,7 @@ def product_shots(
     shots = []
     for time_code in moments(time_codes):
         for own, made in renders_of(products):
-            files = [str(Path(folder or "", names[product.path].of(time_code))) for product in made]
+            files = [str(Path(folder or "", names[product.path].numbered(time_code))) for product in made]
             by_file = dict(zip(files, made, strict=True))
             shots.append(Shot(replace(own, time_code=time_code), files, None, by_file, with_record))
     check_files([file for shot in shots for file in shot.files])
@@ -66,9 +66,8 @@ def product_shots(
 
 def _name_in_frames(product: Product, time_codes: list[float] | None) -> FrameName:
     name = frame_name(product.file_name)
-    if time_codes is not None and len(time_codes) > 1:
-        name = name.with_holder()
     if time_codes is None and name.has_holder:  # the stage's author meant one
         raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
-    check_names([name], time_codes)
+    # A name without a place for the number gets one, which holds fractions as well.
+    check_names([name if name.has_holder else frame_name(f"{name}.$FF")], time_codes)
     return name

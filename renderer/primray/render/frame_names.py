@@ -40,6 +40,18 @@ class FrameName:
         name = PurePosixPath(self.pattern)
         return FrameName(self.literal, f"{name.stem}.####{name.suffix}")
 
+    def numbered(self, frame: float | None) -> str:
+        """Return the name in a frame, with the number before the extension where the name has no place for it.
+
+        A name that ends in the frame's number already is left alone: stages may hold a name for each frame.
+        """
+        if frame is None or self.has_holder:
+            return self.of(frame)
+        name = PurePosixPath(self.pattern)
+        number = _filled("####" if _is_whole(frame) else "$FF", frame)
+        ends_in_it = re.search(rf"(?:^|[._-])0*{re.escape(number.lstrip('0') or '0')}$", name.stem) is not None
+        return str(self) if ends_in_it else f"{self.literal}{name.stem}.{number}{name.suffix}"
+
     def of(self, frame: float | None) -> str:
         """SettingsError if a holder cannot hold the frame's fraction; None: no frames were asked for."""
         return self.literal + (self.pattern if frame is None else _filled(self.pattern, frame))
@@ -126,6 +138,10 @@ def _check_name(name: FrameName, frames: Sequence[float]) -> None:
         raise SettingsError("two frames would get the same name", where=str(name), code="frames")
 
 
+def _is_whole(frame: float) -> bool:
+    return math.isclose(frame, round(frame), abs_tol=1e-9)
+
+
 def _filled(pattern: str, frame: float) -> str:
     def number(match: re.Match[str]) -> str:
         digits, decimals = match["hashes"], match["decimals"]
@@ -133,7 +149,7 @@ def _filled(pattern: str, frame: float) -> str:
             return f"{frame:0{len(digits) + 1 + len(decimals)}.{len(decimals)}f}"
         if match["free"]:
             return f"{frame:.15g}"
-        if not math.isclose(frame, round(frame), abs_tol=1e-9):
+        if not _is_whole(frame):
             raise SettingsError(f"frame {frame} needs a name with decimals, such as ####.##", where=pattern, code="frames")
         width = len(digits) if digits else int(match["percent"] or match["dollar"] or match["angle"] or 1)
         return f"{round(frame):0{width}d}"

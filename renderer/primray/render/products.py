@@ -114,7 +114,7 @@ def files_of(stage: Any, settings: RenderSettings) -> dict[str, str]:
 
     found = usd.products(stage, settings)
     names = {p.path: frame_name(file) for p, file in zip(found, _distinct_paths(found, Diagnostics()), strict=True)}
-    return {path: name.of(settings.time_code) for path, name in names.items()}
+    return {path: name.numbered(settings.time_code) for path, name in names.items()}
 
 
 def renders_of(products: Iterable[Product]) -> list[tuple[RenderSettings, list[Product]]]:
@@ -170,7 +170,7 @@ def _at_frame(product: Product) -> Product:
     name = frame_name(product.file_name)
     if product.settings.time_code is None and name.has_holder:
         raise SettingsError("the product's name holds a frame number; time_code says which", where=str(name), code="frames")
-    return replace(product, file_name=name.of(product.settings.time_code))
+    return replace(product, file_name=name.numbered(product.settings.time_code))
 
 
 def _joined(found: Sequence[ProductSettings], products: Sequence[Product], settings: RenderSettings) -> list[Product]:

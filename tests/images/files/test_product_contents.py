@@ -171,6 +171,26 @@ def test_frames_are_complete_one_after_another(capsys: pytest.CaptureFixture[str
     assert written == ["out/one/a.0001.exr", "out/b.0001.exr", "out/one/a.0002.exr", "out/b.0002.exr"]
 
 
+def test_a_command_of_one_frame_numbers_products_as_one_of_all_does() -> None:
+    """Farms run a command a frame: no frame may replace another's file."""
+    names = {"a": "x/main.exr", "b": "at.0002.exr", "c": "on.$F2.exr"}
+    write(Path("s.usda"), {n: ("rgba", f'token productName = "{name}"') for n, name in names.items()})
+
+    def files(folder: str, *commands: str) -> set[str]:
+        for frames in commands:
+            assert rendered("--all-products", "--res", "8", "6", "--output-dir", folder, "--frames", frames) == 0
+        return {str(path.relative_to(folder)) for path in Path(folder).rglob("*.exr")}
+
+    every = {"x/main.0001.exr", "x/main.0002.exr", "at.0002.0001.exr", "at.0002.exr", "on.01.exr", "on.02.exr"}
+    assert files("one-by-one", "1", "2") == files("all", "1:2") == every
+
+
+def test_products_of_a_still_have_no_number() -> None:
+    write(Path("s.usda"), {"a": ("rgba", 'token productName = "x/main.exr"')})
+    assert rendered("--all-products", "--res", "8", "6") == 0
+    assert [str(path) for path in Path().rglob("*.exr")] == ["x/main.exr"]
+
+
 def test_names_say_where_products_are_written(tmp_path: Path) -> None:
     names = {
         "a": "in/two/folders/x.exr",
@@ -224,8 +244,8 @@ def test_two_products_never_end_in_one_file(
 def test_the_library_fills_in_the_frame() -> None:
     write(Path("s.usda"), {"a": ("z", 'token productName = "f/a.$F4.exr"'), "b": ("rgb", "")})
     made = list(primray.render_products("s.usda", spp=2, time_code=7, progress=False))
-    assert [product.file_name for product, _ in made] == ["f/a.0007.exr", "b.exr"]
-    assert [str(product.save(image, "out")) for product, image in made] == ["out/f/a.0007.exr", "out/b.exr"]
+    assert [product.file_name for product, _ in made] == ["f/a.0007.exr", "b.0007.exr"]
+    assert [str(product.save(image, "out")) for product, image in made] == ["out/f/a.0007.exr", "out/b.0007.exr"]
     assert parts(Path("out/f/a.0007.exr")) == Z
     with pytest.raises(primray.PrimrayError, match="time_code"):
         next(primray.render_products("s.usda", spp=2))

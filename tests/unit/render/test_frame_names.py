@@ -36,6 +36,26 @@ def test_names(name: str, frame: float | None, expected: str) -> None:
     assert name_of_frame(name, frame) == expected
 
 
+@pytest.mark.parametrize(
+    ("name", "frame", "expected"),
+    [
+        ("f/a.exr", None, "f/a.exr"),
+        ("f/a.exr", 7, "f/a.0007.exr"),
+        ("a.exr", -7, "a.-007.exr"),
+        ("a.exr", 1.5, "a.1.5.exr"),
+        ("a.$F2.exr", 7, "a.07.exr"),
+        ("a.0007.exr", 7, "a.0007.exr"),
+        ("a_7.exr", 7, "a_7.exr"),
+        ("a.0007.exr", 8, "a.0007.0008.exr"),
+        ("a7.exr", 7, "a7.0007.exr"),
+        ("a.0000.exr", 0, "a.0000.exr"),
+        ("a.17.exr", 7, "a.17.0007.exr"),
+    ],
+)
+def test_a_name_without_a_place_gets_the_number_before_its_extension(name: str, frame: float | None, expected: str) -> None:
+    assert frame_name(name).numbered(frame) == expected
+
+
 def test_only_a_files_own_name_has_holders() -> None:
     assert frame_name("a.#.exr").has_holder
     assert not frame_name("take#2/a.exr").has_holder
