@@ -227,7 +227,9 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
     from ..notices.diagnostics_text import print_diagnostics
     from .json_lines import print_line
 
-    print_diagnostics(looks.notices.new(report["diagnostics"]), verbose=looks.verbose)
+    settings = report["settings"]
+    frame = settings["time_code"], settings.get("orbit_deg", 0.0)  # a turntable turns at one time
+    print_diagnostics(looks.notices.new(report["diagnostics"], frame), verbose=looks.verbose)
     if looks.as_json:
         print_line({"type": "report", **report})
     else:

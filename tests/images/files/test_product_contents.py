@@ -191,6 +191,16 @@ def test_products_of_a_still_have_no_number() -> None:
     assert [str(path) for path in Path().rglob("*.exr")] == ["x/main.exr"]
 
 
+def test_warnings_are_counted_by_frames_and_not_by_renders(capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path("s.usda"), {"a": ("nothing", ""), "b": ("rgba nothing", "rel camera = </far>")})
+    assert rendered("--all-products", "--res", "8", "6", "--frames", "1:2") == 0
+    assert [line for line in capsys.readouterr().err.splitlines() if line.endswith("frames")] == [
+        "warning: render-var (ignored): in 2 of 2 frames"
+    ]
+    assert rendered("--all-products", "--res", "8", "6", "--frames", "1") == 0
+    assert " frames" not in capsys.readouterr().err
+
+
 def test_names_say_where_products_are_written(tmp_path: Path) -> None:
     names = {
         "a": "in/two/folders/x.exr",
