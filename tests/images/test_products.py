@@ -60,6 +60,18 @@ def test_all_products_from_the_command_line(capsys: pytest.CaptureFixture[str]) 
     assert [report["stages_s"]["open"] > 0 for report in reports] == [True, False, False]
 
 
+@pytest.mark.parametrize("flags", [[], ["--make-output-path"]])
+def test_one_report_of_each_frame_has_all_of_its_renders(flags: list[str]) -> None:
+    folder = "reports" if flags else "."
+    asked = ["--report", f"{folder}/r.####.json", "--frames", "1:2", "--spp", "2", *flags]
+    assert run(["render", str(SCENE), "--all-products", *asked]) == 0
+    for frame in (1, 2):
+        renders = json.loads(Path(folder, f"r.000{frame}.json").read_text())["renders"]
+        assert [report["settings"]["time_code"] for report in renders] == [frame] * 3
+        names = [f"front.000{frame}.exr", f"side.000{frame}.png", f"front_2.000{frame}.exr"]
+        assert [report["outputs"] for report in renders] == [[name] for name in names]
+
+
 def test_frames_of_a_product_are_numbered() -> None:
     assert run(["render", str(SCENE), "--product", "side", "--frames", "1:2", "--spp", "2"]) == 0
     assert files() == ["side.0001.png", "side.0002.png"]
@@ -76,8 +88,9 @@ def test_without_flags_the_first_product_is_rendered_under_the_stages_name() -> 
         (["--product", "none"], "unknown-product", FRONT),
         (["--product", ""], "unknown-product", FRONT),
         (["--all-products", "-o", "a.exr"], "product-output", "-o"),
-        (["--all-products", "--report", "a.json"], "product-output", "--report"),
-        (["--product", "side", "--checkpoint", "a.prc"], "product-output", "--checkpoint"),
+        (["--all-products", "--report", "none/a.json"], "output-folder", "none"),
+        (["--all-products", "--report", "a.json", "--frames", "1:2"], "frames", "a.json"),
+        (["--product", "side", "--checkpoint", "a.prc"], "product-output", "products have no checkpoints"),
         (["--all-products", "--output-dir", "file/missing"], "output-folder", "missing"),
     ],
 )

@@ -88,7 +88,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
         whole = whole and written == own
         reports[eye.value] = finished_report(image, [*kept, *written], time.perf_counter() - start, looks)
     if shot.report is not None:
-        whole = write_report({"views": reports}, shot.report, looks) and whole
+        whole = write_report(shot.report_file_of({"views": reports}), shot.report, looks) and whole
     for eye, image in pair.views.items():
         tell(image, {"view": eye.value, **reports[eye.value]}, looks)
     return whole

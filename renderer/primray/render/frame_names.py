@@ -43,13 +43,13 @@ class FrameName:
     def numbered(self, frame: float | None) -> str:
         """Return the name in a frame, with the number before the extension where the name has no place for it.
 
-        A name that ends in the frame's number already is left alone: stages may hold a name for each frame.
+        A name that ends in the number already, as it would be put there, is left alone: stages may hold a name for each frame.
         """
         if frame is None or self.has_holder:
             return self.of(frame)
         name = PurePosixPath(self.pattern)
         number = _filled("####" if _is_whole(frame) else "$FF", frame)
-        ends_in_it = re.search(rf"(?:^|[._-])0*{re.escape(number.lstrip('0') or '0')}$", name.stem) is not None
+        ends_in_it = re.search(rf"(?:^|[._-]){re.escape(number)}$", name.stem) is not None
         return str(self) if ends_in_it else f"{self.literal}{name.stem}.{number}{name.suffix}"
 
     def of(self, frame: float | None) -> str:

@@ -45,7 +45,8 @@ def test_names(name: str, frame: float | None, expected: str) -> None:
         ("a.exr", 1.5, "a.1.5.exr"),
         ("a.$F2.exr", 7, "a.07.exr"),
         ("a.0007.exr", 7, "a.0007.exr"),
-        ("a_7.exr", 7, "a_7.exr"),
+        ("a_0007.exr", 7, "a_0007.exr"),
+        ("a_7.exr", 7, "a_7.0007.exr"),  # a number of something else, such as of the second product of one name
         ("a.0007.exr", 8, "a.0007.0008.exr"),
         ("a7.exr", 7, "a7.0007.exr"),
         ("a.0000.exr", 0, "a.0000.exr"),
