@@ -28,7 +28,7 @@ from .exposure import View, as_viewed, exposure_that_serves, view_fault
 from .files.as_product import as_ordered, store_as_product
 from .files.encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
-from .output_path import check_folder, through_links
+from .output_path import check_folder, name_beside, through_links
 from .pictures_beside import DENOISED, DIFFUSED, picture_beside
 
 CHANNELS = ("R", "G", "B", "A")
@@ -335,7 +335,7 @@ def _whole(shown: Floats, bits: int) -> npt.NDArray[Any]:
 def _replacing(path: Path) -> Iterator[str]:
     """A temporary name beside the file that `path` leads to; it takes that file's place when the block ends well."""
     target = through_links(path)
-    temporary = target.with_name(f".{path.stem}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
+    temporary = target.with_name(f".{name_beside(path.stem)}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
     try:
         yield str(temporary)
         os.replace(temporary, target)
