@@ -65,15 +65,16 @@ def product_shots(
     names = {product.path: _name_in_frames(product, time_codes) for product in products}
     if report is not None:
         check_names([frame_name(report)], time_codes)
-    shots = []
+    shots, written = [], []
     for time_code in moments(time_codes):
         report_file = None if report is None else frame_name(report).of(time_code)
         reports: list[dict[str, Any]] | None = None if report is None else []
         for own, made in renders_of(products):
             files = [str(Path(folder or "", names[product.path].numbered(time_code))) for product in made]
+            written += [(file, product.path) for file, product in zip(files, made, strict=True)]
             by_file = dict(zip(files, made, strict=True))
             shots.append(Shot(replace(own, time_code=time_code), files, report_file, by_file, with_record, reports))
-    check_files([file for shot in shots for file in shot.files])
+    check_files(written)
     return opened, shots
 
 

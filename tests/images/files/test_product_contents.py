@@ -322,6 +322,60 @@ def test_inspect_lists_outputs_with_their_files(capsys: pytest.CaptureFixture[st
         assert line in said
 
 
+LOSSY = 'string driver:parameters:OpenEXR:compression = "dwaa"'
+MATTE = 'def RenderVar "matte" { string sourceName = "CryptoObject"\n}\n'
+
+
+def test_inspect_and_render_say_the_same_of_all_products() -> None:
+    """Names that are changed, outputs that are left out, and losses: of products that a plain render does not make, too."""
+    names = {"a": "a.exr", "b": "b.$F4.rat", "c": "~/c.exr", "d": f"{'d' * 200}.exr", "e": "e?.exr"}
+    ordered = {"a": "rgba", "b": "matte", "c": "nothing", "d": "rgba z", "e": "rgba"}
+    lossy = {"b", "d"}
+    products = {
+        name: (ordered[name], f'token productName = "{file}"\n{LOSSY if name in lossy else ""}') for name, file in names.items()
+    }
+    write(Path("s.usda"), products, MATTE)
+    found = primray.inspect("s.usda", time_code=7)["outputs"]["diagnostics"]
+    made = [image for _, image in primray.render_products("s.usda", spp=1, resolution=(8, 8), time_code=7, progress=False)]
+    rows = [row for image in made for row in image.report["diagnostics"] if row["code"] in ("output-parameter", "render-var")]
+    assert sorted({tuple(row.items()) for row in rows}) == sorted({tuple(row.items()) for row in found})
+    said = {row["prim_path"][-1]: row["message"] for row in found if row["code"] == "output-parameter" and row["attribute"]}
+    assert set(said) == set("bcde")
+    for name, words in {"b": ".rat is not written", "c": "letters", "d": "cut to 180", "e": "letters"}.items():
+        assert words in said[name]
+    (loss,) = (row for row in found if "lossy" in row["message"])
+    assert (loss["prim_path"], "matte" in loss["message"]) == ("/Render/b", True)
+    (left_out,) = (row for row in found if row["code"] == "render-var")
+    assert "crypto_object, crypto_material, crypto_asset" in left_out["message"]
+
+
+def test_inspect_names_products_that_would_be_one_file(capsys: pytest.CaptureFixture[str]) -> None:
+    products = {"a": ("rgba", 'token productName = "x.$F4.exr"'), "b": ("z", 'token productName = "x.0002.exr"')}
+    write(Path("s.usda"), products)
+    assert run(["inspect", "s.usda", "--frames", "2"]) == 0
+    inspected = capsys.readouterr().out
+    assert rendered("--all-products", "--frames", "2") == 2
+    for said in (inspected, capsys.readouterr().err):
+        assert "the products /Render/a and /Render/b would be written to one file" in said
+
+
+@pytest.mark.parametrize(
+    ("source", "hint"),
+    [
+        ("cryptomatte", "Cryptomattes are crypto_object, crypto_material, crypto_asset"),
+        ("RI_Cryptomattes", "Cryptomattes are"),
+        ("dpeth", "did you mean depth?"),
+        ("normall", "did you mean normal?"),
+        ("xyzzy", "called xyzzy;"),
+    ],
+)
+def test_an_output_that_there_is_not_gets_a_hint(source: str, hint: str) -> None:
+    write(Path("s.usda"), {"a": ("rgba other", "")}, f'def RenderVar "other" {{ string sourceName = "{source}"\n}}\n')
+    (row,) = (row for row in primray.inspect("s.usda")["outputs"]["diagnostics"] if row["code"] == "render-var")
+    assert hint in row["message"]
+    assert "crypto_asset and primvars" in row["message"]
+
+
 def test_products_of_a_frame_in_parts_are_the_same(tmp_path: Path) -> None:
     from primray.render.prepare import open_once
     from primray.render.products import products_of, renders_of
