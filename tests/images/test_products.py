@@ -87,6 +87,7 @@ def test_without_flags_the_first_product_is_rendered_under_the_stages_name() -> 
     [
         (["--product", "none"], "unknown-product", FRONT),
         (["--product", ""], "unknown-product", FRONT),
+        (["--all-products", "--product", "side"], "product-output", "give one"),
         (["--all-products", "-o", "a.exr"], "product-output", "-o"),
         (["--all-products", "--report", "none/a.json"], "output-folder", "none"),
         (["--all-products", "--report", "a.json", "--frames", "1:2"], "frames", "a.json"),

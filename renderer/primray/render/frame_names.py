@@ -7,6 +7,7 @@ taken as they are.
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -122,8 +123,18 @@ def check_names(names: Sequence[FrameName], frames: Sequence[float] | None) -> N
     if frames is not None:
         for name in names:
             _check_name(name, frames)
-    if len({str(name) for name in names}) < len(names):
-        raise SettingsError("the same output is named twice", code="frames")
+    _check_distinct(names, frames)
+
+
+def _check_distinct(names: Sequence[FrameName], frames: Sequence[float] | None) -> None:
+    """SettingsError where two names lead to one file, by a link or in some frame."""
+    groups = [[os.path.realpath(str(name)) for name in names]]
+    if len(names) > 1:
+        groups += [[os.path.normpath(name.of(frame)) for name in names] for frame in frames or ()]
+    for files in groups:
+        for number, file in enumerate(files):
+            if file in files[:number]:
+                raise SettingsError("the same output is named twice", where=str(names[number]), code="output-name")
 
 
 def _check_name(name: FrameName, frames: Sequence[float]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from primray.errors import SettingsError
@@ -94,6 +96,10 @@ def test_names_that_go_with_frames(names: list[str], frames: list[float] | None)
         (["a.exr"], [1.0, 2.0], "need a frame number"),
         (["take#2/a.exr"], [1.0, 2.0], "need a frame number"),
         (["a.exr", "a.exr"], None, "twice"),
+        (["a.exr", "./a.exr"], None, "twice"),
+        (["a.exr", "b/../a.exr"], [1.0], "twice"),
+        (["a.####.exr", "a.0002.exr"], [2.0], "twice"),
+        (["a.####.exr", "a.%04d.exr"], [1.0, 2.0], "twice"),
         (["a.#.#.exr"], [0.04, 0.01], "same name"),
         (["a.$N.exr"], [1.0], "place in the sequence"),
         (["a.<N4>.exr"], [1.0], "place in the sequence"),
@@ -102,3 +108,11 @@ def test_names_that_go_with_frames(names: list[str], frames: list[float] | None)
 def test_names_that_do_not(names: list[str], frames: list[float] | None, why: str) -> None:
     with pytest.raises(SettingsError, match=why):
         check_names([frame_name(name) for name in names], frames)
+
+
+def test_a_link_does_not_hide_that_an_output_is_named_twice(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path)
+    names = [frame_name(str(tmp_path / name)) for name in ("a.exr", "link/a.exr")]
+    with pytest.raises(SettingsError, match="twice") as error:
+        check_names(names, None)
+    assert (error.value.code, error.value.where) == ("output-name", str(names[1]))

@@ -144,6 +144,8 @@ def render(
     )
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
+        if product and all_products:
+            raise SettingsError("--all-products and --product both choose products; give one", code="product-output")
         _require_only_products(bool(output or outputs), checkpoint or resume)
     turns = turntable_numbers(turntable, fps, time_codes)
     if turns is not None and (by_product or checkpoint or resume or stereo):
