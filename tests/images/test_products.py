@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,3 +116,28 @@ def test_a_name_with_a_frame_needs_frames(capsys: pytest.CaptureFixture[str]) ->
     assert "--frames" in capsys.readouterr().err
     assert run(["render", "numbered.usda", "--product", "front", "--spp", "2", "-f", "7"]) == 0
     assert files() == ["a/b/shot.0007.exr", "numbered.usda"]
+
+
+@pytest.mark.parametrize("flags", [["--all-products"], ["-o", "front.exr", "-o", "side.png", "--report", "r.json"]])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_an_interrupt_before_the_first_sample_replaces_no_file(
+    flags: list[str], number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from primray.sampling.sampling import Sampling
+
+    begin, before = Sampling.begin, {"front.exr": b"earlier", "side.png": b"earlier"}
+
+    def interrupted(*arguments: Any) -> Any:
+        signal.raise_signal(number)
+        return begin(*arguments)
+
+    for name, data in before.items():
+        Path(name).write_bytes(data)
+    monkeypatch.setattr(Sampling, "begin", staticmethod(interrupted))
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        assert run(["render", str(SCENE), "--spp", "2", *flags]) == 130
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+    assert {name: Path(name).read_bytes() for name in files()} == before
+    assert "no picture was written" in capsys.readouterr().err

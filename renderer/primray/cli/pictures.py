@@ -196,6 +196,11 @@ def is_finished(image: Image) -> bool:
     return all(row["code"] != UNFINISHED for row in image.report["diagnostics"])
 
 
+def has_samples(image: Image) -> bool:
+    most: int = image.report["samples_per_pixel"][1]
+    return most > 0
+
+
 def _keep_record(image: Image, lost: list[str], written: list[str], looks: Looks) -> list[str]:
     """The EXR that is written in place of a picture which could not be, so that its samples are not lost: no output has them,
     and nothing else has its name. None of all that is there is overwritten."""

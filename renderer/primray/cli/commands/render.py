@@ -27,7 +27,7 @@ from ...settings import (
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
 from ..option_values import OnOff
-from ..pictures import Looks, check_outputs, check_reports, check_shots, is_refused, save, tell_of_all, write
+from ..pictures import Looks, check_outputs, check_reports, check_shots, has_samples, is_refused, save, tell_of_all, write
 from ..shots import Shot, moments, product_shots
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
@@ -431,10 +431,13 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
         with showing(shot.files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
-        unsaved = not write(image, shot, looks) or unsaved
+        has_picture = has_samples(image) or not image.report["interrupted"]
+        # Files of an earlier render are worth more than a picture without any sample.
+        unsaved = not write(image, shot if has_picture else replace(shot, files=[], report=None), looks) or unsaved
         looks = looks.settled_if_it_can_be(image)  # the first frame's: a sequence does not flicker
         if image.report["interrupted"]:
-            print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
+            said = "the picture so far was saved" if has_picture else "no picture was written, as there was no sample of it yet"
+            print(f"interrupted: {said}{_how_to_go_on(image.report)}", file=sys.stderr)
             raise SystemExit(130)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
         refused = is_refused(image, shot.settings, looks) or refused
