@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from outline import Outline, cuerun
 
 PLACE = "#IFRAME#"  # OpenCue's: becomes the frame's number
+PLACE_IN_NAME = re.compile(r"#|%\d*d|%g|\$F|<F[\dF]*>")  # as primray reads a picture's name
 
 
 def parser_of(description: str, output: str, frames: str) -> argparse.ArgumentParser:
@@ -28,6 +30,12 @@ def parsed_by(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argp
     asked = parser.parse_args(own[:at])
     asked.extra = own[at + 1 :]
     return asked
+
+
+def require_place(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> None:
+    """End with an error where the tasks, of one frame each, would all write one picture."""
+    if not re.fullmatch(r"\s*-?\d+\s*", asked.frames) and not PLACE_IN_NAME.search(asked.output.name):
+        parser.error(f"{asked.output.name} has no place for the frame's number, such as ####, and --frames are {asked.frames}")
 
 
 def send(job: Outline, asked: argparse.Namespace) -> None:

@@ -15,7 +15,7 @@ import sys
 
 from outline import Outline
 from outline.modules.shell import Shell
-from render_flags import PLACE, flags, layer_arguments, parsed_by, parser_of, send
+from render_flags import PLACE, flags, layer_arguments, parsed_by, parser_of, require_place, send
 
 
 def main() -> None:
@@ -47,7 +47,10 @@ def parsed(arguments: list[str]) -> argparse.Namespace:
     )
     parser.add_argument("--products", nargs="*", metavar="PRIM", help="the stage's products by these names; without names, all")
     parser.add_argument("--denoise", action="store_true", help="a denoised picture beside the record (primray[denoise])")
-    return parsed_by(parser, arguments)
+    asked = parsed_by(parser, arguments)
+    if asked.products is None:
+        require_place(parser, asked)
+    return asked
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from outline import Outline
 from outline.modules.shell import Shell
-from render_flags import PLACE, flags, layer_arguments, parsed_by, parser_of, send
+from render_flags import PLACE, flags, layer_arguments, parsed_by, parser_of, require_place, send
 
 
 def main() -> None:
@@ -76,7 +76,9 @@ def parsed(arguments: list[str]) -> argparse.Namespace:
     )
     parser.add_argument("--samples", type=int, default=256, help="a pixel, of all parts together")
     parser.add_argument("--parts", type=int, default=4, help="that a frame's samples are divided among")
-    return parsed_by(parser, arguments)
+    asked = parsed_by(parser, arguments)
+    require_place(parser, asked)
+    return asked
 
 
 if __name__ == "__main__":

@@ -152,3 +152,11 @@ def test_samples_that_cannot_be_divided_are_told(asked: tuple[str, ...], tmp_pat
     done = submitted(PARTS, tmp_path, *asked)
     assert done.returncode != 0
     assert "--samples has to be even and at least twice --parts" in done.stderr
+
+
+@pytest.mark.parametrize("script", [PARTS, FRAMES], ids=lambda path: path.stem)
+def test_a_name_for_several_frames_has_a_place_for_the_number(script: Path, tmp_path: Path) -> None:
+    done = submitted(script, tmp_path, "--frames", "1-3", output="one.exr")
+    assert done.returncode == 2
+    assert "one.exr has no place for the frame's number" in done.stderr
+    assert submitted(script, tmp_path, "--frames", "3", output="one.exr").returncode == 0

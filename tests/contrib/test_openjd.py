@@ -90,6 +90,38 @@ def test_products_are_written_under_their_own_names(products: str, outputs: str,
     assert process.communicate(timeout=20)[0] == f"[render][a.usda]{outputs}[--frames][7][--json]\n"
 
 
+@pytest.mark.parametrize("template", [TEMPLATE, ROOT / "contrib/openjd/parts/template.yaml"], ids=["frames", "parts"])
+@pytest.mark.parametrize(
+    ("name", "frames", "is_accepted"),
+    [
+        ("one.exr", "1-3", False),
+        ("one.exr", "1,5", False),
+        ("take#2/one.exr", "1-3", False),
+        ("one.exr", "7", True),
+        ("one.exr", " -7 ", True),
+        ("a.$F4.exr", "1-3", True),
+        ("a.<F>.exr", "1-3", True),
+        ("a.%04d.exr", "1-3", True),
+    ],
+)
+def test_a_name_for_several_frames_has_a_place_for_the_number(
+    template: Path, name: str, frames: str, is_accepted: bool, tmp_path: Path
+) -> None:
+    asked = {"OutputName": name, "Frames": frames, "Task_Param_Frame": "7", "Task_Param_Part": "1"}
+    process = run_script(template, 0, tmp_path, "echo rendered", Scene="a.usda", **asked)
+    said = process.communicate(timeout=20)[0]
+    assert (process.returncode, "rendered" in said) == ((0, True) if is_accepted else (2, False)), said
+    assert is_accepted or said.startswith(f"openjd_fail: OutputName {name} has no place for the frame's number")
+
+
+def test_frames_of_products_without_a_place_are_all_there(tmp_path: Path) -> None:
+    scene = write_shot(tmp_path)
+    scene.write_text(scene.read_text().replace("car.$F4.exr", "car.exr"))
+    asked = [f"Scene={scene}", "Frames=1-2", "Width=16", "MaxSamples=2", "Products=all", f"OutputFolder={tmp_path / 'out'}"]
+    openjd("run", TEMPLATE, *parameters(*asked))
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["car.0001.exr", "car.0002.exr"]
+
+
 def test_a_quote_that_is_not_closed_is_refused(tmp_path: Path) -> None:
     process = run_whole(tmp_path, "exit 9", Scene="a.usda", ExtraArguments="--view 'Raw")
     assert process.communicate(timeout=20)[0] == "openjd_fail: ExtraArguments has a quote that is not closed: --view 'Raw\n"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,6 +62,18 @@ def test_all_products_from_the_command_line(capsys: pytest.CaptureFixture[str]) 
     assert [report["stages_s"]["open"] > 0 for report in reports] == [True, False, False]
 
 
+@pytest.mark.parametrize("flags", [[], ["--make-output-path"]])
+def test_one_report_of_each_frame_has_all_of_its_renders(flags: list[str]) -> None:
+    folder = "reports" if flags else "."
+    asked = ["--report", f"{folder}/r.####.json", "--frames", "1:2", "--spp", "2", *flags]
+    assert run(["render", str(SCENE), "--all-products", *asked]) == 0
+    for frame in (1, 2):
+        renders = json.loads(Path(folder, f"r.000{frame}.json").read_text())["renders"]
+        assert [report["settings"]["time_code"] for report in renders] == [frame] * 3
+        names = [f"front.000{frame}.exr", f"side.000{frame}.png", f"front_2.000{frame}.exr"]
+        assert [report["outputs"] for report in renders] == [[name] for name in names]
+
+
 def test_frames_of_a_product_are_numbered() -> None:
     assert run(["render", str(SCENE), "--product", "side", "--frames", "1:2", "--spp", "2"]) == 0
     assert files() == ["side.0001.png", "side.0002.png"]
@@ -75,9 +89,11 @@ def test_without_flags_the_first_product_is_rendered_under_the_stages_name() -> 
     [
         (["--product", "none"], "unknown-product", FRONT),
         (["--product", ""], "unknown-product", FRONT),
+        (["--all-products", "--product", "side"], "product-output", "give one"),
         (["--all-products", "-o", "a.exr"], "product-output", "-o"),
-        (["--all-products", "--report", "a.json"], "product-output", "--report"),
-        (["--product", "side", "--checkpoint", "a.prc"], "product-output", "--checkpoint"),
+        (["--all-products", "--report", "none/a.json"], "output-folder", "none"),
+        (["--all-products", "--report", "a.json", "--frames", "1:2"], "frames", "a.json"),
+        (["--product", "side", "--checkpoint", "a.prc"], "product-output", "products have no checkpoints"),
         (["--all-products", "--output-dir", "file/missing"], "output-folder", "missing"),
     ],
 )
@@ -100,3 +116,28 @@ def test_a_name_with_a_frame_needs_frames(capsys: pytest.CaptureFixture[str]) ->
     assert "--frames" in capsys.readouterr().err
     assert run(["render", "numbered.usda", "--product", "front", "--spp", "2", "-f", "7"]) == 0
     assert files() == ["a/b/shot.0007.exr", "numbered.usda"]
+
+
+@pytest.mark.parametrize("flags", [["--all-products"], ["-o", "front.exr", "-o", "side.png", "--report", "r.json"]])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_an_interrupt_before_the_first_sample_replaces_no_file(
+    flags: list[str], number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from primray.sampling.sampling import Sampling
+
+    begin, before = Sampling.begin, {"front.exr": b"earlier", "side.png": b"earlier"}
+
+    def interrupted(*arguments: Any) -> Any:
+        signal.raise_signal(number)
+        return begin(*arguments)
+
+    for name, data in before.items():
+        Path(name).write_bytes(data)
+    monkeypatch.setattr(Sampling, "begin", staticmethod(interrupted))
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        assert run(["render", str(SCENE), "--spp", "2", *flags]) == 130
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+    assert {name: Path(name).read_bytes() for name in files()} == before
+    assert "no picture was written" in capsys.readouterr().err

@@ -165,7 +165,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         camera_paths=lambda stage: ["/cam", "/other"],
         stage_facts=lambda stage: STAGE_FACTS,
         stage_name=str,
-        products=lambda stage, settings: (),
+        products=lambda stage, settings, diagnostics=None: (),
         output_facts=lambda stage, settings: {"render_settings": [], "products": [], "render_passes": []},
     )
     install(

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import CheckpointError, PrimrayError
-from ..images.output_path import through_links
+from ..images.output_path import name_beside, through_links
 
 FORMAT = 3
 _NAME = b"primray checkpoint "
@@ -62,7 +62,7 @@ def _replacing(path: Path) -> Iterator[BinaryIO]:
     Its name is always the same, so that those who were killed leave one of them at most; a lock tells whether one is alive.
     """
     path = through_links(path)
-    partial = path.with_name(f".{path.name}.partial")
+    partial = path.with_name(f".{name_beside(path.name)}.partial")
     with _locked(path, partial) as file:
         file.truncate(0)
         try:

@@ -62,11 +62,20 @@ def run(arguments: list[str]) -> int:
     except PrimrayError as error:
         return _fail(error, verbose, as_json)
     except Exception as error:
+        if isinstance(error, OSError) and (known := _too_long(error)) is not None:
+            return _fail(known, verbose, as_json)
         if not verbose:
             hint = "this is a defect in primray; --verbose prints where"
             error = InternalError(f"{type(error).__name__}: {error} ({hint})")
         return _fail(error, verbose, as_json)
     return 0
+
+
+def _too_long(error: OSError) -> PrimrayError | None:
+    """Return the error of a file that the command line names by more than file systems hold."""
+    from ..images.output_path import too_long
+
+    return too_long(error, str(error.filename or ""))
 
 
 def _call(arguments: list[str]) -> None:

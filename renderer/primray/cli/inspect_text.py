@@ -27,7 +27,9 @@ def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
         ("fidelity", fidelity_text(facts["diagnostics"])),
     ]
     indent = max(len(name) for name, _ in rows) + 2
-    return [f"{name:{indent}}{text}" for name, text in rows] + diagnostics_lines(facts["diagnostics"], verbose=verbose)
+    of_products = [row for row in facts["outputs"]["diagnostics"] if row not in facts["diagnostics"]]
+    told = diagnostics_lines([*facts["diagnostics"], *of_products], verbose=verbose)
+    return [f"{name:{indent}}{text}" for name, text in rows] + told
 
 
 def _stage_rows(stage: dict[str, Any], shown: int | None) -> Iterator[Row]:

@@ -128,7 +128,8 @@ def frames_of(
 
 
 def time_codes_of(frames: str | None) -> list[float] | None:
-    return None if frames is None else parse_frames(frames)
+    """Return the frames of a list, each once: lists such as 1-3,2 overlap."""
+    return None if frames is None else list(dict.fromkeys(parse_frames(frames)))
 
 
 def one_frame_of(frames: str | None, command: str) -> float | None:

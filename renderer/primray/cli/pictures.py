@@ -83,27 +83,35 @@ class Looks:
 def check_shots(shots: Sequence[Shot], looks: Looks) -> None:
     """`check_outputs` of the first picture, and the places of all others: a name may have the frame in its folder."""
     from ..images.image import check_output_path
-    from ..images.output_path import check_folder, make_folder
+    from ..images.output_path import make_folder
 
     first = shots[0]
     check_outputs(first.files, first.report, looks, first.settings)
     for shot in shots[1:]:
         files = [file for file in shot.files if not is_tev(file) and not is_standard(file)]
-        reports = [] if shot.report is None else [shot.report]
         if looks.make_folders:
-            for name in [*files, *reports]:
+            for name in files:
                 make_folder(Path(name))
         for file in files:
             check_output_path(file)
-        for name in reports:
-            check_folder(Path(name))
+        check_reports([] if shot.report is None else [shot.report], looks.make_folders)
+
+
+def check_reports(files: Sequence[str], make_folders: bool) -> None:
+    """SettingsError where a report cannot be written."""
+    from ..images.output_path import check_folder, make_folder
+
+    for name in dict.fromkeys(files):
+        if make_folders:
+            make_folder(Path(name))
+        check_folder(Path(name))
 
 
 def check_outputs(files: list[str], report: str | None, looks: Looks, settings: RenderSettings | None = None) -> None:
     """Find out before rendering what cannot be written after it. `settings`: of the render, where one follows."""
     from ..images.files.encoding import check_bit_depth, check_half
     from ..images.image import check_output_path, shows_view
-    from ..images.output_path import check_folder, make_folder
+    from ..images.output_path import make_folder
 
     in_files = [file for file in files if not is_tev(file) and not is_standard(file)]
     check_standard(files, looks.as_json)
@@ -111,12 +119,11 @@ def check_outputs(files: list[str], report: str | None, looks: Looks, settings: 
     check_bit_depth(looks.encoding, suffixes)
     check_half(looks.encoding, suffixes)
     if looks.make_folders:
-        for name in [*in_files, *([report] if report else [])]:
+        for name in in_files:
             make_folder(Path(name))
     for file in in_files:
         check_output_path(file)
-    if report is not None:
-        check_folder(Path(report))
+    check_reports([] if report is None else [report], looks.make_folders)
     if looks.is_chosen or any(shows_view(Path(f"picture{suffix}"), looks.encoding) for suffix in suffixes):
         _check_view(looks, settings)
     for output in files:
@@ -157,14 +164,14 @@ def _as_it_is(file: str, image: Image) -> Image:
     return image
 
 
-def write(image: Image, files: list[str], report_file: str | None, looks: Looks, held: Held = _as_it_is) -> bool:
-    """Write and tell what came of a render; False if a file could not be written, which is told, and the others were.
-    `held(file, image)` is the image as a file is to hold it."""
+def write(image: Image, shot: Shot, looks: Looks) -> bool:
+    """Write and tell what came of a render; False if a file could not be written, which is told, and the others were."""
+    files, held = shot.files, shot.image_in
     start = time.perf_counter()
     written, looks = save_all(files, lambda file, looks: save(held(file, image), file, looks), looks, image)
     kept = _keep_record(image, [file for file in files if file not in written], written, looks)
     report = finished_report(image, written + kept, time.perf_counter() - start, looks, held)
-    whole = report_file is None or write_report(report, report_file, looks)
+    whole = shot.report is None or write_report(shot.report_file_of(report), shot.report, looks)
     tell(image, report, looks)
     return whole and written == files and is_finished(image)
 
@@ -187,6 +194,11 @@ def is_record(file: str) -> bool:
 def is_finished(image: Image) -> bool:
     """Whether all that is made after the samples is there."""
     return all(row["code"] != UNFINISHED for row in image.report["diagnostics"])
+
+
+def has_samples(image: Image) -> bool:
+    most: int = image.report["samples_per_pixel"][1]
+    return most > 0
 
 
 def _keep_record(image: Image, lost: list[str], written: list[str], looks: Looks) -> list[str]:
@@ -227,7 +239,9 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
     from ..notices.diagnostics_text import print_diagnostics
     from .json_lines import print_line
 
-    print_diagnostics(looks.notices.new(report["diagnostics"]), verbose=looks.verbose)
+    settings = report["settings"]
+    frame = settings["time_code"], settings.get("orbit_deg", 0.0)  # a turntable turns at one time
+    print_diagnostics(looks.notices.new(report["diagnostics"], frame), verbose=looks.verbose)
     if looks.as_json:
         print_line({"type": "report", **report})
     else:

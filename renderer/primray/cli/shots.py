@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
 from ..render.frame_names import FrameName, check_names, frame_name
@@ -26,6 +26,14 @@ class Shot:
     report: str | None = None
     products: Mapping[str, Product] = field(default_factory=dict)  # by file, where a file holds what a product orders
     with_record: bool = False  # products hold the picture and its standard errors, ordered or not
+    reports: list[dict[str, Any]] | None = None  # of all renders of the frame so far, where its products have one report file
+
+    def report_file_of(self, report: dict[str, Any]) -> dict[str, Any]:
+        """Return what the report file is to hold once this render is done: with products, the reports of the whole frame."""
+        if self.reports is None:
+            return report
+        self.reports.append(report)
+        return {"renders": self.reports}
 
     def image_in(self, file: str, image: Image) -> Image:
         """The image as the file is to hold it."""
@@ -45,30 +53,35 @@ def product_shots(
     folder: str | None,
     time_codes: list[float] | None,
     with_record: bool = False,
+    report: str | None = None,
 ) -> tuple[OpenedStage, list[Shot]]:
     """The stage, and the products asked for (None: all), frame by frame, under their own names; relative ones are below
-    `folder`."""
+    `folder`. `report` is the file that has the reports of a frame's renders."""
     from ..render import open_once
     from ..render.products import check_files, products_of, renders_of
 
     opened = open_once(scene, settings)
     products = products_of(opened, settings, asked)
     names = {product.path: _name_in_frames(product, time_codes) for product in products}
-    shots = []
+    if report is not None:
+        check_names([frame_name(report)], time_codes)
+    shots, written = [], []
     for time_code in moments(time_codes):
+        report_file = None if report is None else frame_name(report).of(time_code)
+        reports: list[dict[str, Any]] | None = None if report is None else []
         for own, made in renders_of(products):
-            files = [str(Path(folder or "", names[product.path].of(time_code))) for product in made]
+            files = [str(Path(folder or "", names[product.path].numbered(time_code))) for product in made]
+            written += [(file, product.path) for file, product in zip(files, made, strict=True)]
             by_file = dict(zip(files, made, strict=True))
-            shots.append(Shot(replace(own, time_code=time_code), files, None, by_file, with_record))
-    check_files([file for shot in shots for file in shot.files])
+            shots.append(Shot(replace(own, time_code=time_code), files, report_file, by_file, with_record, reports))
+    check_files(written)
     return opened, shots
 
 
 def _name_in_frames(product: Product, time_codes: list[float] | None) -> FrameName:
     name = frame_name(product.file_name)
-    if time_codes is not None and len(time_codes) > 1:
-        name = name.with_holder()
     if time_codes is None and name.has_holder:  # the stage's author meant one
         raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
-    check_names([name], time_codes)
+    # A name without a place for the number gets one, which holds fractions as well.
+    check_names([name if name.has_holder else frame_name(f"{name}.$FF")], time_codes)
     return name

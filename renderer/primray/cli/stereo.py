@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import PrimrayError, SettingsError
 from ..settings import Eye
-from .pictures import Looks, finished_report, is_finished, is_written, save, save_all, tell, write_report
+from .pictures import Looks, finished_report, has_samples, is_finished, is_written, save, save_all, tell, write_report
 from .standard_output import is_standard
 from .tev_outputs import is_tev
 
@@ -59,7 +59,7 @@ def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoIma
                 if found:
                     _keep_left(found[0], shot, looks)
                 raise
-        if found[-1].report["interrupted"] and eye is Eye.LEFT:
+        if found[-1].report["interrupted"] and (eye is Eye.LEFT or not has_samples(found[-1])):
             return None
     return StereoImage(*found)
 
@@ -88,7 +88,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
         whole = whole and written == own
         reports[eye.value] = finished_report(image, [*kept, *written], time.perf_counter() - start, looks)
     if shot.report is not None:
-        whole = write_report({"views": reports}, shot.report, looks) and whole
+        whole = write_report(shot.report_file_of({"views": reports}), shot.report, looks) and whole
     for eye, image in pair.views.items():
         tell(image, {"view": eye.value, **reports[eye.value]}, looks)
     return whole

@@ -71,13 +71,16 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
 
 
 def _outputs(stage: Any, settings: RenderSettings) -> dict[str, Any]:
-    """With the file that each product is written to, relative ones below --output-dir."""
+    """Return the stage's outputs with the file of each product, relative ones as seen from --output-dir, and what renders of
+    all products would report of them."""
     from .. import usd
     from ..render.products import files_of
 
     found = usd.output_facts(stage, settings)
-    files = files_of(stage, settings)
+    notes = Diagnostics()
+    files = files_of(stage, settings, notes)
     found["products"] = [product | {"file": files[product["path"]]} for product in found["products"]]
+    found["diagnostics"] = [note.as_json() for note in notes]
     return found
 
 

@@ -29,7 +29,7 @@ from .exposure import View, as_viewed, exposure_that_serves, view_fault, where_l
 from .files.as_product import as_ordered, store_as_product
 from .files.encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
-from .output_path import check_folder, through_links
+from .output_path import check_folder, name_beside, through_links
 from .pictures_beside import DENOISED, DIFFUSED, picture_beside
 
 CHANNELS = ("R", "G", "B", "A")
@@ -129,7 +129,8 @@ class Image:
 
         KeyError where its render was not for that product.
         """
-        file = dict(self.file.products)[path]
+        # What is behind the picture is known of the render, not of its products' files.
+        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)
         assert file.contents is not None
         aovs = {name: self.aovs[key] for name, key in file.contents.parts if key in self.aovs}
         return replace(self, aovs=aovs, file=file)
@@ -373,7 +374,7 @@ def _whole(shown: Floats, bits: int) -> npt.NDArray[Any]:
 def _replacing(path: Path) -> Iterator[str]:
     """A temporary name beside the file that `path` leads to; it takes that file's place when the block ends well."""
     target = through_links(path)
-    temporary = target.with_name(f".{path.stem}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
+    temporary = target.with_name(f".{name_beside(path.stem)}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
     try:
         yield str(temporary)
         os.replace(temporary, target)

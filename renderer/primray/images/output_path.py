@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import SettingsError
@@ -13,8 +17,40 @@ def through_links(path: Path) -> Path:
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
+LONGEST_BESIDE = 200  # bytes of a name in the name of the temporary file beside it: file systems hold 255 in all
+
+
+def name_beside(name: str) -> str:
+    """Return a file's name for use in the name of a temporary file beside it: as it is, or cut with a checksum of the whole."""
+    text = os.fsencode(name)
+    if len(text) <= LONGEST_BESIDE:
+        return name
+    return f"{text[: LONGEST_BESIDE - 9].decode('utf-8', 'ignore')}.{zlib.crc32(text):08x}"
+
+
+def too_long(error: OSError, where: str) -> SettingsError | None:
+    """Return the error of a name that no file here can have, where the system's error says so."""
+    if error.errno != errno.ENAMETOOLONG:
+        return None
+    return SettingsError("the name is longer than file systems hold", where=where, code="name-too-long")
+
+
+@contextmanager
+def refusing_long_names(path: Path) -> Iterator[None]:
+    """SettingsError where the system finds the name too long."""
+    try:
+        yield
+    except OSError as error:
+        raise too_long(error, str(path)) or error from None
+
+
 def check_folder(path: Path) -> None:
     """SettingsError unless a file can be put at `path`, or where it leads as a link: nothing else is replaced by one."""
+    with refusing_long_names(path):
+        _check_folder(path)
+
+
+def _check_folder(path: Path) -> None:
     target = through_links(path)
     if not target.parent.is_dir():
         raise SettingsError(f"the folder {target.parent} does not exist", where=str(path), code="output-folder")
@@ -25,9 +61,12 @@ def check_folder(path: Path) -> None:
 
 def make_folder(path: Path) -> None:
     """The folder of a file that is to be written, and those above it; SettingsError where that cannot be made."""
-    folder = through_links(path).parent
+    folder = path.parent
     try:
+        folder = through_links(path).parent
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
+        if (long := too_long(error, str(path))) is not None:
+            raise long from None
         sentence = f"the folder {folder} cannot be made: {error.strerror}"
         raise SettingsError(sentence, where=str(path), code="output-folder") from None

@@ -37,6 +37,29 @@ def product_path(name: str, default: str) -> str:
     return posixpath.normpath(root + "/".join([*parts, safe_product_name(own, default)]))
 
 
+def changes_of(name: str) -> list[str]:
+    """Return what `product_path` makes other than a productName says, in clauses; spelling such as \\ and <F4> is none."""
+    found = []
+    if place := place_left_out(name):
+        found.append(f"{place} is no folder here and is left out; the rest is a relative path")
+    *folders, own = _folders_of(name).split("/")
+    plain = _last_part(own)
+    stem, _ = _split(plain)
+    suffix = PurePosixPath(plain).suffix
+    if suffix.lower() in OTHER_PICTURES:
+        found.append(f"{suffix} is not written here, and an EXR is")
+    parts = [part for part in folders if part not in ("", ".", "..")]
+    if any(len(part.encode("utf-8", "replace")) > LONGEST for part in (*parts, stem)):
+        found.append(f"names are cut to {LONGEST} bytes")
+    kept = [_safe_folder(part) == _cut(_spelled(part)) for part in parts] + [
+        plain == _spelled(own),
+        _safe_stem(stem) == _cut(stem),
+    ]
+    if own.strip(".") and not all(kept):
+        found.append("letters that file systems refuse, or take for something else, are replaced or left out")
+    return found
+
+
 def place_left_out(name: str) -> str:
     """The drive of Windows, or the scheme of a URL, that `product_path` leaves out of a productName; "": none."""
     name = name.strip()
@@ -59,7 +82,7 @@ def _folders_of(name: str) -> str:
 def _safe_folder(part: str) -> str:
     if part == "..":
         return part
-    cleaned = _last_part(part).encode()[:LONGEST].decode("utf-8", "ignore").rstrip(" ")
+    cleaned = _cut(_last_part(part)).rstrip(" ")
     return re.sub(r"^~", "_", cleaned) or "_"
 
 
@@ -78,11 +101,19 @@ def safe_product_name(name: str, default: str) -> str:
 
 def _last_part(text: str) -> str:
     """Without the folders of Unix and Windows, without what no file system shows."""
-    text = unicodedata.normalize("NFC", text.encode("utf-8", "replace").decode("utf-8"))
-    part = re.split(r"[/\\]", text)[-1]
-    part = re.sub(r"^[A-Za-z]:", "", part)
-    part = re.sub(r"<F(F|\d*)>", r"$F\1", part)  # a frame's number, in the spelling that needs no brackets
+    part = re.sub(r"^[A-Za-z]:", "", re.split(r"[/\\]", text)[-1])
+    part = _spelled(part)
     return "".join("_" if unicodedata.category(c)[0] == "C" or c in '<>:"|?*' else c for c in part)
+
+
+def _spelled(text: str) -> str:
+    """Return the text in the spelling that parts of a path have here: composed letters, $F4 for <F4>."""
+    composed = unicodedata.normalize("NFC", text.encode("utf-8", "replace").decode("utf-8"))
+    return re.sub(r"<F(F|\d*)>", r"$F\1", composed)  # needs no brackets
+
+
+def _cut(text: str) -> str:
+    return text.encode()[:LONGEST].decode("utf-8", "ignore")
 
 
 def _split(part: str) -> tuple[str, str]:
@@ -97,5 +128,5 @@ def _split(part: str) -> tuple[str, str]:
 def _safe_stem(stem: str) -> str:
     """No hidden file, no option of a command, no device; "" where nothing is left."""
     stem = stem.lstrip(" .-~").rstrip(". ")
-    stem = stem.encode()[:LONGEST].decode("utf-8", "ignore").strip(". ")
+    stem = _cut(stem).strip(". ")
     return f"_{stem}" if stem.split(".")[0].strip().lower() in RESERVED else stem

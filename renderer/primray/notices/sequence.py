@@ -2,38 +2,40 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Hashable, Iterable, Mapping
 
 Row = Mapping[str, str]
 Key = tuple[str, str, str]
 
 
 class SequenceNotices:
-    """What has been shown of the frames so far. Rows are diagnostics in their JSON form."""
+    """What has been shown of the frames so far. Rows are diagnostics in their JSON form; a frame may have several renders, of
+    products or of two eyes."""
 
     def __init__(self) -> None:
         self._shown: set[tuple[str, ...]] = set()
-        self._frames: Counter[Key] = Counter()
-        self._total = 0
+        self._frames: defaultdict[Key, set[Hashable]] = defaultdict(set)
+        self._all: set[Hashable] = set()
 
-    def new(self, rows: Iterable[Row]) -> list[Row]:
-        """Return the rows of another frame that no frame before had: of a prim, an attribute and a code, whatever the message
-        says of the frame."""
+    def new(self, rows: Iterable[Row], frame: Hashable) -> list[Row]:
+        """Return the rows of another render, which is one of `frame`, that no render before had: of a prim, an attribute and a
+        code, whatever the message says of the frame."""
         rows = list(rows)
-        self._total += 1
-        self._frames.update({(row["severity"], row["code"], row.get("kind", "")) for row in rows})
+        self._all.add(frame)
+        for row in rows:
+            self._frames[row["severity"], row["code"], row.get("kind", "")].add(frame)
         new = [row for row in rows if _identity(row) not in self._shown]
         self._shown.update(map(_identity, rows))
         return new
 
     def lines(self) -> list[str]:
         """Say of each warning and error how many of the frames it concerns; nothing of a single frame."""
-        if self._total < 2:
+        if len(self._all) < 2:
             return []
         return [
-            f"{severity}: {code}{f' ({kind})' if kind else ''}: in {count:,} of {self._total:,} frames"
-            for (severity, code, kind), count in sorted(self._frames.items())
+            f"{severity}: {code}{f' ({kind})' if kind else ''}: in {len(frames):,} of {len(self._all):,} frames"
+            for (severity, code, kind), frames in sorted(self._frames.items())
             if severity != "info"
         ]
 

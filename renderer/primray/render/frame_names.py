@@ -7,6 +7,7 @@ taken as they are.
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,6 +40,18 @@ class FrameName:
             return self
         name = PurePosixPath(self.pattern)
         return FrameName(self.literal, f"{name.stem}.####{name.suffix}")
+
+    def numbered(self, frame: float | None) -> str:
+        """Return the name in a frame, with the number before the extension where the name has no place for it.
+
+        A name that ends in the number already, as it would be put there, is left alone: stages may hold a name for each frame.
+        """
+        if frame is None or self.has_holder:
+            return self.of(frame)
+        name = PurePosixPath(self.pattern)
+        number = _filled("####" if _is_whole(frame) else "$FF", frame)
+        ends_in_it = re.search(rf"(?:^|[._-]){re.escape(number)}$", name.stem) is not None
+        return str(self) if ends_in_it else f"{self.literal}{name.stem}.{number}{name.suffix}"
 
     def of(self, frame: float | None) -> str:
         """SettingsError if a holder cannot hold the frame's fraction; None: no frames were asked for."""
@@ -110,8 +123,18 @@ def check_names(names: Sequence[FrameName], frames: Sequence[float] | None) -> N
     if frames is not None:
         for name in names:
             _check_name(name, frames)
-    if len({str(name) for name in names}) < len(names):
-        raise SettingsError("the same output is named twice", code="frames")
+    _check_distinct(names, frames)
+
+
+def _check_distinct(names: Sequence[FrameName], frames: Sequence[float] | None) -> None:
+    """SettingsError where two names lead to one file, by a link or in some frame."""
+    groups = [[os.path.realpath(str(name)) for name in names]]
+    if len(names) > 1:
+        groups += [[os.path.normpath(name.of(frame)) for name in names] for frame in frames or ()]
+    for files in groups:
+        for number, file in enumerate(files):
+            if file in files[:number]:
+                raise SettingsError("the same output is named twice", where=str(names[number]), code="output-name")
 
 
 def _check_name(name: FrameName, frames: Sequence[float]) -> None:
@@ -126,6 +149,10 @@ def _check_name(name: FrameName, frames: Sequence[float]) -> None:
         raise SettingsError("two frames would get the same name", where=str(name), code="frames")
 
 
+def _is_whole(frame: float) -> bool:
+    return math.isclose(frame, round(frame), abs_tol=1e-9)
+
+
 def _filled(pattern: str, frame: float) -> str:
     def number(match: re.Match[str]) -> str:
         digits, decimals = match["hashes"], match["decimals"]
@@ -133,7 +160,7 @@ def _filled(pattern: str, frame: float) -> str:
             return f"{frame:0{len(digits) + 1 + len(decimals)}.{len(decimals)}f}"
         if match["free"]:
             return f"{frame:.15g}"
-        if not math.isclose(frame, round(frame), abs_tol=1e-9):
+        if not _is_whole(frame):
             raise SettingsError(f"frame {frame} needs a name with decimals, such as ####.##", where=pattern, code="frames")
         width = len(digits) if digits else int(match["percent"] or match["dollar"] or match["angle"] or 1)
         return f"{round(frame):0{width}d}"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 from ..description.picture_file import PLAIN, Contents, PictureView
 from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import SettingsError
-from ..images.product_name import place_left_out, product_path
+from ..images.product_name import changes_of, product_path
 from ..settings import RenderSettings, SettingsValues, with_values
 from .frame_names import frame_name, with_number
 from .prepare import OpenedStage, open_once, with_usable_view
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..usd import ProductSettings
 
 STDERR = "stderr"
+LONGEST_SHOWN = 80  # letters of a name in a message
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ class Product:
         if self.has_parts:
             image = image.as_product(self.path)
         else:
-            found, file = Diagnostics(), replace(PLAIN, contents=Contents(self.picture), view=self.view)
+            found = Diagnostics()
+            file = replace(image.file.beside(), contents=Contents(self.picture), view=self.view)
             image = replace(image, aovs={}, file=with_usable_view(file, image.color_space, self.path, found))
             notes += found
         if notes:
@@ -107,13 +109,23 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
     return _joined(chosen, made, settings)
 
 
-def files_of(stage: Any, settings: RenderSettings) -> dict[str, str]:
-    """The files of all products by the products' paths; the frame's number is filled in where the settings name a frame."""
+def files_of(stage: Any, settings: RenderSettings, diagnostics: Diagnostics) -> dict[str, str]:
+    """Return the files of all products by the products' paths; the frame's number is filled in where the settings name a frame.
+
+    What renders of the products would report of their names and outputs, or refuse, goes to `diagnostics`.
+    """
     from .. import usd
 
-    found = usd.products(stage, settings)
-    names = {p.path: frame_name(file) for p, file in zip(found, _distinct_paths(found, Diagnostics()), strict=True)}
-    return {path: name.of(settings.time_code) for path, name in names.items()}
+    found = usd.products(stage, settings, diagnostics)
+    made = zip(found, _distinct_paths(found, diagnostics), strict=True)
+    files = {product.path: frame_name(file).numbered(settings.time_code) for product, file in made}
+    for product in found:
+        usd.outputs_of(product, settings, diagnostics)
+    try:
+        check_files([(file, path) for path, file in files.items()])
+    except SettingsError as error:
+        diagnostics.add("output-parameter", "", f"--all-products refuses this: {error.message}.", "productName")
+    return files
 
 
 def renders_of(products: Iterable[Product]) -> list[tuple[RenderSettings, list[Product]]]:
@@ -146,22 +158,25 @@ def render_products(
     settings = with_values(settings, values)
     opened = open_once(stage, settings)
     renders = renders_of(_at_frame(product) for product in products_of(opened, settings, asked))
-    check_files([product.file_name for _, products in renders for product in products])
+    check_files([(product.file_name, product.path) for _, products in renders for product in products])
     images = rendered_frames(opened, [settings for settings, _ in renders], progress=progress)
     for (_, products), image in zip(renders, images, strict=True):
         for product in products:
             yield product, product.image_of(image, record=record)
 
 
-def check_files(files: Sequence[str]) -> None:
-    """SettingsError where two pictures would be written to one file, through whatever folders and links."""
+def check_files(files: Iterable[tuple[str, str]]) -> None:
+    """SettingsError where two pictures would be written to one file, through whatever folders and links.
+
+    Each file comes with the path of its product.
+    """
     seen: dict[str, str] = {}
-    for file in files:
+    for file, product in files:
         place = os.path.realpath(file).casefold()
         if place in seen:
-            sentence = f"two pictures would be written to one file, {seen[place]}: productName must tell them apart"
-            raise SettingsError(sentence, where=file, code="product-output")
-        seen[place] = file
+            sentence = f"the products {seen[place]} and {product} would be written to one file, {place}: "
+            raise SettingsError(sentence + "productName must tell them apart", where=file, code="product-output")
+        seen[place] = product
 
 
 def _at_frame(product: Product) -> Product:
@@ -169,7 +184,7 @@ def _at_frame(product: Product) -> Product:
     name = frame_name(product.file_name)
     if product.settings.time_code is None and name.has_holder:
         raise SettingsError("the product's name holds a frame number; time_code says which", where=str(name), code="frames")
-    return replace(product, file_name=name.of(product.settings.time_code))
+    return replace(product, file_name=name.numbered(product.settings.time_code))
 
 
 def _joined(found: Sequence[ProductSettings], products: Sequence[Product], settings: RenderSettings) -> list[Product]:
@@ -214,13 +229,17 @@ def _paths(asked: Iterable[str], found: Sequence[ProductSettings]) -> set[str]:
     return paths
 
 
+def _shortened(name: str) -> str:
+    return name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}..."
+
+
 def _distinct_paths(products: Sequence[ProductSettings], diagnostics: Diagnostics) -> list[str]:
     """Where the products are written; of paths that are alike but for case, all after the first are told apart by a number."""
     taken: set[str] = set()
     files = []
     for product in products:
-        if place := place_left_out(product.name):
-            message = f"productName = {product.name!r}: {place} is no folder here and is left out; the rest is a relative path."
+        for change in changes_of(product.name):
+            message = f"productName = {_shortened(product.name)!r}: {change}."
             diagnostics.add("output-parameter", product.path, message, "productName")
         wanted = file = product_path(product.name, product.path.rpartition("/")[2] or "picture")
         path, number = PurePosixPath(wanted), 2

@@ -6,7 +6,7 @@ description objects; `translate` holds the table of adapters and puts it all tog
 column-vector.
 """
 
-from .adapters.rendering.product_outputs import can_be_made_together, picture_of_product, picture_ordered
+from .adapters.rendering.product_outputs import can_be_made_together, outputs_of, picture_of_product, picture_ordered
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
 from .facts.assets import assets_of
@@ -44,6 +44,7 @@ __all__ = [
     "names_in_instances",
     "open_stage",
     "output_facts",
+    "outputs_of",
     "picture_of_product",
     "picture_ordered",
     "place_camera",

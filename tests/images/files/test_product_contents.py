@@ -171,6 +171,36 @@ def test_frames_are_complete_one_after_another(capsys: pytest.CaptureFixture[str
     assert written == ["out/one/a.0001.exr", "out/b.0001.exr", "out/one/a.0002.exr", "out/b.0002.exr"]
 
 
+def test_a_command_of_one_frame_numbers_products_as_one_of_all_does() -> None:
+    """Farms run a command a frame: no frame may replace another's file."""
+    names = {"a": "x/main.exr", "b": "at.0002.exr", "c": "on.$F2.exr"}
+    write(Path("s.usda"), {n: ("rgba", f'token productName = "{name}"') for n, name in names.items()})
+
+    def files(folder: str, *commands: str) -> set[str]:
+        for frames in commands:
+            assert rendered("--all-products", "--res", "8", "6", "--output-dir", folder, "--frames", frames) == 0
+        return {str(path.relative_to(folder)) for path in Path(folder).rglob("*.exr")}
+
+    every = {"x/main.0001.exr", "x/main.0002.exr", "at.0002.0001.exr", "at.0002.exr", "on.01.exr", "on.02.exr"}
+    assert files("one-by-one", "1", "2") == files("all", "1:2") == every
+
+
+def test_products_of_a_still_have_no_number() -> None:
+    write(Path("s.usda"), {"a": ("rgba", 'token productName = "x/main.exr"')})
+    assert rendered("--all-products", "--res", "8", "6") == 0
+    assert [str(path) for path in Path().rglob("*.exr")] == ["x/main.exr"]
+
+
+def test_warnings_are_counted_by_frames_and_not_by_renders(capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path("s.usda"), {"a": ("nothing", ""), "b": ("rgba nothing", "rel camera = </far>")})
+    assert rendered("--all-products", "--res", "8", "6", "--frames", "1:2") == 0
+    assert [line for line in capsys.readouterr().err.splitlines() if line.endswith("frames")] == [
+        "warning: render-var (ignored): in 2 of 2 frames"
+    ]
+    assert rendered("--all-products", "--res", "8", "6", "--frames", "1") == 0
+    assert " frames" not in capsys.readouterr().err
+
+
 def test_names_say_where_products_are_written(tmp_path: Path) -> None:
     names = {
         "a": "in/two/folders/x.exr",
@@ -224,8 +254,8 @@ def test_two_products_never_end_in_one_file(
 def test_the_library_fills_in_the_frame() -> None:
     write(Path("s.usda"), {"a": ("z", 'token productName = "f/a.$F4.exr"'), "b": ("rgb", "")})
     made = list(primray.render_products("s.usda", spp=2, time_code=7, progress=False))
-    assert [product.file_name for product, _ in made] == ["f/a.0007.exr", "b.exr"]
-    assert [str(product.save(image, "out")) for product, image in made] == ["out/f/a.0007.exr", "out/b.exr"]
+    assert [product.file_name for product, _ in made] == ["f/a.0007.exr", "b.0007.exr"]
+    assert [str(product.save(image, "out")) for product, image in made] == ["out/f/a.0007.exr", "out/b.0007.exr"]
     assert parts(Path("out/f/a.0007.exr")) == Z
     with pytest.raises(primray.PrimrayError, match="time_code"):
         next(primray.render_products("s.usda", spp=2))
@@ -292,6 +322,60 @@ def test_inspect_lists_outputs_with_their_files(capsys: pytest.CaptureFixture[st
         assert line in said
 
 
+LOSSY = 'string driver:parameters:OpenEXR:compression = "dwaa"'
+MATTE = 'def RenderVar "matte" { string sourceName = "CryptoObject"\n}\n'
+
+
+def test_inspect_and_render_say_the_same_of_all_products() -> None:
+    """Names that are changed, outputs that are left out, and losses: of products that a plain render does not make, too."""
+    names = {"a": "a.exr", "b": "b.$F4.rat", "c": "~/c.exr", "d": f"{'d' * 200}.exr", "e": "e?.exr"}
+    ordered = {"a": "rgba", "b": "matte", "c": "nothing", "d": "rgba z", "e": "rgba"}
+    lossy = {"b", "d"}
+    products = {
+        name: (ordered[name], f'token productName = "{file}"\n{LOSSY if name in lossy else ""}') for name, file in names.items()
+    }
+    write(Path("s.usda"), products, MATTE)
+    found = primray.inspect("s.usda", time_code=7)["outputs"]["diagnostics"]
+    made = [image for _, image in primray.render_products("s.usda", spp=1, resolution=(8, 8), time_code=7, progress=False)]
+    rows = [row for image in made for row in image.report["diagnostics"] if row["code"] in ("output-parameter", "render-var")]
+    assert sorted({tuple(row.items()) for row in rows}) == sorted({tuple(row.items()) for row in found})
+    said = {row["prim_path"][-1]: row["message"] for row in found if row["code"] == "output-parameter" and row["attribute"]}
+    assert set(said) == set("bcde")
+    for name, words in {"b": ".rat is not written", "c": "letters", "d": "cut to 180", "e": "letters"}.items():
+        assert words in said[name]
+    (loss,) = (row for row in found if "lossy" in row["message"])
+    assert (loss["prim_path"], "matte" in loss["message"]) == ("/Render/b", True)
+    (left_out,) = (row for row in found if row["code"] == "render-var")
+    assert "crypto_object, crypto_material, crypto_asset" in left_out["message"]
+
+
+def test_inspect_names_products_that_would_be_one_file(capsys: pytest.CaptureFixture[str]) -> None:
+    products = {"a": ("rgba", 'token productName = "x.$F4.exr"'), "b": ("z", 'token productName = "x.0002.exr"')}
+    write(Path("s.usda"), products)
+    assert run(["inspect", "s.usda", "--frames", "2"]) == 0
+    inspected = capsys.readouterr().out
+    assert rendered("--all-products", "--frames", "2") == 2
+    for said in (inspected, capsys.readouterr().err):
+        assert "the products /Render/a and /Render/b would be written to one file" in said
+
+
+@pytest.mark.parametrize(
+    ("source", "hint"),
+    [
+        ("cryptomatte", "Cryptomattes are crypto_object, crypto_material, crypto_asset"),
+        ("RI_Cryptomattes", "Cryptomattes are"),
+        ("dpeth", "did you mean depth?"),
+        ("normall", "did you mean normal?"),
+        ("xyzzy", "called xyzzy;"),
+    ],
+)
+def test_an_output_that_there_is_not_gets_a_hint(source: str, hint: str) -> None:
+    write(Path("s.usda"), {"a": ("rgba other", "")}, f'def RenderVar "other" {{ string sourceName = "{source}"\n}}\n')
+    (row,) = (row for row in primray.inspect("s.usda")["outputs"]["diagnostics"] if row["code"] == "render-var")
+    assert hint in row["message"]
+    assert "crypto_asset and primvars" in row["message"]
+
+
 def test_products_of_a_frame_in_parts_are_the_same(tmp_path: Path) -> None:
     from primray.render.prepare import open_once
     from primray.render.products import products_of, renders_of
@@ -308,3 +392,19 @@ def test_products_of_a_frame_in_parts_are_the_same(tmp_path: Path) -> None:
             product.image_of(image).save(file)
         assert parts(Path(files[0])) == parts(Path(files[1]))
         assert pixels(files[0]) == pixels(files[1])
+
+
+@pytest.mark.parametrize(("light", "background", "channels"), [("DomeLight", "light", 3), ("DistantLight", "nothing", 4)])
+@pytest.mark.parametrize("flags", [["--all-products"], ["--product", "a", "--product", "c"], ["--product", "c"]])
+def test_products_know_what_is_behind_the_picture(light: str, background: str, channels: int, flags: list[str]) -> None:
+    import OpenImageIO as oiio
+
+    write(Path("s.usda"), {"a": ("rgba z", ""), "b": ("z", ""), "c": ("rgba", 'token productName = "c.png"')})
+    Path("s.usda").write_text(Path("s.usda").read_text().replace("DomeLight", light))
+    assert rendered(*flags) == 0
+    for path in Path().glob("*.exr"):
+        assert oiio.ImageBuf(str(path)).spec().getattribute("primray:background") == background
+    assert oiio.ImageBuf("c.png").spec().nchannels == channels
+    for product, image in primray.render_products("s.usda", spp=2, progress=False):
+        product.save(image, "by-library")
+    assert oiio.ImageBuf("by-library/c.png").spec().nchannels == channels

@@ -281,7 +281,9 @@ def test_flags_say_how_an_exr_is_stored(tmp_path: Path, capsys: pytest.CaptureFi
     assert not (tmp_path / "a.png").exists()
 
 
-@pytest.mark.parametrize(("name", "attributes"), [("picture.exr", []), ("", []), ("picture.png", ["comment", "compression"])])
+@pytest.mark.parametrize(
+    ("name", "attributes"), [("picture.exr", []), ("", []), ("picture.png", ["comment", "compression"]), ("picture.rat", [])]
+)
 def test_what_is_said_of_a_product_that_is_no_exr_is_reported(name: str, attributes: list[str]) -> None:
     parameters = 'string driver:parameters:comment = "a take"\ntoken driver:parameters:compression = "zips"'
     made = stage(product=parameters)

@@ -15,6 +15,7 @@ from primray.cli.option_values import (
     purposes_of,
     render_settings_of,
     threads_of,
+    time_codes_of,
     view_of,
 )
 from primray.color.ocio import check_view
@@ -98,6 +99,11 @@ def test_render_settings_by_name() -> None:
 def test_frames(given: tuple[str | None, int | None, float | None, bool], expected: str | None) -> None:
     text = frames_of(*given, None, None)
     assert (None if text is None else parse_frames(text)) == (None if expected is None else parse_frames(expected))
+
+
+def test_frames_that_lists_name_twice_are_rendered_once() -> None:
+    assert time_codes_of("1-3,2,4,1") == [1, 2, 3, 4]
+    assert time_codes_of(None) is None
 
 
 def test_the_default_time_and_frames_contradict() -> None:

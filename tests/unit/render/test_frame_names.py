@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from primray.errors import SettingsError
@@ -34,6 +36,27 @@ from primray.render.frame_names import check_names, default_name, frame_name, na
 )
 def test_names(name: str, frame: float | None, expected: str) -> None:
     assert name_of_frame(name, frame) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "frame", "expected"),
+    [
+        ("f/a.exr", None, "f/a.exr"),
+        ("f/a.exr", 7, "f/a.0007.exr"),
+        ("a.exr", -7, "a.-007.exr"),
+        ("a.exr", 1.5, "a.1.5.exr"),
+        ("a.$F2.exr", 7, "a.07.exr"),
+        ("a.0007.exr", 7, "a.0007.exr"),
+        ("a_0007.exr", 7, "a_0007.exr"),
+        ("a_7.exr", 7, "a_7.0007.exr"),  # a number of something else, such as of the second product of one name
+        ("a.0007.exr", 8, "a.0007.0008.exr"),
+        ("a7.exr", 7, "a7.0007.exr"),
+        ("a.0000.exr", 0, "a.0000.exr"),
+        ("a.17.exr", 7, "a.17.0007.exr"),
+    ],
+)
+def test_a_name_without_a_place_gets_the_number_before_its_extension(name: str, frame: float | None, expected: str) -> None:
+    assert frame_name(name).numbered(frame) == expected
 
 
 def test_only_a_files_own_name_has_holders() -> None:
@@ -73,6 +96,10 @@ def test_names_that_go_with_frames(names: list[str], frames: list[float] | None)
         (["a.exr"], [1.0, 2.0], "need a frame number"),
         (["take#2/a.exr"], [1.0, 2.0], "need a frame number"),
         (["a.exr", "a.exr"], None, "twice"),
+        (["a.exr", "./a.exr"], None, "twice"),
+        (["a.exr", "b/../a.exr"], [1.0], "twice"),
+        (["a.####.exr", "a.0002.exr"], [2.0], "twice"),
+        (["a.####.exr", "a.%04d.exr"], [1.0, 2.0], "twice"),
         (["a.#.#.exr"], [0.04, 0.01], "same name"),
         (["a.$N.exr"], [1.0], "place in the sequence"),
         (["a.<N4>.exr"], [1.0], "place in the sequence"),
@@ -81,3 +108,11 @@ def test_names_that_go_with_frames(names: list[str], frames: list[float] | None)
 def test_names_that_do_not(names: list[str], frames: list[float] | None, why: str) -> None:
     with pytest.raises(SettingsError, match=why):
         check_names([frame_name(name) for name in names], frames)
+
+
+def test_a_link_does_not_hide_that_an_output_is_named_twice(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path)
+    names = [frame_name(str(tmp_path / name)) for name in ("a.exr", "link/a.exr")]
+    with pytest.raises(SettingsError, match="twice") as error:
+        check_names(names, None)
+    assert (error.value.code, error.value.where) == ("output-name", str(names[1]))

@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
+from ...settings import RenderSettings
 from .. import output_flags
 from ..flag_defaults import with_own_default
 from ..option_values import encoding_of, exposure_of
 from ..pictures import Looks, check_outputs, is_written, write
+from ..shots import Shot
 
 
 def merge(
@@ -61,6 +63,7 @@ def merge(
     if saved is not None:
         Checkpointing(saved).check()
     whole = saved is None or is_written(lambda: merged.save_checkpoint(saved), looks)
-    whole = write(merged.image, files, name_of_frame(report, frame) if report else None, looks) and whole
+    shot = Shot(RenderSettings(time_code=frame), files, name_of_frame(report, frame) if report else None)
+    whole = write(merged.image, shot, looks) and whole
     if not whole:
         raise typer.Exit(1)

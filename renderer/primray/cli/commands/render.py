@@ -27,7 +27,7 @@ from ...settings import (
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
 from ..option_values import OnOff
-from ..pictures import Looks, check_outputs, check_shots, is_refused, save, tell_of_all, write
+from ..pictures import Looks, check_outputs, check_reports, check_shots, has_samples, is_refused, save, tell_of_all, write
 from ..shots import Shot, moments, product_shots
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
@@ -144,7 +144,9 @@ def render(
     )
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
-        _require_names_of_their_own(bool(output or outputs), report, checkpoint or resume)
+        if product and all_products:
+            raise SettingsError("--all-products and --product both choose products; give one", code="product-output")
+        _require_only_products(bool(output or outputs), checkpoint or resume)
     turns = turntable_numbers(turntable, fps, time_codes)
     if turns is not None and (by_product or checkpoint or resume or stereo):
         raise SettingsError(
@@ -232,7 +234,7 @@ def render(
     if list_cameras:
         _list_cameras(scene, settings, json)
     elif by_product:
-        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo, ray, record)
+        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo, ray, record, report)
     else:
         if turns is not None:
             return _render_turntable(ray, scene, settings, turns, names, report, looks, snapshot, fps)
@@ -289,9 +291,11 @@ def _render_products(
     stereo: bool,
     ray: str | None,
     with_record: bool,
+    report: str | None,
 ) -> None:
-    opened, shots = product_shots(scene, settings, asked, folder, time_codes, with_record)
+    opened, shots = product_shots(scene, settings, asked, folder, time_codes, with_record, report)
     check_outputs([file for shot in shots for file in shot.files], None, replace(looks, make_folders=True), settings)
+    check_reports([shot.report for shot in shots if shot.report is not None], looks.make_folders)
     if stereo:
         return _render_pairs(opened, shots, looks)
     if ray is not None:
@@ -342,12 +346,13 @@ def _names_of(outputs: list[str], scene: str, time_codes: list[float] | None) ->
     return [output_name(name, stem, many) for name in outputs] or [default_name(stem, many)]
 
 
-def _require_names_of_their_own(are_named: bool, report: str | None, checkpoint: str | None) -> None:
-    given = {"-o": are_named, "--report": report is not None, "--checkpoint": checkpoint is not None}
-    for flag, is_given in given.items():
-        if is_given:
-            sentence = f"{flag} names one file, products have names of their own: --output-dir says where they are written"
-            raise SettingsError(sentence, code="product-output")
+def _require_only_products(are_named: bool, checkpoint: str | None) -> None:
+    if are_named:
+        sentence = "-o names one file, products have names of their own: --output-dir says where they are written"
+        raise SettingsError(sentence, code="product-output")
+    if checkpoint is not None:
+        sentence = "products have no checkpoints: --checkpoint and --resume are for one picture, which -o names"
+        raise SettingsError(sentence, code="product-output")
 
 
 def _checkpointing(
@@ -426,10 +431,13 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
         with showing(shot.files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
-        unsaved = not write(image, shot.files, shot.report, looks, shot.image_in) or unsaved
+        has_picture = has_samples(image) or not image.report["interrupted"]
+        # Files of an earlier render are worth more than a picture without any sample.
+        unsaved = not write(image, shot if has_picture else replace(shot, files=[], report=None), looks) or unsaved
         looks = looks.settled_if_it_can_be(image)  # the first frame's: a sequence does not flicker
         if image.report["interrupted"]:
-            print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
+            said = "the picture so far was saved" if has_picture else "no picture was written, as there was no sample of it yet"
+            print(f"interrupted: {said}{_how_to_go_on(image.report)}", file=sys.stderr)
             raise SystemExit(130)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
         refused = is_refused(image, shot.settings, looks) or refused

@@ -17,8 +17,9 @@ import numpy as np
 from pxr import Usd
 
 from ....aov_data_types import data_type_of
-from ....description.picture_file import COMPRESSIONS, LOSSY, HeaderValue, PictureFile, is_free_in_header
+from ....description.picture_file import COMPRESSIONS, HeaderValue, PictureFile, is_free_in_header
 from ....diagnostics import Diagnostics
+from ....images.product_name import product_path
 from ...querying.guarded import authored_attributes
 from ...resolving.read import When, value
 
@@ -54,8 +55,8 @@ class _Reader:
 
 
 def product_file(product: Usd.Prim, name: str, when: When, diagnostics: Diagnostics) -> PictureFile:
-    """Return what the product's driver is told. `name`: the product's, whose suffix says whether it is an EXR."""
-    if PurePosixPath(name).suffix.lower() not in ("", ".exr"):
+    """Return what the product's driver is told. `name`: the product's, whose file need not have the extension that it says."""
+    if PurePosixPath(product_path(name, "picture")).suffix.lower() != ".exr":
         return _plain_file(product, when, diagnostics)
     reader = _Reader(product, when, diagnostics)
     compression, level, half, header = "", None, tuple[str, ...](), dict[str, HeaderValue]()
@@ -90,8 +91,6 @@ def _compression(reader: _Reader, attribute: str, found: object) -> str:
     if name not in COMPRESSIONS:
         reader.refuse(attribute, found, f"is no compression ({', '.join(COMPRESSIONS)}): zip is used")
         return ""
-    if name in LOSSY:
-        reader.leave(attribute, found, "it is lossy, so ids and Cryptomatte are stored by zip all the same")
     return name
 
 

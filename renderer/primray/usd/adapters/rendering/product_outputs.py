@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from ....aov_names import AovRequest, light_paths_of, primvar_of, requests_of
-from ....description.picture_file import PLAIN, Contents, PictureFile
+from ....aov_data_types import data_type_of
+from ....aov_names import CRYPTOMATTES, AovRequest, kind_of, light_paths_of, primvar_of, requests_of
+from ....description.picture_file import LOSSY, PLAIN, Contents, PictureFile
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ....light_paths.tables import check
@@ -32,9 +33,26 @@ def outputs_of(
         union = _Union()
         files = [(p.path, _file(p, union, diagnostics)) for p in (product, *product.beside)]
         aovs, file = tuple(union.requests.values()), replace(files[0][1], contents=None)
+    for one in (product, *product.beside):
+        own = dict(files)[one.path].contents
+        _note_lossy(one, [request for request in aovs if own is None or request.name in dict(own.parts).values()], diagnostics)
     if settings.aov_errors:
         aovs = tuple(replace(request, errors=True) for request in aovs)
     return aovs, replace(file, products=tuple(files)) if settings.product is not None else file
+
+
+def _note_lossy(product: ProductSettings, requests: Iterable[AovRequest], diagnostics: Diagnostics) -> None:
+    exact = [request.name for request in requests if _is_exact(request)] if product.file.compression in LOSSY else []
+    if exact:
+        message = f"Its compression, {product.file.compression}, is lossy, so {', '.join(exact)} (ids or Cryptomatte) use zip."
+        diagnostics.add("output-parameter", product.path, message)
+
+
+def _is_exact(request: AovRequest) -> bool:
+    """Say whether the numbers of an output stand for something: ids, counts, Cryptomatte."""
+    stored, kind = data_type_of(request.data_type) if request.data_type else None, kind_of(request.source)
+    is_whole = stored.stored == "uint" if stored is not None else kind is not None and kind.unsigned
+    return is_whole or request.source in CRYPTOMATTES
 
 
 def picture_ordered(product: ProductSettings, settings: RenderSettings) -> tuple[str, ...]:

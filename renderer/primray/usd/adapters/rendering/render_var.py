@@ -23,7 +23,7 @@ from ....aov_names import (
     without_prefix,
 )
 from ....diagnostics import Diagnostics
-from ....errors import SettingsError
+from ....errors import SettingsError, did_you_mean
 from ....light_paths.tables import check
 from .render_product import RenderVariable
 
@@ -171,9 +171,18 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
         return _labels(name.removeprefix("semantics:labels:").removeprefix(LABELS), var, diagnostics)
     if name.startswith(("primvars:", PRIMVAR)):
         return _primvar(name.removeprefix("primvars:").removeprefix(PRIMVAR), var, diagnostics)
-    message = f"The renderer has no output called {name}; there are {', '.join(AOVS)} and primvars."
+    message = (
+        f"The renderer has no output called {name}{_hint(name)}; there are {', '.join((*AOVS, *CRYPTOMATTES))} and primvars."
+    )
     diagnostics.add("render-var", var.path, message, "sourceName")
     return None
+
+
+def _hint(name: str) -> str:
+    if "crypto" in name.lower():  # one output of others, or a spelling of theirs: three here
+        return f" (Cryptomattes are {', '.join(CRYPTOMATTES)})"
+    hint = did_you_mean(name, (*NAMES, *BEAUTY, *ALPHA, *ERRORS))
+    return f" ({hint})" if hint else ""
 
 
 def _primvar(name: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:
