@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -58,13 +60,31 @@ def render_all(
     folder: Path, stages: Sequence[Path], limits: Limits, at_once: int, scratch: Path, done: Callable[[Outcome], None]
 ) -> list[Outcome]:
     """In the order of `stages`; `done` is called as each ends."""
-    with ThreadPoolExecutor(at_once) as pool:
+    with processes(at_once) as pool:
         running = {pool.submit(_render, folder, path, limits, scratch / str(k)): k for k, path in enumerate(stages)}
         outcomes: dict[int, Outcome] = {}
         for future in as_completed(running):
             outcomes[running[future]] = future.result()
             done(future.result())
     return [outcomes[k] for k in sorted(outcomes)]
+
+
+_pids: set[int] = set()  # of the processes that run_limited waits for
+
+
+@contextmanager
+def processes(at_once: int) -> Iterator[ThreadPoolExecutor]:
+    """Yield a pool of threads to call `run_limited` in; if the sheet is interrupted, their processes are stopped and no other
+    one is started."""
+    with ThreadPoolExecutor(at_once) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for pid in list(_pids):
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            raise
 
 
 _MAIN = """
@@ -114,10 +134,12 @@ def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
     start = time.monotonic()
     with stderr.open("wb") as to:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=to)
+        _pids.add(process.pid)
         stopped = False
         while True:  # wait4 is what tells the memory of this one child
             pid, status, usage = os.wait4(process.pid, os.WNOHANG)
             if pid:
+                _pids.discard(pid)
                 break
             if not stopped and time.monotonic() - start > timeout_s:
                 process.kill()
