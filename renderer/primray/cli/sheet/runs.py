@@ -12,14 +12,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ...diagnostic_codes import Severity
+
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_RENDERED = (0, 5)  # exit codes of renders whose picture is there; 5: its error is above the target
 _LIMIT_S = "time"  # what Ended.exit_code says of a process that was stopped
 
 
@@ -35,7 +38,8 @@ class Limits:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One stage's render. `marks` name what is odd: crash, time, not-finite, black, one-colour, nothing-seen."""
+    """One stage's render. `marks` name what is odd: crash, time, refused, not-finite, black, one-colour, nothing-seen, missing
+    (a part of the picture, as a diagnostic of severity error reports)."""
 
     stage: str  # relative to the folder; of a sheet of one shot what the picture is of
     exit_code: int | str  # as `primray render` ends; "time": it was stopped; below 0: killed by that signal
@@ -48,8 +52,8 @@ class Outcome:
 
     @property
     def failed(self) -> bool:
-        """Whether primray itself went wrong; a rejected scene is no failure, and an odd picture is for a person to judge."""
-        return bool({"crash", "time", "not-finite"} & set(self.marks))
+        """Whether there is no picture, or one that cannot be used; an odd picture is for a person to judge."""
+        return bool({"crash", "time", "refused", "not-finite"} & set(self.marks))
 
 
 def stage_files(folder: Path) -> list[Path]:
@@ -108,7 +112,7 @@ def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome
         ended.peak_rss_bytes,
         str(png) if png.exists() else None,
         ended.stderr if ended.exit_code != 0 else "",
-        tuple(marks(ended.exit_code, exr)),
+        tuple(marks(ended.exit_code, exr, report)),
         report,
     )
 
@@ -151,14 +155,18 @@ def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
     return Ended(_LIMIT_S if stopped else process.returncode, time.monotonic() - start, peak, text)
 
 
-def marks(exit_code: int | str, exr: Path) -> Iterator[str]:
+def marks(exit_code: int | str, exr: Path, report: Mapping[str, Any]) -> Iterator[str]:
     """Name what went wrong with a process, or cannot be right of its picture."""
     if exit_code == _LIMIT_S:
         yield "time"
     elif exit_code == 1 or (isinstance(exit_code, int) and exit_code < 0):
         yield "crash"
-    if exit_code == 0:
+    elif exit_code not in _RENDERED:
+        yield "refused"
+    else:
         yield from _picture_marks(exr)
+        if any(diagnostic["severity"] == Severity.ERROR.value for diagnostic in report.get("diagnostics", ())):
+            yield "missing"
 
 
 def _picture_marks(exr: Path) -> Iterator[str]:

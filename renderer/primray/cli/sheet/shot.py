@@ -162,6 +162,6 @@ def _outcome(cell: Cell, ended: Ended, scratch: Path, shared_by: int) -> Outcome
         ended.peak_rss_bytes,
         str(png) if exit_code == 0 else None,
         "" if exit_code == 0 else ended.stderr,
-        tuple(marks(exit_code, exr)),
+        tuple(marks(exit_code, exr, report)),
         report,
     )
