@@ -105,6 +105,18 @@ def test_the_page_escapes_what_stages_say() -> None:
     assert "&lt;b&gt;.usda" in text
 
 
+def test_further_flags_win_and_are_checked_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    (folder / "ball.usda").write_text(BALL)
+    code, rows, _ = sheet(folder, "--", "--res", "20", "10", "--spp", "4")
+    assert (code, rows["ball.usda"]["report"]["settings"]["resolution"]) == (0, [20, 10])
+    assert rows["ball.usda"]["report"]["settings"]["spp"] == 4
+    monkeypatch.setattr("primray.cli.sheet.runs.run_limited", None)
+    for flags in (["--ress", "20", "10"], ["--spp", "many"], ["--engine", "xpu"], ["--res", "4", "4", "-w", "4"]):
+        assert run(["sheet", str(folder), "-o", str(tmp_path / "s.html"), "--", *flags]) == 2
+
+
 @pytest.mark.parametrize("arguments", [["no-such-folder"], ["."], [".", "-w", "0"]])
 def test_usage(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -34,6 +34,7 @@ class Limits:
     memory_bytes: int
     threads: int | None
     flags: tuple[str, ...] = ()  # further ones of `primray render`
+    sized_by_flags: bool = False  # they say how wide a picture is
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,8 @@ def render_command(stage: Path, limits: Limits, exr: Path, png: Path, report: Pa
     """Return the command of a process that limits its own memory and renders."""
     command = [sys.executable, "-c", _MAIN.format(limit=limits.memory_bytes), "render", str(stage)]
     command += ["-o", str(exr), "-o", str(png), "--report", str(report)]
-    command += ["-w", str(limits.width), "--spp", str(limits.spp)]
+    command += [] if limits.sized_by_flags else ["-w", str(limits.width)]
+    command += ["--spp", str(limits.spp)]
     return [*command, *(["-j", str(limits.threads)] if limits.threads else []), *limits.flags]
 
 
