@@ -10,10 +10,12 @@ import atexit
 import gc
 import os
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 from .. import process_memory
 from ..errors import InternalError, PrimrayError
+from ..render.interruption import INTERRUPTED, end_at_once, install, interrupt
 from .habits.command_line import without_habits
 from .quick import render_arguments
 from .terminal.errors import exit_code_of, print_error, print_json_error
@@ -22,10 +24,11 @@ from .terminal.streams import finish, make_lasting
 
 def main() -> None:
     """Entry point of the console script."""
-    _start()
+    install(interrupt)  # first: pxr is imported later, and a signal in between is not to be lost
     process_memory.owns_process = True
     arguments = sys.argv[1:]
-    code = run(arguments)
+    code = run(arguments, _start)
+    install(end_at_once)  # all is written
     if arguments[:1] != ["render"]:
         sys.exit(finish(code))
     _leave(code)
@@ -47,18 +50,21 @@ def _leave(code: int) -> NoReturn:
     os._exit(finish(code))
 
 
-def run(arguments: list[str]) -> int:
-    """Run one command line; its exit code."""
+def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
+    """Run one command line after `start`; its exit code."""
     verbose, as_json = False, "--json" in arguments
     try:
+        start()
         arguments = without_habits(arguments)
         verbose = "-V" in arguments or "--verbose" in arguments
         _call(arguments)
     except SystemExit as end:
+        if _is_interrupt(end):
+            print("interrupted", file=sys.stderr)
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
-        return 130
+        return INTERRUPTED
     except PrimrayError as error:
         return _fail(error, verbose, as_json)
     except Exception as error:
@@ -76,6 +82,14 @@ def _too_long(error: OSError) -> PrimrayError | None:
     from ..images.output_path import too_long
 
     return too_long(error, str(error.filename or ""))
+
+
+def _is_interrupt(end: SystemExit) -> bool:
+    """Return whether Typer made this end from a KeyboardInterrupt, without a word."""
+    error: BaseException | None = end
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _call(arguments: list[str]) -> None:

@@ -65,7 +65,7 @@ Frames = Annotated[
         "--frame",
         "-f",
         metavar="LIST",
-        help="Time codes: 1, 1:10, 1-10x2, 1-10:2, 1,5 or start:end; inspect and estimate take one.",
+        help="Time codes: 1, 1:10, 1-10x2, 1:10:2, 1,5 or start:end; inspect and estimate take one.",
         show_default="default time",
     ),
 ]

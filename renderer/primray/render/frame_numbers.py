@@ -1,4 +1,4 @@
-"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), Open Job Description's ("1-10", "1-10:2"), the ends of the
+"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), the same step behind a colon ("1:10:2"), Open Job Description's ("1-10", "1-10:2"), the ends of the
 stage's range by name ("start:end"), and husk's start, count and increment."""
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ MAX_FRAMES = 100_000
 _PLAIN = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _DASHED = re.compile(rf"({_PLAIN})\s*-\s*({_PLAIN})\s*", re.ASCII)
 _DASHED_STEP = re.compile(rf"({_PLAIN}\s*-\s*{_PLAIN})\s*:\s*({_PLAIN})\s*", re.ASCII)  # Open Job Description's
+_COLON_STEP = re.compile(r"([^:x]+:[^:x]+):([^:x]+)")
 _ENDS = re.compile(r"(?<![a-z])(start|end)(?![a-wyz])")  # "endx2" is every other one to the end
 
 
@@ -32,9 +33,12 @@ def names_ends(text: str | None) -> bool:
 
 
 def with_ends(text: str, first: float, last: float) -> str:
-    """Return the frame list with the ends of the stage's range as numbers."""
+    """Return the frame list with the ends of the stage's range as numbers; SettingsError, with the text as it is, for none."""
     ends = {"start": f"{Decimal(repr(first)):f}", "end": f"{Decimal(repr(last)):f}"}
-    return _ENDS.sub(lambda match: ends[match[1]], text)
+    found = _ENDS.sub(lambda match: ends[match[1]].removesuffix(".0"), text)
+    for part in found.split(","):
+        _parse_range(part.strip(), text)
+    return found
 
 
 def frame_list(first: str, count: int, increment: float | None) -> str:
@@ -55,7 +59,7 @@ def frame_list(first: str, count: int, increment: float | None) -> str:
 
 
 def _parse_range(part: str, text: str) -> list[float]:
-    if match := _DASHED_STEP.fullmatch(part):
+    if match := _DASHED_STEP.fullmatch(part) or _COLON_STEP.fullmatch(part):
         part = f"{match[1]}x{match[2]}"
     span, x, stride = part.partition("x")
     span = _DASHED.sub(r"\1:\2", span) if _DASHED.fullmatch(span) else span
@@ -90,4 +94,4 @@ def _number(digits: str, text: str) -> Decimal:
 
 
 def _no_frames(text: str) -> SettingsError:
-    return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1-10:2, 1,5 or start:end", code="frames")
+    return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1:10:2, 1,5 or start:end:2", code="frames")

@@ -5,11 +5,15 @@ Only Python's own handler is replaced, not that of whoever has one, and only on 
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
+
+INTERRUPTED = 130  # the exit code
 
 
 class Interruption:
@@ -29,17 +33,48 @@ def interruption() -> Iterator[Interruption]:
     """While it lasts, signals that would raise KeyboardInterrupt only say so."""
     asked = Interruption()
     numbers = [signal.SIGINT, signal.SIGTERM] if threading.current_thread() is threading.main_thread() else []
-    replaced = [number for number in numbers if signal.getsignal(number) is signal.default_int_handler]
+    raising = (signal.default_int_handler, interrupt)
+    replaced = {number: handler for number in numbers if (handler := signal.getsignal(number)) in raising}
     for number in replaced:
         signal.signal(number, asked)
     try:
         yield asked
     finally:
-        for number in replaced:
-            signal.signal(number, signal.default_int_handler)
+        for number, handler in replaced.items():
+            signal.signal(number, handler)
 
 
 def terminate_as_interrupt() -> None:
     """SIGTERM does what Ctrl-C does, unless someone has a handler for it already or it is ignored."""
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, or end the process at once while a module is imported.
+
+    pxr imports modules from C++, which swallows an exception or turns it into another one; the command would continue, or fail
+    with an error that is not the user's. Nothing is lost by ending there.
+    """
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            end_at_once()
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def end_at_once(number: int = 0, frame: FrameType | None = None) -> NoReturn:
+    """End the process with a word on stderr; nothing is cleaned up."""
+    try:
+        os.write(2, b"interrupted\n")
+    finally:
+        os._exit(INTERRUPTED)
+
+
+def install(handler: Any) -> None:
+    """Let `handler` have the signals that ask the process to end, except those that are ignored or have a handler of others."""
+    ours = (signal.default_int_handler, interrupt, end_at_once)
+    if signal.getsignal(signal.SIGINT) in ours:
+        signal.signal(signal.SIGINT, handler)
+    if signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, *ours):
+        signal.signal(signal.SIGTERM, handler)

@@ -41,7 +41,7 @@ def sheet(folder: Path, *options: str) -> tuple[int, dict[str, Any], str]:
     return code, {row["stage"]: row for row in json.loads(out.with_suffix(".json").read_text())}, out.read_text()
 
 
-def test_a_folder_on_one_page(tmp_path: Path) -> None:
+def test_a_folder_on_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "assets"
     (folder / "deeper").mkdir(parents=True)
     stages = {
@@ -50,23 +50,28 @@ def test_a_folder_on_one_page(tmp_path: Path) -> None:
         "dark.usda": DARK,
         "broken.usda": "no stage",
         "empty.usda": "#usda 1.0\n",
+        "gone.usda": '#usda 1.0\ndef "a" (references = @./nowhere.usda@)\n{\n}\n',
+        "miss.usda": BALL + 'def "a" (references = @./nowhere.usda@)\n{\n}\n',
     }
     for name, text in stages.items():
         (folder / name).write_text(text)
     (folder / "notes.txt").write_text("no stage")
     code, rows, text = sheet(folder)
-    assert code == 0
+    assert code == 1
+    assert "7 stages, 2 failed, 4 odd" in capsys.readouterr().out
     assert list(rows) == sorted(stages)
     assert {name: (row["exit_code"], row["marks"]) for name, row in rows.items()} == {
         "ball.usda": (0, []),
-        "broken.usda": (3, []),
+        "broken.usda": (3, ["refused"]),
         "dark.usda": (0, ["black"]),
         "deeper/hidden.usda": (0, ["nothing-seen"]),
         "empty.usda": (0, ["nothing-seen"]),
+        "gone.usda": (3, ["refused"]),
+        "miss.usda": (0, ["missing"]),
     }
     assert "stage-open" in rows["broken.usda"]["message"]
     assert rows["ball.usda"]["peak_rss_bytes"] > 50 * 2**20
-    assert text.count("<img") == 4
+    assert text.count("<img") == 5
     assert "camera-automatic" in text
 
 
@@ -98,6 +103,18 @@ def test_the_page_escapes_what_stages_say() -> None:
     assert "<script>" not in text
     assert "<b>.usda" not in text
     assert "&lt;b&gt;.usda" in text
+
+
+def test_further_flags_win_and_are_checked_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    (folder / "ball.usda").write_text(BALL)
+    code, rows, _ = sheet(folder, "--", "--res", "20", "10", "--spp", "4")
+    assert (code, rows["ball.usda"]["report"]["settings"]["resolution"]) == (0, [20, 10])
+    assert rows["ball.usda"]["report"]["settings"]["spp"] == 4
+    monkeypatch.setattr("primray.cli.sheet.runs.run_limited", None)
+    for flags in (["--ress", "20", "10"], ["--spp", "many"], ["--engine", "xpu"], ["--res", "4", "4", "-w", "4"]):
+        assert run(["sheet", str(folder), "-o", str(tmp_path / "s.html"), "--", *flags]) == 2
 
 
 @pytest.mark.parametrize("arguments", [["no-such-folder"], ["."], [".", "-w", "0"]])

@@ -27,6 +27,8 @@ from primray.render.frame_numbers import frame_list, names_ends, parse_frames, w
         ("1-10:4", [1, 5, 9]),
         ("10-1:-4", [10, 6, 2]),
         ("-3--1:2, 7", [-3, -1, 7]),
+        ("1001:1008:3", [1001, 1004, 1007]),
+        ("10:1:-4, 7", [10, 6, 2, 7]),
         ("1e-1", [0.1]),
         ("1,5", [1, 5]),
         ("1:3, 7", [1, 2, 3, 7]),
@@ -46,6 +48,9 @@ def test_ends_by_name() -> None:
     assert names_ends("1,start:10")
     assert not names_ends("1:10x2")
     assert parse_frames(with_ends("start:endx10, end", 1001, 1025.5)) == [1001, 1011, 1021, 1025.5]
+    assert parse_frames(with_ends("start:end:10", 1001, 1025.5)) == [1001, 1011, 1021]
+    with pytest.raises(SettingsError, match="'start:end:x' is no frame list"):
+        with_ends("start:end:x", 1, 2)
 
 
 @pytest.mark.parametrize(
@@ -55,10 +60,13 @@ def test_ends_by_name() -> None:
         "a",
         "1:",
         ":3",
-        "1:2:3",
+        "1:2:",
+        "1:2:0",
+        "1:2:3:4",
+        "1:5:2x2",
+        "1-9:2:2",
         "1-2-3",
         "1-9:0",
-        "1-9:2:2",
         "1-9:2x2",
         "start:end",  # of no stage
         "1-",

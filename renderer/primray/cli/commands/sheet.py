@@ -77,7 +77,9 @@ def sheet(
 
     if min(width, spp, at_once, 1 if columns is None else columns) < 1 or timeout <= 0:
         raise SettingsError("width, samples, renders at once, columns and seconds must be above 0")
-    limits = Limits(width, spp, timeout, option_values.bytes_of(max_memory) or 0, threads, tuple(flags or ()))
+    further, own_width = _checked(flags or [])
+    memory = option_values.bytes_of(max_memory) or 0
+    limits = Limits(own_width or width, spp, timeout, memory, threads, further, own_width is not None)
     if Path(source).is_dir():
         if frames is not None or cameras or variants or columns:
             sentence = "frames, cameras, variants and columns are of one stage's sheet, and this is a folder"
@@ -93,6 +95,22 @@ def sheet(
         failed = sum(outcome.exit_code != 0 or outcome.failed for outcome in outcomes)
     if failed:
         raise typer.Exit(1)
+
+
+def _checked(flags: list[str]) -> tuple[tuple[str, ...], int | None]:
+    """Return the further flags and the width that they give, if any; a usage error, before any render, for unknown ones."""
+    from typer.main import get_command
+
+    from ..app import app
+    from ..habits.command_line import without_habits
+
+    flags = without_habits(["render", *flags])[1:]
+    render = get_command(app).get_command(None, "render")  # type: ignore[attr-defined]
+    with render.make_context("render", ["scene.usda", *flags]) as context:
+        given = context.params
+    res, width = given["res"], given["image_width"]
+    size = option_values.resolution_of(res, width)
+    return tuple(flags), None if size is None else size[0]
 
 
 def _sheet_of_folder(root: Path, output: str, limits: Limits, at_once: int, roots_only: bool) -> list[Outcome]:

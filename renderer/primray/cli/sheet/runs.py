@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ...diagnostic_codes import Severity
+
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_RENDERED = (0, 5)  # exit codes of renders whose picture is there; 5: its error is above the target
 _LIMIT_S = "time"  # what Ended.exit_code says of a process that was stopped
 
 
@@ -29,11 +34,13 @@ class Limits:
     memory_bytes: int
     threads: int | None
     flags: tuple[str, ...] = ()  # further ones of `primray render`
+    sized_by_flags: bool = False  # they say how wide a picture is
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One stage's render. `marks` name what is odd: crash, time, not-finite, black, one-colour, nothing-seen."""
+    """One stage's render. `marks` name what is odd: crash, time, refused, not-finite, black, one-colour, nothing-seen, missing
+    (a part of the picture, as a diagnostic of severity error reports)."""
 
     stage: str  # relative to the folder; of a sheet of one shot what the picture is of
     exit_code: int | str  # as `primray render` ends; "time": it was stopped; below 0: killed by that signal
@@ -46,8 +53,8 @@ class Outcome:
 
     @property
     def failed(self) -> bool:
-        """Whether primray itself went wrong; a rejected scene is no failure, and an odd picture is for a person to judge."""
-        return bool({"crash", "time", "not-finite"} & set(self.marks))
+        """Whether there is no picture, or one that cannot be used; an odd picture is for a person to judge."""
+        return bool({"crash", "time", "refused", "not-finite"} & set(self.marks))
 
 
 def stage_files(folder: Path) -> list[Path]:
@@ -58,13 +65,31 @@ def render_all(
     folder: Path, stages: Sequence[Path], limits: Limits, at_once: int, scratch: Path, done: Callable[[Outcome], None]
 ) -> list[Outcome]:
     """In the order of `stages`; `done` is called as each ends."""
-    with ThreadPoolExecutor(at_once) as pool:
+    with processes(at_once) as pool:
         running = {pool.submit(_render, folder, path, limits, scratch / str(k)): k for k, path in enumerate(stages)}
         outcomes: dict[int, Outcome] = {}
         for future in as_completed(running):
             outcomes[running[future]] = future.result()
             done(future.result())
     return [outcomes[k] for k in sorted(outcomes)]
+
+
+_pids: set[int] = set()  # of the processes that run_limited waits for
+
+
+@contextmanager
+def processes(at_once: int) -> Iterator[ThreadPoolExecutor]:
+    """Yield a pool of threads to call `run_limited` in; if the sheet is interrupted, their processes are stopped and no other
+    one is started."""
+    with ThreadPoolExecutor(at_once) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for pid in list(_pids):
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            raise
 
 
 _MAIN = """
@@ -88,7 +113,7 @@ def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome
         ended.peak_rss_bytes,
         str(png) if png.exists() else None,
         ended.stderr if ended.exit_code != 0 else "",
-        tuple(marks(ended.exit_code, exr)),
+        tuple(marks(ended.exit_code, exr, report)),
         report,
     )
 
@@ -97,7 +122,8 @@ def render_command(stage: Path, limits: Limits, exr: Path, png: Path, report: Pa
     """Return the command of a process that limits its own memory and renders."""
     command = [sys.executable, "-c", _MAIN.format(limit=limits.memory_bytes), "render", str(stage)]
     command += ["-o", str(exr), "-o", str(png), "--report", str(report)]
-    command += ["-w", str(limits.width), "--spp", str(limits.spp)]
+    command += [] if limits.sized_by_flags else ["-w", str(limits.width)]
+    command += ["--spp", str(limits.spp)]
     return [*command, *(["-j", str(limits.threads)] if limits.threads else []), *limits.flags]
 
 
@@ -114,10 +140,12 @@ def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
     start = time.monotonic()
     with stderr.open("wb") as to:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=to)
+        _pids.add(process.pid)
         stopped = False
         while True:  # wait4 is what tells the memory of this one child
             pid, status, usage = os.wait4(process.pid, os.WNOHANG)
             if pid:
+                _pids.discard(pid)
                 break
             if not stopped and time.monotonic() - start > timeout_s:
                 process.kill()
@@ -129,14 +157,18 @@ def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
     return Ended(_LIMIT_S if stopped else process.returncode, time.monotonic() - start, peak, text)
 
 
-def marks(exit_code: int | str, exr: Path) -> Iterator[str]:
+def marks(exit_code: int | str, exr: Path, report: Mapping[str, Any]) -> Iterator[str]:
     """Name what went wrong with a process, or cannot be right of its picture."""
     if exit_code == _LIMIT_S:
         yield "time"
     elif exit_code == 1 or (isinstance(exit_code, int) and exit_code < 0):
         yield "crash"
-    if exit_code == 0:
+    elif exit_code not in _RENDERED:
+        yield "refused"
+    else:
         yield from _picture_marks(exr)
+        if any(diagnostic["severity"] == Severity.ERROR.value for diagnostic in report.get("diagnostics", ())):
+            yield "missing"
 
 
 def _picture_marks(exr: Path) -> Iterator[str]:

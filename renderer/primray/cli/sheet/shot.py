@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from ...errors import SettingsError
-from .runs import Ended, Limits, Outcome, marks, render_command, run_limited
+from .runs import Ended, Limits, Outcome, marks, processes, render_command, run_limited
 
 MOST_CELLS = 2_000
 _REJECTED = (2, 3)  # exit codes of what no other frame changes: usage, a scene that cannot be opened
@@ -101,7 +101,7 @@ def render_cells(
     """Render all cells, in their order; `done` is called as each is known."""
     runs = list(_runs(grid.cells, at_once))
     outcomes: dict[Cell, Outcome] = {}
-    with ThreadPoolExecutor(at_once) as pool:
+    with processes(at_once) as pool:
         running = [pool.submit(_render_run, stage, run, limits, scratch / str(k)) for k, run in enumerate(runs)]
         for future in as_completed(running):
             for cell, outcome in future.result().items():
@@ -162,6 +162,6 @@ def _outcome(cell: Cell, ended: Ended, scratch: Path, shared_by: int) -> Outcome
         ended.peak_rss_bytes,
         str(png) if exit_code == 0 else None,
         "" if exit_code == 0 else ended.stderr,
-        tuple(marks(exit_code, exr)),
+        tuple(marks(exit_code, exr, report)),
         report,
     )

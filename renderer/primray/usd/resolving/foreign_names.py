@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
@@ -34,6 +35,9 @@ _READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS, *SETTINGS_OF_OTHERS)) | {
     name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)
 }
 
+# The surface output of any renderer: adapters/materials/material.py reads it, or reports that it does not.
+_SURFACE_OUTPUT = re.compile(r"outputs:\w+:surface")
+
 
 @dataclass
 class NameSet:
@@ -46,7 +50,7 @@ class NameSet:
 
 def renderer_of(name: str) -> str:
     """The renderer that an attribute speaks to, "" for none or where the attribute is read here."""
-    if name in _READ or name.startswith(ROLLING_SHUTTER) or any(word in name.lower() for word in LENS_WORDS):
+    if name in _READ or name.startswith(ROLLING_SHUTTER) or _SURFACE_OUTPUT.fullmatch(name) or any(word in name.lower() for word in LENS_WORDS):
         return ""
     first, _, rest = name.partition(":")
     if first in _WITHIN:

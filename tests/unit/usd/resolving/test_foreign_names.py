@@ -46,3 +46,34 @@ def DistantLight "key"
     assert [(d.attribute, d.message) for d in diagnostics if d.code == "other-renderer"] == [
         ("karma:light:contribs", "An attribute of the namespace karma on this prim: not read.")
     ]
+
+
+_MATERIAL = """#usda 1.0
+def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])
+{{
+    rel material:binding = </look>
+}}
+def Material "look"
+{{
+    token outputs:arnold:surface.connect = </look/arnold.outputs:out>
+    {universal}
+    def Shader "arnold"
+    {{
+        uniform token info:id = "arnold:standard_surface"
+        token outputs:out
+    }}
+    def Shader "preview"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        token outputs:surface
+    }}
+}}
+"""
+_PREVIEW = "token outputs:surface.connect = </look/preview.outputs:surface>"
+
+
+@pytest.mark.parametrize(("universal", "unread"), [("", []), (_PREVIEW, [("/look", "outputs:arnold:surface")])])
+def test_a_surface_output_is_reported_where_the_material_is_made_from_another(universal: str, unread: list[str]) -> None:
+    _, diagnostics = translate(stage_of(_MATERIAL.format(universal=universal)), RenderSettings())
+    assert [(d.prim_path, d.attribute) for d in diagnostics if d.code == "other-renderer"] == unread
+    assert ("translated" in {d.code for d in diagnostics}) == (unread == [])

@@ -24,6 +24,7 @@ from ...querying.document_marks import NOTES
 from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context
+from ...resolving.foreign_names import RENDERERS
 from ...resolving.notes import note_document, note_unknown_schemas
 from ...resolving.read import flag, number
 from ...resolving.resolve import Inherited
@@ -130,21 +131,23 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
     """And the shader that it comes from."""
     outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
     others, first = [], _OUTPUTS[ctx.settings.render_context]
-    foreign: list[Node] = []  # shaders that neither UsdPreviewSurface, MaterialX nor MDL defines
+    foreign: list[tuple[str, Node]] = []  # outputs and their shaders that neither UsdPreviewSurface, MaterialX nor MDL defines
     for output in sorted(outputs, key=lambda name: first.index(name) if name in first else len(first)):
         source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:
+                _note_unread(outputs, output, path, ctx)
                 if HAIR in names and flag(prim, HAIR, ctx.when, False):
                     from ...materials.fibre import preview_hair
 
                     return Material(preview_hair(source, path, ctx)), None
                 return _preview_surface(source, path, ctx), source
             if (made := _of_other_model(source, path, ctx)) is not None:
+                _note_unread(outputs, output, path, ctx)
                 return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
-            foreign.insert(len(foreign) if output in first else 0, source)  # a renderer's own output comes before the universal
-    if foreign and (made := _of_other_renderer(foreign, path, ctx)) is not None:
+            foreign.insert(len(foreign) if output in first else 0, (output, source))  # a renderer's own output comes before the universal
+    if foreign and (made := _of_other_renderer(foreign, outputs, path, ctx)) is not None:
         return _with_priority(made, prim, ctx) if PRIORITY in names else made, None
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
@@ -173,14 +176,24 @@ def _of_other_model(source: Node, path: str, ctx: Context) -> Material | None:
     return None
 
 
-def _of_other_renderer(shaders: list[Node], path: str, ctx: Context) -> Material | None:
-    """Return the first of some shaders that is another renderer's and can be translated; imported where there are any."""
+def _note_unread(outputs: list[str], used: str, path: str, ctx: Context) -> None:
+    """Report the surface outputs for other renderers that a material is not made from."""
+    for output in outputs:
+        renderer = output.partition(":")[0]
+        if output != used and renderer in RENDERERS:
+            message = f"The output for {renderer} is not read: the material is made from outputs:{used}."
+            ctx.warn("other-renderer", path, message, f"outputs:{output}")
+
+
+def _of_other_renderer(shaders: list[tuple[str, Node]], outputs: list[str], path: str, ctx: Context) -> Material | None:
+    """Return the first of some shaders, by their outputs, that is another renderer's and can be translated; imported where there are any."""
     if not ctx.settings.translated_shaders:
         return None
     from ...materials.foreign.material import translated_material
 
-    for shader in shaders:
+    for output, shader in shaders:
         if (made := translated_material(shader, path, ctx)) is not None:
+            _note_unread(outputs, output, path, ctx)
             return Material(made.surface, made.hidden)
     return None
 
