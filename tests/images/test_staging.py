@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import OpenImageIO as oiio
 import pytest
 from pxr import Usd
@@ -363,17 +364,21 @@ def test_the_shadow_below_a_denoised_picture_is_denoised() -> None:
     assert denoised < 0.7 * noisy
 
 
+def stored_in(path: Path) -> npt.NDArray[np.uint8]:
+    return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.UINT8))
+
+
 def test_a_jpeg_shows_the_shadow_over_white(tmp_path: Path) -> None:
     image = rendered(stage_of(CUBE, camera=SHADE), ground="shadow", resolution=(64, 48))
     beside = (image.seen[..., 3] == 0) & (image.pixels[..., 3] > 0.3)
     assert beside.any()
-    shown = oiio.ImageBuf(str(image.save(tmp_path / "a.jpg"))).get_pixels(oiio.UINT8)
+    shown = stored_in(image.save(tmp_path / "a.jpg"))
     assert shown[0, 0].min() > 250
     assert shown[beside].max() < 215
-    over = oiio.ImageBuf(str(image.save(tmp_path / "b.jpg", flatten_over=(0, 0, 1)))).get_pixels(oiio.UINT8)
+    over = stored_in(image.save(tmp_path / "b.jpg", flatten_over=(0, 0, 1)))
     assert over[0, 0, 2] > 250
     assert over[0, 0, 0] < 5
-    plain = oiio.ImageBuf(str(rendered(stage_of(CUBE)).save(tmp_path / "c.jpg"))).get_pixels(oiio.UINT8)
+    plain = stored_in(rendered(stage_of(CUBE)).save(tmp_path / "c.jpg"))
     assert plain[0, 0].max() < 5
 
 

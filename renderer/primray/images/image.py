@@ -14,9 +14,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Doubles, Floats
-from ..color.color_space import REC709, ColorSpace, named
-from ..description import Camera, Frame, Projection
+from ..arrays import Floats
+from ..color.color_space import REC709, ColorSpace
+from ..description import Camera, Frame
 from ..description.picture_file import PLAIN, HeaderValue, PictureFile
 from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
@@ -28,6 +28,7 @@ from .aov_parts import VIEW, Parts, parts_of
 from .exposure import View, as_viewed, exposure_that_serves, view_fault, where_lit
 from .files.as_product import as_ordered, store_as_product
 from .files.encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
+from .files.exr_header import describe_colors, exr_matrices, place_pixels, row_vector_floats
 from .files.writers import write_linear, write_parts_of, write_radiance, write_view
 from .output_path import check_folder, name_beside, through_links
 from .pictures_beside import DENOISED, DIFFUSED, picture_beside
@@ -41,13 +42,6 @@ MISSING_TEXTURES = ("asset-missing", "texture-unreadable", "tile-missing")
 WHITE = (1.0, 1.0, 1.0)
 EYE = "settings.eye"  # in metadata: of a stereo pair
 EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
-
-# SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
-_ACES_WHITE = (0.32168, 0.33767)
-_ACES_CHROMATICITIES = {
-    "lin_ap0_scene": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_WHITE),
-    "lin_ap1_scene": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES_WHITE),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -476,65 +470,16 @@ def _picture_part(image: Image) -> tuple[Any, Values]:
     values = image.values
     spec = oiio.ImageSpec(width, height, values.shape[2], oiio.FLOAT)
     spec.channelnames = image.channels if image.errors is None else image.channels + ERROR_CHANNELS
-    _place(spec, image.frame)
+    place_pixels(spec, image.frame)
     spec.attribute("compression", "zip")
-    _describe_colors(spec, image.color_space)
+    describe_colors(spec, image.color_space)
     spec.attribute(BACKGROUND, LIT if image.file.lit_behind else "nothing")
     for name, value in image.metadata.items():
         fits = not isinstance(value, int) or -(2**31) <= value < 2**31
         spec.attribute(f"primray:{name}", value if fits else str(value))
     if image.camera is not None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
-        spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
+        spec.attribute("worldtocamera", oiio.TypeMatrix, row_vector_floats(camera_matrix))
         if image.camera.distortion is None:  # else no matrix has it
-            spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
+            spec.attribute("worldtoNDC", oiio.TypeMatrix, row_vector_floats(ndc_matrix))
     return spec, values
-
-
-def _place(spec: Any, frame: Frame | None) -> None:
-    """Data and display window, and the shape of a pixel."""
-    spec.attribute("PixelAspectRatio", 1.0 if frame is None else frame.pixel_aspect_ratio)
-    if frame is not None:
-        spec.x, spec.y = frame.pixels.x, frame.pixels.y
-        spec.full_x = spec.full_y = 0
-        spec.full_width, spec.full_height = frame.resolution
-
-
-def _describe_colors(spec: Any, space: ColorSpace) -> None:
-    """By interop id where the space has one, and by chromaticities: of ACES those of its standards, as readers expect."""
-    import OpenImageIO as oiio
-
-    spec.attribute("oiio:ColorSpace", space.name)
-    if named(space.name) == space:
-        spec.attribute("colorInteropID", space.name)
-    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), chromaticities_of(space))
-
-
-def chromaticities_of(space: ColorSpace) -> tuple[float, ...]:
-    """x, y of red, green, blue and white, as a file says them."""
-    known = named(space.name) == space
-    corners = _ACES_CHROMATICITIES.get(space.name, space.gamut) if known else space.gamut
-    return tuple(float(x) for corner in corners for x in corner)
-
-
-def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:
-    """worldToCamera and worldToNDC as OpenEXR's ImfStandardAttributes.h defines them, here for column vectors.
-
-    Its camera space is left-handed (objects in front have positive z); its NDC has (0, 0) upper left, (1, 1) lower right.
-    """
-    camera_from_world = np.diag([1.0, 1.0, -1.0, 1.0]) @ np.linalg.inv(camera.world_from_camera)
-    left, right, bottom, top = camera.window
-    near, far = camera.clipping_range
-    depth = np.array([0.0, 0.0, far / (far - near), -far * near / (far - near)])
-    x, y = np.array([1.0, 0, 0, 0]), np.array([0, 1.0, 0, 0])
-    if camera.projection is Projection.PERSPECTIVE:
-        w = np.array([0.0, 0.0, 1.0, 0.0])
-    else:
-        w = np.array([0.0, 0.0, 0.0, 1.0])
-        depth = np.array([0.0, 0.0, 1.0, -near]) / (far - near)
-    ndc_from_camera = np.stack([(x - left * w) / (right - left), (top * w - y) / (top - bottom), depth, w])
-    return camera_from_world, ndc_from_camera @ camera_from_world
-
-
-def _row_vector_floats(matrix: Doubles) -> tuple[float, ...]:
-    return tuple(float(v) for v in matrix.T.ravel())

@@ -12,8 +12,8 @@ from ..aov_names import AovRequest, taxonomy_of
 from ..description import Camera
 from ..settings import RenderSettings
 from .aov import Aov, channel_names
+from .files.exr_header import exr_matrices
 from .first_hit import Ids
-from .image import exr_matrices
 
 # labels(prim, instance, taxonomy): those of a prim in an instance, inherited ones too.
 LabelsOf = Callable[[str, str, str], tuple[str, ...]]

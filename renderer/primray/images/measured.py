@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .image import Image, chromaticities_of
+from .files.exr_header import chromaticities_of
+from .image import Image
 from .image_file import COLORS, MeasuredImage
 
 

@@ -15,7 +15,8 @@ from ..settings import Eye
 from .aov import Aov
 from .aov_parts import read_aovs, record_part
 from .exposure import needs_alpha
-from .image import BACKGROUND, CHANNELS, LIT, Image, chromaticities_of
+from .files.exr_header import chromaticities_of
+from .image import BACKGROUND, CHANNELS, LIT, Image
 from .image_file import FLOATS
 from .image_file import read_image as read_measured
 from .opened_picture import open_picture
