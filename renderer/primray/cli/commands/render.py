@@ -374,8 +374,7 @@ def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing
             checkpointing.check()
     missing = [c.resume for c, now in zip(frames, found, strict=True) if c is not None and c.resume and now and not now.resume]
     if missing:
-        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        print(f"no checkpoint yet, rendered from the first sample: {missing[0]}{more}", file=sys.stderr)
+        print(f"no checkpoint yet, rendered from the first sample: {', '.join(map(str, missing))}", file=sys.stderr)
     return found
 
 
