@@ -83,4 +83,6 @@ class Diagnostics:
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
             at = f"{first.attribute}: " if first.attribute else ""
             message = f"{flag}: {first.code}: {at}{first.message}{more}"
-            raise UnsupportedError(message, where=first.prim_path, code=flag.removeprefix("--"))
+            error = UnsupportedError(message, where=first.prim_path, code=flag.removeprefix("--"))
+            error.refused = tuple(diagnostic.as_json() for _, diagnostic in bad)
+            raise error

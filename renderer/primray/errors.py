@@ -59,7 +59,10 @@ class InvalidSceneError(SceneError):
 
 
 class UnsupportedError(SceneError):
+    """A scene holds what is not rendered; `refused` are the diagnostics that `strict` or `fail_on` refuses."""
+
     code = "unsupported"
+    refused: tuple[dict[str, str], ...] = ()
 
 
 class SettingsError(PrimrayError):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import primray
+from primray.cli.terminal.errors import print_error
 from primray.diagnostic_codes import CODES, Severity
 from primray.diagnostics import Diagnostics
 from primray.errors import UnsupportedError
@@ -69,3 +70,20 @@ def test_one_message_about_two_attributes_is_two_diagnostics() -> None:
     found.add("wrong-type", "/a", "no number", "inputs:intensity")
     found.add("wrong-type", "/a", "no number", "inputs:intensity")
     assert [d.attribute for d in found] == ["inputs:radius", "inputs:intensity"]
+
+
+def test_all_that_is_refused_is_printed_before_the_error(capsys: pytest.CaptureFixture[str]) -> None:
+    found = Diagnostics()
+    for k in range(60):
+        found.add("motion", f"/b{k}", f"ignored {k}")
+        if k == 1:
+            with pytest.raises(UnsupportedError) as two:
+                found.raise_if_refused(STRICT)
+    assert print_error(two.value, as_json=False) == 3
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.strip() for line in lines[1:4:2]] == ["/b0", "/b1"]
+    assert lines[-1].startswith("error: strict: --strict: motion: ignored 0 (and 1 more)")
+    with pytest.raises(UnsupportedError) as many:
+        found.raise_if_refused(STRICT)
+    print_error(many.value, as_json=False)
+    assert "and 80 more lines" in capsys.readouterr().err

@@ -412,7 +412,7 @@ def _compare(held: Mapping[str, Any], wanted: Mapping[str, Any], path: Path, hin
     if scene:
         by = f" (by {', '.join(hints)}?)".replace("_", " ") if hints else ""
         found.append(
-            f"the scene's {' and '.join(scene)} {'is' if scene in (['camera'], ['frame']) else 'are'} not the same{by}"
+            f"the scene's {' and '.join(scene)} {'are' if scene == ['lights'] or len(scene) > 1 else 'is'} not the same{by}"
         )
     if found:
         raise _other("; ".join(found), path)

@@ -15,6 +15,7 @@ from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_en
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK, check_stops
 from .standard_output import suffix_of
 
+_LEAST_MEMORY = 2**20  # less is a number whose unit is missing
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
@@ -237,7 +238,10 @@ def bytes_of(text: str | None) -> int | None:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     if match is None:
         raise SettingsError(f"{text!r} is no amount of memory; write one like 4G or 500M", code="max-memory")
-    return int(float(match[1]) * _UNITS[match[2].upper()])
+    size = int(float(match[1]) * _UNITS[match[2].upper()])
+    if size < _LEAST_MEMORY:
+        raise SettingsError(f"{text!r} is {size:,} bytes, too few for any render; 4G is 4 GiB", code="max-memory")
+    return size
 
 
 PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps

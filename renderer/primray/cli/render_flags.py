@@ -17,7 +17,7 @@ Samples = Annotated[
         "-p",
         "--max-samples",
         metavar="N",
-        help="Samples per pixel; a cap where an error or a time is asked for.",
+        help="Samples per pixel; with an error or a time asked for, the most on average.",
         show_default="the stage's, else 64, or no cap",
     ),
 ]

@@ -113,6 +113,9 @@ def pairing(a: str, b: str) -> Pairing | None:
     kinds = _kind(a), _kind(b)
     if kinds == ("picture", "picture"):
         return None
+    for path, kind in zip((a, b), kinds, strict=True):
+        if kind == "picture" and not Path(path).exists():
+            raise SettingsError("there is no such file or folder", where=path, code="image-missing")
     if kinds[0] != kinds[1]:
         sentence = (
             f"A is a {kinds[0]} and B a {kinds[1]}: a folder is compared with a folder, a sequence (a name with a place for "

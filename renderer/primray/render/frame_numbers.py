@@ -1,5 +1,6 @@
-"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), the same step behind a colon ("1:10:2"), Open Job Description's ("1-10", "1-10:2"), the ends of the
-stage's range by name ("start:end"), and husk's start, count and increment."""
+"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), the same step behind a colon
+("1:10:2"), Open Job Description's ("1-10", "1-10:2"), the ends of the stage's range by name
+("start:end"), and husk's start, count and increment."""
 
 from __future__ import annotations
 

@@ -233,7 +233,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     with kept_without("what rules the error", diagnostics):
         rules = what_rules(prepared, report, rendered, errors)
         report |= {"error_ruled_by": rules} if rules is not None else {}
-    report |= {"stage_settings": prepared.asked.as_json()} if prepared.asked.asked else {}
+    report["stage_settings"] = prepared.asked.as_json()
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report |= {"labels": of_labels} if of_labels else {}
     report["frame"] = asdict(prepared.frame)

@@ -66,7 +66,7 @@ def _why_nothing_drawn(left_out: dict[str, int], told: Iterable[Diagnostic]) -> 
     ]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        reasons.append(f"{missing[0].prim_path or 'a part'}{more} is missing ({missing[0].code})")
+        reasons.append(f"{missing[0].prim_path or 'a part'}{more} {'are' if more else 'is'} missing ({missing[0].code})")
     return "; ".join(reasons) or "the stage holds no geometry"
 
 

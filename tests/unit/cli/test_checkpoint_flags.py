@@ -94,7 +94,9 @@ def test_frames_have_checkpoints_of_their_own(capsys: pytest.CaptureFixture[str]
     assert run([*frames, "-f", "1:2", "--checkpoint", "c.#.prc"]) == 0
     assert names() == ["c.1.prc", "c.2.prc", "o.1.exr", "o.2.exr"]
     # Frames that have none yet begin.
+    capsys.readouterr()
     assert run([*frames, "-f", "1:3", "--resume", "c.#.prc"]) == 0
+    assert "no checkpoint yet, rendered from the first sample: c.3.prc\n" in capsys.readouterr().err
     assert names() == ["c.1.prc", "c.2.prc", "c.3.prc", "o.1.exr", "o.2.exr", "o.3.exr"]
 
 

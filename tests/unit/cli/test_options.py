@@ -26,13 +26,21 @@ from primray.settings import DEFAULT_DICING_RATE
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [("4G", 4 * 2**30), ("500M", 500 * 2**20), ("1.5GiB", 3 * 2**29), ("2k", 2048), ("100", 100), ("1TB", 2**40), (None, None)],
+    [
+        ("4G", 4 * 2**30),
+        ("500M", 500 * 2**20),
+        ("1.5GiB", 3 * 2**29),
+        ("2048k", 2**21),
+        ("1048576", 2**20),
+        ("1TB", 2**40),
+        (None, None),
+    ],
 )
 def test_amounts_of_memory(text: str | None, expected: int | None) -> None:
     assert bytes_of(text) == expected
 
 
-@pytest.mark.parametrize("text", ["", "G", "-1G", "4 GG", "1e3", "4X"])
+@pytest.mark.parametrize("text", ["", "G", "-1G", "4 GG", "1e3", "4X", "4", "1048575", "2k"])
 def test_what_is_no_amount(text: str) -> None:
     with pytest.raises(SettingsError, match="4G"):
         bytes_of(text)

@@ -12,7 +12,7 @@ import pytest
 
 from primray.cli import run
 from primray.cli.sheet import contact, shot
-from primray.cli.sheet.contact import contact_sheet, reason
+from primray.cli.sheet.contact import _fits, _lines, contact_sheet, reason
 from primray.cli.sheet.runs import Ended, Limits, Outcome
 from primray.cli.sheet.shot import grid_of, render_cells, variant_choices
 from primray.errors import SettingsError
@@ -111,7 +111,7 @@ def test_a_shot_in_one_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str
     height = (sheet.shape[0] - contact._TITLE - contact._GAP) // 6
     cells = {
         (row, column): sheet[contact._TITLE + row * height :, contact._GAP + column * (100 + contact._GAP) :][
-            : height - 30, :100
+            : height - 30 - contact._LINE, :100
         ]
         for row in range(6)
         for column in range(2)
@@ -214,3 +214,18 @@ def test_usage(
     assert run(["sheet", *arguments]) == 2
     said: Any = capsys.readouterr().err
     assert said.startswith(f"error: {code}: ")
+
+
+def test_labels_keep_what_tells_pictures_apart() -> None:
+    labels = [
+        f"frame 1001, {camera}, {look}"
+        for camera in ("camera_of_the_left_eye", "camera_of_the_right_eye")
+        for look in ("a", "b")
+    ]
+    shown = [_lines(Outcome(label, 0, 1.0, 0, None, "", ()), 96) for label in labels]
+    assert len(set(map(tuple, shown))) == 4
+    assert shown[0][0] == "frame 1001"
+    assert shown[0][1].startswith("...")
+    assert shown[0][1].endswith("left_eye")
+    assert all(_fits(line, 96, 13) for lines in shown for line in lines)
+    assert _lines(Outcome("frame 1, cam", 0, 1.0, 0, None, "", ()), 256) == ["frame 1, cam"]

@@ -143,6 +143,8 @@ def test_differences_of_a_sequence() -> None:
         (["a", "a/shot.####.exr"], "compare-pairs"),
         (["a", "a/shot.0001.exr"], "compare-pairs"),
         (["a", "b"], "compare-pairs"),
+        (["a", "nothere"], "image-missing"),
+        (["nothere.exr", "a"], "image-missing"),
         (["a/none.####.exr", "b/new_##.exr"], "image-missing"),
         (["a/shot.####.exr", "b/new_##.exr", "--difference", "d.png"], "frames"),
         (["a", "a", "--difference", "d.png"], "output-folder"),

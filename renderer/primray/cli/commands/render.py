@@ -377,6 +377,9 @@ def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing
     for checkpointing in found:
         if checkpointing is not None:
             checkpointing.check()
+    missing = [c.resume for c, now in zip(frames, found, strict=True) if c is not None and c.resume and now and not now.resume]
+    if missing:
+        print(f"no checkpoint yet, rendered from the first sample: {', '.join(map(str, missing))}", file=sys.stderr)
     return found
 
 

@@ -10,10 +10,11 @@ _STREAMS = "the shell does that: `> FILE`, `>> FILE`, `2> FILE`, or `--report FI
 _SESSION = "author it in a layer and give that with --session-layer FILE"
 _NO_LICENSE = "primray needs no license: leave it out"
 _NO_PLUGIN = "primray renders by itself, with no Hydra delegate: leave it out"
-_NO_VIEWER = "there is no viewer to send pictures to; --snapshot S writes the picture so far to its file"
+_NO_VIEWER = "there is no mplay; -o tev:// shows the render in a running tev, and `primray view` shows it in a browser"
 _NO_SCRIPT = "no scripts run in a render; change the stage before, or by --session-layer FILE"
 _BY_SAMPLES = (
-    "a picture is divided by its samples: --sample-range A:B, then `primray merge`; a part of the frame is a dataWindowNDC"
+    "a picture is divided by its samples: --sample-range A:B, then `primray merge`; --region LEFT BOTTOM RIGHT TOP "
+    "renders a part of it"
 )
 _NO_BUCKETS = "all pixels become better together, there are no buckets and no modes: leave it out"
 _NO_PROCEDURALS = "Houdini's procedurals do not run here; bake them into the stage"
@@ -73,7 +74,7 @@ REFUSED: dict[str, str] = {
     "--disable-scene-materials": f"to take materials off, block their bindings: {_SESSION}",
     "--disable-scene-lights": _LIGHTS,
     "--disable-dummy-raster-product": "a stage without products gets one picture: leave it out",
-    "--pass": "name the RenderSettings that the pass renders: --render-settings PRIM",
+    "--pass": "--render-pass PRIM renders a pass; the RenderSettings alone are --render-settings PRIM",
     "--prerender-script": _NO_SCRIPT,
     "--preframe-script": _NO_SCRIPT,
     "--postframe-script": _NO_SCRIPT,
@@ -85,10 +86,10 @@ REFUSED: dict[str, str] = {
     "--usd-chrome-file": _NO_TRACE,
     # husk: output
     "--pixel-aspect": f"set pixelAspectRatio of the RenderSettings: {_SESSION}",
-    "--extra-metadata": "an EXR's header has the render's own facts, and --report FILE all of them",
+    "--extra-metadata": "--metadata NAME=VALUE adds an attribute to an EXR's header, and may be repeated",
     "--ocio": "PNG and JPEG always go through OpenColorIO; --view, --display and --look choose how",
     "--slap-comp": "compositing is for a compositor, with the parts that --aov writes",
-    "--autocrop": "set dataWindowNDC of the RenderSettings to the part that is wanted: " + _SESSION,
+    "--autocrop": "pixels are not looked at; --region LEFT BOTTOM RIGHT TOP renders the part of the frame that is wanted",
     "--mplay-monitor": _NO_VIEWER,
     "--mplay-scale": _NO_VIEWER,
     "--mplay-update": _NO_VIEWER,
@@ -134,7 +135,7 @@ REFUSED: dict[str, str] = {
 # Flag -> the number of values behind it, and why there is nothing to do.
 DONE_ANYWAY: dict[str, tuple[int, str]] = {
     "--disableGpu": (0, "no GPU is used"),
-    "--no-mplay": (0, "there is no viewer"),
+    "--no-mplay": (0, "there is no mplay"),
     "--disable-delegate-products": (0, "all products are pictures"),
     "--disable-disk-check": (0, "the disk is not asked how much it holds"),
     "--fast-exit": (1, "a render ends at once when its files are written"),

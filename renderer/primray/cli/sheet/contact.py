@@ -15,7 +15,7 @@ from .runs import Outcome
 _SHEET, _BEHIND, _FAILED = 0.10, 0.25, (0.32, 0.08, 0.08)  # behind all, behind transparent pictures, in place of failed ones
 _WHITE, _ODD = (0.92, 0.92, 0.92), (1.0, 0.65, 0.2)
 _FONT, _TITLE_FONT = 13, 17  # pixels
-_GAP, _STRIP, _TITLE = 8, 20, 30  # between cells, below each picture, above all
+_GAP, _STRIP, _LINE, _TITLE = 8, 20, 15, 30  # between cells, below each picture, of each further line there, above all
 Text = tuple[int, int, str, int, tuple[float, float, float]]  # x, y of the base line, words, size, colour
 _ERROR = re.compile(r"^error: ", re.MULTILINE)
 
@@ -25,7 +25,9 @@ def contact_sheet(title: str, groups: Sequence[Sequence[Outcome]], columns: int,
     rows = [group[k : k + columns] for group in groups for k in range(0, len(group), columns)]
     pictures = {id(outcome): _picture(outcome) for row in rows for outcome in row}
     height = max((picture.shape[0] for picture in pictures.values() if picture is not None), default=width * 9 // 16)
-    cell_height, across = height + _STRIP + _GAP, max(map(len, rows))
+    labels = {id(outcome): _lines(outcome, width) for row in rows for outcome in row}
+    strip = _STRIP + _LINE * (max(map(len, labels.values())) - 1)
+    cell_height, across = height + strip + _GAP, max(map(len, rows))
     shape = (_TITLE + len(rows) * cell_height + _GAP, across * (width + _GAP) + _GAP, 3)
     sheet = np.full(shape, _SHEET, np.float32)
     texts: list[Text] = [(_GAP, _TITLE - 10, _fitting(title, shape[1] - 2 * _GAP, _TITLE_FONT), _TITLE_FONT, _WHITE)]
@@ -39,9 +41,9 @@ def contact_sheet(title: str, groups: Sequence[Sequence[Outcome]], columns: int,
                 sheet[top : top + seen.shape[0], left : left + seen.shape[1]] = seen
             else:
                 texts += list(_reason(outcome, left, top, width, height))
-            label = outcome.stage if not outcome.marks else f"{outcome.stage} ({', '.join(outcome.marks)})"
             color = _ODD if outcome.marks or picture is None else _WHITE
-            texts.append((left, top + height + 15, _fitting(label, width, _FONT), _FONT, color))
+            for k, line in enumerate(labels[id(outcome)]):
+                texts.append((left, top + height + 15 + k * _LINE, line, _FONT, color))
     return _with_texts(sheet, texts)
 
 
@@ -75,18 +77,32 @@ def _reason(outcome: Outcome, left: int, top: int, width: int, height: int) -> I
         yield left + 6, top + 16 + k * (_FONT + 3), _fitting(line, width - 12, _FONT), _FONT, _WHITE
 
 
+def _lines(outcome: Outcome, width: int) -> list[str]:
+    """Return the label of a picture in lines that fit, broken at its commas; of a longer word the end, which tells it apart."""
+    label = outcome.stage if not outcome.marks else f"{outcome.stage} ({', '.join(outcome.marks)})"
+    first, *words = label.split(", ")
+    lines = [first]
+    for word in words:
+        if _fits(f"{lines[-1]}, {word}", width, _FONT):
+            lines[-1] += f", {word}"
+        else:
+            lines.append(word)
+    return [line if _fits(line, width, _FONT) else _fitting(line[::-1], width, _FONT)[::-1] for line in lines]
+
+
 def _fitting(text: str, width: int, size: int) -> str:
     """Return as much of the text as fits."""
-    import OpenImageIO as oiio
-
-    def fits(shown: str) -> bool:
-        return bool(oiio.ImageBufAlgo.text_size(shown, size).width <= width)
-
-    if fits(text):
+    if _fits(text, width, size):
         return text
-    while text and not fits(text + "..."):
+    while text and not _fits(text + "...", width, size):
         text = text[:-1]
     return text + "..."
+
+
+def _fits(text: str, width: int, size: int) -> bool:
+    import OpenImageIO as oiio
+
+    return bool(oiio.ImageBufAlgo.text_size(text, size).width <= width)
 
 
 def _with_texts(sheet: Floats, texts: Sequence[Text]) -> np.ndarray[Any, Any]:

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import sys
 
-from ...errors import InternalError, PrimrayError
+from ...errors import InternalError, PrimrayError, UnsupportedError
+
+_MOST_LINES = 40  # of the diagnostics that an error refuses
 
 
 def print_error(error: Exception, as_json: bool) -> int:
-    """The exit code that the error has."""
+    """Print an error, after the diagnostics that it refuses if there are several; return its exit code."""
+    if isinstance(error, UnsupportedError) and len(error.refused) > 1:
+        from ...notices.diagnostics_text import diagnostics_lines
+
+        lines = diagnostics_lines(error.refused, verbose=True)
+        more = [f"and {len(lines) - _MOST_LINES:,} more lines"] if len(lines) > _MOST_LINES else []
+        print(*lines[:_MOST_LINES], *more, sep="\n", file=sys.stderr)
     print(f"error: {error}", file=sys.stderr)
     return print_json_error(error) if as_json else exit_code_of(error)
 

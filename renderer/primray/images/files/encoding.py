@@ -24,7 +24,7 @@ BIT_DEPTHS = {".png": (8, 16), ".tif": (16, 8, 32), ".tiff": (16, 8, 32)}
 LINEAR_BITS = 32
 LARGEST_HALF = 65504.0
 ALL, NONE, PICTURE = "all", "none", "rgba"
-WITH_LEVEL = ("zip", "zips", "dwaa", "dwab")
+WITH_LEVEL = {"zip": 9.0, "zips": 9.0, "dwaa": 1e6, "dwab": 1e6}  # the highest level
 CODE = "half-channels"
 
 
@@ -49,10 +49,10 @@ class Encoding:
         if self.compression not in ("", *COMPRESSIONS):
             sentence = f"{self.compression!r} is no compression of an EXR; there are {', '.join(COMPRESSIONS)}"
             raise SettingsError(sentence, where="compression", code="exr-setting")
-        if self.level is not None and not (self.compression in WITH_LEVEL and 0 <= self.level <= 1e6):
-            sentence = (
-                f"a level from 0 on goes with {', '.join(WITH_LEVEL)}, not {self.level:g} with {self.compression or 'none'}"
-            )
+        most = WITH_LEVEL.get(self.compression, -1.0)
+        if self.level is not None and not 0 <= self.level <= most:
+            levels = ", ".join(f"0 to {most:,.0f} with {name}" for name, most in WITH_LEVEL.items())
+            sentence = f"levels are {levels}, not {self.level:g} with {self.compression or 'none'}"
             raise SettingsError(sentence, where="compression", code="exr-setting")
         for name, _ in self.header:
             if not is_free_in_header(name):
@@ -77,6 +77,10 @@ class Encoding:
 def compression_of(text: str | None) -> tuple[str, float | None]:
     """Return the compression and its level, from NAME or NAME:LEVEL; SettingsError for a level that is no number."""
     kind, colon, level = (text or "").strip().lower().partition(":")
+    if text is not None and not kind:
+        raise SettingsError(
+            "the compression has no name; write one like zip or dwaa:45", where="compression", code="exr-setting"
+        )
     try:
         return kind, float(level) if colon else None
     except ValueError:

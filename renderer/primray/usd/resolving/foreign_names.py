@@ -50,7 +50,12 @@ class NameSet:
 
 def renderer_of(name: str) -> str:
     """The renderer that an attribute speaks to, "" for none or where the attribute is read here."""
-    if name in _READ or name.startswith(ROLLING_SHUTTER) or _SURFACE_OUTPUT.fullmatch(name) or any(word in name.lower() for word in LENS_WORDS):
+    if (
+        name in _READ
+        or name.startswith(ROLLING_SHUTTER)
+        or _SURFACE_OUTPUT.fullmatch(name)
+        or any(word in name.lower() for word in LENS_WORDS)
+    ):
         return ""
     first, _, rest = name.partition(":")
     if first in _WITHIN:

@@ -146,7 +146,9 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
                 _note_unread(outputs, output, path, ctx)
                 return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
-            foreign.insert(len(foreign) if output in first else 0, (output, source))  # a renderer's own output comes before the universal
+            foreign.insert(
+                len(foreign) if output in first else 0, (output, source)
+            )  # a renderer's own output comes before the universal
     if foreign and (made := _of_other_renderer(foreign, outputs, path, ctx)) is not None:
         return _with_priority(made, prim, ctx) if PRIORITY in names else made, None
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
@@ -186,7 +188,7 @@ def _note_unread(outputs: list[str], used: str, path: str, ctx: Context) -> None
 
 
 def _of_other_renderer(shaders: list[tuple[str, Node]], outputs: list[str], path: str, ctx: Context) -> Material | None:
-    """Return the first of some shaders, by their outputs, that is another renderer's and can be translated; imported where there are any."""
+    """Return the first of some shaders, that is another renderer's and can be translated; imported where there are any."""
     if not ctx.settings.translated_shaders:
         return None
     from ...materials.foreign.material import translated_material
