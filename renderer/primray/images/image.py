@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ..arrays import Doubles, Floats
 from ..color.color_space import REC709, ColorSpace, named
 from ..description import Camera, Frame, Projection
-from ..description.picture_file import PLAIN, HeaderValue, PictureFile
+from ..description.picture_file import OTHER_EXTENSIONS, PLAIN, HeaderValue, PictureFile
 from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
@@ -37,7 +37,7 @@ VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 WITH_ALPHA = (".png", ".tif", ".tiff")
 BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind what covers the picture
 EYE = "settings.eye"  # in metadata: of a stereo pair
-EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
+EXTENSIONS = (".exr", *OTHER_EXTENSIONS)
 
 # SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
 _ACES_WHITE = (0.32168, 0.33767)
@@ -116,8 +116,7 @@ class Image:
 
         KeyError where its render was not for that product.
         """
-        # What is behind the picture is known of the render, not of its products' files.
-        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)
+        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)  # known of the render alone
         assert file.contents is not None
         aovs = {name: self.aovs[key] for name, key in file.contents.parts if key in self.aovs}
         return replace(self, aovs=aovs, file=file)
