@@ -46,6 +46,18 @@ def moments(time_codes: list[float] | None) -> list[float | None]:
     return [*time_codes] if time_codes else [None]
 
 
+def require_only_products(chosen_twice: bool, are_named: bool, checkpoint: str | None) -> None:
+    """SettingsError for flags that do not go with products: both ways to choose them, names of files, checkpoints."""
+    faults = {
+        "--all-products and --product both choose products; give one": chosen_twice,
+        "-o names one file, products have names of their own: --output-dir says where they are written": are_named,
+        "products have no checkpoints: --checkpoint and --resume are for one picture, which -o names": checkpoint is not None,
+    }
+    for sentence, is_so in faults.items():
+        if is_so:
+            raise SettingsError(sentence, code="product-output")
+
+
 def product_shots(
     scene: str,
     settings: RenderSettings,

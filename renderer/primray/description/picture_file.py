@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 COMPRESSIONS = ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
+OTHER_EXTENSIONS = (".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")  # of files that are written and are no EXRs
 LOSSY = frozenset({"pxr24", "b44", "b44a", "dwaa", "dwab"})
 # Of a header: what OpenEXR itself decides by (ImfStandardAttributes.h, "Required"), and what is said here.
 _RESERVED = """channels compression datawindow displaywindow lineorder pixelaspectratio screenwindowcenter screenwindowwidth

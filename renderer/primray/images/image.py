@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ..arrays import Floats
 from ..color.color_space import REC709, ColorSpace
 from ..description import Camera, Frame
-from ..description.picture_file import PLAIN, HeaderValue, PictureFile
+from ..description.picture_file import OTHER_EXTENSIONS, PLAIN, HeaderValue, PictureFile
 from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
@@ -41,7 +41,7 @@ BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind w
 MISSING_TEXTURES = ("asset-missing", "texture-unreadable", "tile-missing")
 WHITE = (1.0, 1.0, 1.0)
 EYE = "settings.eye"  # in metadata: of a stereo pair
-EXTENSIONS = (".exr", ".hdr", *VIEW_EXTENSIONS)
+EXTENSIONS = (".exr", *OTHER_EXTENSIONS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +123,7 @@ class Image:
 
         KeyError where its render was not for that product.
         """
-        # What is behind the picture is known of the render, not of its products' files.
-        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)
+        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)  # known of the render alone
         assert file.contents is not None
         aovs = {name: self.aovs[key] for name, key in file.contents.parts if key in self.aovs}
         return replace(self, aovs=aovs, file=file)

@@ -53,7 +53,7 @@ def test_the_longest_names_are_written() -> None:
     ends = sorted(path.suffix for path in Path().iterdir() if path.stem == LONGEST)
     assert ends == [".exr", ".png", ".prc", ".txt"]
     with pytest.raises(primray.PrimrayError, match="longer than file systems hold") as error:
-        Image(np.zeros((2, 2, 4))).save(f"{LONG}.exr")
+        Image(np.zeros((2, 2, 4), np.float32)).save(f"{LONG}.exr")
     assert error.value.code == "name-too-long"
 
 

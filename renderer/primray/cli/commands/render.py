@@ -28,7 +28,7 @@ from .. import option_values
 from ..on_ray import ray_executor, require_parts
 from ..option_values import OnOff
 from ..pictures import Looks, check_outputs, check_reports, check_shots, has_samples, is_refused, save, tell_of_all, write
-from ..shots import Shot, moments, product_shots
+from ..shots import Shot, moments, product_shots, require_only_products
 from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
 from ..tev_outputs import EVERY_S, MOST_SHARE, is_tev, output_name
@@ -144,9 +144,7 @@ def render(
     )
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
-        if product and all_products:
-            raise SettingsError("--all-products and --product both choose products; give one", code="product-output")
-        _require_only_products(bool(output or outputs), checkpoint or resume)
+        require_only_products(bool(product) and all_products, bool(output or outputs), checkpoint or resume)
     turns = turntable_numbers(turntable, fps, time_codes)
     if turns is not None and (by_product or checkpoint or resume or stereo):
         raise SettingsError(
@@ -344,15 +342,6 @@ def _names_of(outputs: list[str], scene: str, time_codes: list[float] | None) ->
     stem = Path(scene.rstrip("]").replace("[", "/")).stem  # a usdz member gives its own name
     many = time_codes is not None and len(time_codes) > 1
     return [output_name(name, stem, many) for name in outputs] or [default_name(stem, many)]
-
-
-def _require_only_products(are_named: bool, checkpoint: str | None) -> None:
-    if are_named:
-        sentence = "-o names one file, products have names of their own: --output-dir says where they are written"
-        raise SettingsError(sentence, code="product-output")
-    if checkpoint is not None:
-        sentence = "products have no checkpoints: --checkpoint and --resume are for one picture, which -o names"
-        raise SettingsError(sentence, code="product-output")
 
 
 def _checkpointing(

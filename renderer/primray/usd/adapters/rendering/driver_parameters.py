@@ -17,9 +17,8 @@ import numpy as np
 from pxr import Usd
 
 from ....aov_data_types import data_type_of
-from ....description.picture_file import COMPRESSIONS, HeaderValue, PictureFile, is_free_in_header
+from ....description.picture_file import COMPRESSIONS, OTHER_EXTENSIONS, HeaderValue, PictureFile, is_free_in_header
 from ....diagnostics import Diagnostics
-from ....images.product_name import product_path
 from ...querying.guarded import authored_attributes
 from ...resolving.read import When, value
 
@@ -56,7 +55,7 @@ class _Reader:
 
 def product_file(product: Usd.Prim, name: str, when: When, diagnostics: Diagnostics) -> PictureFile:
     """Return what the product's driver is told. `name`: the product's, whose file need not have the extension that it says."""
-    if PurePosixPath(product_path(name, "picture")).suffix.lower() != ".exr":
+    if PurePosixPath(name).suffix.lower() in OTHER_EXTENSIONS:  # whatever else a name ends in, its file is an EXR
         return _plain_file(product, when, diagnostics)
     reader = _Reader(product, when, diagnostics)
     compression, level, half, header = "", None, tuple[str, ...](), dict[str, HeaderValue]()
