@@ -14,6 +14,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from .named_values import naming_values
+
 GROUP = "primray.commands"
 
 Table = Mapping[str, tuple[str, str]]
@@ -38,7 +40,7 @@ def loaded(name: str, target: str) -> Any:
         app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
         app.command(name)(found)
         found = app
-    return get_command(found)
+    return naming_values(get_command(found))
 
 
 class CommandGroup(TyperGroup):
@@ -49,7 +51,7 @@ class CommandGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in self.commands:
             self._complete()
-        return super().get_command(ctx, cmd_name)
+        return naming_values(super().get_command(ctx, cmd_name))
 
     def list_commands(self, ctx: Any) -> list[str]:
         self._complete()
