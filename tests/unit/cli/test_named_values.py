@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 import pytest
 
 from primray.cli import run
@@ -55,3 +57,13 @@ def test_a_size_may_be_one_word(size: str) -> None:
 def test_usdrecords_renderer_is_still_known() -> None:
     with pytest.raises(SettingsError, match="renderer"):
         without_habits(["render", "a.usda", "-r", "Embree"])
+
+
+@pytest.mark.parametrize("name", ["model.usdz", "a b.USDA", "car.glb"])
+def test_a_file_in_place_of_a_command_names_render(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    assert run([name]) == 2
+    said = capsys.readouterr().err
+    assert "not a command" in said
+    assert f"primray render {shlex.quote(name)}" in said
+    assert run(["modle"]) == 2
+    assert "No such command" in capsys.readouterr().err
