@@ -246,6 +246,16 @@ def test_a_turntable_writes_pictures_and_a_movie(shot: Path, capsys: pytest.Capt
     assert "-r 12" in (shot / "it's.mp4").read_text()
 
 
+def test_a_turntable_says_once_that_the_camera_is_turned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a camera of the stage's, whose path would tell the rows of two frames to be alike."""
+    stage = Usd.Stage.CreateInMemory()
+    assert stage.GetRootLayer().ImportFromString("#usda 1.0\n" + CUBE)
+    stage.GetRootLayer().Export(str(tmp_path / "cube.usda"))
+    flags = ["--res", "8", "6", "--spp", "2", "--turntable", "4", "-o", str(tmp_path / "a.png")]
+    assert run(["render", str(tmp_path / "cube.usda"), *flags]) == 0
+    assert capsys.readouterr().err.count("The camera is turned") == 1
+
+
 def test_a_movie_is_refused_before_the_first_picture_where_nothing_makes_it(
     shot: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import pytest
 
 from primray import RenderSettings
 from primray.errors import LimitError, SettingsError
+from primray.settings.render_settings import CALLED_OTHERWISE, with_values
 
 
 def test_defaults_are_good() -> None:
@@ -50,3 +52,15 @@ def test_limits(name: str, value: Any) -> None:
 def test_half_a_resolution_is_allowed() -> None:
     assert RenderSettings(resolution=(640, 0)).resolution == (640, 0)
     assert RenderSettings(resolution=(0, 480)).resolution == (0, 480)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("samples", "spp"), ("width", "resolution"), ("quality", "target_error"), ("output", "save")]
+)
+def test_names_that_others_have_for_a_setting_are_known(name: str, hint: str) -> None:
+    with pytest.raises(SettingsError, match=rf"there is no setting {name}; .*\b{hint}\b"):
+        with_values(RenderSettings(), {name: 3})
+
+
+def test_no_setting_is_called_otherwise() -> None:
+    assert not CALLED_OTHERWISE.keys() & {field.name for field in fields(RenderSettings)}

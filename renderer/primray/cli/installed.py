@@ -6,6 +6,7 @@ The function's module is imported when its command is used; `--help` shows the l
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -14,7 +15,12 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from ..errors import SettingsError
+from ..other_formats import SUFFIXES as OTHER_SUFFIXES
+from .named_values import naming_values
+
 GROUP = "primray.commands"
+STAGES = (".usd", ".usda", ".usdc", ".usdz", *OTHER_SUFFIXES)
 
 Table = Mapping[str, tuple[str, str]]
 
@@ -38,7 +44,7 @@ def loaded(name: str, target: str) -> Any:
         app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
         app.command(name)(found)
         found = app
-    return get_command(found)
+    return naming_values(get_command(found))
 
 
 class CommandGroup(TyperGroup):
@@ -49,7 +55,14 @@ class CommandGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in self.commands:
             self._complete()
-        return super().get_command(ctx, cmd_name)
+        return naming_values(super().get_command(ctx, cmd_name))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        word = args[0] if args else ""
+        if word.lower().endswith(STAGES) and self.get_command(ctx, word) is None:
+            sentence = f"{word} is a file, not a command: say `primray render {shlex.quote(word)}`"
+            raise SettingsError(sentence, code="command")
+        return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
         self._complete()

@@ -158,7 +158,7 @@ def _read(words: Iterator[str]) -> dict[str, Any]:
         elif kind == SPAN:
             given[name] = (_number(next(values)), _number(next(values)))
         elif kind == FOUR:
-            given[name] = tuple(_number(next(values)) for _ in range(4))
+            given[name] = tuple([_number(next(values)) for _ in range(4)])
         elif callable(kind):
             given[name] = kind(_value(values))
     if not 1 <= len(places) <= 2 or not all(places):

@@ -47,7 +47,12 @@ RenderSettingsPrim = Annotated[
 Resolution = Annotated[
     tuple[int, int] | None,
     typer.Option(
-        "--res", "-r", "--resolution", metavar="W H", help="Pixels; one of them 0: by the camera's aspect.", show_default=False
+        "--res",
+        "-r",
+        "--resolution",
+        metavar="W H",
+        help="Pixels, also as WxH; one of them 0: by the camera's aspect.",
+        show_default=False,
     ),
 ]
 ImageWidth = Annotated[

@@ -131,7 +131,8 @@ def background_of(text: str | None) -> Background | None:
     if os.path.isfile(text):
         return Background(file=text)
     sentence = (
-        f"{text} is no background: a colour as displayed (#rrggbb, or r,g,b in 0 to 1), transparent, or a file that is there"
+        f"{text} is no background: a colour as displayed (#rrggbb, such as #ffffff for white, or r,g,b in 0 to 1), "
+        "transparent, or a file that is there"
     )
     raise SettingsError(sentence, where="background", code="background")
 

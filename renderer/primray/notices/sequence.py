@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Hashable, Iterable, Mapping
 
 Row = Mapping[str, str]
 Key = tuple[str, str, str]
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class SequenceNotices:
@@ -42,4 +44,8 @@ class SequenceNotices:
 
 def _identity(row: Row) -> tuple[str, ...]:
     place = row["prim_path"], row.get("attribute", "")
-    return row["severity"], row["code"], *(place if any(place) else (row["message"],))
+    if any(place):
+        return row["severity"], row["code"], *place
+    # What was chosen for a frame differs by its numbers: a turntable's degrees.
+    message = _NUMBER.sub("#", row["message"]) if row["severity"] == "info" else row["message"]
+    return row["severity"], row["code"], message

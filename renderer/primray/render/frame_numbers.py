@@ -10,6 +10,7 @@ from decimal import Decimal, DecimalException, InvalidOperation
 from ..errors import LimitError, SettingsError
 
 MAX_FRAMES = 100_000
+MOST = 10**9  # of a number in a frame list
 
 _PLAIN = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _DASHED = re.compile(rf"({_PLAIN})\s*-\s*({_PLAIN})\s*", re.ASCII)
@@ -89,8 +90,11 @@ def _number(digits: str, text: str) -> Decimal:
         value = Decimal(digits.strip())
     except InvalidOperation:
         raise _no_frames(text) from None
-    if not value.is_finite() or value.copy_abs() > 10**9:  # abs() would overflow
+    if not value.is_finite():
         raise _no_frames(text)
+    if value.copy_abs() > MOST:  # abs() would overflow
+        sentence = f"{digits.strip()} in {text!r} is beyond {MOST:,}, the largest number of a frame list"
+        raise SettingsError(f"{sentence}, and one command renders at most {MAX_FRAMES:,} frames", code="frames")
     return value
 
 

@@ -332,6 +332,25 @@ def _check_light_paths(names: tuple[str, ...]) -> None:
         check(expressions)
 
 
+_SIZE = "the size in pixels is resolution=(width, height)"
+_SAMPLES = "samples a pixel are spp"
+_FILE = "a render returns an image, and image.save(path) writes it"
+# Names that other renderers and libraries have for settings, or for what is none; spelling does not lead from one to the other.
+CALLED_OTHERWISE = {
+    **dict.fromkeys(("width", "height", "size", "image_size", "imageWidth", "res"), _SIZE),
+    **dict.fromkeys(("samples", "num_samples", "sample_count", "samples_per_pixel", "spp_max"), _SAMPLES),
+    **dict.fromkeys(("output", "outputs", "file", "filename", "path", "output_path"), _FILE),
+    **dict.fromkeys(("quality", "noise", "noise_threshold"), "how good a picture gets is target_error, or spp"),
+    **dict.fromkeys(("frame", "time", "frames"), "a frame is time_code; render_frames renders several"),
+    **dict.fromkeys(("exposure", "view", "look", "display"), "what a picture is viewed with is given to image.save(path, ...)"),
+    "timeout": "seconds of sampling are time_limit_s",
+    "time_limit": "seconds of sampling are time_limit_s",
+    "depth": "the most scatterings of a path are max_depth",
+    "bounces": "the most scatterings of a path are max_depth",
+    "max_bounces": "the most scatterings of a path are max_depth",
+}
+
+
 def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
     """The settings with some fields replaced; SettingsError for names that there are not."""
     if not isinstance(settings, RenderSettings):
@@ -340,7 +359,7 @@ def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
     names = [field.name for field in fields(RenderSettings)]
     for name in values:
         if name not in names:
-            hint = did_you_mean(name, names, f"there are {', '.join(names)}")
+            hint = CALLED_OTHERWISE.get(name) or did_you_mean(name, names, f"there are {', '.join(names)}")
             raise SettingsError(f"there is no setting {name}; {hint}", where=name, code="unknown-setting")
     return replace(settings, **values) if values else settings
 

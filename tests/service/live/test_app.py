@@ -64,7 +64,7 @@ def test_a_stage_that_cannot_be_opened_is_refused_before_anything_is_served(
 ):
     write_stage(tmp_path)
     (tmp_path / "tri.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    asked = [Path(sys.executable).with_name("primray"), "view", tmp_path / name, "--no-open", *flags]
+    asked = [str(Path(sys.executable).with_name("primray")), "view", str(tmp_path / name), "--no-open", *flags]
     done = subprocess.run(asked, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == rc
     assert code in done.stderr

@@ -14,14 +14,42 @@ from .foreign_flags import DONE_ANYWAY, REFUSED
 COMMANDS = ("render", "estimate", "inspect", "submit")  # those that one of the two has a counterpart of
 
 _LEVEL = re.compile(r"[aAcCeEpPtT]*(\d)[aAcCeEpPtT]*")  # husk's: a digit among letters for how lines look
+SIZES = ("--res", "--resolution", "-r")
+_SIZE = re.compile(r"(\d+)[x,X\u00d7](\d+)")
+_STARTS_NUMBER = re.compile(r"-?\d")
 QUIET_LEVEL = 2  # husk's default; more is --verbose here
 
 
 def without_habits(arguments: Sequence[str]) -> list[str]:
     """The command line without what is done anyway; SettingsError, saying what to use, for a flag that is refused."""
+    arguments = [*_with_sizes_apart(iter(arguments))]
     if not arguments or arguments[0] not in COMMANDS:
-        return [*arguments]
+        return arguments
     return [arguments[0], *_words(iter(arguments[1:]))]
+
+
+def _with_sizes_apart(words: Iterator[str]) -> Iterator[str]:
+    """The words with a size that is one word, such as 320x200, as two; SettingsError for a size of one number."""
+    for word in words:
+        flag, joined, size = word.partition("=") if word.startswith("--") else (word, "", "")
+        if word == "--" or flag not in SIZES:
+            yield word
+            if word == "--":
+                yield from words
+            continue
+        first = size if joined else next(words, None)
+        yield flag
+        both = None if first is None else _SIZE.fullmatch(first)
+        if both is not None:
+            yield from both.groups()
+            continue
+        second = next(words, None)
+        if first is not None and first[:1].isdigit() and not _STARTS_NUMBER.match(second or ""):
+            sentence = (
+                f"it takes a width and a height in pixels, such as 320 200 or 320x200 (0: by the camera's aspect), not {first}"
+            )
+            raise SettingsError(sentence, where=flag, code="resolution")
+        yield from (word for word in (first, second) if word is not None)
 
 
 def _words(words: Iterator[str]) -> Iterator[str]:
