@@ -35,7 +35,7 @@ from .pictures_beside import DENOISED, DIFFUSED, picture_beside
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
-VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+VIEW_EXTENSIONS = tuple(extension for extension in OTHER_EXTENSIONS if extension != ".hdr")
 WITH_ALPHA = (".png", ".tif", ".tiff")
 BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind what covers the picture
 MISSING_TEXTURES = ("asset-missing", "texture-unreadable", "tile-missing")

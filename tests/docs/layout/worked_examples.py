@@ -257,7 +257,7 @@ EXAMPLES: dict[str, Example] = {
     ),
     "An output": Example(
         (
-            Edit(f"{PRIMRAY}/images/image.py", 'VIEW_EXTENSIONS = (".png", ', '".bmp", '),
+            Edit(f"{PRIMRAY}/description/picture_file.py", 'OTHER_EXTENSIONS = (".hdr", ', '".bmp", '),
             Edit(f"{PRIMRAY}/cli/output_flags.py", 'help="EXR, PNG', ", BMP"),
         ),
         python="""
