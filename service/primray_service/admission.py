@@ -34,37 +34,14 @@ from .problems import Problem
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:[x:]\s*({_NUMBER}))?)?\s*", re.ASCII)
-# RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
-_MEMBERS = (
-    ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
-    ("light-path", "settings.aovs"),
-    ("denoised picture", "settings.stop_at"),
-    ("resolution", "settings.resolution"),
-    ("pixels", "settings.resolution"),
-    ("samples per pixel", "settings.stop.max_samples"),
-    ("target error", "settings.stop.target_error"),
-    ("time limit", "settings.stop.max_seconds"),
-    ("depth", "settings.max_depth"),
-    ("clamp", "settings.clamp_indirect"),
-    ("filter", "settings.filter_width"),
-    ("seed", "settings.seed"),
-    ("dicing rate", "settings.dicing_rate"),
-    ("dome must", "settings.dome"),
-    ("background must", "settings.background"),
-    ("shutter", "settings.shutter"),
-    ("a region is", "settings.region"),
-    ("motion", "settings.motion_error"),
-    ("diffused", "settings.diffusion_starburst"),
-    ("no lens", "settings.lens_flaws"),
-    ("rim must be", "settings.lens_flaws"),
-    ("natural-vignetting", "settings.lens_flaws"),
-    ("channel-", "settings.lens_flaws"),
-    ("purpose", "settings.purposes"),
-    ("variant", "settings.variants"),
-    ("load", "settings.load"),
-    ("mask", "settings.mask"),
-)
-
+# Fields of RenderSettings that the API has as another member of `settings`; all others have the same name.
+_MEMBERS = {
+    "spp": "stop.max_samples",
+    "target_error": "stop.target_error",
+    "error_metric": "stop.metric",
+    "time_limit_s": "stop.max_seconds",
+    "product": "products",
+}
 
 BEAUTY = "beauty"  # the product that every scene has
 ALL = "*"  # of the products
@@ -296,8 +273,8 @@ def _product(settings: Settings) -> str | None:
 
 
 def _member(error: SettingsError | LimitError) -> str:
-    text = f"{error.code} {error.message}"
-    return next((member for words, member in _MEMBERS if words in text), "settings")
+    """Return the member of the request whose value a field of RenderSettings, `error.where`, refuses."""
+    return f"settings.{_MEMBERS.get(error.where, error.where)}" if error.where else "settings"
 
 
 def check_labels(labels: Mapping[str, str], limits: Limits) -> None:

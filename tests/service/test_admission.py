@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+
 import pytest
 from pydantic import ValidationError
 
-from primray_service.admission import check_settings, new_job, render_settings, time_codes
-from primray_service.api.models import ContinuedRules, JobRequest, Settings
+from primray.errors import LimitError, SettingsError
+from primray_service.admission import _MEMBERS, _member, check_settings, new_job, render_settings, time_codes
+from primray_service.api.models import ContinuedRules, JobRequest, Settings, StopRules
 from primray_service.jobs import Job, JobState, Json
 from primray_service.limits import Limits
 from primray_service.problems import Problem
@@ -41,7 +45,7 @@ def test_too_many_frames(text):
     assert (raised.value.slug, raised.value.extra["limit"]) == ("limit-exceeded", 5)
 
 
-@pytest.mark.parametrize("text", ["", "1:", "a", "1:2x0", "1:2:3", "1 2", "1,1", "1e9999999999", "1:2x1e9999999999"])
+@pytest.mark.parametrize("text", ["", "1:", "a", "1:2x0", "1:2:3:4", "1 2", "1,1", "1e9999999999", "1:2x1e9999999999"])
 def test_what_is_no_frame_list(text):
     with pytest.raises(Problem) as raised:
         time_codes(text, LIMITS)
@@ -130,6 +134,51 @@ def test_prims_are_named_by_their_paths(member, value):
         check_settings(Settings.model_validate({member: value}), Limits())
     assert refused.value.slug == "invalid-request"
     assert refused.value.extra["member"] == f"settings.{member}"
+
+
+@pytest.mark.parametrize(
+    ("asked", "member"),
+    [
+        ({"stop": {"max_samples": 0}}, "stop.max_samples"),
+        ({"stop": {"target_error": -1}}, "stop.target_error"),
+        ({"stop": {"max_seconds": 0}}, "stop.max_seconds"),
+        ({"max_depth": 0}, "max_depth"),
+        ({"clamp_indirect": -1}, "clamp_indirect"),
+        ({"filter_width": 0}, "filter_width"),
+        ({"dicing_rate": 0}, "dicing_rate"),
+        ({"motion_error": 0}, "motion_error"),
+        ({"region": (1, 0, 0, 1)}, "region"),
+        ({"lens_flaws": ("foo",)}, "lens_flaws"),
+        ({"purposes": ("x",)}, "purposes"),
+        ({"variants": ("nonsense",)}, "variants"),
+        ({"load": ("car",)}, "load"),
+        ({"mask": ()}, "mask"),
+        ({"aovs": ("dept",)}, "aovs"),
+        ({"fail_on": ("x",)}, "fail_on"),
+        ({"allow": ("x",)}, "allow"),
+        ({"diffusion_glare": 0.9, "diffusion_starburst": 0.9}, "diffusion_starburst"),
+        ({"default_light": False, "studio_light": "on"}, "studio_light"),
+        ({"stop_at": "denoised", "stop": {"metric": "display", "target_error": 1}}, "stop_at"),
+    ],
+)
+def test_a_refusal_names_the_member_by_the_place_that_the_renderer_says(asked, member):
+    """Whatever the words of the renderer's message; values that the model refuses do not come so far."""
+    stop = StopRules.model_construct(**{**StopRules().model_dump(), **asked.pop("stop", {})})
+    settings = Settings.model_construct(**{**dict(Settings()), **asked, "stop": stop})
+    with pytest.raises((SettingsError, LimitError)) as found:
+        render_settings(settings)
+    assert _member(found.value) == f"settings.{member}"
+
+
+def test_every_field_that_a_job_sets_has_a_member():
+    """No field is read from a member of the API that a refusal would not name."""
+    text = inspect.getsource(render_settings)
+    fields = set(re.findall(r"^        (\w+)=", text, re.MULTILINE)) | {"dicing_rate", "motion_error"}
+    assert len(fields) > 40
+    for field in fields:
+        first, *rest = _MEMBERS.get(field, field).split(".")
+        assert first in Settings.model_fields, field
+        assert all(name in StopRules.model_fields for name in rest), field
 
 
 def test_render_settings_and_a_product_reach_the_renderer():
