@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from decimal import Decimal, DecimalException
 from typing import Any
 
-from primray.errors import LimitError, SettingsError
+from primray.errors import LimitError, PrimrayError, SettingsError
 from primray.images.files.encoding import Encoding, compression_of
 from primray.render.frame_numbers import parse_frames
 from primray.settings import (
@@ -272,7 +272,7 @@ def _product(settings: Settings) -> str | None:
     return None if len(settings.products) > 1 or name in (BEAUTY, ALL) else name
 
 
-def _member(error: SettingsError | LimitError) -> str:
+def _member(error: PrimrayError) -> str:
     """Return the member of the request whose value a field of RenderSettings, `error.where`, refuses."""
     return f"settings.{_MEMBERS.get(error.where, error.where)}" if error.where else "settings"
 
