@@ -134,10 +134,12 @@ def test_an_interrupt_before_the_first_sample_replaces_no_file(
     for name, data in before.items():
         Path(name).write_bytes(data)
     monkeypatch.setattr(Sampling, "begin", staticmethod(interrupted))
-    handler = signal.getsignal(signal.SIGTERM)
+    handlers = {each: signal.getsignal(each) for each in (signal.SIGTERM, signal.SIGINT)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have left it ignored
     try:
         assert run(["render", str(SCENE), "--spp", "2", *flags]) == 130
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        for each, handler in handlers.items():
+            signal.signal(each, handler)
     assert {name: Path(name).read_bytes() for name in files()} == before
     assert "no picture was written" in capsys.readouterr().err
