@@ -158,15 +158,17 @@ def test_a_broken_file_is_told_and_the_picture_stays(look):
     assert now[-192:, 1].mean() > 1.5 * now[-192:, 0].mean()
 
 
-def test_a_stage_that_is_broken_at_first(look, tmp_path):
-    stage = tmp_path / "bad.usda"
-    stage.write_text("#usda 1.0\ndef {{\n")
-    page, _ = look(stage=stage)
-    until_phase(page, "failed")
-    assert "stage-open: USD cannot open it: bad.usda:2" in page.locator("#problem").inner_text()
-    (tmp_path / "floor.usda").write_text(FLOOR % GREEN)
-    stage.write_text(STAGE)
+def test_a_stage_that_breaks_is_shown_again_once_it_is_mended(look):
+    """What is broken at first is refused before it is served, as by other commands (test_app.py)."""
+    page, running = look()
     until_finished(page)
+    whole = (running.folder / "shot.usda").read_text()
+    (running.folder / "shot.usda").write_text("#usda 1.0\ndef {{\n")
+    until_phase(page, "failed")
+    assert "USD cannot read it: shot.usda:2" in page.locator("#problem").inner_text()
+    before = number(page)
+    (running.folder / "shot.usda").write_text(whole)
+    until_finished(page, before)
     assert page.locator("#problem").inner_text() == ""
 
 

@@ -129,7 +129,7 @@ def until(page: Page, expression: str, timeout_s: float = 180.0) -> None:
     """Until the expression is true. Playwright's own waiting evaluates text inside the page, which its policy forbids."""
     end = time.monotonic() + timeout_s
     while not page.evaluate(expression):
-        assert time.monotonic() < end, f"not in {timeout_s} s: {expression}"
+        assert time.monotonic() < end, f"not in {timeout_s} s: {expression}\n{page.locator('main').inner_text()}"
         page.wait_for_timeout(50)
 
 

@@ -171,7 +171,7 @@ def test_diagnostics_are_grouped_on_stderr(pipeline: FakePipeline, capsys: pytes
         (["-o", "no/such/a.exr"], "output-folder", 2),
         (["--report", "no/such/r.json"], "output-folder", 2),
         (["--res", "99999", "99999"], "limit", 4),
-        (["--max-memory", "1K"], "memory-limit", 4),
+        (["--max-memory", "1K"], "max-memory", 2),
     ],
 )
 def test_errors_are_one_line_before_anything_is_rendered(

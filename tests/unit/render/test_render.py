@@ -48,6 +48,7 @@ REPORT_KEYS = {
     "features",
     "diagnostics",
     "settings",
+    "stage_settings",
     "versions",
 }
 

@@ -25,6 +25,7 @@ export function jobsView(root) {
   let items = [];
   let closed = false;
   let timer = 0;
+  let loads = 0; // counts what was asked for: an answer that was overtaken is dropped
 
   fill(
     root,
@@ -42,20 +43,21 @@ export function jobsView(root) {
 
   async function load() {
     clearTimeout(timer);
+    const mine = ++loads;
     const query = new URLSearchParams({ limit: String(name.value.trim() ? SEARCHED : PAGE), order: order.value });
     if (state.value) query.set("state", state.value);
     for (const words of label.value.split(",").filter((text) => text.trim())) query.append("label", labelOf(words));
     if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
     try {
       const page = await get(`/v1/jobs?${query}`);
-      if (closed) return;
+      if (closed || mine !== loads) return;
       next = page.next_cursor;
       fill(trouble);
       items = page.items;
       draw();
     } catch (failure) {
-      if (!failure.problem || closed) return;
-      fill(trouble, problemBox(failure.problem, { retry: load, retryAfter: failure.retryAfter }));
+      if (closed || mine !== loads) return;
+      if (failure.problem) fill(trouble, problemBox(failure.problem, { retry: load, retryAfter: failure.retryAfter }));
     }
     timer = setTimeout(() => (document.hidden || root.contains(document.activeElement) && document.activeElement.matches("select") ? later() : load()), 1000 * LOOK_EVERY_S);
   }

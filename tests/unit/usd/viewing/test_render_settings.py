@@ -192,12 +192,12 @@ def test_the_product_that_is_rendered() -> None:
     def camera_of(product: str | None) -> str:
         return translate_text(PRODUCTS, RenderSettings(product=product))[0].camera.path
 
-    assert (camera_of("/p"), camera_of("/q")) == ("/one", "/two")
+    assert (camera_of("/p"), camera_of("/q"), camera_of("q")) == ("/one", "/two", "/two")
     description, codes = translate_text(PRODUCTS)
     assert (description.camera.path, description.resolution) == ("/one", (100, 50))
     assert ("product-chosen", "/settings") in codes
     assert ("product-chosen", "/settings") not in translate_text(PRODUCTS, RenderSettings(product="/q"))[1]
-    for odd in ("", "/settings", "p", "/r"):
+    for odd in ("", "/settings", "r", "/r"):
         with pytest.raises(SettingsError, match=r"/p, /q") as error:
             camera_of(odd)
         assert (error.value.code, error.value.where) == ("unknown-product", odd)
