@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.service.live.conftest import FLOOR, GREEN, STAGE, mean_color, number, until_finished, until_phase
+from tests.service.live.conftest import FLOOR, GREEN, mean_color, number, until_finished, until_phase
 from tests.service.page.conftest import until
 
 
