@@ -23,7 +23,7 @@ def tracked() -> list[str]:
 def prose(name: str, text: str) -> Iterator[str]:
     """The comments of a source file, and a Python file's docstrings."""
     if not name.endswith(".py"):
-        yield from (match for match in re.findall(r"//(.*)", text))
+        yield from re.findall(r"//(.*)", text)
         return
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:

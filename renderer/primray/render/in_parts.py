@@ -70,7 +70,10 @@ def with_ends_of_stage(stage: str, settings: RenderSettings) -> tuple[RenderSett
     if settings.stops_early or settings.spp is not None:
         return settings, notes
     found = usd.products(open_once(stage, settings).stage, settings)
-    product = next((p for p in found if settings.product in (p.path, p.path.rpartition("/")[2])), found[0])
+    product = found[0]
+    if settings.product is not None:
+        path = usd.named_product(settings.product, [each.path for each in found])
+        product = next(each for each in found if each.path == path)
     asked = replace(product.asked, asked=tuple(one for one in product.asked.asked if one.name in ENDS))
     return with_stage_settings(settings, asked, notes)[0], notes
 

@@ -91,7 +91,9 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
     from .. import usd
 
     found = usd.products(opened.stage, settings)
-    chosen = [product for product in found if product.path in _paths(asked, found)] if asked is not None else list(found)
+    paths = [product.path for product in found]
+    wanted = paths if asked is None else {usd.named_product(text, paths) for text in asked}
+    chosen = [product for product in found if product.path in wanted]
     notes = Diagnostics()
     files = _distinct_paths(chosen, notes)
     made = [
@@ -213,20 +215,6 @@ def _joined(found: Sequence[ProductSettings], products: Sequence[Product], setti
         for n in members:
             made[n] = replace(products[n], settings=shared)
     return made
-
-
-def _paths(asked: Iterable[str], found: Sequence[ProductSettings]) -> set[str]:
-    paths = set()
-    for text in asked:
-        matching = [p.path for p in found if p.path == text] or [p.path for p in found if p.path.rpartition("/")[2] == text]
-        if len(matching) != 1 or not text:
-            listed = ", ".join(p.path for p in found if p.path) or "none"
-            problem = f"Several products are called {text}" if len(matching) > 1 else f"There is no product {text}"
-            raise SettingsError(
-                f"{problem}; the products of the render settings: {listed}.", where=text, code="unknown-product"
-            )
-        paths.add(matching[0])
-    return paths
 
 
 def _shortened(name: str) -> str:

@@ -8,7 +8,7 @@ column-vector.
 
 from .adapters.rendering.product_outputs import can_be_made_together, outputs_of, picture_of_product, picture_ordered
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
-from .adapters.rendering.render_settings import products
+from .adapters.rendering.render_settings import named_product, products
 from .facts.assets import assets_of
 from .facts.bound import bound_materials
 from .facts.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
@@ -41,6 +41,7 @@ __all__ = [
     "labels_of",
     "layer_files",
     "left_out",
+    "named_product",
     "names_in_instances",
     "open_stage",
     "output_facts",

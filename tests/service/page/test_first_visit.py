@@ -116,6 +116,7 @@ def test_times_come_from_an_earlier_render_or_a_small_one(open_page, site):
             until(page, ended)
             if page.evaluate(TIMES)[0]:
                 break
+        assert page.evaluate(TIMES)[0]
         assert "small picture" in page.locator(".estimate").inner_text()
         page.wait_for_load_state("networkidle")
         assert client.get("/v1/jobs", params={"label": "estimate:"}).json()["items"] == []

@@ -411,7 +411,7 @@ def _render_on_ray(address: str, scene: str, shots: list[Shot], looks: Looks) ->
 def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot], looks: Looks, rendering: list[Shot]) -> None:
     """A picture that cannot be written is told and makes the command fail, and the next one is rendered. `rendering` has the
     shot under way."""
-    from ...render.interruption import terminate_as_interrupt
+    from ...render.interruption import INTERRUPTED, terminate_as_interrupt
     from ..terminal.progress import Show, showing
 
     showing_now: list[Show] = []
@@ -430,7 +430,7 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
         if image.report["interrupted"]:
             said = "the picture so far was saved" if has_picture else "no picture was written, as there was no sample of it yet"
             print(f"interrupted: {said}{_how_to_go_on(image.report)}", file=sys.stderr)
-            raise SystemExit(130)
+            raise SystemExit(INTERRUPTED)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
         refused = is_refused(image, shot.settings, looks) or refused
         missed = missed or image.report["stop"]["target_met"] is False
@@ -448,7 +448,7 @@ def _end(looks: Looks, unsaved: bool, refused: bool, missed: bool) -> None:
 def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> None:
     """As _render_shots, both eyes of each."""
     from ...render import open_once
-    from ...render.interruption import terminate_as_interrupt
+    from ...render.interruption import INTERRUPTED, terminate_as_interrupt
 
     terminate_as_interrupt()
     opened = open_once(scene, shots[0].settings) if isinstance(scene, str) else scene
@@ -457,12 +457,12 @@ def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> 
         pair = render_pair(opened, shot, looks)
         if pair is None:
             print("interrupted: no picture was saved, as there was none of both eyes yet", file=sys.stderr)
-            raise SystemExit(130)
+            raise SystemExit(INTERRUPTED)
         unsaved = not write_pair(pair, shot, looks) or unsaved
         looks = looks.settled_if_it_can_be(pair.left)
         if pair.right.report["interrupted"]:
             print("interrupted: the pictures so far were saved", file=sys.stderr)
-            raise SystemExit(130)
+            raise SystemExit(INTERRUPTED)
         for image in pair.views.values():
             refused = is_refused(image, shot.settings, looks) or refused
         missed = missed or any(image.report["stop"]["target_met"] is False for image in pair.views.values())

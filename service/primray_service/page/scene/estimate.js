@@ -24,10 +24,11 @@ export function estimate(asked, tell) {
 
   function update() {
     const { job, targets, pixels } = asked();
-    const isSame = known?.key === keyOf(job);
+    const key = keyOf(job);
+    const isSame = known?.key === key;
     go.hidden = isSame || running !== null;
     tell(targets.map((target) => (isSame && target > 0 && pixels > 0 ? timeTo(target, pixels) : null)));
-    if (saidOf !== keyOf(job) && !running) say("", keyOf(job));
+    if (saidOf !== key && !running) say("", key);
   }
 
   function say(text, key) {

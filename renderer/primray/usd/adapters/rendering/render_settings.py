@@ -90,15 +90,19 @@ def _asked_for(stage: Usd.Stage, asked: str, candidates: Sequence[Usd.Prim]) -> 
     )
 
 
-def _named(asked: str, targets: Sequence[Usd.Prim | None]) -> Usd.Prim:
-    """Return the product at this path or, if only one has it, of this name."""
-    found = [prim for prim in targets if prim is not None]
-    matching = [prim for prim in found if _path(prim) == asked] or [prim for prim in found if prim.GetName() == asked]
-    if len(matching) == 1:
+def named_product(asked: str, paths: Sequence[str]) -> str:
+    """Return the path of the product at this path or, if only one has it, of this name; SettingsError for all else."""
+    matching = [path for path in paths if path == asked] or [path for path in paths if path.rpartition("/")[2] == asked]
+    if len(matching) == 1 and asked:
         return matching[0]
-    listed = ", ".join(_path(prim) for prim in found[:LISTED]) or "none"
-    problem = f"Several products are called {asked}" if matching else f"There is no product {asked}"
+    listed = ", ".join(path for path in paths[:LISTED] if path) or "none"
+    problem = f"Several products are called {asked}" if len(matching) > 1 else f"There is no product {asked}"
     raise SettingsError(f"{problem}; the products of the render settings: {listed}.", where=asked, code="unknown-product")
+
+
+def _named(asked: str, targets: Sequence[Usd.Prim | None]) -> Usd.Prim:
+    by_path = {_path(prim): prim for prim in targets if prim is not None}
+    return by_path[named_product(asked, [*by_path])]
 
 
 def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnostics) -> list[Usd.Prim | None]:
