@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import Doubles
 from ..camera import Camera, Projection
-from .lighting import Light, LightType
+from .lighting import Light, LightType, half_extent
 from .scene import SceneDescription
 
 
@@ -42,12 +42,7 @@ def _corners(light: Light, camera: Camera) -> Doubles:
         half = math.tan(math.radians(min(light.angle_deg / 2, 89.0)))
         distance = 1e6
         return np.asarray(eye + distance * (z + half * signs), np.float64)
-    half_extent = {
-        LightType.RECT: (light.width / 2, light.height / 2, 0.0),
-        LightType.DISK: (light.radius, light.radius, 0.0),
-        LightType.CYLINDER: (light.length / 2, light.radius, light.radius),
-    }.get(light.type, (light.radius,) * 3)
-    return np.asarray((signs * half_extent) @ m[:3, :3].T + m[:3, 3], np.float64)
+    return np.asarray((signs * half_extent(light)) @ m[:3, :3].T + m[:3, 3], np.float64)
 
 
 def _may_be_in_frame(corners: Doubles, camera: Camera) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import assert_never
 
 import numpy as np
 import numpy.typing as npt
@@ -150,3 +151,23 @@ class Light:
     shows_own: bool = False
     motion: MatrixMotion | None = None  # of world_from_light, which is that at the frame: rigid, so that sizes stay
     photometric: Photometric | None = None  # rect and dome with a texture, until that is read; its emission is relative then
+
+
+def half_extent(light: Light) -> tuple[float, float, float]:
+    """Return half the size of a light's shape along its own axes; 0 for lights without a size or at infinity."""
+    kind = light.type
+    match kind:
+        case LightType.RECT:
+            return light.width / 2, light.height / 2, 0.0
+        case LightType.DISK:
+            return light.radius, light.radius, 0.0
+        case LightType.SPHERE:
+            return light.radius, light.radius, light.radius
+        case LightType.CYLINDER:
+            return light.length / 2, light.radius, light.radius
+        case LightType.LINE:
+            return light.length / 2, 0.0, 0.0
+        case LightType.POINT | LightType.DISTANT | LightType.DOME | LightType.GEOMETRY:
+            return 0.0, 0.0, 0.0
+        case _:
+            assert_never(kind)

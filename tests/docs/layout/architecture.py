@@ -1,24 +1,25 @@
-"""ARCHITECTURE.md's lists, "to add a light type, touch these files", and its table of folders, held against the tree."""
+"""ARCHITECTURE.md's recipes ("to add a light type, touch these files") and its tables of folders, held against the tree."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "ARCHITECTURE.md"
-# How many product files each list may have.
-BUDGETS = {
-    "A light type": 6,
-    "A lobe": 6,
-    "A prim type": 10,
-    "An AOV": 5,
-    "An output": 5,
-    "A route": 3,
-    "An executor": 2,
-    "A diagnostic": 2,
+SOURCES = ("renderer/primray", "renderer/core", "service/primray_service")
+SUFFIXES = (".py", ".hpp", ".cpp")
+# By recipe, what only files name that tell its kinds apart: each file of the product that holds it is in the recipe. The kind
+# that is looked for is an ordinary one, whose neighbours would be handled at the same places.
+WITNESSES: Mapping[str, str] = {
+    "A light type": r"\bLightType\.CYLINDER\b|\bLightType::kCylinder\b|\bCylinderLight\b",
+    "A prim type": r'"HermiteCurves"|\bCurvedKindList\b',
+    "A diagnostic": r"^CODES\b.*=",
+    "A route": r"^ROUTERS\b.*=",
+    "An AOV": r'"geometric_normal"',
+    "An executor": r"^EXECUTORS\b.*=",
 }
 
 
@@ -29,7 +30,7 @@ class Step:
 
 
 def recipes(text: str) -> dict[str, list[Step]]:
-    """By heading, the files of its numbered list: each line begins with one, after "new" where it does not exist yet."""
+    """Return the files of each numbered list, by its heading; "new" marks a file that does not exist yet."""
     found = {}
     for part in re.split(r"^### ", text, flags=re.MULTILINE)[1:]:
         title, _, body = part.partition("\n")
@@ -39,13 +40,10 @@ def recipes(text: str) -> dict[str, list[Step]]:
 
 
 def recipe_faults(found: dict[str, list[Step]], root: Path = ROOT) -> Iterator[str]:
-    """Sentences on lists that are missing, too long, or not true."""
-    for title in found.keys() ^ BUDGETS.keys():
-        yield f"{title}: {'is no list that is asked for' if title in found else 'has no list'}"
+    """Yield a sentence for each recipe that is empty, names a file twice, or names one that is not there."""
     for title, steps in found.items():
-        most = BUDGETS.get(title, len(steps))
-        if not 0 < len(steps) <= most:
-            yield f"{title}: {len(steps)} files, {most} are allowed"
+        if not steps:
+            yield f"{title}: names no file"
         if len({step.path for step in steps}) < len(steps):
             yield f"{title}: names a file twice"
         for step in steps:
@@ -56,14 +54,31 @@ def recipe_faults(found: dict[str, list[Step]], root: Path = ROOT) -> Iterator[s
                 yield f"{title}: {step.path} is not there"
 
 
+def omissions(found: dict[str, list[Step]], witnesses: Mapping[str, str] = WITNESSES, root: Path = ROOT) -> Iterator[str]:
+    """Yield a sentence for each file that tells the kinds of a recipe apart and is not in it."""
+    files = [
+        path for folder in SOURCES for path in sorted((root / folder).rglob("*")) if path.suffix in (".py", ".hpp", ".cpp")
+    ]
+    texts = {path: path.read_text(encoding="utf-8") for path in files}
+    for title, witness in witnesses.items():
+        named = {step.path for step in found[title]}
+        beside = {str(Path(step.path).parent) for step in found[title] if step.new}  # files of the other kinds
+        holders = [str(path.relative_to(root)) for path, text in texts.items() if re.search(witness, text, re.MULTILINE)]
+        if not holders:
+            yield f"{title}: no file has {witness}"
+        yield from (
+            f"{title}: {path} is not named" for path in holders if path not in named and str(Path(path).parent) not in beside
+        )
+
+
 def folders(text: str) -> list[str]:
-    """What the tables of rooms name: folders in backticks in first cells, below the folder that heads the column."""
+    """Return the folders that the first cells of the tables name, below the folder that heads the column."""
     tables = re.findall(r"^\| `([^`]+/)` \|.*\n\|---.*\n((?:\|.*\n)+)", text, re.MULTILINE)
     return [base + name for base, rows in tables for name in re.findall(r"^\| `([^`]+/)` \|", rows, re.MULTILINE)]
 
 
 def folder_faults(named: list[str], bases: tuple[str, ...], root: Path = ROOT) -> Iterator[str]:
-    """Folders that are not there, and folders of `bases` that are not named."""
+    """Yield a sentence for each named folder that is not there, and for each folder of `bases` that is not named."""
     for name in named:
         if not (root / name).is_dir():
             yield f"{name} is not there"

@@ -1,6 +1,6 @@
-"""Who imports whom among the project's Python modules, type-checking imports included, and the rules that this has to keep.
+"""The import graph of the project's Python modules, type-checking imports included, and the rules for it.
 
-Imports inside functions are put off on purpose and don't make circles; the order of folders holds for them too.
+An import inside a function is deferred on purpose and closes no circle; the layers hold for it too.
 """
 
 from __future__ import annotations
@@ -15,52 +15,32 @@ from .gates import names_imported
 
 Graph = Mapping[str, Collection[str]]
 
-# Of renderer/primray: files of its own and folders, each importing only those before it.
-ORDER = (
-    "version",
-    "errors",
-    "garbage",
-    "arrays",
-    "lens",
-    "camera",
-    "setting_values",
-    "camera_choice",
-    "installed_packages",
-    "lfs_pointer",
-    "other_formats",
-    "aov_names",
-    "light_paths",
-    "aov_data_types",
-    "composition",
-    "fidelity",
-    "diagnostic_codes",
-    "refusal",
-    "process_memory",
-    "diagnostics",
-    "settings",
-    "notices",
-    "color",
-    "description",
-    "photometry",
-    "textures",
-    "refine",
-    "usd",
-    "core",
-    "sampling",
-    "staging",
-    "images",
-    "diffusing",
-    "denoising",
-    "report",
-    "checkpoints",
-    "parts",
-    "render",
-    "examining",
-    "keeping",
-    "live",
-    "compare",
-    "cli",
-)
+# Layers of renderer/primray, lowest first: a module imports from its own layer and from those below it.
+LAYERS: Mapping[str, tuple[str, ...]] = {
+    "foundation": (
+        "version",
+        "errors",
+        "garbage",
+        "arrays",
+        "installed_packages",
+        "lfs_pointer",
+        "other_formats",
+        "composition",
+        "fidelity",
+        "diagnostic_codes",
+        "refusal",
+        "process_memory",
+        "diagnostics",
+        "notices",
+    ),
+    "requests": ("lens", "camera", "setting_values", "camera_choice", "aov_names", "light_paths", "aov_data_types", "settings"),
+    "scene description": ("color", "description", "photometry"),
+    "translation": ("textures", "refine", "usd"),
+    "core": ("core",),
+    "rendering": ("sampling", "staging", "images", "diffusing", "denoising", "report", "checkpoints", "parts", "render"),
+    "tools": ("examining", "keeping", "live", "compare"),
+    "command line": ("cli",),
+}
 
 
 @dataclass(frozen=True)
@@ -131,30 +111,17 @@ def circles(graph: Graph) -> list[list[str]]:
     return sorted(found)
 
 
-def order_faults(found: Iterable[Import], package: str, order: tuple[str, ...]) -> Iterator[str]:
-    """Imports of a later folder of the package, or of the same row of its table, and folders that have no place."""
+def layer_faults(found: Iterable[Import], package: str, layers: Mapping[str, tuple[str, ...]]) -> Iterator[str]:
+    """Yield a sentence for each import from a higher layer of the package, and for each module that is in no layer."""
+    rank = {name: k for k, names in enumerate(layers.values()) for name in names}
     for one in found:
-        rows = [name.removeprefix(f"{package}.").split(".")[0] for name in (one.importer, one.imported)]
-        if package in (one.importer, one.imported) or rows[0] == rows[1]:
-            continue  # the package's own names, or inside a folder
-        if unknown := [row for row in rows if row not in order]:
-            yield f"{unknown[0]} has no place in the order"
-        elif order.index(rows[1]) > order.index(rows[0]):
-            yield f"{one.importer} imports {one.imported}, which comes later"
-
-
-def rooms(found: Iterable[Import], package: str) -> dict[str, set[str]]:
-    """Which folder of the package imports which others; its own files are no folder."""
-    graph: dict[str, set[str]] = defaultdict(set)
-    for one in found:
-        parts = [name.removeprefix(f"{package}.").split(".") for name in (one.importer, one.imported)]
-        if one.deferred or not all(name.startswith(f"{package}.") for name in (one.importer, one.imported)):
-            continue
-        first, second = (part[0] for part in parts)
-        if first != second:
-            graph[first].add(second)
-            graph[second]
-    return dict(graph)
+        first, second = (name.removeprefix(f"{package}.").split(".")[0] for name in (one.importer, one.imported))
+        if package in (one.importer, one.imported):
+            continue  # the names that the package itself offers
+        if unknown := [name for name in (first, second) if name not in rank]:
+            yield f"{unknown[0]} is in no layer"
+        elif rank[second] > rank[first]:
+            yield f"{one.importer} imports {one.imported}, which is in a higher layer"
 
 
 def sources(root: Path) -> dict[PurePosixPath, str]:

@@ -1,4 +1,4 @@
-"""Modules import one another in no circle, folders only those before them, and each of these rules can fail."""
+"""No modules import one another in a circle, no layer imports from a higher one, and each of these rules can fail."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import PurePosixPath
 
 import pytest
 
-from .architecture import PAGE, ROOT, folders
-from .imports import ORDER, circles, graph_of, imports_of, order_faults, rooms, sources
+from .architecture import ROOT
+from .imports import LAYERS, circles, graph_of, imports_of, layer_faults, sources
 
 SOURCES = sources(ROOT)
 IMPORTS = imports_of(SOURCES)
@@ -18,24 +18,14 @@ def test_no_modules_import_one_another_in_a_circle():
     assert not [" <-> ".join(circle) for circle in circles(graph_of(IMPORTS))]
 
 
-def test_folders_import_only_those_before_them():
-    broken = sorted(set(order_faults(RENDERER, "primray", ORDER)))
+def test_no_layer_imports_from_a_higher_one():
+    broken = sorted(set(layer_faults(RENDERER, "primray", LAYERS)))
     assert not broken, "\n".join(broken)
 
 
-def test_rooms_of_usd_import_one_another_in_no_circle():
-    assert not [" <-> ".join(circle) for circle in circles(rooms(IMPORTS, "primray.usd"))]
-
-
-def test_the_order_is_that_of_the_table():
-    base = "renderer/primray/"
-    named = [name.removeprefix(base).rstrip("/") for name in folders(PAGE.read_text(encoding="utf-8")) if name.startswith(base)]
-    assert [row for row in ORDER if (ROOT / base / row).is_dir()] == named
-
-
-def test_each_place_in_the_order_is_there():
+def test_what_the_layers_name_is_there_once():
     there = {path.parts[2].removesuffix(".py") for path in SOURCES if path.is_relative_to("renderer/primray")}
-    assert there - {"__init__"} == set(ORDER)
+    assert sorted(there - {"__init__"}) == sorted(name for names in LAYERS.values() for name in names)
 
 
 def test_the_modules_are_found():
@@ -62,24 +52,18 @@ def test_circles_are_found(texts, found):
     assert circles(graph_of(tree(**texts))) == found
 
 
-def test_a_circle_of_rooms_needs_no_circle_of_modules():
-    found = tree(a__a="from ..b.b import x", b__b="x = 1", b__c="from ..a.b import x", a__b="x = 1")
-    assert circles(graph_of(found)) == []
-    assert circles(rooms(found, "pkg")) == [["a", "b"]]
-
-
 @pytest.mark.parametrize(
     ("texts", "why"),
     [
-        ({"a__a": "from ..b.b import x", "b__b": ""}, "pkg.a.a imports pkg.b.b, which comes later"),
-        ({"a__a": "def f():\n    from ..b.b import x", "b__b": ""}, "pkg.a.a imports pkg.b.b, which comes later"),
-        ({"b__b": "from ..c import x", "c": ""}, "c has no place in the order"),
+        ({"a__a": "from ..b.b import x", "b__b": ""}, "pkg.a.a imports pkg.b.b, which is in a higher layer"),
+        ({"a__a": "def f():\n    from ..b.b import x", "b__b": ""}, "pkg.a.a imports pkg.b.b, which is in a higher layer"),
+        ({"b__b": "from ..c import x", "c": ""}, "c is in no layer"),
     ],
 )
-def test_each_fault_of_the_order_is_seen(texts, why):
-    assert list(order_faults(tree(**texts), "pkg", ("a", "b"))) == [why]
+def test_each_fault_of_the_layers_is_seen(texts, why):
+    assert list(layer_faults(tree(**texts), "pkg", {"low": ("a",), "high": ("b",)})) == [why]
 
 
-def test_what_is_in_order_has_no_fault():
-    found = tree(b__b="from ..a.a import x\nfrom .c import y", a__a="", b__c="")
-    assert not list(order_faults(found, "pkg", ("a", "b")))
+def test_imports_within_a_layer_and_downwards_have_no_fault():
+    found = tree(b__b="from ..a.a import x\nfrom .c import y\nfrom ..d import z", a__a="", b__c="", d="from .b.c import y")
+    assert not list(layer_faults(found, "pkg", {"low": ("a",), "high": ("b", "d")}))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, assert_never
+from typing import Protocol
 
 import numpy as np
 
 from ...arrays import Doubles
 from ...description import Light, LightType, MatrixMotion
+from ...description.lighting import half_extent
 from ...description.placement import Instances
 from ..moving.between import have_rotations, rotation_matrices, taken_apart
 from ..moving.levels import product_at, times_of
@@ -122,7 +123,7 @@ def _unlike(matrices: Doubles) -> str:
 def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precision) -> MatrixPath:
     """How far its errors show: at its own size; of what is infinitely far and of beams, also where they go."""
     assert callable(rigid)
-    half = np.array(_half_size(light))
+    half = np.array(half_extent(light))
     places = np.array([rigid(time)[0, :, 3] for time in (0.0, 0.5, 1.0)])
     if light.type in _INFINITE:
         return MatrixPath(
@@ -135,22 +136,3 @@ def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precisi
     reach = np.abs(light.world_from_light[:3, :3]) @ half
     low, high = (places.min(axis=0) - reach)[None], (places.max(axis=0) + reach)[None]
     return MatrixPath(rigid, bent, corners_of(-half, half), precision.pixels.per_length(low, high), INFINITE_NO_ERROR)
-
-
-def _half_size(light: Light) -> tuple[float, float, float]:
-    kind = light.type
-    match kind:
-        case LightType.RECT:
-            return light.width / 2, light.height / 2, 0.0
-        case LightType.DISK:
-            return light.radius, light.radius, 0.0
-        case LightType.SPHERE:
-            return light.radius, light.radius, light.radius
-        case LightType.CYLINDER:
-            return light.length / 2, light.radius, light.radius
-        case LightType.LINE:
-            return light.length / 2, 0.0, 0.0
-        case LightType.POINT | LightType.DISTANT | LightType.DOME | LightType.GEOMETRY:
-            return 0.0, 0.0, 0.0
-        case _:
-            assert_never(kind)

@@ -1,0 +1,97 @@
+"""A small kind of each thing that is added by a row of a table (ARCHITECTURE.md): it takes part as its siblings do."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+
+import pytest
+from fastapi import APIRouter, Response
+from pxr import Usd
+
+from primray import diagnostic_codes
+from primray.description import Sphere
+from primray.diagnostic_codes import Code, Severity
+from primray.diagnostics import Diagnostics
+from primray.fidelity import Kind
+from primray.settings import RenderSettings
+from primray.usd.translate import SHAPES, translate
+from primray_service import app
+from primray_service.executor import by_name
+from primray_service.http.openapi import openapi
+
+from .architecture import ROOT
+
+COMPILER = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
+
+
+def test_a_prim_type(monkeypatch):
+    monkeypatch.setitem(SHAPES, "Ball", lambda prim, ctx: Sphere(prim.path, 1.0, 0))
+    stage = Usd.Stage.CreateInMemory()
+    stage.DefinePrim("/ball", "Ball")
+    description, _ = translate(stage, RenderSettings())
+    assert [(type(shape), shape.path) for shape in description.shapes] == [(Sphere, "/ball")]
+
+
+def test_a_diagnostic(monkeypatch):
+    monkeypatch.setitem(diagnostic_codes.CODES, "worked-example", Code(Severity.INFO, Kind.NOTE, "An example.", "Nothing."))
+    found = Diagnostics()
+    found.add("worked-example", "/cube", "This is an example.")
+    assert [(one.code, one.severity) for one in found] == [("worked-example", Severity.INFO)]
+    with pytest.raises(KeyError):
+        found.add("no-such-code", "/cube", "It is in no table.")
+
+
+def test_an_executor(monkeypatch):
+    monkeypatch.setitem(by_name.EXECUTORS, "worked", by_name.EXECUTORS["local"])
+    by_name.check_name("worked")
+    assert by_name.executor_maker("worked") is by_name.executor_maker("local")
+
+
+def test_a_route(monkeypatch):
+    router = APIRouter(prefix="/v1")
+
+    @router.get("/worked")
+    async def worked() -> Response:
+        return Response("it is")
+
+    monkeypatch.setattr(app, "ROUTERS", (*app.ROUTERS, router))
+    assert "get" in openapi(app.create_routes())["paths"]["/v1/worked"]
+
+
+LIGHT = """
+#include "light/types/light_types.hpp"
+namespace primray {
+struct RingLight : DiskLight {
+  static constexpr LightType kType = LightType(100);
+  static constexpr const char* kName = "RING";
+};
+int count_rings() {
+  int n = 0;
+  LightTypeList<DiskLight, RingLight>::for_each([&]<class T>(T) { n += T::kType == LightType(100); });
+  return n;
+}
+}  // namespace primray
+"""
+SHAPE = """
+#include "scene/curved/curved_shapes.hpp"
+namespace primray {
+struct BallShape : SphereShape {
+  static constexpr uint32_t kGeometry = 4;
+  static OwnedGeometry geometry(const Record* records, uint32_t count);
+};
+using Shapes = CurvedKindList<SphereShape, BallShape>;
+Shapes* shapes = nullptr;
+}  // namespace primray
+"""
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C++ compiler")
+@pytest.mark.parametrize("source", [LIGHT, SHAPE], ids=["a light type", "a shape that the core intersects"])
+def test_a_kind_of_the_core(source, tmp_path):
+    assert COMPILER is not None
+    file = tmp_path / "worked.cpp"
+    file.write_text(source)
+    flags = ["-std=c++20", "-fsyntax-only", "-march=x86-64-v3", "-w", '-DPRIMRAY_ISA="v3"', "-DPRIMRAY_MAX_LANES=8"]
+    subprocess.run([COMPILER, *flags, f"-I{ROOT / 'renderer' / 'core'}", str(file)], check=True)
