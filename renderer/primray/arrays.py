@@ -1,4 +1,4 @@
-"""Array types that annotations name."""
+"""NumPy array types used in annotations."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""How a stage is to be composed: what `--variant`, `--load`, `--mask` and `--session-layer` say, checked as text.
+"""Settings of how a stage is composed: `--variant`, `--load`, `--mask` and `--session-layer`, checked as text.
 
-Which prims, sets and names there are is known only once the stage is open: usd/opening/stage.py.
+Whether the named prims, variant sets and variants exist is checked when the stage is open, in usd/opening/stage.py.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ _VARIANT = re.compile(r"(?P<prim>/[^:=]*):(?P<set>[^:=]+)=(?P<name>[^:=]*)")
 
 @dataclass(frozen=True)
 class VariantChoice:
+    """A variant selection: `name` is chosen in the variant set `set` of `prim`."""
+
     prim: str
     set: str
-    name: str  # "": no variant
+    name: str  # "": no variant selected
 
 
 @dataclass(frozen=True)
@@ -27,12 +29,12 @@ class Composition:
     """The part of RenderSettings that decides how the stage is opened. The defaults are USD's own."""
 
     variants: tuple[str, ...] = ()  # PRIM:SET=NAME
-    load: tuple[str, ...] | None = None  # prims whose payloads are loaded, with all below them; None: all; (): none
-    mask: tuple[str, ...] | None = None  # prims that are populated, with all above and below them; None: all
-    session_layer: str | None = None  # a layer's path, stronger than the stage
+    load: tuple[str, ...] | None = None  # prims whose payloads are loaded, including descendants; None: all; (): none
+    mask: tuple[str, ...] | None = None  # prims that are populated, with their ancestors and descendants; None: all
+    session_layer: str | None = None  # path of a layer whose opinions are stronger than the stage's
 
     def __post_init__(self) -> None:
-        """SettingsError where it is not even well-formed."""
+        """Raise SettingsError if a value is malformed."""
         for text in self.variants:
             variant_of(text)
         _check_paths("load", self.load or ())
@@ -46,7 +48,7 @@ class Composition:
 
 
 def variant_of(text: str) -> VariantChoice:
-    """SettingsError unless it reads PRIM:SET=NAME."""
+    """Return the variant choice written PRIM:SET=NAME; raise SettingsError for any other text."""
     match = _VARIANT.fullmatch(text)
     if match is None:
         sentence = f"{text!r} is no choice of a variant; write one like /World/car:color=red"

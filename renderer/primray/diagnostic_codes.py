@@ -1,4 +1,4 @@
-"""The one table of diagnostics' codes: docs/diagnostics.md and docs/fidelity.md are generated from it."""
+"""The table of all diagnostic codes; docs/diagnostics.md and docs/fidelity.md are generated from it."""
 
 from __future__ import annotations
 
@@ -9,17 +9,21 @@ from .fidelity import Kind
 
 
 class Severity(Enum):
-    INFO = "info"  # defaulted or chosen by us; the picture is what the stage says
-    WARNING = "warning"  # approximated or ignored; the picture may differ from what the stage says
+    """How serious a diagnostic is."""
+
+    INFO = "info"  # defaulted or chosen by primray; the picture is what the stage specifies
+    WARNING = "warning"  # approximated or ignored; the picture may differ from what the stage specifies
     ERROR = "error"  # a part is missing from the picture
 
 
 @dataclass(frozen=True)
 class Code:
+    """Meaning of a diagnostic code, and what a user can do about it."""
+
     severity: Severity
     kind: Kind
     meaning: str
-    advice: str  # what a user can do about it
+    advice: str
 
 
 # Add a row here before using a new code.

@@ -1,6 +1,6 @@
-"""Diagnostics: whatever a stage asks for that is ignored, approximated, defaulted or missing, with its code and prim path.
+"""Diagnostics: everything that a stage specifies and that was ignored, approximated, defaulted or missing.
 
-The codes are in diagnostic_codes.py.
+Each has a code (see diagnostic_codes.py) and a prim path.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from .refusal import Refusal
 
 @dataclass(frozen=True)
 class Diagnostic:
+    """One diagnostic: what happened, to which prim."""
+
     severity: Severity
     code: str
     prim_path: str
     message: str
-    attribute: str = ""  # the attribute or relationship in question, as the schema names it; "": the prim as a whole
+    attribute: str = ""  # attribute or relationship concerned, as the schema names it; "": the prim as a whole
 
     @property
     def kind(self) -> Kind:
@@ -29,7 +31,10 @@ class Diagnostic:
 
     @property
     def is_strict(self) -> bool:
-        """Whether `--strict` refuses the stage for it: a warning or error that leaves the picture other than authored."""
+        """Return whether `--strict` refuses the stage because of this.
+
+        It refuses warnings and errors that make the picture differ from what was authored.
+        """
         return self.severity is not Severity.INFO and self.kind.changes_picture
 
     def as_json(self) -> dict[str, str]:
@@ -51,14 +56,14 @@ class Diagnostics:
         self._shown = shown
 
     def name_files(self, shown: Callable[[str], str]) -> None:
-        """From now on messages are told as `shown` makes them: with the user's names of files."""
+        """Rewrite messages with `shown` from now on, so that they use the user's file names."""
         self._shown = shown
 
     def shown(self, message: str) -> str:
         return message if self._shown is None else self._shown(message)
 
     def add(self, code: str, prim_path: str, message: str, attribute: str = "") -> None:
-        """Record one; KeyError if the code is not in `CODES`."""
+        """Add a diagnostic. KeyError if the code is not in `CODES`."""
         self._seen.setdefault(Diagnostic(CODES[code].severity, code, prim_path, self.shown(message), attribute))
 
     def extend(self, others: Iterable[Diagnostic]) -> None:
@@ -66,7 +71,7 @@ class Diagnostics:
             self._seen.setdefault(diagnostic)
 
     def forget_after(self, count: int) -> None:
-        """Keep the first `count` alone: what led to the others is done again."""
+        """Keep only the first `count` diagnostics, because the work that produced the rest is repeated."""
         self._seen = dict.fromkeys(islice(self._seen, count))
 
     def __iter__(self) -> Iterator[Diagnostic]:
@@ -76,7 +81,7 @@ class Diagnostics:
         return len(self._seen)
 
     def raise_if_refused(self, refusal: Refusal) -> None:
-        """Raise UnsupportedError, of code `strict` or `fail-on`, with the first diagnostic that is refused and their number."""
+        """Raise UnsupportedError with the first refused diagnostic and their count; its code is `strict` or `fail-on`."""
         bad = [(flag, d) for d in self._seen if (flag := refusal.flag(d.code, d.is_strict)) is not None]
         if bad:
             flag, first = bad[0]

@@ -1,14 +1,15 @@
-"""The errors primray raises: one tree, each with a stable code, a sentence to act on, and a place.
+"""The errors that primray raises: one tree, each with a stable code, an actionable message, and where it occurred.
 
     PrimrayError
-      SceneError             the input is at fault: StageOpenError, AssetError, InvalidSceneError, UnsupportedError
-      SettingsError          the request is at fault: unknown camera, impossible resolution
-        CheckpointError      a checkpoint is missing, damaged or of another render
+      SceneError             the input is wrong: StageOpenError, AssetError, InvalidSceneError, UnsupportedError
+      SettingsError          the request is wrong: unknown camera, impossible resolution
+        CheckpointError      a checkpoint is missing, damaged or from a different render
       LimitError             a stated limit was reached: memory, triangles, texture size
-      RenderCancelled        asked for, not a fault
-      InternalError          ours: a failed core invariant, an unexpected Embree code
+      RenderCancelled        the caller cancelled; not a fault
+      InternalError          a defect in primray: a failed core invariant, an unexpected Embree code
 
-`exit_code` is what the command line ends with; docs/exit-codes.md documents them (5 and 6, which no error has, too).
+`exit_code` is the exit status of the command line; docs/exit-codes.md documents all of them, including 5 and 6, which belong to
+no error.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from collections.abc import Iterable
 
 
 class PrimrayError(Exception):
-    """Base of all; `code` is stable, `where` is a prim path, an asset, a layer or a setting ("": the whole request is meant).
+    """Base class of all errors.
+
+    `code` is stable across releases. `where` is a prim path, an asset, a layer or a setting, or "" for the request as a whole.
 
     >>> try:
     ...     primray.render("shot.usda", spp=0)
@@ -59,7 +62,7 @@ class InvalidSceneError(SceneError):
 
 
 class UnsupportedError(SceneError):
-    """A scene holds what is not rendered; `refused` are the diagnostics that `strict` or `fail_on` refuses."""
+    """The scene has something that cannot be rendered; `refused` holds the diagnostics refused by `strict` or `fail_on`."""
 
     code = "unsupported"
     refused: tuple[dict[str, str], ...] = ()
@@ -90,7 +93,7 @@ class InternalError(PrimrayError):
 
 
 def did_you_mean(name: str, known: Iterable[str], otherwise: str = "") -> str:
-    """Return "did you mean X?" with the known name that is nearest to `name`, or `otherwise` where none is near."""
+    """Return "did you mean X?" for the known name closest to `name`, or `otherwise` if none is close."""
     from difflib import get_close_matches
 
     near = get_close_matches(name, list(known), 1)

@@ -1,4 +1,4 @@
-"""In what way a picture may differ from what its stage says; diagnostic_codes.py says it of each code."""
+"""Kinds of difference between a picture and what its stage specifies; diagnostic_codes.py assigns one to each code."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from enum import Enum
 
 
 class Kind(Enum):
-    """In what way the picture keeps to the stage, worst first."""
+    """How a picture deviates from its stage, worst first."""
 
-    MISSING = "missing"  # a part of the picture, or of the input, is not there
-    IGNORED = "ignored"  # something authored has no effect
-    APPROXIMATED = "approximated"  # honoured, not exactly
-    OUT_OF_RANGE = "out-of-range"  # a value that is not allowed: the nearest allowed one is used
-    DEFAULTED = "defaulted"  # a value that cannot be used, or none where one is needed: the default is used
-    CHOSEN = "chosen"  # the stage leaves something open: a choice was made
-    NOTE = "note"  # the picture is as the stage says
+    MISSING = "missing"  # a part of the picture, or of the input, is missing
+    IGNORED = "ignored"  # an authored opinion has no effect
+    APPROXIMATED = "approximated"  # an authored opinion is honoured, but not exactly
+    OUT_OF_RANGE = "out-of-range"  # a value is not allowed: the nearest allowed value is used
+    DEFAULTED = "defaulted"  # a value is unusable or missing: the default is used
+    CHOSEN = "chosen"  # the stage leaves something open: primray chose
+    NOTE = "note"  # the picture is what the stage specifies
 
     @property
     def changes_picture(self) -> bool:

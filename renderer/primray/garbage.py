@@ -1,4 +1,4 @@
-"""What makes many objects at once makes them without looking for garbage among them."""
+"""Python's cyclic garbage collection, suspended while many objects are created."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Without Python's search for cyclic garbage, which goes over all that was made again and again: a tenth of the time."""
+    """Suspend cyclic garbage collection inside the block.
+
+    Collections rescan every live object, which costs a tenth of the time of building a scene.
+    """
     was_on = gc.isenabled()
     gc.disable()
     try:

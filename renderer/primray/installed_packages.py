@@ -1,6 +1,6 @@
-"""Versions and places of installed packages, by the names of their folders.
+"""Versions and locations of installed packages, found by the names of their `.dist-info` folders.
 
-`importlib.metadata` reads the same files, but takes as long to import as OpenImageIO; it is asked where a folder does not say.
+`importlib.metadata` reads the same files but takes as long to import as OpenImageIO, so it is only the fallback.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from functools import cache
 from pathlib import Path
 
 _SUFFIX = ".dist-info"
-SCHEMAS = "PXR_PLUGINPATH_NAME"  # the variable by which USD finds the schemas of plug-ins
+SCHEMAS = "PXR_PLUGINPATH_NAME"  # environment variable in which USD looks for plugin schemas
 
 
 @cache
 def version_of(package: str) -> str | None:
-    """None: not installed."""
+    """Return the version of an installed package, or None if it is not installed."""
     wanted = _normal(package)
     for _, name in _found():
         found, _, version = name.removesuffix(_SUFFIX).partition("-")
@@ -32,7 +32,7 @@ def version_of(package: str) -> str | None:
 
 
 def library_of(package: str, prefix: str) -> Path | None:
-    """The shared library that begins with `prefix`, of those that a wheel brings along."""
+    """Return the shared library bundled in a package's wheel whose file name begins with `prefix`, or None."""
     for folder, name in _found():
         if _normal(name.partition("-")[0]) == _normal(package):
             brought = sorted(Path(folder, f"{package}.libs").glob(f"{prefix}*"))
@@ -48,7 +48,7 @@ def library_of(package: str, prefix: str) -> Path | None:
 
 
 def schema_folder() -> Path:
-    """Return the folder of the applied schemas that primray reads: the installed package's, else the source tree's."""
+    """Return the folder of the applied schemas that primray defines: the installed package's, else the source tree's."""
     package = Path(__file__).resolve().parent
     installed = package / "schemas"
     return installed if installed.is_dir() else package.parents[1] / "schemas/usd"
@@ -56,7 +56,7 @@ def schema_folder() -> Path:
 
 @cache
 def _found() -> tuple[tuple[str, str], ...]:
-    """Folders on the path and the packages' descriptions in them, the first in the order of imports first."""
+    """Return (folder, name) of every `.dist-info` folder on sys.path, in import order."""
     return tuple((folder, name) for folder in sys.path for name in _names(folder) if name.endswith(_SUFFIX))
 
 

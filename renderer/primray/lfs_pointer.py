@@ -1,4 +1,4 @@
-"""Git LFS pointers: the short texts that stand where a repository's large files were not fetched."""
+"""Git LFS pointers: the short text files that take the place of large files that were not fetched."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ WHAT_IT_IS = "it is a Git LFS pointer, not the file: run git lfs pull"
 
 
 def is_pointer(content: bytes) -> bool:
-    """Of a file's first bytes."""
+    """Return whether a file's first bytes are those of a Git LFS pointer."""
     return content.startswith(_FIRST_LINE)
 
 
 def is_pointer_file(path: str) -> bool:
-    """Asked where a file could not be used; no where it cannot be read at all."""
+    """Return whether a file that could not be used is a Git LFS pointer; False if it cannot be read at all."""
     try:
         with open(path, "rb") as file:
             return is_pointer(file.read(len(_FIRST_LINE)))

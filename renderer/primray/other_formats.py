@@ -1,7 +1,7 @@
-"""Files of other formats than USD: what they are, and the command that makes USD of them.
+"""Scene files in formats other than USD: how they are recognized, and the command that converts each to USD.
 
-The command line, the library and the service say the same words. Both commands were tried (docs/converting.md). Files are named
-without their folders, as whoever sent one to a service knows it.
+The command line, the library and the service give the same advice. Both commands were tried (docs/converting.md). Files are
+named without their folders, since a user who uploads to a service knows only the file name.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import shlex
 from dataclasses import dataclass
 from pathlib import PurePath
 
-CODE = "stage-format"  # of errors that say so
+CODE = "stage-format"  # error code of a stage in another format
 HEAD_BYTES = 256
 
 _CONVERTER = "uvx --python 3.12 usd-convert-asset -i {file} -o {made} --preview-surface"
@@ -18,11 +18,13 @@ _CONVERTER = "uvx --python 3.12 usd-convert-asset -i {file} -o {made} --preview-
 
 @dataclass(frozen=True)
 class Format:
+    """A scene file format that is not USD, with how to recognize and convert it."""
+
     called: str
     suffixes: tuple[str, ...]
     starts: tuple[bytes, ...] = ()
-    python: str | None = None  # what brings it into Blender; "" where Blender opens it itself. None: the converter reads it
-    advice: str | None = None  # in place of a command
+    python: str | None = None  # Blender call that imports it; "": Blender opens it directly; None: usd-convert-asset reads it
+    advice: str | None = None  # replaces the conversion command
 
 
 _EXPORT = "export USD from it"
@@ -48,9 +50,9 @@ SUFFIXES = tuple(suffix for each in _FORMATS for suffix in each.suffixes)
 
 
 def advice_for(name: str, head: bytes = b"") -> str | None:
-    """Say what a file is that USD does not read, and how to convert it; None for what is none of these.
+    """Return what a file that is not USD is, and how to convert it; None for an unknown format.
 
-    `head` is what the file begins with, which counts for more than what it is called.
+    `head` holds the file's first bytes, which take precedence over its extension.
     """
     name = PurePath(name.replace("\\", "/")).name
     suffix = PurePath(name).suffix.lower()
@@ -62,7 +64,7 @@ def advice_for(name: str, head: bytes = b"") -> str | None:
 
 
 def advice_for_file(path: str) -> str | None:
-    """Say so of a file, by its name alone where it cannot be read."""
+    """Return `advice_for` of a file on disk, by its name alone if it cannot be read."""
     try:
         with open(path, "rb") as file:
             head = file.read(HEAD_BYTES)
@@ -72,7 +74,7 @@ def advice_for_file(path: str) -> str | None:
 
 
 def refers_to_other_format(path: str) -> bool:
-    """Say whether a path's name alone is that of one of these formats."""
+    """Return whether a path has the extension of one of these formats."""
     return PurePath(path).suffix.lower() in SUFFIXES
 
 

@@ -1,7 +1,8 @@
-"""How much memory this process holds and may hold, for commands that have a process of their own.
+"""Memory held by this process and its limit, for commands that run in their own process.
 
-Estimates refuse what does not fit before it is made; whatever they miss, a thread of the core ends the process before it holds
-more than the limit, saying what was estimated. A process that is the user's own, such as a notebook, is never ended.
+Estimates reject a render that does not fit before anything is allocated. Whatever they miss, a watch thread of the core ends
+the process before it exceeds the limit, and reports the estimate. A process that belongs to the user, such as a notebook, is
+never ended.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from .errors import LimitError
 
 MIB = 2**20
 CODE = "memory-limit"
-MARGIN = 24 * MIB  # kMargin of base/memory_watch.cpp: a process is ended with this much room left
+MARGIN = 24 * MIB  # kMargin of base/memory_watch.cpp: a process is ended when this much of its limit is left
 PLACEHOLDER = "@HELD@"
 
 
 def resident_bytes() -> float:
-    """Return what this process holds; infinite where the system does not say."""
+    """Return the resident memory of this process, or infinity where the system does not report it."""
     try:
         return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:  # there is no /proc
@@ -28,17 +29,17 @@ def resident_bytes() -> float:
 
 
 def machine_bytes() -> int:
-    """Return the memory that the machine has."""
+    """Return the physical memory of the machine."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def available_bytes() -> int:
-    """Return what this process may hold at most: the least of its cgroups' limits and the machine's memory."""
+    """Return the memory that this process may use: the least of its cgroup limits and the machine's memory."""
     return min([machine_bytes(), *_cgroup_limits()])
 
 
 def _cgroup_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> Iterator[int]:
-    """Yield the memory limits of the cgroups that this process is in, of both versions and up to the root."""
+    """Yield the memory limits of this process's cgroups, of both cgroup versions, up to the root."""
     try:
         lines = own.read_text("ascii").splitlines()
     except (OSError, UnicodeDecodeError):
@@ -57,33 +58,33 @@ def _cgroup_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/
                 text = (top / folder / name).read_text("ascii").strip()
             except (OSError, UnicodeDecodeError):
                 continue
-            if text.isdigit():  # "max": none
+            if text.isdigit():  # "max": no limit
                 yield int(text)
 
 
-# The core's watch_memory: limit, what is said before and after the MiB held, in words and as JSON, and the exit code.
+# The core's watch_memory: limit, the text before and after the MiB held, the same for JSON, and the exit code.
 Watch = Callable[[int, str, str, str, str, int], None]
 
 
 class Held:
-    """A process that is held to `limit` bytes. `is_json`: what ends it is told as JSON lines as well."""
+    """A process held to `limit` bytes. `is_json`: the message that ends it is also printed as a JSON line."""
 
     def __init__(self, limit: int, is_json: bool, watch: Watch) -> None:
         self.limit, self._is_json, self._watch = limit, is_json, watch
         self._further = ""
 
     def expect(self, parts: Mapping[str, int]) -> None:
-        """Say what the render is estimated to need, for the message of a process that is ended."""
+        """Record the estimate of the render's memory, for the message if the process is ended."""
         self._further = f"; the render was estimated to need {described(parts)}"
         self.watch()
 
     def read_stage(self) -> None:
-        """Say that the stage is being read, so that nothing is known yet of what it needs."""
+        """Record that the stage is being read, when no estimate exists yet."""
         self._further = "; it was reading the stage, and `primray inspect` estimates what a render of it needs"
         self.watch()
 
     def watch(self) -> None:
-        """Have the process ended before it holds more than the limit."""
+        """Start the watch that ends the process before it exceeds the limit."""
         limit = f"{self.limit / MIB:.0f} MiB are allowed"
         message = f"the process holds {PLACEHOLDER} MiB and {limit}, so it ends before it holds more{self._further}"
         before, after = f"error: {CODE}: {message}\n".split(PLACEHOLDER)
@@ -92,14 +93,14 @@ class Held:
         self._watch(self.limit, before, after, json_before, json_after, LimitError.exit_code)
 
 
-held: Held | None = None  # set where a command runs in a process of its own with a limit
-owns_process = False  # set by the command line, which may end its process
+held: Held | None = None  # set if the command owns its process and has a limit
+owns_process = False  # set by the command line, which is allowed to end its process
 
 
 def hold(limit: int | None, is_json: bool, watch: Callable[[], Watch]) -> None:
-    """Hold the process to `limit` bytes from now on, where it is the command's own.
+    """Limit the process to `limit` bytes from now on, if the command owns it.
 
-    LimitError where it holds that much already.
+    Raise LimitError if it already holds that much.
     """
     global held
     if limit is None or not owns_process:
@@ -112,13 +113,13 @@ def hold(limit: int | None, is_json: bool, watch: Callable[[], Watch]) -> None:
 
 
 def too_little(limit: int, parts: Mapping[str, int]) -> LimitError:
-    """Return the error of a render that needs all of this where `limit` is allowed."""
+    """Return the error of a render whose `parts` need more than `limit`."""
     sentence = f"the render needs about {described(parts)}; {limit / MIB:.0f} MiB are allowed"
     return LimitError(sentence, code=CODE)
 
 
 def described(parts: Mapping[str, int]) -> str:
-    """Return the sum of what is needed, with what takes it, the largest first."""
+    """Return the total memory needed with its parts, the largest first, as text."""
     of = sorted(parts.items(), key=lambda item: -item[1])
     shown = ", ".join(f"{name} {size / MIB:.0f}" for name, size in of if size >= MIB / 2)
     return f"{sum(parts.values()) / MIB:.0f} MiB" + (f" ({shown})" if shown else "")

@@ -1,4 +1,4 @@
-"""Which diagnostics refuse a stage: the settings `strict`, `fail_on` and `allow` together."""
+"""Which diagnostics make primray refuse a stage: the settings `strict`, `fail_on` and `allow` combined."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from .diagnostic_codes import CODES
 from .errors import SettingsError, did_you_mean
 
-# Names of several codes. A file that is not there, or that nobody can read, has one of these codes, whatever names it.
+# Names for groups of codes. Any file that is missing or unreadable is reported with one of the codes of "missing".
 GROUPS: dict[str, tuple[str, ...]] = {
     "missing": ("composition-error", "materialx-document", "asset-missing", "tile-missing", "texture-unreadable"),
 }
@@ -16,16 +16,19 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Refusal:
-    """What a stage is refused for. `fail_on` and `allow` are codes of diagnostics or names of `GROUPS`; allowed codes pass."""
+    """The diagnostics for which a stage is refused.
+
+    `fail_on` and `allow` hold diagnostic codes or names of `GROUPS`; allowed codes always pass.
+    """
 
     strict: bool = False
     fail_on: tuple[str, ...] = ()
     allow: tuple[str, ...] = ()
 
     def flag(self, code: str, changes_picture: bool) -> str | None:
-        """Return the flag that refuses a diagnostic, as the command line names it; None where none does.
+        """Return the command-line flag that refuses a diagnostic, or None if it passes.
 
-        `changes_picture`: it is a warning or an error that leaves the picture other than authored.
+        `changes_picture`: the diagnostic is a warning or error that makes the picture differ from what was authored.
         """
         if self.allows(code):
             return None
@@ -41,12 +44,12 @@ STRICT = Refusal(strict=True)
 
 
 def codes_of(names: Iterable[str]) -> frozenset[str]:
-    """Return the codes that are meant, with those of groups."""
+    """Return the codes that are named, with groups expanded."""
     return frozenset(code for name in names for code in GROUPS.get(name, (name,)))
 
 
 def check_codes(names: Iterable[str], where: str) -> None:
-    """Raise SettingsError for a name that is neither a diagnostic's code nor a group's."""
+    """Raise SettingsError for a name that is neither a diagnostic code nor a group."""
     known = [*GROUPS, *CODES]
     for name in names:
         if name not in known:

@@ -1,3 +1,3 @@
-"""The version of primray: what builds, reports and files say."""
+"""The version of primray, as used by the build, by reports and in file headers."""
 
 __version__ = "0.2.0"

@@ -1,5 +1,6 @@
-"""Denoised pictures beside the record, by Open Image Denoise, and what their errors are: estimated without bias from halves.
+"""Denoised pictures beside the noisy record, by Open Image Denoise, and unbiased estimates of their error from sample halves.
 
-`denoiser` is the gate to the package; `halves` takes the two independent halves of a film apart, `cross_half` compares each
-denoised half with the other as it is, `denoised` makes the picture and what a report says of it, `target` stops a render by it.
+`denoiser` is the only module that uses the package; `halves` splits a film into its two independent halves; `cross_half`
+compares each denoised half with the other, noisy half; `denoised` makes the picture and its report; `target` stops a render
+when the denoised picture is good enough.
 """

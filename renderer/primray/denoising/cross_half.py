@@ -1,11 +1,11 @@
-"""The error of the mean of two denoised halves, each compared with the half that it was not made of.
+"""Error of the mean of two denoised halves, each compared with the half that it was not made from.
 
-With p and q the denoised halves, a and b the halves as they are, R what both converge to and M = (p + q) / 2: p and b are
-independent, q and a, a and b. So M^2 - p b - q a + a b is expected to be (M - R)^2, whatever the denoiser does. Comparing the
-denoised halves with each other would see nothing of what both have lost.
+Let p and q be the denoised halves, a and b the noisy ones, R the reference that both converge to, and M = (p + q) / 2. The
+pairs (p, b), (q, a) and (a, b) are independent, so the expectation of M^2 - p b - q a + a b is (M - R)^2, whatever the denoiser
+does. Comparing the denoised halves with each other would miss the detail that both have lost.
 
-relMSE is weighted by R^2, which nobody knows: M is drawn towards the noisy picture where the error seen around is large beside
-the noise there (James and Stein 1961), since what a denoiser has smeared is worst beside its bright neighbours.
+relMSE is weighted by R^2, which is unknown. It is estimated from M, shrunk towards the noisy picture where the error in the
+neighbourhood is large compared to the noise (James and Stein 1961), since smearing is worst next to bright pixels.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from ..sampling.error import Z95, Estimate
 from ..settings import Metric
 from .halves import Halves
 
-DARKEST = 0.01  # of relMSE: R^2 + 0.01
-TILE = 4  # pixels across: what a denoiser makes of one sample goes to its neighbours
+DARKEST = 0.01  # relMSE divides by R^2 + 0.01
+TILE = 4  # pixels across; a denoiser correlates the errors of neighbouring pixels
 TINY = 1e-12
 
 
 @dataclass(frozen=True)
 class DenoisedError:
-    """Of the whole frame; values are not below 0, though what they are estimated from may be."""
+    """Error of the whole frame. Values are clamped at 0, though the estimators may be negative."""
 
     relmse: Estimate
     rmse: Estimate
@@ -42,7 +42,7 @@ class DenoisedError:
 
 
 def cross_half_error(halves: Halves, denoised: tuple[Doubles, Doubles]) -> DenoisedError:
-    """For denoised halves (H, W, 3) whose mean is the picture."""
+    """Return the error of the picture that is the mean of the denoised halves (H, W, 3)."""
     p, q = denoised
     mean = (p + q) / 2
     squares = mean**2 - p * halves.b - q * halves.a + halves.a * halves.b
@@ -51,7 +51,7 @@ def cross_half_error(halves: Halves, denoised: tuple[Doubles, Doubles]) -> Denoi
 
 
 def _level(mean: Doubles, squares: Doubles, halves: Halves) -> Doubles:
-    """What R is thought to be."""
+    """Estimate R, the reference value of each pixel."""
     error = np.maximum(_around(squares), 0.0)
     noise = _around(((halves.a - halves.b) / 2) ** 2)
     made: Doubles = mean + error / (error + noise + TINY) * (halves.mean - mean)
@@ -59,7 +59,7 @@ def _level(mean: Doubles, squares: Doubles, halves: Halves) -> Doubles:
 
 
 def _around(values: Doubles) -> Doubles:
-    """Means over 3 x 3 pixels."""
+    """Return means over 3 x 3 pixels."""
     padded = np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="edge")
     rows = sliding_window_view(padded, 3, axis=0).mean(axis=-1)
     made: Doubles = sliding_window_view(rows, 3, axis=1).mean(axis=-1)
@@ -67,7 +67,7 @@ def _around(values: Doubles) -> Doubles:
 
 
 def _estimate(squares: Doubles) -> Estimate:
-    """The mean with its interval: tiles are taken to be independent, each as uncertain as it is large."""
+    """Return the mean with its interval. Tiles are assumed independent, each as uncertain as it is large."""
     by_pixel = squares.sum(axis=2)
     height, width = by_pixel.shape
     whole = np.pad(by_pixel, ((0, -height % TILE), (0, -width % TILE)))
@@ -81,7 +81,10 @@ def _estimate(squares: Doubles) -> Estimate:
 
 
 def student95(freedom: float) -> float:
-    """The quantile of Student's distribution that 95 % lie within, by Abramowitz and Stegun 26.7.5; of 2 degrees at least."""
+    """Return the two-sided 95 % quantile of Student's t distribution, with at least 2 degrees of freedom.
+
+    Abramowitz and Stegun 26.7.5.
+    """
     z, n = Z95, max(freedom, 2.0)
     terms = (
         (z**3 + z) / 4,

@@ -1,7 +1,7 @@
-"""The denoised picture of a film, and what a report says of it: how wrong it is, and how much light it has lost.
+"""The denoised picture of a film and its report: its error, and how much light it has lost.
 
-It is the mean of its two halves, each denoised by itself. One picture denoised as a whole would be about as good, but nobody
-could tell how good.
+It is the mean of the two film halves, each denoised separately. Denoising the whole picture at once would be about as good, but
+its error could not be estimated.
 """
 
 from __future__ import annotations
@@ -22,16 +22,19 @@ from .denoiser import Denoiser, Guides, denoiser_name
 from .halves import halves_of
 
 GUIDES = ("albedo", "normal")
-LEAST_SHADOW = 0.002  # half a step of 8 bits
+LEAST_SHADOW = 0.002  # half an 8-bit step
 
 
 @dataclass(frozen=True)
 class Denoised:
-    """Pixels (H, W, 3); `error` is None where a pixel has samples of one half alone, and the picture is denoised as a whole."""
+    """A denoised picture (H, W, 3).
+
+    `error` is None if some pixel has samples in one half only; the picture is then denoised as a whole.
+    """
 
     pixels: Doubles
     error: DenoisedError | None
-    energy: tuple[float, float, float] | None  # of the noisy picture's light, by channel; None: it has none
+    energy: tuple[float, float, float] | None  # total light over that of the noisy picture, by channel; None: that has none
     seconds: float
 
     def as_json(self) -> dict[str, Any]:
@@ -46,13 +49,13 @@ class Denoised:
 
 
 def guides_of(scene: core.CoreScene, settings: RenderSettings) -> Guides:
-    """What a denoiser is guided by, the same for all films of a scene."""
+    """Return the guide images (albedo, normal) of a scene, which are the same for all its films."""
     found = core.first_hits(scene, [f"guide_{name}" for name in GUIDES], [], settings)
     return Guides(*(found[f"guide_{name}"] for name in GUIDES))
 
 
 class Denoising:
-    """Of one scene's films."""
+    """Denoiser of one scene's films."""
 
     def __init__(self, guides: Guides, exposure_scale: float, settings: RenderSettings) -> None:
         self._exposure_scale = exposure_scale
@@ -71,13 +74,13 @@ class Denoising:
 
 
 def denoised_shadow(opacity: Floats, settings: RenderSettings) -> Floats:
-    """Return the opacity (H, W) of a ground's shadow without its noise; what 8 bits do not show is left out."""
+    """Return the opacity (H, W) of a ground's shadow without noise; values below half an 8-bit step become 0."""
     made = Denoiser(None, core.threads(settings)).denoise(np.repeat(opacity[..., None], 3, axis=2))[..., 0]
     return np.where(made < LEAST_SHADOW, 0, np.clip(made, 0, 1)).astype(np.float32)
 
 
 def with_denoised(image: Image, made: Denoised) -> Image:
-    """With the denoised picture beside the record, whose alpha it has, and the report that tells of it."""
+    """Return the image with the denoised picture beside the record, with the record's alpha, and reported."""
     says = made.as_json()
     pixels: Floats = np.concatenate([made.pixels.astype(np.float32), image.pixels[..., 3:]], axis=2)
     metadata: dict[str, str | int | float] = {"denoised.by": says["by"], "denoised.biased": 1}
@@ -90,7 +93,7 @@ def with_denoised(image: Image, made: Denoised) -> Image:
 
 
 def worse_than_record(report: Mapping[str, Any]) -> str | None:
-    """Return what to say where the denoised picture's relmse is above the picture's by more than its uncertainty."""
+    """Return a message if the denoised picture's relMSE exceeds that of the record by more than its uncertainty, else None."""
     denoised, record = (report["denoised"]["error"] or {}).get("relmse"), (report["error"] or {}).get("relmse")
     if denoised is None or record is None or not denoised["ci95"][0] > record["estimate"]:
         return None

@@ -1,4 +1,7 @@
-"""Open Image Denoise, by the package pyoidn (extra primray[denoise]): the same bits on any number of threads."""
+"""Open Image Denoise, through the package pyoidn (extra primray[denoise]).
+
+Results are bit-identical for any number of threads.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ PACKAGE = "pyoidn"
 
 @dataclass(frozen=True)
 class Guides:
-    """What is seen first, averaged as the picture is: reflectance and normals (H, W, 3)."""
+    """Denoiser guides: first-hit albedo and normal (H, W, 3), filtered like the picture."""
 
     albedo: Floats
     normal: Floats
@@ -29,7 +32,7 @@ def has_denoiser() -> bool:
 
 
 def check_denoiser() -> None:
-    """SettingsError ("denoiser-missing") unless the package is there. Ask before rendering."""
+    """Raise SettingsError ("denoiser-missing") unless the package is installed. Called before rendering."""
     if not has_denoiser():
         sentence = "denoising takes Open Image Denoise: pip install 'primray[denoise]'"
         raise SettingsError(sentence, where="denoise", code="denoiser-missing")
@@ -41,7 +44,7 @@ def denoiser_name() -> str:
 
 
 class Denoiser:
-    """For pictures of one size, with the same guides (None: none)."""
+    """A denoiser for pictures of one size with the same guides (None: no guides)."""
 
     def __init__(self, guides: Guides | None, threads: int) -> None:
         check_denoiser()
@@ -54,7 +57,7 @@ class Denoiser:
         self._guides = [(name, np.array(values, np.float32, order="C")) for name, values in pairs]
 
     def denoise(self, color: Floats) -> Floats:
-        """(H, W, 3), scene-linear and finite, to the same denoised."""
+        """Return the denoised image of a finite scene-linear one (H, W, 3)."""
         noisy = np.array(color, np.float32, order="C")
         made: Floats = np.zeros_like(noisy)
         height, width = noisy.shape[:2]

@@ -12,16 +12,19 @@ from ..arrays import Doubles
 
 @dataclass(frozen=True)
 class Halves:
-    """Means (H, W, 3) of both replicates, and each's share (H, W, 1) of a pixel's samples; 1/2 where they have as many."""
+    """Means (H, W, 3) of both replicates.
+
+    `share` (H, W, 1) is the part of a pixel's samples in `a`: 1/2 where both have as many.
+    """
 
     a: Doubles
     b: Doubles
-    share: Doubles  # of a
-    are_whole: bool  # every pixel has samples of both
+    share: Doubles
+    are_whole: bool  # every pixel has samples in both halves
 
     @property
     def mean(self) -> Doubles:
-        """The picture as the film has it."""
+        """The picture as the film has it: the sample-weighted mean of both halves."""
         made: Doubles = self.share * self.a + (1 - self.share) * self.b
         return made
 

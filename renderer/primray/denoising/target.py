@@ -1,4 +1,4 @@
-"""A render that stops when its denoised picture is good enough: judged where the error of the noisy one is, and at its end."""
+"""Stopping criterion by the denoised picture's error: evaluated where the error of the noisy picture is, and at the end."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from ..sampling.sampling import Sampling
     from .denoised import Denoised, Denoising
 
-# The interval's upper end may be so many times the target: else the estimate is chance.
+# The interval's upper end may be at most this many times the target; beyond that, the estimate is too uncertain.
 MOST_DOUBT = 2.0
 
 
 def check_denoising(settings: RenderSettings) -> None:
-    """SettingsError for what cannot be denoised. Ask before rendering."""
+    """Raise SettingsError for settings that cannot be denoised. Called before rendering."""
     if not settings.denoises:
         return
     check_denoiser()
@@ -28,7 +28,7 @@ def check_denoising(settings: RenderSettings) -> None:
 
 
 class DenoisedTarget:
-    """A `sampling.sampling.Judge`; keeps what it has denoised last."""
+    """A `sampling.sampling.Judge` by the denoised picture's error; caches the most recent denoised picture."""
 
     def __init__(self, denoising: Denoising, settings: RenderSettings) -> None:
         assert settings.target_error is not None
@@ -45,14 +45,14 @@ class DenoisedTarget:
         return found.value <= self._target and found.high <= MOST_DOUBT * self._target
 
     def denoised(self, sampling: Sampling) -> Denoised:
-        """Of all samples taken by now."""
+        """Return the denoised picture of all samples taken so far."""
         if self._last is None or self._last[0] != sampling.film.samples:
             self._last = sampling.film.samples, self._denoising.of(sampling.film)
         return self._last[1]
 
 
 def denoised_target(scene: CoreScene, settings: RenderSettings) -> DenoisedTarget | None:
-    """None where the target is the picture's own error's, or there is none."""
+    """Return the stopping criterion by the denoised picture's error, or None if the settings use another."""
     if settings.stop_at is not StopAt.DENOISED or settings.target_error is None:
         return None
     from .denoised import Denoising, guides_of

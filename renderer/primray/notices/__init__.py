@@ -1,1 +1,1 @@
-"""What primray says to whoever calls it: diagnostics in words, as Python warnings and log records, and what notebooks show."""
+"""Messages to the user: diagnostics as text, Python warnings and log records, and notebook output."""

@@ -1,6 +1,6 @@
-"""Diagnostics of severity warning and error, said aloud: a Python warning a render, and a record each for `logging`.
+"""Announcement of warnings and errors: one Python warning per render, and a `logging` record for each diagnostic.
 
-For callers of the library. The command line and the service show diagnostics themselves and announce nothing.
+This serves callers of the library; the command line and the service show diagnostics themselves and announce nothing.
 """
 
 from __future__ import annotations
@@ -20,27 +20,28 @@ MOST_LINES = 20
 
 
 class RenderWarning(UserWarning):
-    """The picture is not, or may not be, what the stage says: some of its diagnostics are warnings or errors.
+    """The picture is not, or may not be, what the stage specifies: some of its diagnostics are warnings or errors.
 
-    A render gives one, with all of them in words; each goes to the logger "primray" too, with `code` and `prim_path` on the
-    record. `Image.report["diagnostics"]` has them as data, those that only inform too. To be without it:
+    Each render issues at most one, with all diagnostics as text. Each diagnostic also goes to the logger "primray", with `code`
+    and `prim_path` on the record. `Image.report["diagnostics"]` has all of them as data, including informational ones. The
+    warning is silenced by:
 
     >>> warnings.filterwarnings("ignore", category=primray.RenderWarning)
 
-    With "error" in place of "ignore" a render stops at it, before its first sample; `RenderSettings(strict=True)` does that
-    for what changes the picture alone.
+    With "error" instead of "ignore" a render stops before its first sample; `RenderSettings(strict=True)` does so only for
+    diagnostics that change the picture.
     """
 
 
 class Announcer:
-    """Of one render. What it has said once it does not say again."""
+    """Announcer of one render's diagnostics; each is announced once."""
 
     def __init__(self, stage: object) -> None:
         self._stage = os.path.basename(os.fspath(stage)) if isinstance(stage, str | os.PathLike) else "the stage"
         self._told: set[Diagnostic] = set()
 
     def tell(self, diagnostics: Iterable[Diagnostic]) -> None:
-        """The new ones among them; RenderWarning if warnings are errors."""
+        """Announce the diagnostics that are new; raise RenderWarning if warnings are errors."""
         news = [d for d in diagnostics if d.severity is not Severity.INFO and d not in self._told]
         if not news:
             return
@@ -65,7 +66,7 @@ def _log(news: list[Diagnostic]) -> None:
 
     logger = logging.getLogger(LOGGER)
     if not any(isinstance(handler, logging.NullHandler) for handler in logger.handlers):
-        logger.addHandler(logging.NullHandler())  # else records that nobody asked for go to stderr, beside the warning
+        logger.addHandler(logging.NullHandler())  # without a handler, records would also go to stderr, beside the warning
     levels = {Severity.ERROR: logging.ERROR, Severity.WARNING: logging.WARNING}
     for d in news:
         about: dict[str, Any] = {"code": d.code, "prim_path": d.prim_path, "attribute": d.attribute, "kind": d.kind.value}
@@ -75,7 +76,7 @@ def _log(news: list[Diagnostic]) -> None:
 
 
 def _levels_to_caller() -> int:
-    """The `stacklevel`, for who calls this, of the nearest frame outside of primray: a warning shows whose render it was."""
+    """Return the caller's `stacklevel` of the nearest frame outside primray, so that the warning names the user's line."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == "primray":
         level, frame = level + 1, frame.f_back

@@ -1,6 +1,6 @@
-"""Diagnostics as a person reads them: grouped by what is wrong in which way, worst first, with the first few prims of each.
+"""Diagnostics as text: grouped by severity, kind, code and attribute, worst first, with the first few prims of each group.
 
-What many prims have in common is said once; of messages that differ from prim to prim, the first few. JSON has them all.
+A message that many prims share is printed once; of messages that differ from prim to prim, the first few. JSON has them all.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Key = tuple[str, str, str, str]  # severity, kind, code, attribute
 
 
 def print_diagnostics(diagnostics: Iterable[Row], *, verbose: bool) -> None:
-    """To stderr: stdout is for what was asked for."""
+    """Print diagnostics to stderr; stdout is reserved for requested output."""
     for line in diagnostics_lines(diagnostics, verbose=verbose):
         print(line, file=sys.stderr)
 
 
 def diagnostics_lines(diagnostics: Iterable[Row], *, verbose: bool = False) -> list[str]:
-    """Lines for diagnostics in their JSON form; with all their messages and prims if `verbose`."""
+    """Return lines of text for diagnostics in their JSON form, with all messages and prims if `verbose`."""
     groups: dict[Key, dict[str, list[Row]]] = {}
     for row in diagnostics:
         key = (row["severity"], row.get("kind", ""), row["code"], row.get("attribute", ""))
@@ -39,7 +39,7 @@ def diagnostics_lines(diagnostics: Iterable[Row], *, verbose: bool = False) -> l
 
 
 def fidelity_text(diagnostics: Iterable[Row]) -> str:
-    """How many warnings and errors there are of each kind that changes the picture: one line."""
+    """Return one line counting the warnings and errors of each kind that changes the picture."""
     counts = Counter(row["kind"] for row in diagnostics if row["severity"] != "info")
     told = [f"{counts[kind.value]:,} {kind.value}" for kind in Kind if kind.changes_picture and counts[kind.value]]
     return ", ".join(told) or "as authored"
@@ -67,8 +67,11 @@ def _group(key: Key, messages: dict[str, list[Row]], verbose: bool) -> list[str]
 
 
 def _sentence(attribute: str, message: str) -> str:
-    """The message behind its attribute, unless it begins with its name: "roughness = 3 is .." is about inputs:roughness."""
-    if message.startswith(attribute):  # also where there is none
+    """Return the message prefixed with its attribute, merged if it begins with the attribute's name.
+
+    "roughness = 3 is .." becomes "inputs:roughness = 3 is ..".
+    """
+    if message.startswith(attribute):  # always true for ""
         return message
     name = attribute.rpartition("inputs:")[2]
     return f"{attribute}{message.removeprefix(name)}" if message.startswith(f"{name} ") else f"{attribute}: {message}"

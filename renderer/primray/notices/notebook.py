@@ -1,6 +1,6 @@
-"""What a notebook shows: whether there is one, and the HTML of a picture with its diagnostics, and of a progress bar.
+"""Notebook support: detection of a notebook, and HTML of a picture with its diagnostics and of a progress bar.
 
-IPython is imported where it runs already, never otherwise.
+IPython is used if it is already imported, and never imported otherwise.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ _COLORS = {"error": "#b3261e", "warning": "#8a5a00"}
 
 
 def in_notebook() -> bool:
-    """Whether this runs in an IPython kernel, whose front end shows HTML. A terminal's IPython is none."""
+    """Return whether this runs in an IPython kernel, whose front end shows HTML. IPython in a terminal does not count."""
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     return hasattr(shell, "kernel")
 
 
 def display(shown: object, **options: Any) -> Any:
-    """IPython's, in a notebook; its handle where `display_id` is asked for."""
+    """Call IPython's `display` in a notebook, and return its handle if `display_id` is given."""
     return import_module("IPython.display").display(shown, **options)
 
 
 class Html:
-    """What a front end shows as it is."""
+    """HTML text that a front end shows as it is."""
 
     def __init__(self, text: str, plain: str = "") -> None:
         self.text = text
@@ -41,7 +41,7 @@ class Html:
 
 
 def picture_html(png: Callable[[], bytes], resolution: tuple[int, int], diagnostics: Iterable[Mapping[str, str]]) -> str | None:
-    """The picture with its warnings and errors under it; None where there are none and the picture says it all."""
+    """Return the picture with its warnings and errors below it, or None if there are none and the picture suffices."""
     told = [row for row in diagnostics if row["severity"] != "info"]
     if not told:
         return None
@@ -56,7 +56,7 @@ def picture_html(png: Callable[[], bytes], resolution: tuple[int, int], diagnost
 
 
 def diagnostics_html(diagnostics: Iterable[Mapping[str, str]]) -> str:
-    """The warnings and errors among them, a line each; "" for none."""
+    """Return the warnings and errors among the diagnostics as HTML, one per line, or ""."""
     items = "".join(map(_line_html, diagnostics_lines(row for row in diagnostics if row["severity"] != "info")))
     return f'<div style="font-family: monospace; white-space: pre-wrap; margin-top: 0.5em">{items}</div>' if items else ""
 

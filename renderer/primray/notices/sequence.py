@@ -1,4 +1,4 @@
-"""Diagnostics of a sequence's frames: each is shown at the first frame that has it, and counted in the others."""
+"""Diagnostics of a frame sequence: each is shown at the first frame that has it, and counted in the others."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 class SequenceNotices:
-    """What has been shown of the frames so far. Rows are diagnostics in their JSON form; a frame may have several renders, of
-    products or of two eyes."""
+    """Diagnostics shown so far in a sequence.
+
+    Rows are diagnostics in their JSON form; a frame may have several renders, for products or for two eyes.
+    """
 
     def __init__(self) -> None:
         self._shown: set[tuple[str, ...]] = set()
@@ -21,8 +23,10 @@ class SequenceNotices:
         self._all: set[Hashable] = set()
 
     def new(self, rows: Iterable[Row], frame: Hashable) -> list[Row]:
-        """Return the rows of another render, which is one of `frame`, that no render before had: of a prim, an attribute and a
-        code, whatever the message says of the frame."""
+        """Return the rows of another render of `frame` that no earlier render had.
+
+        Rows are the same if prim, attribute and code are, whatever the message says.
+        """
         rows = list(rows)
         self._all.add(frame)
         for row in rows:
@@ -32,7 +36,7 @@ class SequenceNotices:
         return new
 
     def lines(self) -> list[str]:
-        """Say of each warning and error how many of the frames it concerns; nothing of a single frame."""
+        """Return a line for each warning and error with the number of frames concerned; nothing for a single frame."""
         if len(self._all) < 2:
             return []
         return [
@@ -46,6 +50,6 @@ def _identity(row: Row) -> tuple[str, ...]:
     place = row["prim_path"], row.get("attribute", "")
     if any(place):
         return row["severity"], row["code"], *place
-    # What was chosen for a frame differs by its numbers: a turntable's degrees.
+    # Choices made per frame differ only in their numbers, such as a turntable's degrees.
     message = _NUMBER.sub("#", row["message"]) if row["severity"] == "info" else row["message"]
     return row["severity"], row["code"], message

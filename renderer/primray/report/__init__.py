@@ -1,1 +1,1 @@
-"""The report of a render, and what a scene counts."""
+"""The report of a render, and the statistics of a scene."""

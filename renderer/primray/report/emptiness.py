@@ -1,4 +1,4 @@
-"""Pictures in which nothing is seen, and the likely reason."""
+"""Detection of pictures in which nothing is visible, and the likely reason."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..diagnostics import Diagnostic
 from ..fidelity import Kind
 from .prepared import Prepared
 
-# Codes of images that are missing: what a light or a material lacks hides no geometry.
+# Codes of missing texture files. They affect lights and materials, but hide no geometry.
 IMAGES = frozenset({"asset-missing", "texture-unreadable", "tile-missing"})
 UNKNOWN = (
     "without faces, wholly transparent, in no instance or level of detail that is drawn, or of a kind that is not rendered"
@@ -22,28 +22,30 @@ UNKNOWN = (
 
 
 def is_empty(pixels: Floats, told: Iterable[Diagnostic]) -> bool:
-    """Whether no pixel of (H, W, 4) has light of the stage's: a default light behind nothing is none."""
+    """Return whether no pixel of (H, W, 4) received light from the stage. A default light behind nothing does not count."""
     if not pixels[..., :3].any():
         return True
     return not pixels[..., 3].any() and any(d.code == "default-light" for d in told)
 
 
 def is_bare(prepared: Prepared, told: Iterable[Diagnostic]) -> bool:
-    """Whether there is geometry, or a part is missing that may hold some, and none of it is drawn or shown to the camera,
-    whatever lights are seen. A stage of lights alone is meant to be that."""
+    """Return whether a stage that has geometry, or lacks a part that may contain some, draws none of it.
+
+    Visible lights do not count. A stage of nothing but lights is intended.
+    """
     if prepared.hidden_from_camera:
         return True
     return prepared.scene.bounds is None and (bool(prepared.left_out) or bool(_missing(told)))
 
 
 def _missing(told: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return what says that geometry may be missing: not that an image is, of a light or of a material."""
+    """Return the diagnostics of possibly missing geometry, excluding missing textures of lights and materials."""
     told = [d for d in told if d.kind is Kind.MISSING and d.code not in IMAGES]
     return [d for d in told if d.severity is Severity.ERROR or d.code == "payloads-unloaded"]
 
 
 def why_empty(prepared: Prepared, pixels: Floats, told: Iterable[Diagnostic]) -> str:
-    """A sentence; `told` is what translation had to say."""
+    """Return a sentence on why nothing is visible, from the diagnostics `told` of the translation."""
     if prepared.scene.bounds is None:
         return f"Nothing is drawn: {_why_nothing_drawn(prepared.left_out, told)}."
     if prepared.hidden_from_camera:
@@ -90,7 +92,7 @@ def _why_not_seen(prepared: Prepared) -> str:
 
 
 def _seen_from(camera: Camera, corners: Doubles) -> tuple[Doubles, bool]:
-    """Depths along the camera's axis, and whether all corners are beyond one side of its window."""
+    """Return the depths of corners along the camera's axis, and whether all of them are beyond one side of its window."""
     camera_from_world = np.linalg.inv(camera.world_from_camera)
     p = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     depth = -p[:, 2]

@@ -1,7 +1,7 @@
-"""What a picture leaves out of the light that was sampled because the user asked for a bias, as a report says it.
+"""The light that the picture leaves out because the user asked for a bias, and how the report states it.
 
-Whatever a clamp or switched-off caustics take away is summed like the picture itself, so its mean is an unbiased estimate of
-the bias: the picture and what is left out add up to the picture without the bias.
+The light removed by a clamp or by switched-off caustics is accumulated like the picture itself, so its mean is an unbiased
+estimate of the bias: the picture plus what is left out converges to the picture without the bias.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from ..color.color_space import ColorSpace, luminance_weights
 from ..settings import BIAS, RenderSettings
 
 BAND = 64  # rows
-MOST_PIXELS = 5  # listed, of those that lose most
+MOST_PIXELS = 5  # number of pixels listed, those that lose most
 NAMES = {"clamp_indirect": "the clamp of indirect light", "caustics": "leaving out caustics"}
 
 
 def left_out(film: core.Film, settings: RenderSettings, space: ColorSpace) -> dict[str, Any]:
-    """Return, by setting, what was left out; empty where nothing was asked for."""
+    """Return the light left out, by setting; empty if no bias was asked for."""
     asked = {why: name for why, name in core.REMOVALS.items() if getattr(settings, name) != BIAS[name]}
     return {name: {"value": getattr(settings, name), **_estimate(film, why, space)} for why, name in asked.items()}
 
@@ -30,7 +30,7 @@ def left_out(film: core.Film, settings: RenderSettings, space: ColorSpace) -> di
 def _estimate(film: core.Film, why: str, space: ColorSpace) -> dict[str, Any]:
     """Return the mean over pixels with samples, its standard error, its share of all light, and the pixels that lose most.
 
-    A band of rows is looked at at a time, since a film may be most of what the process holds.
+    Rows are processed in bands, because a film may be most of the process's memory.
     """
     weights = np.array(luminance_weights(space))
     counts, picture, height = film.counts, film.pixels, film.resolution[1]
@@ -71,7 +71,7 @@ def _most(luminances: Any, first_row: int) -> list[tuple[float, int, int]]:
 
 
 def left_out_lines(report: Mapping[str, Any]) -> list[str]:
-    """Return a sentence for each bias that a report states."""
+    """Return a sentence for each bias in a report."""
     return [_line(name, found) for name, found in report.get("left_out", {}).items()]
 
 

@@ -1,4 +1,4 @@
-"""What moves while the shutter is open, counted: for `primray inspect` and the report."""
+"""Statistics of what moves while the shutter is open, for `primray inspect` and the report."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from ..description import MotionSteps, SceneDescription
 
 
 def motion_facts(description: SceneDescription) -> dict[str, Any] | None:
-    """In time codes from the frame on; by kind how many move, and the one whose path is given in the most steps. None where
-    nothing moves."""
+    """Return the shutter and, by kind, how many things move and which has the most segments; None if nothing moves.
+
+    Shutter times are time codes relative to the frame.
+    """
     exposure = description.exposure
     if exposure is None:
         return None

@@ -1,4 +1,4 @@
-"""A render that is ready to sample: its scene, and what the stage and the machine made of the settings."""
+"""A render that is ready to sample: the built scene, and the settings as resolved by stage and machine."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A scene that is built, and what the stage and the machine made of the settings."""
+    """A built scene with the settings as resolved by stage and machine."""
 
     scene: CoreScene
     settings: RenderSettings
     counts: dict[str, int]
     camera: Camera
     frame: Frame
-    fingerprint: dict[str, str]  # empty unless it was asked for
+    fingerprint: dict[str, str]  # empty unless requested
     aovs: tuple[AovRequest, ...] = ()
     lights: int = 0
-    motion: dict[str, Any] | None = None  # what the report says of what moves
-    left_out: dict[str, int] = field(default_factory=dict)  # where nothing is drawn: shapes by why, "" for unknown
-    hidden_from_camera: bool = False  # all geometry, though it is there for other rays
-    # Of a prim and of the instance that it is seen in, in a taxonomy, where AOVs ask for them.
+    motion: dict[str, Any] | None = None  # motion statistics of the report
+    left_out: dict[str, int] = field(default_factory=dict)  # if nothing is drawn: shape counts by reason, "" for unknown
+    hidden_from_camera: bool = False  # all geometry is hidden from camera rays
+    # labels(prim, instance, taxonomy): semantic labels of a prim in an instance; None unless an AOV needs them.
     labels: Callable[[str, str, str], tuple[str, ...]] | None = None
-    assets: dict[str, str] = field(default_factory=dict)  # by prim, where Cryptomatte asks for them
-    stage: str = ""  # the root layer's file name, without folders
-    ground_shadow: GroundShadow | None = None  # where a ground shows only its shadow
-    file: PictureFile | None = None  # what the stage's product asks of the EXR
-    asked: StageSettings = NOTHING_ASKED  # settings of the stage that the render follows
+    assets: dict[str, str] = field(default_factory=dict)  # asset name by prim path, if Cryptomatte needs it
+    stage: str = ""  # file name of the root layer, without folders
+    ground_shadow: GroundShadow | None = None  # set if a ground shows only its shadow
+    file: PictureFile | None = None  # EXR settings of the stage's product
+    asked: StageSettings = NOTHING_ASKED  # the stage's own render settings

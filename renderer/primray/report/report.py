@@ -1,4 +1,4 @@
-"""The report of a render: what it cost, what it was made with, and what it left out; as JSON, and for an image's header."""
+"""The report of a render: its cost, its inputs and versions, and what it left out; as JSON, and for an image's header."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Costs:
 
     stages_s: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, 0.0))
     render_cpu_s: float = 0.0
-    checkpoint: dict[str, Any] | None = None  # what a report says of checkpoints, if any are written
-    on_stage: Callable[[str], None] | None = None  # told as each stage begins
+    checkpoint: dict[str, Any] | None = None  # the report's entry on checkpoints, if any are written
+    on_stage: Callable[[str], None] | None = None  # called as each stage begins
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -49,14 +49,17 @@ class Costs:
 
 
 def cpu_seconds() -> float:
-    """User and system time of this process so far."""
+    """Return user plus system time of this process so far."""
     times = os.times()
     return times.user + times.system
 
 
 def peak_rss_bytes() -> int:
-    """The most memory this process has held: VmHWM of proc(5), as getrusage(2) counts what the process that started it held as
-    well; that, where there is no such file (ru_maxrss is KiB, on macOS bytes)."""
+    """Return the peak resident memory of this process.
+
+    VmHWM of proc(5) is preferred, because getrusage(2) includes the peak of the parent that started the process; ru_maxrss is
+    the fallback (KiB, on macOS bytes).
+    """
     try:
         with open("/proc/self/status", encoding="ascii", errors="replace") as file:
             return next(int(line.split()[1]) * 1024 for line in file if line.startswith("VmHWM:"))
@@ -66,12 +69,12 @@ def peak_rss_bytes() -> int:
 
 
 def usable_threads() -> int:
-    """Cores this process may use."""
+    """Return the number of cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def resolve_settings(settings: RenderSettings, description: SceneDescription) -> RenderSettings:
-    """The settings with what the scene and the machine decided filled in, so that the render can be repeated."""
+    """Return the settings with the choices of scene and machine filled in, so that the render can be repeated."""
     width, given = settings.filter_width, settings.camera
     return replace(
         settings,
@@ -99,7 +102,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["error_metric"] = settings.error_metric.value if settings.error_metric is not None else None
     values["default_wrap"] = settings.default_wrap.value
     values["render_context"] = settings.render_context.value
-    if settings.translated_shaders:  # as renders before there was a choice
+    if settings.translated_shaders:  # the default is omitted, as in reports older than the setting
         del values["translated_shaders"]
     values["eye"] = settings.eye.value if settings.eye is not None else None
     values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
@@ -128,7 +131,7 @@ def _camera_as_json(settings: RenderSettings) -> Any:
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of what takes part in a picture, without importing any of it."""
+    """Return versions of the packages that affect a picture, without importing any of them."""
     packages = {
         "usd": "usd-core",
         "embree": "embreex",
@@ -150,9 +153,10 @@ def make_report(
     sha256: str,
     space: ColorSpace,
 ) -> dict[str, Any]:
-    """The report: `scene` are its counts, `core` is what the core says of itself, `space` what its colours are in.
+    """Return the report of a render.
 
-    Errors and rays are told per channel of that space; the display's error is one of the view.
+    `scene` are the scene's counts, `core` the core's facts about itself, `space` the colour space of the pixels. Errors and
+    rays are per channel of that space; the display error is measured after the view.
     """
     render_s = costs.stages_s["render"]
     film, settings, stop = sampling.film, sampling.settings, sampling.stop
@@ -192,7 +196,7 @@ def make_report(
 
 
 def _left_out(film: Film, settings: RenderSettings, space: ColorSpace) -> dict[str, Any]:
-    """Return what was left out of the picture, where a setting asked for that."""
+    """Return the light that was left out of the picture, if a setting asked for a bias."""
     if all(getattr(settings, name) == none for name, none in BIAS.items()):
         return {}
     from .left_out import left_out
@@ -200,7 +204,7 @@ def _left_out(film: Film, settings: RenderSettings, space: ColorSpace) -> dict[s
     return {"left_out": left_out(film, settings, space)}
 
 
-# What two renders of the same picture may differ in; the rest goes into the image's header.
+# Entries in which two renders of the same picture may differ; the rest goes into the image's header.
 _COSTS = (
     "stages_s",
     "sampling_s",
@@ -220,12 +224,12 @@ _COSTS = (
 
 
 def header_of(report: Mapping[str, Any]) -> dict[str, str | int | float]:
-    """The report without its costs as flat names and plain values ("settings.spp": 64)."""
+    """Return the report without its costs, as flat names with plain values ("settings.spp": 64)."""
     return dict(_flatten("", {name: value for name, value in report.items() if name not in _COSTS}))
 
 
 def subject_of(stage: str, camera: Camera) -> dict[str, str | int | float]:
-    """What a header says of what the picture is of: the stage's file, the camera and its lens; the frame is a setting."""
+    """Return header entries for the subject of the picture: stage file, camera and lens. The frame is a setting."""
     says: dict[str, Any] = {"path": camera.path, "projection": camera.projection.value, "exposure_scale": camera.exposure_scale}
     says |= {"lens_radius": camera.lens_radius, "focus_distance": camera.focus_distance, "blades": camera.blades}
     says |= {"shutter": camera.shutter, "clipping_range": camera.clipping_range, "window": camera.window}

@@ -1,4 +1,7 @@
-"""What would be rendered, counted: for `primray inspect` and the report. Knows only the description, not USD."""
+"""Counts and memory estimates of what would be rendered, for `primray inspect` and the report.
+
+This module knows only the description, not USD.
+"""
 
 from __future__ import annotations
 
@@ -27,29 +30,29 @@ from ..refine.dice import estimated_triangles
 from ..refine.footprint import Footprint, footprints
 from ..settings import DEFAULT_DICING_RATE
 
-# Peak bytes, fitted to what `python -m tests.bench.setup.memory` measures there: arrays of the description are counted
-# exactly and stand twice while the core copies them; these come on top.
-TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
-DISPLACED_TRIANGLE_BYTES = 60  # half a vertex with what moves it, where it was and its normals, in double at last
-DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing
-DICED_MOMENT_BYTES = 24  # half a vertex with its normal, twice: for each other time that a cage is diced for
+# Peak bytes, fitted to measurements by `python -m tests.bench.setup.memory`. Arrays of the description are counted exactly,
+# twice because the core copies them; the constants below come on top.
+TRIANGLE_BYTES = 120  # Embree's hierarchy and the scratch memory of its build
+DISPLACED_TRIANGLE_BYTES = 60  # half a vertex with displacement, original position and normals, the last in double precision
+DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal and three indices, twice, plus dicing
+DICED_MOMENT_BYTES = 24  # half a vertex with its normal, twice, for each further motion sample of a cage
 SHAPE_BYTES = 2000
-SEGMENT_BYTES = 215  # of curves: in the core and in Embree, with what closes them
-INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
-PIXEL_BYTES = 146  # the exact sums and counts of both replicates, and the image with its errors
-# Images are kept as their files have them until the core has taken what it keeps: levels as fine as the view needs (about
-# four texels a pixel, and a third for the coarser ones, two bytes a channel), one image at a time, which stands as floats then,
-# with its first coarser levels, or is converted between colour spaces before.
+SEGMENT_BYTES = 215  # a curve segment in the core and in Embree, with end caps
+INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; arrays of the description are counted separately
+PIXEL_BYTES = 146  # exact sums and counts of both replicates, and the image with its errors
+# Images stay in their stored type until the core has made its mip levels (as fine as the view needs: about four texels a
+# pixel, plus a third for the coarser levels, two bytes a channel). One image at a time is expanded to floats, with its first
+# coarser levels, or converted between colour spaces.
 KEPT_TEXEL_BYTES = 2 * 4 / 3
 TEXELS_PER_PIXEL = 4
-IMAGE_BYTES = {1: 5.3, 2: 5.3, 4: 7.5}  # a channel, by what it takes as stored; half floats are read before they are widened
-PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
-VIEW_BYTES = 48 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
+IMAGE_BYTES = {1: 5.3, 2: 5.3, 4: 7.5}  # per channel value, by its stored size; half floats are read before they are widened
+PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, without a scene
+VIEW_BYTES = 48 * 2**20  # OpenColorIO when a PNG is written, when most of the scene's peak is free again
 
 
 @dataclass(frozen=True)
 class ImageSize:
-    """An image in memory, before the core has it."""
+    """Size of a decoded texture image, before the core converts it."""
 
     width: int
     height: int
@@ -63,6 +66,8 @@ class ImageSize:
 
 @dataclass(frozen=True)
 class LightSummary:
+    """A light as `primray inspect` lists it."""
+
     path: str
     type: str
     emission: tuple[float, float, float]
@@ -70,7 +75,9 @@ class LightSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    camera: str  # "" for the automatic one
+    """Counts of a scene, and its estimated memory."""
+
+    camera: str  # "" for the automatic camera
     resolution: tuple[int, int]
     lights: tuple[LightSummary, ...]
     surfaces: int
@@ -78,14 +85,14 @@ class Summary:
     cages: int  # subdivision surfaces, whose triangles are estimated
     spheres: int
     triangles_unique: int  # stored
-    triangles_instanced: int  # as seen, each instance counted
+    triangles_instanced: int  # counted once for each instance
     spheres_instanced: int
     prototypes: int
     instances: int
     textures: int  # files
     memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, textures, film
     process_bytes: int  # estimate of the whole process's peak
-    memory_parts: dict[str, int]  # what `memory_bytes` are for
+    memory_parts: dict[str, int]  # `memory_bytes` by purpose
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -94,7 +101,7 @@ class Summary:
 def summary(
     description: SceneDescription, dicing_rate: float = DEFAULT_DICING_RATE, images: Sequence[ImageSize] = ()
 ) -> Summary:
-    """Counts of a description, its cages as diced to edges of so many pixels, with such textures."""
+    """Return counts of a description with these textures, its cages diced to edges of `dicing_rate` pixels."""
     shapes = description.shapes
     prints = footprints(description) | footprints(description, NurbsPatch)
     count = [_triangles(s, prints.get(k), dicing_rate) for k, s in enumerate(shapes)]
@@ -140,7 +147,7 @@ def summary(
 
 
 def _image_bytes(images: Sequence[ImageSize], pixels: int) -> tuple[int, int]:
-    """While they are loaded and handed over, and what the core keeps of them."""
+    """Return the peak bytes while images are loaded and uploaded, and the bytes that the core keeps of them."""
     loading: float = sum(i.values * i.channel_bytes for i in images)
     loading += max((i.values * IMAGE_BYTES[i.channel_bytes] for i in images), default=0.0)
     kept = sum(min(i.width * i.height, TEXELS_PER_PIXEL * pixels) * i.channels for i in images) * KEPT_TEXEL_BYTES
@@ -148,7 +155,7 @@ def _image_bytes(images: Sequence[ImageSize], pixels: int) -> tuple[int, int]:
 
 
 def _count_instances(d: SceneDescription, placements: tuple[Placement, ...], times: int, seen: list[int]) -> None:
-    """Add to `seen`, by shape, how often it stands in the world."""
+    """Add to `seen`, by shape, how often it occurs in the world."""
     for placement in placements:
         count, prototype = times * len(placement), d.prototypes[placement.prototype]
         for placed in prototype.shapes:
@@ -157,7 +164,10 @@ def _count_instances(d: SceneDescription, placements: tuple[Placement, ...], tim
 
 
 def _instances(d: SceneDescription) -> tuple[int, int, int]:
-    """Instances in the world, those stored (fewer where nested ones are kept in two levels), and the description's bytes."""
+    """Return the numbers of instances in the world and of those stored, and the bytes of their arrays.
+
+    Fewer are stored than seen where nested instances are kept in two levels.
+    """
     inner = [p for prototype in d.prototypes for p in prototype.placements]
     inside = [sum(map(len, p.placements)) or 1 for p in d.prototypes]
     whole = sum(len(p) * inside[p.prototype] for p in d.placements)
@@ -166,7 +176,7 @@ def _instances(d: SceneDescription) -> tuple[int, int, int]:
 
 
 def texture_files(description: SceneDescription) -> dict[str, None]:
-    """Paths of all textures, tiles apart, in order of use."""
+    """Return the paths of all textures, UDIM tiles separately, in order of use."""
     files = [light.texture for light in description.lights if light.texture is not None]
     for surface in description.surfaces:
         files += [made.file for _, made in surface.inputs if isinstance(made, TextureInput)]
@@ -175,12 +185,12 @@ def texture_files(description: SceneDescription) -> dict[str, None]:
 
 
 def primvar_names(description: SceneDescription) -> dict[str, int]:
-    """Of the primvars that surfaces can read: how many shapes have each."""
+    """Return, for each primvar that surfaces can read, the number of shapes that have it."""
     return dict(Counter(primvar.name for shape in description.shapes for primvar in shape.primvars))
 
 
 def counts(summed: Summary) -> dict[str, int]:
-    """The numbers of a Summary."""
+    """Return the integer fields of a Summary."""
     return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
 
 
@@ -191,13 +201,13 @@ def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) ->
 
 
 def _diced_bytes(cage: SubdivisionMesh | NurbsPatch) -> int:
-    """Of a triangle."""
+    """Return the bytes of a diced triangle of this cage."""
     moved = DISPLACED_TRIANGLE_BYTES if isinstance(cage, DisplacedMesh) else 0
     return moved + DICED_TRIANGLE_BYTES + (0 if cage.motion is None else len(cage.motion.times) * DICED_MOMENT_BYTES)
 
 
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:
-    """Of all arrays that shapes hold, shared ones once."""
+    """Return the bytes of all arrays of the shapes, shared ones counted once."""
     arrays: dict[int, int] = {}
     for shape in shapes:
         held = [getattr(shape, name) for name in _ARRAYS[type(shape)]]
@@ -209,7 +219,7 @@ def _array_bytes(shapes: tuple[Shape, ...]) -> int:
     return sum(arrays.values())
 
 
-# The fields that are arrays, or may be, by type of shape.
+# Fields that are or may be arrays, by shape type.
 _ARRAYS = {
     kind: [field.name for field in fields(kind) if "Floats" in str(field.type) or "Ints" in str(field.type)]
     for kind in get_args(Shape)

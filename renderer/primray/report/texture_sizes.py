@@ -1,4 +1,4 @@
-"""How large a description's textures are, from their headers alone: for `primray inspect` and its estimate of memory."""
+"""Sizes of a description's textures, read from their headers alone, for `primray inspect` and its memory estimate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .summary import ImageSize, texture_files
 
 
 def texture_sizes(description: SceneDescription, read: Callable[[str], bytes]) -> dict[str, ImageSize | None]:
-    """By path; None for files that cannot be read. `read` is as in read_header."""
+    """Return the image size by path; None for unreadable files. `read` is as in read_header."""
     return {path: _size(path, read) for path in texture_files(description)}
 
 

@@ -1,4 +1,4 @@
-"""Keep a picture whose samples are there when something that is made of them fails: the rest of it is written all the same."""
+"""Protection of a rendered picture from failures in post-processing: the parts that succeed are still written."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ CODE = "picture-unfinished"
 
 @contextmanager
 def kept_without(what: str, diagnostics: Diagnostics) -> Iterator[None]:
-    """Report whatever goes wrong in the block, after which `what` is missing, and continue.
+    """Report any exception in the block as `what` being missing, and continue.
 
-    Any exception: hours of samples are worth more than the order in which faults are found. What is asked for and cannot be
-    made is refused before sampling, so this is for what nobody foresaw: memory, a library, a disk.
+    Hours of samples are worth more than a clean failure. Requests that cannot be fulfilled are refused before sampling, so this
+    covers the unforeseen: memory, a library, a disk.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Errors whose interval says next to nothing, and what rules them: the few pixels that have half of it, and the prim there."""
+"""Error estimates whose interval is too wide to be useful, and the few pixels and the prim that cause most of the error."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..sampling.error_curve import fewest_samples
 from ..settings import Metric, StopAt
 from .prepared import Prepared
 
-FACTOR = 100.0  # between an interval's ends
-FEW_SAMPLES = 16  # a pixel, on average
+FACTOR = 100.0  # ratio of an interval's ends from which it is useless
+FEW_SAMPLES = 16  # mean samples per pixel
 
 
 def what_rules(prepared: Prepared, report: Mapping[str, Any], pixels: Floats, errors: Floats | None) -> dict[str, Any] | None:
-    """Return what rules an error whose interval spans a factor of 100 and more, and what narrows it; None for other errors.
+    """Return what dominates an error whose interval spans a factor of 100 or more, and what narrows it; None for other errors.
 
-    `pixels` are (H, W, 4), `errors` are their standard errors (H, W, 3).
+    `pixels` are (H, W, 4), `errors` their standard errors (H, W, 3).
     """
     found = (report["error"] or {}).get(report["settings"]["error_metric"])
     if found is None or errors is None:
@@ -43,8 +43,10 @@ def what_rules(prepared: Prepared, report: Mapping[str, Any], pixels: Floats, er
 
 
 def why_it_continued(report: Mapping[str, Any]) -> str:
-    """Return why a render took at least twice the samples at which relMSE was first estimated to be within its target: the
-    estimate was too vague to be held against it. Return an empty string for other renders."""
+    """Return why a render took at least twice the samples at which relMSE was first estimated to be within its target, else "".
+
+    The reason is that the estimate was too uncertain to be compared with the target.
+    """
     settings, target = report["settings"], report["settings"]["target_error"]
     if target is None or settings["error_metric"] != Metric.RELMSE.value or settings["stop_at"] != StopAt.PICTURE.value:
         return ""
@@ -61,7 +63,10 @@ def why_it_continued(report: Mapping[str, Any]) -> str:
 
 
 def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = None) -> Doubles:
-    """Return squared standard errors (H, W) over (value^2 + 0.01), as relMSE weighs them; the values are the reference's."""
+    """Return squared standard errors (H, W) over (value^2 + 0.01), the weight of relMSE.
+
+    The values are those of `reference`, if given.
+    """
     squares = np.where(np.isfinite(errors), errors, 0.0).astype(np.float64) ** 2
     reference = pixels if reference is None else reference
     values: Doubles = (squares / (reference[..., :3].astype(np.float64) ** 2 + 0.01)).mean(axis=2)
@@ -69,7 +74,7 @@ def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = No
 
 
 def _rulers(prepared: Prepared, pixels: Floats, errors: Floats) -> dict[str, Any]:
-    """Return how many pixels have half of the error, the pixel that has most of it, and the prim there or an empty string."""
+    """Return how many pixels have half of the error, the pixel that has most of it, and the prim there or ""."""
     from ..core import first_hits
 
     part = weighed_errors(pixels, errors)
