@@ -1,9 +1,9 @@
-"""A USD stage becomes a SceneDescription: the only package that imports pxr, and it renders nothing.
+"""Translation of a USD stage to a SceneDescription: the only package that imports pxr, and it renders nothing.
 
-`stage` opens it; `walk` goes down it once per distinct prototype, carrying what prims inherit (`resolve`), into groups
-of leaves and instances; `instances` says where groups stand, as products of levels; `adapters` turn one resolved prim into
-description objects; `translate` holds the table of adapters and puts it all together. All matrices are double and
-column-vector.
+`stage` opens the stage; `walk` visits it once per distinct prototype, carries what prims inherit (`resolve`), and collects
+groups of leaf prims and instances; `instances` computes where groups are placed, as products of levels; `adapters` turn one
+resolved prim into description objects; `translate` holds the table of adapters and runs all of this in order. All matrices are
+double precision and column-vector.
 """
 
 from .adapters.rendering.product_outputs import can_be_made_together, outputs_of, picture_of_product, picture_ordered

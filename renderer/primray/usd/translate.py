@@ -1,4 +1,4 @@
-"""From a stage to a SceneDescription: the table of adapters, and the order in which they are asked."""
+"""Translation of a stage to a SceneDescription: the table of adapters, and the order of the passes."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ from .walking.record import Record
 from .walking.skinning import are_drawn, posed
 from .walking.walk import walk
 
-# The adapter table: prim type -> what turns it into description objects. Point instancers are expanded by the walk
-# (adapters.point_instancer); cameras and render settings are not found by place, but chosen (view.py).
+# The adapter table: the function that translates prims of each type. The walk expands point instancers itself
+# (adapters.point_instancer); cameras and render settings are not adapted where they are, but selected (view.py).
 SHAPES: dict[str, ShapeAdapter] = {
     "Mesh": mesh,
     "TetMesh": mesh,
@@ -92,7 +92,7 @@ SHAPES: dict[str, ShapeAdapter] = {
     "HermiteCurves": hermite_curves_of,
     "NurbsCurves": nurbs_curves_of,
 }
-SHAPES |= DRAW_MODES  # in place of prims of any type
+SHAPES |= DRAW_MODES  # stand-ins for prims of any type
 SHAPES[POINT] = point_sphere
 LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
     ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
@@ -102,7 +102,8 @@ _PROTOTYPE = re.compile(r"/__Prototype_\d+")
 
 
 def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
-    """What `settings` asks to render of the stage, and everything that the picture will not show as authored."""
+    """Return the description that `settings` ask for, and diagnostics for everything that the picture will not show as
+    authored."""
     diagnostics = Diagnostics(file_names(stage).in_text)
     names: dict[str, str] = {}
     with usd_messages(diagnostics), without_collection():
@@ -111,7 +112,7 @@ def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescript
 
 
 def with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
-    """The same, with paths into prototypes replaced by those of their first instances."""
+    """Return the diagnostics with paths into prototypes replaced by the paths of their first instances."""
     shown = Diagnostics(diagnostics.shown)
     for d in diagnostics:
         path, message = (_PROTOTYPE.sub(lambda m: names.get(m[0], m[0]), text) for text in (d.prim_path, d.message))
@@ -121,7 +122,7 @@ def with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 @dataclass(frozen=True)
 class Begun:
-    """What is known before the walk: the settings, and the camera, whose shutter decides at what times things are read."""
+    """State before the walk: the settings, and the camera, whose shutter decides at what times values are read."""
 
     ctx: Context
     product: ProductSettings
@@ -132,7 +133,7 @@ class Begun:
 
 @dataclass(frozen=True)
 class Assembled:
-    """What is there, wherever it is looked at from while its shutter is closed."""
+    """Translated content of the stage, independent of the view as long as the shutter is closed."""
 
     ctx: Context
     scene: Scene
@@ -141,7 +142,7 @@ class Assembled:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    """What is asked for, by edits of copies of the stage; of an isolated one where edits would change other prims as well."""
+    """Translate the stage by editing copies of it; an isolated stage where those edits would change other prims too."""
     count = len(diagnostics)
     with suppress(OpinionsLeak):
         return _edited(stage, settings, diagnostics, names)
@@ -151,7 +152,8 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
 
 
 def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    """OpinionsLeak where the edits of a copy would change prims that they are not for."""
+    """Translate a stage after editing copies of it; raise OpinionsLeak where an edit would change prims that it is not meant
+    for."""
     if settings.render_pass is not None:
         stage = with_render_pass(stage, settings.render_pass, diagnostics)
     found, when = find_by_type(stage, diagnostics, settings.render_pass), when_of(stage, settings.time_code)
@@ -184,7 +186,7 @@ def _described(
     *,
     levels_chosen: bool = False,
 ) -> SceneDescription:
-    """LevelsMet where there are levels of detail to choose from."""
+    """Translate an edited stage; raise LevelsMet where levels of detail have yet to be chosen."""
     ctx, product = context_of(stage, settings, found, when, diagnostics, names)
     begun = begin(found, (replace(ctx, levels_chosen=levels_chosen), product))
     return finish(begun, assemble(begun.ctx))
@@ -193,7 +195,7 @@ def _described(
 def context_of(
     stage: Usd.Stage, settings: RenderSettings, found: Found, when: When, diagnostics: Diagnostics, names: dict[str, str]
 ) -> tuple[Context, ProductSettings]:
-    """What a translation begins with, by the stage's render settings."""
+    """Return the context that a translation begins with, and the product settings that the stage's render settings give."""
     product = product_settings(stage, settings, found.settings, when, diagnostics)
     error = settings.motion_error if settings.motion_error is not None else product.asked.of("motion_error")
     settings = settings if error is settings.motion_error else replace(settings, motion_error=error)
@@ -239,7 +241,7 @@ def assemble(ctx: Context) -> Assembled:
 
 
 def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
-    """As the camera sees it. Adds to the scene what only a view decides: a light where there is none, and times."""
+    """Add what only a view decides (camera, default light, motion steps), and return the finished description."""
     ctx, scene, product = assembled.ctx, assembled.scene, begun.product
     bounds = partial(scene_bounds, scene, assembled.groups, assembled.where, ctx)
     camera, frame = view_through(begun.camera, ctx, product, begun.shutter, bounds, lambda: scene.drawn)
@@ -259,7 +261,7 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
 def _timed(
     scene: Scene, camera: Camera, frame: Frame, begun: Begun, ctx: Context
 ) -> tuple[CameraMotion | None, list[MotionSteps]]:
-    """What moves gets its times: the camera's way, and the steps of all."""
+    """Choose the times at which the camera and everything that moves are sampled; return the camera's motion and all steps."""
     motion, steps, error = None, list[MotionSteps](), ctx.settings.most_motion_error
     nearest = nearest_to(camera, scene.drawn)
     moving = camera_motion(begun.camera, camera, ctx, begun.product, frame.resolution, nearest, error)
@@ -272,20 +274,21 @@ def _timed(
 
 
 def _looks(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Looks | None:
-    """The stage's camera that the picture is taken through."""
+    """Return the camera of the stage that the picture is taken through, with its frame; None without one."""
     begun = begin(found, context_of(stage, settings, found, when, Diagnostics(), {}))
     camera, frame = view_without_things(begun.camera, begun.ctx, begun.product, begun.shutter)
     return None if begun.camera is None or camera is None else Looks(begun.camera, camera, frame)
 
 
 def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Foreseen:
-    """What is wrong with camera and settings is told later, of the posed stage."""
+    """Return how large things will appear. Diagnostics here are discarded; they are reported when the posed stage is
+    translated."""
     ctx, product = context_of(stage, settings, found, when, Diagnostics(), {})
     return foreseen(ctx, product, found.cameras)
 
 
 def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:
-    """All groups, and whom lights reach. The walk begins anew where it finds out what it should have known before."""
+    """Return all groups and the light links. The walk is repeated where its result changes what it should have started with."""
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
     widest = max(ctx.kept.of(BlurScales), default=1.0)
@@ -293,13 +296,13 @@ def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Cont
         ctx = replace(ctx, timing=replace(ctx.timing, blur_scale=widest))
         groups = walk(ctx, kinds, point_instances)
     links = find_links((leaf for group in groups for leaf in group.leaves), ctx)
-    if links is not None:  # instances that lights tell apart become groups of their own
+    if links is not None:  # instances that light links treat differently become separate groups
         groups = walk(ctx, kinds, point_instances, links)
     return groups, links, ctx
 
 
 def _arranged(groups: list[Group[ResolvedPrim]], ctx: Context) -> Arrangement:
-    """Where the groups stand, each once; what cannot stand anywhere is told."""
+    """Compute instance placements; report cyclic and coincident instances."""
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
     where = arrange(groups, ctx.settings.max_memory_bytes or machine_bytes() // 2)
@@ -324,5 +327,5 @@ def _context(
 
 @scene_errors()
 def camera_paths(stage: Usd.Stage) -> list[str]:
-    """The cameras that could be asked for."""
+    """Return the paths of the cameras that a render may choose."""
     return [str(prim.GetPath()) for prim in cameras_of(stage)]

@@ -1,1 +1,1 @@
-"""What has been translated of a stage, put together: shapes, prototypes, placements and lights become a description."""
+"""Assembly of a description from translated shapes, prototypes, placements and lights."""

@@ -1,4 +1,4 @@
-"""How far the scene reaches: by USD's bounds where these know it, else by what has been translated."""
+"""Bounds of the scene: USD's where it knows them, else those of the translated shapes."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ def scene_bounds(scene: Scene, groups: list[Group[ResolvedPrim]], where: Arrange
 
 
 def _is_elsewhere(stage: Usd.Stage, groups: list[Group[ResolvedPrim]]) -> bool:
-    """Whether USD's bounds would leave out what stands in no world: prototypes of point instancers below `class` or `over`."""
+    """Return whether USD's bounds would omit prims that are not in the world: instancers' prototypes below `class` or
+    `over`."""
     roots = (stage.GetPrimAtPath(group.path) for group in groups[1:] if group.path)
     return any(root and not stands_in_world(root) for root in roots)
 
 
 def _is_crowded(groups: list[Group[ResolvedPrim]]) -> bool:
-    """Whether USD's bounds would make more matrices at once than is good (it does for instancers without an extent)."""
+    """Return whether USD's bounds would compute too many matrices at once (it does for instancers without an extent)."""
     return sum(len(some) for group in groups for _, some in group.instances) > MAX_BOUNDED_INSTANCES

@@ -1,4 +1,4 @@
-"""The scene as a description."""
+"""Conversion of the assembled scene to a SceneDescription."""
 
 from __future__ import annotations
 

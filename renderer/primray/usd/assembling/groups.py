@@ -1,4 +1,4 @@
-"""Groups of the walk become static shapes, or prototypes and their placements."""
+"""Conversion of groups of the walk to static shapes, or to prototypes and their placements."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .scene import Scene
 
 
 def shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
-    """Prims that several groups hold, because different things are handed down to their instances."""
+    """Return the paths of prims that several groups contain, because their instances hand down different states."""
     seen: set[str] = set()
     shared: set[str] = set()
     for group in groups:
@@ -37,7 +37,7 @@ def shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
 
 
 def add_group(scene: Scene, group: Group[ResolvedPrim], where: Arrangement, g: int, ctx: Context) -> None:
-    """A group that stands once becomes static shapes, one that stands more often a prototype."""
+    """Add a group: its shapes become static if it is placed once, else a prototype."""
     chains = where.world.get(g, [])
     count = sum(map(count_of, chains))
     if count == 0:
@@ -51,7 +51,7 @@ def add_group(scene: Scene, group: Group[ResolvedPrim], where: Arrangement, g: i
     matrices = _matrices(leaves, record)
     finite: list[bool] = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
     placed = matrices if once is None or np.array_equal(once, np.eye(4)) else once @ matrices
-    while leaves:  # what has been translated is let go
+    while leaves:  # popped, so that translated leaves are freed
         leaf = leaves.pop()
         scene.has_lights |= leaf.type_name in scene.adapters.lights or leaf.path in ctx.kept.of(LightShapes)
         if not finite.pop():
@@ -78,7 +78,7 @@ def add_group(scene: Scene, group: Group[ResolvedPrim], where: Arrangement, g: i
 
 
 def add_grouped(scene: Scene, groups: list[Group[ResolvedPrim]], where: Arrangement) -> None:
-    """Groups that keep their instances together, as prototypes of placements; their own shapes are one of these."""
+    """Add groups that keep their instances together, as prototypes of placements; their own shapes are one of these."""
     for kept, inside in where.inside.items():
         placements = tuple(p for g, chains in inside.items() if g in scene.number for p in _placements(scene, g, chains))
         if placements:
@@ -97,14 +97,14 @@ def _placement(prototype: int, chain: Chain) -> Placement:
 
 
 def _standing(leaf: ResolvedPrim, chains: list[Chain], group_from_prim: Doubles, ctx: Context) -> Context:
-    """What moves by itself is given at times that depend on how large it is seen."""
+    """Return the context with the leaf's placements, which decide at how many times moving geometry is sampled."""
     if not ctx.timing.is_open:
         return ctx
     return replace(ctx, stands=Stands(chains, group_from_prim, leaf.inherited.blur_scale, leaf.path not in ctx.shares))
 
 
 def linked(shape: Shape, leaf: ResolvedPrim, scene: Scene) -> Shape:
-    """With its row of the table of whom lights reach."""
+    """Return the shape with its row of the light linking table."""
     return shape if scene.links is None else replace(shape, link_row=scene.links.row_of(leaf))
 
 
@@ -121,7 +121,7 @@ def shape_of(leaf: ResolvedPrim, ctx: Context, scene: Scene) -> Shape | None:
 
 
 def _matrices(leaves: list[ResolvedPrim], record: Record) -> Doubles:
-    """(N, 4, 4) group_from_prim of the leaves of a group, whose poses are let go unless they are recorded."""
+    """Return group_from_prim (N, 4, 4) of the leaves of a group, whose poses are dropped unless they are recorded."""
     if not leaves:
         return np.zeros((0, 4, 4))
     poses, numbers = leaves[0].poses, [leaf.pose for leaf in leaves]

@@ -1,4 +1,4 @@
-"""What moves gets its times, now that it is known how large it is seen."""
+"""Times at which moving shapes and lights are sampled, once it is known how large they appear."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .scene import Scene
 def settle(
     scene: Scene, ctx: Context, camera: Camera, motion: CameraMotion | None, resolution: tuple[int, int]
 ) -> list[MotionSteps]:
-    """What moves gets its times, now that it is known how large it is seen."""
+    """Choose the times of everything that moves, and return the steps of each."""
     cameras = (camera, *(motion.cameras if motion else ()))
     precision = Precision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.most_motion_error)
 
@@ -36,7 +36,7 @@ def settle(
     for k, prototype in enumerate(scene.prototypes):
         if prototype.placements:
             scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))
-    if motion is not None or scene.moves:  # of portals alone no picture shows whether they do
+    if motion is not None or scene.moves:  # motion of portals alone does not show in a picture
         paths = dict(scene.moving_lights)
         for number, made in enumerate(scene.lights):
             if made.portals:
@@ -45,7 +45,7 @@ def settle(
 
 
 def note_errors(steps: list[MotionSteps], ctx: Context) -> None:
-    """Where more times than there may be would have been needed."""
+    """Report motion that would have needed more times than are allowed."""
     for found in steps:
         if found.error > ctx.settings.most_motion_error:
             pixels = f"{found.error:.2g}" if math.isfinite(found.error) else "any number of"

@@ -1,4 +1,4 @@
-"""What has been translated of a stage so far."""
+"""The scene under construction: shapes, prototypes, placements and lights translated so far."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LightAdapter = Callable[[ResolvedPrim, Doubles, Context], Light | None]
 
 @dataclass(frozen=True)
 class Adapters:
-    """By prim type, what turns a prim into description objects."""
+    """The functions that turn prims into description objects, by prim type."""
 
     shapes: Mapping[str, ShapeAdapter]
     lights: Mapping[str, LightAdapter]
@@ -27,19 +27,19 @@ class Adapters:
 
 @dataclass
 class Scene:
-    """What has been translated so far."""
+    """The scene translated so far."""
 
     adapters: Adapters
-    links: Links | None  # whom lights reach; None: everything
+    links: Links | None  # which shapes each light illuminates; None: all
     shapes: list[Shape] = field(default_factory=list)
     static: list[Placed] = field(default_factory=list)
     prototypes: list[Prototype] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
-    has_lights: bool = False  # also if none of them emits anything
-    number: dict[int, int] = field(default_factory=dict)  # of the prototype that a group's shapes have become
+    has_lights: bool = False  # even if none of them emits anything
+    number: dict[int, int] = field(default_factory=dict)  # prototype's index by group
     blur_scales: dict[int, float] = field(default_factory=dict)  # by prototype
-    moving_lights: list[tuple[int, LightPath]] = field(default_factory=list)  # by number, where they stand over time
+    moving_lights: list[tuple[int, LightPath]] = field(default_factory=list)  # light's index, and its path over time
 
     @property
     def drawn(self) -> Drawn:

@@ -1,1 +1,1 @@
-"""What a stage is and holds, told without rendering it."""
+"""Facts about a stage and its contents, found without rendering it."""

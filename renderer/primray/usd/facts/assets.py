@@ -1,6 +1,6 @@
-"""Which asset each prim belongs to: its instance, else the nearest component model above it, else what is at the root.
+"""The asset that each prim belongs to: its instance, else the nearest component model above it, else its root prim.
 
-The stage is the one that was opened: an instance that a render has ended in its copy, to pose what is in it, is an asset, too.
+The stage is the one that was opened: an instance that a render has ended in its copy, to pose its contents, is an asset too.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from .names_in_instances import instance_above
 
 
 def assets_of(stage: Usd.Stage, paths: Iterable[str]) -> dict[str, str]:
-    """Paths of assets by paths of prims; a path that is no prim's is its own."""
+    """Return paths of assets by paths of prims; a path without a prim is its own asset."""
     return {path: _asset_of(stage, path) for path in dict.fromkeys(paths)}
 
 

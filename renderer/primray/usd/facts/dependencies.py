@@ -1,4 +1,4 @@
-"""The files that a stage is made of, for sending them elsewhere. Opens all of them: for the user's own scenes only."""
+"""The files that a stage depends on, to copy them elsewhere. Opens all of them: for the user's own scenes only."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 
 @dataclass(frozen=True)
 class Dependencies:
-    """`files`: absolute paths, the stage's own first. `fixed`: (layer, asset path) that lead to the same file only on this
-    machine: absolute ones, and those found by a search path. `missing`: asset paths that lead nowhere."""
+    """Files of a stage. `files`: absolute paths, the stage's own first. `missing`: asset paths that do not resolve.
+
+    `fixed`: (layer, asset path) that resolve to the same file on this machine only: absolute paths, and those found by a search
+    path.
+    """
 
     files: tuple[str, ...]
     fixed: tuple[tuple[str, str], ...]
@@ -31,12 +34,12 @@ class Dependencies:
 
 
 def dependencies(path: str) -> Dependencies:
-    """Of all variants, payloads, clips and tiles; StageOpenError if a layer cannot be read."""
+    """Return the files of all variants, payloads, clips and tiles; raise StageOpenError if a layer cannot be read."""
     root = os.path.abspath(path)
     with usd_messages(Diagnostics(FileNames(root).in_text)):
-        open_layer(root)  # which says best what is wrong with it
+        open_layer(root)  # its error is the most precise one
         layers, assets, missing = _all_of(root)
-        for composed in _composed_layers(root):  # what expression variables of one layer make of a path in another
+        for composed in _composed_layers(root):  # expression variables of one layer may change paths in another
             if composed not in layers:
                 more_layers, more_assets, more_missing = _all_of(composed)
                 layers, assets, missing = layers | more_layers, assets | more_assets, missing | more_missing
@@ -48,21 +51,21 @@ def dependencies(path: str) -> Dependencies:
 
 
 def write_usdz(path: str, target: str) -> None:
-    """A usdz of the stage and all its files, with their paths rewritten to lead to each other in it.
+    """Write a usdz of the stage and all its files, with their paths rewritten to refer to each other in it.
 
-    Not a folder of such files: USD rewrites paths to begin at the package's root, which a folder does not have.
+    There is no such function for a folder: USD rewrites paths to begin at the package's root, which a folder does not have.
     """
     with usd_messages(Diagnostics(FileNames(path).in_text)):
         try:
             UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(os.path.abspath(path)), target)
         except Tf.ErrorException as error:
             raise StageOpenError(f"USD cannot package it: {tf_message(error)}", where=path) from None
-    if not os.path.isfile(target):  # it answers False also where a file is missing, and the package is as good as can be
+    if not os.path.isfile(target):  # USD returns False even where only a file is missing and the package is usable
         raise StageOpenError("USD cannot package it with the files it refers to.", where=path)
 
 
 def _all_of(path: str) -> tuple[set[str], set[str], set[str]]:
-    """Files that are layers, other files, and asset paths that lead nowhere."""
+    """Return the layers' files, other files, and asset paths that do not resolve."""
     try:
         layers, assets, missing = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(path))
     except Tf.ErrorException as error:
@@ -70,20 +73,20 @@ def _all_of(path: str) -> tuple[set[str], set[str], set[str]]:
     if not layers:
         raise StageOpenError("USD cannot open it.", where=path)
     files = {_file(layer.realPath) for layer in layers if layer.realPath}
-    sets = {text: _files_of_set(text, files) for text in missing if has_places(text)}  # USD knows no places but <UDIM>
+    sets = {text: _files_of_set(text, files) for text in missing if has_places(text)}  # USD knows no placeholder but <UDIM>
     found = {_file(asset) for asset in assets}.union(*sets.values())
     known = {text for text in sets if sets[text] or _is_in_package(text, assets)}
     return files, found - files, set(missing) - known
 
 
 def _files_of_set(text: str, layers: set[str]) -> set[str]:
-    """Return the files that a name with places stands for, beside the layers where it does not say from where."""
+    """Return the files that a name with placeholders stands for, next to the layers where it is relative."""
     folders = [""] if os.path.isabs(text) else sorted({os.path.dirname(layer) for layer in layers})
     return {file for folder in folders for file in files_at(os.path.join(folder, text))}
 
 
 def _file(path: str) -> str:
-    """The file on the disk: of a member of a usdz, the usdz."""
+    """Return the file on disk; for a member of a usdz, the usdz."""
     return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0]))
 
 
@@ -134,8 +137,8 @@ def _is_found_by_searching(file: str, text: str) -> bool:
 
 
 def files_to_watch(path: str) -> set[str]:
-    """Absolute paths of all that a stage's picture may change with, those of files that are missing too; where layers cannot be
-    read, its own alone."""
+    """Return absolute paths of all files that a stage's picture may change with, missing ones included; only the root's where
+    layers cannot be read."""
     root = os.path.abspath(path)
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:

@@ -1,8 +1,8 @@
-"""How many prims a scene becomes, counted from its layers' arcs before USD composes what might never end: ten prims that each
-refer ten times to the next level are a thousand million nine levels down, in 3 kB.
+"""Number of prims that a scene expands to, counted from its layers' arcs before USD composes what might never end.
 
-An estimate from above: sublayers and arcs add, of variants the largest counts, cycles end. Expanded instances are counted, as
-the renderer would place them, and apart from them the prims that USD itself would compose.
+Ten prims that each refer ten times to the next level are a thousand million prims nine levels down, in 3 kB. The count is an
+estimate from above: sublayers and arcs add up, the largest variant counts, cycles end. Expanded instances are counted as the
+renderer would place them, and separately the prims that USD itself would compose.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _ENOUGH = 10**15
 
 @dataclass
 class Expansion:
-    expanded: int  # prims, with each instance's
-    composed: int  # prims, each instanceable one counted as itself
+    expanded: int  # prims, including those of each instance
+    composed: int  # prims, each instanceable one counted once
 
 
 @dataclass
@@ -34,7 +34,7 @@ class _Counter:
 
 
 def expansion(layers: dict[str, LayerContent], entry: str, resolve: Resolve) -> Expansion | None:
-    """None where it cannot be told: a layer has too many prims to look at, or arcs go too deep."""
+    """Return the counts for the layer `entry`; None where they are unknown: too many prims in a layer, or arcs too deep."""
     if any(content.root is None for content in layers.values()):
         return None
     counter = _Counter(layers, resolve)
@@ -55,7 +55,7 @@ def expansion(layers: dict[str, LayerContent], entry: str, resolve: Resolve) -> 
 
 
 def _stack(counter: _Counter, name: str) -> list[str]:
-    """The layer and all its sublayers, once each."""
+    """Return the layer and all its sublayers, once each."""
     found = [name] if name in counter.layers else []
     for known in found:
         for sublayer in counter.layers[known].sublayers:
@@ -66,7 +66,7 @@ def _stack(counter: _Counter, name: str) -> list[str]:
 
 
 def _prim(counter: _Counter, name: str, node: Node) -> tuple[int, int]:
-    """The prim and all below it."""
+    """Return the counts of a prim and everything below it."""
     key = (name, id(node))
     if key in counter.known:
         return counter.known[key]
@@ -75,7 +75,7 @@ def _prim(counter: _Counter, name: str, node: Node) -> tuple[int, int]:
     counter.entered.add(key)
     expanded, composed = _children(counter, name, node)
     for alternatives in node.variants:
-        most = (1, 1)  # a variant is no prim of its own
+        most = (1, 1)  # a variant is not a prim itself
         for alternative in alternatives:
             most = max(most, _prim(counter, name, alternative))
         expanded, composed = expanded + most[0] - 1, composed + most[1] - 1
@@ -98,7 +98,7 @@ def _children(counter: _Counter, name: str, node: Node) -> tuple[int, int]:
 
 
 def _target(counter: _Counter, name: str, arc: Arc) -> tuple[int, int]:
-    """What an arc brings below the prim that has it, in all layers of the stack that it leads to."""
+    """Return the counts that an arc brings below its prim, from all layers of the stack that it leads to."""
     leads_to = counter.resolve(name, arc.asset) if arc.asset else name
     if leads_to is None or leads_to not in counter.layers:
         return (0, 0)

@@ -1,6 +1,6 @@
-"""Semantic labels of prims: UsdSemantics' LabelsAPI, and the attributes that Omniverse had before it.
+"""Semantic labels of prims: UsdSemantics' LabelsAPI, and the attributes that Omniverse used before it.
 
-As UsdSemanticsLabelsQuery computes them with inheritance: those of a prim are its own and those of all prims above it.
+As UsdSemanticsLabelsQuery computes them with inheritance, the labels of a prim are its own and those of all prims above it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ OLD, TYPE, DATA = "semantic:", ":params:semanticType", ":params:semanticData"
 
 def labels_of(stage: Usd.Stage, prim: str, instance: str, taxonomy: str, time_code: float | None) -> tuple[str, ...]:
     """Return inherited labels in one taxonomy, sorted, of the prim at a path and of the instance in which it is seen ("": in
-    none). The prim's path may be that in another instance, whose own labels do not count."""
+    none).
+
+    The prim's path may be that in another instance, whose own labels do not count.
+    """
     when = when_of_few(time_code)
     place = _INDICES.sub("", instance)
     prefixes = _prefixes(prim)
@@ -36,7 +39,7 @@ def labels_of(stage: Usd.Stage, prim: str, instance: str, taxonomy: str, time_co
 
 
 def _prefixes(path: str) -> list[Sdf.Path]:
-    """Of a prim and what is above it; none of what is no path."""
+    """Return the paths of a prim and of its ancestors; none for an invalid path."""
     is_path = Sdf.Path.IsValidPathString(path) and path.startswith("/")
     return list(Sdf.Path(path).GetPrimPath().GetPrefixes()) if is_path else []
 

@@ -1,6 +1,6 @@
-"""One layer by itself, opened without any other: the files that it names anywhere, and its prims with their arcs.
+"""Content of one layer, opened without any other: the files that it names, and its prims with their arcs.
 
-Composing would open what is named (UsdUtils.ComputeAllDependencies does too), so nothing is composed here. Asset paths are
+Composition would open what is named (so does UsdUtils.ComputeAllDependencies), so nothing is composed here. Asset paths are
 those of all variants, time samples, arrays, clips and metadata; expressions are evaluated with the layer's own variables only.
 """
 
@@ -19,9 +19,9 @@ from ..opening.stage import open_layer, usd_messages
 from ..querying.guarded import FAILURES
 from ..querying.stage_values import has_expression_variables, layer_default_prim
 
-# Prims that are looked at for their arcs; a layer that has more is not a small text that expands to a large scene.
+# Prims whose arcs are read; a layer that has more is not a small text that expands to a large scene.
 MOST_NODES = 20_000
-DAMAGED = "damaged-layer"  # USD opens it all the same
+DAMAGED = "damaged-layer"  # a layer that USD opens nevertheless
 _FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
 
 
@@ -35,7 +35,7 @@ class Arc:
 
 @dataclass
 class Node:
-    """A prim's spec: names of its children with theirs, its arcs, and its variants by set."""
+    """A prim spec: its children by name, its arcs, and its variants by set."""
 
     children: dict[str, Node] = field(default_factory=dict)
     arcs: list[Arc] = field(default_factory=list)
@@ -46,10 +46,10 @@ class Node:
 @dataclass
 class LayerContent:
     asset_paths: list[str]  # everything that names a file, once each, in order
-    expressions: list[str]  # as written between the backticks; what they give with the layer's own variables is above
-    composition: set[str]  # those of the asset paths that lead to other layers
-    has_variables: bool  # of expressions: then what was evaluated may be something else when composed
-    identifiers: set[str]  # assetInfo's, which name files that nothing opens
+    expressions: list[str]  # as written between backticks; their values with the layer's own variables are in asset_paths
+    composition: set[str]  # the asset paths that lead to other layers
+    has_variables: bool  # it has expression variables: expressions may evaluate differently when composed
+    identifiers: set[str]  # assetInfo identifiers, which name files that USD does not open
     sublayers: list[str]
     default_prim: str | None
     root: Node | None  # None: too many prims
@@ -57,8 +57,10 @@ class LayerContent:
 
 
 def layer_content(path: str, name: str) -> LayerContent:
-    """StageOpenError, with `name` as its place: in USD's own words where it cannot open the layer, of code DAMAGED where what
-    the layer names cannot be told."""
+    """Read a layer; raise StageOpenError at `name` with USD's words where it cannot be opened.
+
+    The error has the code DAMAGED where what the layer names cannot be read.
+    """
     with usd_messages(Diagnostics(FileNames(path).in_text)):
         try:
             layer = open_layer(path, Sdf.Layer.OpenAsAnonymous)
@@ -84,7 +86,7 @@ def layer_content(path: str, name: str) -> LayerContent:
 
 
 def _tree_of(layer: Sdf.Layer, name: str) -> _Tree:
-    """StageOpenError where fields of its prims are not what their names say."""
+    """Return the layer's tree; raise StageOpenError where fields of its prims have wrong types."""
     try:
         return _tree(layer)
     except FAILURES:
@@ -96,7 +98,7 @@ def _damaged(name: str) -> StageOpenError:
 
 
 def _asset_paths(layer: Sdf.Layer, name: str) -> tuple[list[str], list[str]]:
-    """Callbacks may be called with what is not text: then the layer counts as unreadable."""
+    """Return asset paths and expressions; raise StageOpenError where USD passes something that is not text."""
     found: dict[str, None] = {}
 
     def keep(path: str) -> str:
@@ -125,7 +127,7 @@ class _Tree:
 
 
 def _tree(layer: Sdf.Layer) -> _Tree:
-    """Without recursion: prims may be nested as deep as a binary layer can say."""
+    """Read the layer's prims without recursion: a binary layer may nest them arbitrarily deep."""
     tree = _Tree()
     root = Node()
     waiting: list[tuple[Any, Node, int]] = [(layer.pseudoRoot, root, 0)]

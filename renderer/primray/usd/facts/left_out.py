@@ -1,4 +1,4 @@
-"""Why shapes of a stage are not drawn: for the message of an empty picture, and for `primray doctor`."""
+"""Reasons why shapes of a stage are not drawn: for the message about an empty picture, and for `primray doctor`."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from ..querying.messages import scene_errors
 from ..querying.traversal import drawn_in_instances, everything, placed_elsewhere, stands_in_world
 from ..resolving.read import When, is_hidden, read, when_of
 
-MOST_PRIMS = 1_000_000  # looked at: those of instances count each time
+MOST_PRIMS = 1_000_000  # prims checked at most; those of instances count each time
 
 
 def left_out(stage: Usd.Stage, settings: RenderSettings) -> dict[str, int]:
-    """How many shapes there are, by the first reason that applies; "" where none does."""
+    """Return the number of shapes by the first reason that applies; "" where none does."""
     found = shapes_left_out(stage, settings, drawn=True)
     return dict(sorted(((why, len(paths)) for why, paths in found.items()), key=lambda item: -item[1]))
 
 
 @scene_errors()
 def shapes_left_out(stage: Usd.Stage, settings: RenderSettings, drawn: bool = False) -> dict[str, list[str]]:
-    """Paths of shapes by why they are not drawn; `drawn`: those too for which nothing says so, by ""."""
+    """Return paths of shapes by why they are not drawn; with `drawn`, those without a reason too, under ""."""
     purposes = settings.purposes or products(stage, settings)[0].purposes
     when = when_of(stage, settings.time_code)
     found: dict[str, list[str]] = {}
@@ -60,9 +60,9 @@ def _why(prim: Usd.Prim, purposes: tuple[str, ...], when: When) -> str:
 
 
 def _elsewhere(stage: Usd.Stage, purposes: tuple[str, ...], when: When) -> dict[Sdf.Path, str]:
-    """Why shapes of prototypes below `class` and `over` are not drawn, "" for those that some point instancer does draw."""
+    """Return why shapes of prototypes below `class` and `over` are not drawn, "" for those that some instancer draws."""
     shapes: dict[Sdf.Path, str] = {}
-    whys: dict[Sdf.Path, str] = {}  # of point instancers, too
+    whys: dict[Sdf.Path, str] = {}  # of all prims, point instancers included
     for instancer, root, prims in placed_elsewhere(stage):
         path = instancer.GetPath()
         around = whys[path] if path in whys else _why(instancer, purposes, when)
@@ -76,7 +76,8 @@ def _elsewhere(stage: Usd.Stage, purposes: tuple[str, ...], when: When) -> dict[
 
 
 def _why_in_prototype(prim: Usd.Prim, root: Usd.Prim, purposes: tuple[str, ...], when: When) -> str:
-    """By what the prototype says: without a purpose of its own its instancer's counts, and nothing above it hides it."""
+    """Return why a prim of a prototype is not drawn: a default purpose is the instancer's, and nothing above the root hides
+    it."""
     purpose = purpose_of(prim)
     if purpose not in (*purposes, UsdGeom.Tokens.default_):
         return f"of purpose {purpose}, which is not rendered (--purposes)"

@@ -1,7 +1,7 @@
-"""Files that a picture of the stage would lack, told as a render tells of them, without reading geometry or networks.
+"""Files that a picture of the stage would lack, reported as a render reports them, without reading geometry or networks.
 
-Those of lights, and of the textures of materials that are bound: what else names files (cards, clips, hidden variants) is told
-by whoever reads it.
+They are those of lights, and of textures of bound materials. Other missing files (of cards, clips, hidden variants) are
+reported by their own readers.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _PROFILED = ("SphereLight", "RectLight", "DiskLight", "CylinderLight")
 
 
 def note_missing_files(prims: Iterable[Usd.Prim], diagnostics: Diagnostics) -> None:
-    """`prims`: those that stand in the world."""
+    """Report missing files of these prims, which are in the world."""
     shaders, drawn = [], []
     for prim in prims:
         name = str(type_name(prim))
@@ -60,7 +60,7 @@ def _lacked_by(shader: Usd.Prim) -> Iterator[str]:
 
 
 def _missing(attribute: Usd.Attribute | None) -> str:
-    """The path that leads nowhere; "" where there is none."""
+    """Return the asset path that does not resolve; "" where it does."""
     asset = default_value(attribute) if attribute else None
     if not isinstance(asset, Sdf.AssetPath) or asset.resolvedPath or not asset.path:
         return ""
@@ -68,7 +68,7 @@ def _missing(attribute: Usd.Attribute | None) -> str:
 
 
 def _has_files(path: str, attribute: Usd.Attribute) -> bool:
-    """Return whether a set has a tile, in a package too, or a sequence a file."""
+    """Return whether a tile set has a tile, also in a package, or a sequence a file."""
     layers = [spec.layer for spec in attribute.GetPropertyStack(Usd.TimeCode.Default()) if spec.HasDefaultValue()]
     if not layers:
         return False
@@ -78,7 +78,7 @@ def _has_files(path: str, attribute: Usd.Attribute) -> bool:
 
 
 def _bound(prims: list[Usd.Prim]) -> set[str]:
-    """Paths of the materials of these prims."""
+    """Return the paths of the materials of these prims."""
     nothing: tuple[list[UsdShade.Material], list[Usd.Relationship]] = ([], [])
     materials, _ = computed(lambda: UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims), nothing)
     return {str(material.GetPath()) for material in materials if material}

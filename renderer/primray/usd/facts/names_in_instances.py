@@ -1,8 +1,8 @@
-"""What prims in native instances are called where all their instances share them: by where they are defined.
+"""Names of prims in native instances that all instances share: where the prims are defined.
 
-An instance's prims have a path of their own in each instance, and none of these is better than another: which of them a
-prototype is made from depends on the order of prims and on what a mask leaves. Where a prim is defined does not: `/kind/ball`
-in the stage's own layers, else `tree.usda</tree/leaf>`; with the instance's variants, as `tree.usda</tree/leaf>{size=big}`.
+An instance's prims have a path in each instance, and none of these is better than another: which of them a prototype is named
+after depends on the order of prims and on the population mask. The place where a prim is defined does not: `/kind/ball` in the
+stage's own layers, else `tree.usda</tree/leaf>`; with the instance's variants, `tree.usda</tree/leaf>{size=big}`.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from ..querying.guarded import FAILURES
 def names_in_instances(
     stage: Usd.Stage, shapes: Iterable[str], materials: Iterable[str], instances: Collection[str]
 ) -> dict[str, str]:
-    """Return such names by path, of what has one; `instances` are the paths by which a translation called prototypes.
+    """Return shared names by path, where there is one; `instances` are the paths by which a translation named prototypes.
 
-    A shape that is below none of these is a prim of its own, though it may be in an instance of the stage as it was opened.
+    A shape that is not below one of these has a path of its own, even if it is in an instance of the stage as it was opened.
     """
     files, own = file_names(stage), frozenset(stage.GetLayerStack())
     roots = frozenset(Sdf.Path(path) for path in instances if Sdf.Path.IsValidPathString(path))
@@ -44,7 +44,7 @@ def _is_below(path: str, roots: Collection[Sdf.Path]) -> bool:
 
 
 def _definition(stage: Usd.Stage, path: str, files: FileNames, own: Collection[Sdf.Layer]) -> str:
-    """ "" where the prim is in no instance, or nothing defines it."""
+    """Return where a prim in an instance is defined; "" for a prim in none, or without a definition."""
     prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) and path.startswith("/") else None
     instance = instance_above(prim) if prim else None
     if prim is None or instance is None:

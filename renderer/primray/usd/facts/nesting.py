@@ -1,7 +1,7 @@
-"""How deep brackets are nested in the text of a layer, told before USD's parser sees it: the parser recurses, and 50,000 nested
-dictionaries end the process (usd-core 26.11, a stack of 8 MB).
+"""Depth of nested brackets in the text of a layer, measured before USD's parser reads it.
 
-Brackets in strings, comments, asset paths and expressions do not count. Linear in the text, without recursion.
+The parser recurses, and 50,000 nested dictionaries crash the process (usd-core 26.11, a stack of 8 MB). Brackets in strings,
+comments, asset paths and expressions do not count. Time is linear in the text, without recursion.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-# What may hold brackets that mean nothing, the longer delimiters first; one that is not closed reaches to the end of its line
-# or of the text, as for the parser.
+# Tokens whose brackets do not nest, longer delimiters first; an unclosed one extends to the end of its line or of the text,
+# as in the parser.
 _QUOTED = re.compile(
     rb'"""(?:[^\\]|\\.)*?(?:"""|\Z)' + rb"|'''(?:[^\\]|\\.)*?(?:'''|\Z)"
     rb'|"(?:[^"\\\n\r]|\\.)*+"?' + rb"|'(?:[^'\\\n\r]|\\.)*+'?"
@@ -23,7 +23,7 @@ _QUOTED = re.compile(
 )
 _OPEN, _CLOSE = b"{[(", b"}])"
 _BRACKET = re.compile(rb"[][{}()]")
-_LONG = 4096  # bytes between quotations from which on numpy counts
+_LONG = 4096  # bytes between quotations above which numpy counts
 _PIECE = 1 << 20
 _STEP = np.zeros(256, np.int8)
 _STEP[list(_OPEN)] = 1
@@ -31,7 +31,7 @@ _STEP[list(_CLOSE)] = -1
 
 
 def nesting_depth(path: str | os.PathLike[str], most: int, start: int = 0, size: int | None = None) -> int:
-    """The deepest nesting in a text file or in a stretch of one; counting ends where it is above `most`."""
+    """Return the deepest nesting in a text file or in a stretch of one; counting ends where it is above `most`."""
     if os.path.getsize(path) == 0:
         return 0
     with (
@@ -54,7 +54,7 @@ def nesting_of(text: bytes | memoryview, most: int) -> int:
 
 
 def _count(text: bytes | memoryview, start: int, end: int, depth: int, deepest: int) -> tuple[int, int]:
-    """Depth behind a stretch without quotations, and the deepest so far."""
+    """Return the depth behind a stretch without quotations, and the deepest so far."""
     if end - start < _LONG:
         for bracket in _BRACKET.findall(text[start:end]):
             depth += 1 if bracket in _OPEN else -1

@@ -1,6 +1,6 @@
-"""What a composed stage offers to whoever sets up a render of it: cameras, render settings, times, lights, what is missing.
+"""Facts for setting up a render of a composed stage: cameras, render settings, times, lights, missing files.
 
-Cheap beside composition: no geometry is read. What it notes, a render notes in the same words.
+They are cheap compared with composition: no geometry is read. Notes have the same words as a render's diagnostics.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from ..translate import LIGHTS, SHAPES
 from .missing_files import note_missing_files
 from .stage_facts import stage_facts
 
-MOST = 500  # of each list: cameras, render settings, variants
-# Drawn by other ways than the table of adapters.
+MOST = 500  # items of each list: cameras, render settings, variants
+# Types that are drawn: those with adapters, and those that the walk expands.
 _DRAWN = frozenset(SHAPES) | {"PointInstancer", "Points"}
-# Which mean nothing by themselves, or are told of elsewhere.
+# Types that are never reported: they are not drawn themselves, or are reported elsewhere.
 _QUIET = frozenset(("Shader", "Material", "Scope", "Xform", "Camera", "NodeGraph", "GeomSubset", "PortalLight"))
 MOST_OF_TYPE = 50
 _MISSING = re.compile(
@@ -46,7 +46,7 @@ _MISSING = re.compile(
 
 @dataclass(frozen=True)
 class MissingLayer:
-    layer: str  # USD's identifier of the one that names it
+    layer: str  # USD's identifier of the layer that names it
     asset_path: str
     prim: str
     arc: str  # sublayer, reference, payload
@@ -66,13 +66,13 @@ class SceneFacts:
     facts: dict[str, Any]
     notes: list[Note]
     missing: list[MissingLayer]
-    drawable: int  # prims that could appear in a picture, lights too
+    drawable: int  # prims that could appear in a picture, lights included
     used_layers: int
 
 
 @scene_errors()
 def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
-    """Of the stage that a file is the root of; raises as open_stage does."""
+    """Return facts about the stage whose root is this file; raise the errors of open_stage."""
     diagnostics = Diagnostics()
     stage = open_stage(path, diagnostics)
     missing = _missing_layers(stage)
@@ -167,7 +167,7 @@ def _targets(prim: Usd.Prim, name: str) -> list[str]:
 
 
 def _whole(size: Any) -> list[int] | None:
-    """None where they are no numbers."""
+    """Return the numbers as a list of int; None where they are not numbers."""
     try:
         return [int(side) for side in size] if size is not None else None
     except (TypeError, ValueError, OverflowError):
@@ -180,14 +180,14 @@ def _text(prim: Usd.Prim, name: str) -> str:
 
 
 def _frame_range(time: dict[str, Any]) -> dict[str, Any]:
-    """Where none is authored, the range of what is sampled; `sampled`: whether anything moves."""
+    """Return the authored range, else that of the samples; `sampled` tells whether anything moves."""
     sampled = time["sampled"]
     start, end = (time["start"], time["end"]) if time["start"] is not None else (sampled or (None, None))
     return {"start": start, "end": end, "fps": time["frames_per_second"], "sampled": sampled is not None}
 
 
 def _product_notes(settings: Iterable[Usd.Prim]) -> list[Note]:
-    """Names of products are output paths: those that would lead elsewhere are said to be ignored."""
+    """Report product names that would lead out of the output folder: they are ignored."""
     notes = []
     for prim in settings:
         for path in _targets(prim, "products"):
@@ -201,7 +201,7 @@ def _product_notes(settings: Iterable[Usd.Prim]) -> list[Note]:
 
 
 def _note_unrendered(prims: list[Usd.Prim], purposes: tuple[str, ...], diagnostics: Diagnostics) -> None:
-    """As a render notes them, of the stage's default time; of very many of a type the first."""
+    """Report prims as a render does, at the stage's default time; only the first MOST_OF_TYPE of a type."""
     count: Counter[str] = Counter()
     for prim in prims:
         name = str(type_name(prim))
@@ -218,5 +218,5 @@ def _is_shown(prim: Usd.Prim, purposes: tuple[str, ...]) -> bool:
 
 
 def layer_file(identifier: str) -> str:
-    """The path of a layer by its identifier, without arguments; of one in a package as `package[member]`."""
+    """Return the path of a layer from its identifier, without arguments; `package[member]` for one in a package."""
     return str(Sdf.Layer.SplitIdentifier(identifier)[0])

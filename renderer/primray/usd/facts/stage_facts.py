@@ -1,4 +1,4 @@
-"""What a stage is made of before anything is translated: layers, choices, payloads, prims, times. For `primray inspect`."""
+"""Facts about a stage before translation: layers, variants, payloads, prims, times. For `primray inspect`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..querying.traversal import everything, everything_in_prototypes
 
 @scene_errors()
 def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
-    """As JSON. Prims of prototypes are counted once, whatever the number of their instances."""
+    """Return the facts as JSON. Prims of prototypes are counted once, whatever the number of their instances."""
     prims = everything(stage)
     every = prims + everything_in_prototypes(stage)
     return {
@@ -46,7 +46,7 @@ def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
 
 
 def _time(stage: Usd.Stage, prims: list[Usd.Prim]) -> dict[str, Any]:
-    """`start` and `end` are None where none is authored; whether anything is sampled says `sampled`."""
+    """Return times of the stage; `start` and `end` are None if not authored, `sampled` is the range of values over time."""
     authored = has_time_code_range(stage)
     span = (start_time_code(stage), end_time_code(stage)) if authored else (None, None)
     sampled = span_of(stage, prims)
@@ -74,7 +74,7 @@ def _variants(prims: list[Usd.Prim]) -> Iterator[dict[str, Any]]:
 
 def _payloads(stage: Usd.Stage) -> dict[str, Any]:
     loaded = set(stage.GetLoadSet())
-    # Where all is loaded nothing is asked: FindLoadable goes through every instance of every instance, which may be a thousand
+    # Skip FindLoadable where everything is loaded: it visits every instance of every instance, which may be a thousand
     # million in a small file.
     all_loaded = stage.GetLoadRules() == Usd.StageLoadRules.LoadAll()
     unloaded = [] if all_loaded else sorted(str(path) for path in set(stage.FindLoadable()) - loaded)

@@ -1,7 +1,7 @@
-"""Files as whoever opened the stage knows them: by their paths from the root layer's folder, whatever the machine calls it.
+"""Names of files in messages: paths relative to the folder of the root layer, independent of the machine.
 
-USD resolves every path to an absolute one before it says anything of it. The same stage is to be told of in the same words in
-a shell, in a report, and by a server that has it in a folder of its own.
+USD resolves every path to an absolute one before it reports on it. The same stage shall be described in the same words in a
+shell, in a report, and by a server that keeps it in a folder of its own.
 """
 
 from __future__ import annotations
@@ -15,23 +15,25 @@ from ..materialx.stand_ins import without_marks
 
 IN_MEMORY = "a layer in memory"
 _ANONYMOUS = re.compile(r"anon:0x[0-9a-fA-F]+(?::([^\s@<>'\"\]]+))?")
-# What is said of a layer stack where nothing was chosen for the session, and of a reference's target: USD's own to know.
+# How USD identifies an empty session layer in a layer stack, and a reference's format arguments: of no use to a reader.
 _OURS = re.compile(r",@anon:0x[0-9a-fA-F]+:[^@]*session\.usda@|:SDF_FORMAT_ARGS:[^@>\s]*")
-_MOST_UP = 2  # folders above the root layer's that are told as ../; what lies further off keeps its whole path
+_MOST_UP = 2  # levels above the root layer's folder that are written as ../; files further up keep their whole path
 
 
 class FileNames:
-    """Of one stage, by its root layer's identifier or path ("": of none, where only layers in memory are named)."""
+    """Shortener of file paths in texts about one stage, given its root layer's identifier or path ("" if it only has layers in
+    memory)."""
 
     def __init__(self, root: str) -> None:
         file = str(Ar.SplitPackageRelativePathOuter(root)[0]) if root and not root.startswith("anon:") else ""
         self._prefixes = _prefixes(file) if file else {}
-        # A name ends what it stands for, and is no part of a longer path.
+        # A prefix counts at the beginning of a path only, not in the middle of a longer one.
         known = "|".join(re.escape(prefix) for prefix in sorted(self._prefixes, key=len, reverse=True))
         self._known = re.compile(rf"(?<![\w/.\-])(?:{known})") if known else None
 
     def in_text(self, text: str) -> str:
-        """The text with its files named so."""
+        """Return the text with absolute paths of the stage's files replaced by relative ones, and anonymous layers by their
+        names."""
         text = without_marks(text)
         if self._known is not None and "/" in text:
             text = self._known.sub(lambda found: self._prefixes[found[0]], text)
@@ -44,7 +46,7 @@ def file_names(stage: Usd.Stage) -> FileNames:
 
 
 def _prefixes(file: str) -> dict[str, str]:
-    """What paths of the stage's files may begin with, and what is told instead."""
+    """Return the prefixes that paths of the stage's files may have, with what replaces each in a message."""
     found: dict[str, str] = {}
     for folder in {os.path.dirname(os.path.abspath(file)), os.path.dirname(os.path.realpath(file))}:
         up = ""
@@ -53,6 +55,6 @@ def _prefixes(file: str) -> dict[str, str]:
                 break
             found.setdefault(f"{folder}/", up)
             folder, up = os.path.dirname(folder), f"../{up}"
-    if os.path.dirname(file) and not os.path.isabs(file):  # as it was given: USD calls the root layer that
+    if os.path.dirname(file) and not os.path.isabs(file):  # USD uses it as given as the root layer's identifier
         found[f"{os.path.dirname(file)}/"] = ""
     return found

@@ -1,7 +1,8 @@
-"""A stage in which each prim is its own: what is written to one prim reaches no other.
+"""A flattened stage in which an edit of one prim reaches no other prim.
 
-It has the composed values of another stage and none of its arcs but one: native instances refer to the prototypes that they
-share, which nothing else names. So it is what a render edits where opinions would leak in a copy of the stage's layers (reach).
+It has the composed values of another stage and only one kind of arc: native instances refer to the prototypes that they share,
+which nothing else refers to. A render edits such a stage where its opinions would leak in a copy of the original layers
+(reach.py).
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def isolated(stage: Usd.Stage) -> Usd.Stage:
 
 
 def _keep_metadata(stage: Usd.Stage, flat: Sdf.Layer) -> None:
-    """Write what a render takes a stage's metadata for where they are of wrong types: UsdStage::Flatten drops those."""
+    """Write stage metadata of wrong types as the values that a render uses for them: UsdStage::Flatten drops these."""
     for name, taken_as in _METADATA.items():
         if stage_value(stage, name) is not None:
             flat.pseudoRoot.SetInfo(name, taken_as(stage))
@@ -57,7 +58,7 @@ def _keep_metadata(stage: Usd.Stage, flat: Sdf.Layer) -> None:
 
 
 def _anchor_tiles(stage: Usd.Stage, flat: Sdf.Layer, place: Callable[[Sdf.Path], Sdf.Path]) -> None:
-    """Name sets of tiles by their resolved paths: UsdStage::Flatten resolves those of single files alone."""
+    """Replace paths of UDIM tile sets by resolved ones: UsdStage::Flatten resolves only those of single files."""
     for prim in populated(stage):
         if type_name(prim) not in _MAY_NAME_TILES:
             continue
@@ -76,7 +77,7 @@ def _anchor(asset: object, layer: Sdf.Layer, made: Sdf.AttributeSpec | None) -> 
 
 
 def _place_expressions(stage: Usd.Stage, flat: Sdf.Layer, place: Callable[[Sdf.Path], Sdf.Path]) -> None:
-    """Let path expressions in prototypes name the flattened ones: UsdStage::Flatten maps targets, and no expressions."""
+    """Rewrite path expressions in prototypes to name the flattened prims: UsdStage::Flatten maps targets only."""
     for prototype in [prim.GetPath() for prim in stage.GetPrototypes()]:
         flattened = place(prototype)
         for attribute in attributes_in(flat, flattened):
@@ -85,7 +86,7 @@ def _place_expressions(stage: Usd.Stage, flat: Sdf.Layer, place: Callable[[Sdf.P
 
 
 def _placed_in(stage: Usd.Stage, flat: Sdf.Layer) -> Callable[[Sdf.Path], Sdf.Path]:
-    """Where the flattened layer has what is at a path of the stage, which may be in a native prototype."""
+    """Return a function from paths of the stage, also in native prototypes, to paths of the flattened layer."""
     roots: dict[Sdf.Path, Sdf.Path] = {}
 
     def place(path: Sdf.Path) -> Sdf.Path:

@@ -1,8 +1,8 @@
-"""What opinions that a render writes to a copy of a stage reach besides the prims that they are written for.
+"""Prims that opinions written to a copy of a stage reach besides those they are written for.
 
-USD composes a prim's opinions into every prim of the same layer stack that references, inherits or specializes it, or has it
-as a payload; and opinions below a native instance, which USD ignores, count as soon as the prim is an instance no more. In both
-cases the copy is no longer the stage with one edit. Pcp itself is asked who composes what.
+USD composes a prim's opinions into every prim of the same layer stack that references, inherits or specializes it, or has it as
+a payload; and opinions below a native instance, which USD ignores, count as soon as the prim is no instance any more. In both
+cases the copy is no longer the stage with one edit. Pcp itself is asked which prims compose which opinions.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ Fields = set[tuple[str, str]]
 
 
 class OpinionsLeak(Exception):
-    """Opinions written for one prim count, or would count, for another."""
+    """Raised where opinions written for one prim count, or would count, for another."""
 
 
 def check_reach(stage: Usd.Stage, layers: Iterable[Sdf.Layer] = ()) -> None:
-    """OpinionsLeak if any prim composes opinions in these layers that are at another prim's path.
+    """Raise OpinionsLeak if any prim composes opinions in these layers that are at another prim's path.
 
-    `layers` are of the stage's session, by default its session layer alone. An opinion that hides the other does no harm.
+    `layers` belong to the stage's session; by default its session layer is checked. An opinion that is hidden by a stronger one
+    of the other prim does no harm.
     """
     written = tuple(layers) or (stage.GetSessionLayer(),)
     for path in dict.fromkeys(path for layer in written for path in prims_in(layer)):
@@ -39,16 +40,16 @@ def check_reach(stage: Usd.Stage, layers: Iterable[Sdf.Layer] = ()) -> None:
 
 
 def composers(stage: Usd.Stage, path: Sdf.Path) -> set[Sdf.Path]:
-    """The other prims that compose the opinions at a path of the stage's own layers."""
+    """Return the other prims that compose the opinions at a path of the stage's own layers."""
     cache = stage._GetPcpCache()
     found = cache.FindSiteDependencies(cache.layerStack, path, _BY_ARCS, False, False, False)
     return {dependency.indexPath for dependency in found} - {path}
 
 
 def end_instance(instance: Usd.Prim) -> None:
-    """Make a native instance a prim of its own, whose descendants can be edited; OpinionsLeak if others would change.
+    """Make a native instance a plain prim, whose descendants can be edited; raise OpinionsLeak if others would change.
 
-    It is written where the stage is edited; what is a model in the instance is one afterwards, too.
+    The opinion is written to the stage's edit target; models inside the instance stay models.
     """
     if has_ignored_opinions(instance):
         raise OpinionsLeak(f"opinions below the instance {instance.GetPath()} would count")
@@ -58,9 +59,9 @@ def end_instance(instance: Usd.Prim) -> None:
 
 
 def has_ignored_opinions(instance: Usd.Prim) -> bool:
-    """Whether there are opinions on descendants of a native instance that USD ignores.
+    """Return whether there are opinions on descendants of a native instance that USD ignores.
 
-    Those that count come by arcs on the instance itself (UsdPrim::IsInstance, Pcp/instancing.h); those at the instance's own
+    Opinions that count come by arcs on the instance itself (UsdPrim::IsInstance, Pcp/instancing.h); those at the instance's own
     path, and at paths that arcs on its ancestors lead to, do not.
     """
     nodes = [instance.GetPrimIndex().rootNode]
@@ -76,7 +77,8 @@ def has_ignored_opinions(instance: Usd.Prim) -> bool:
 
 
 def _fields(layers: Sequence[Sdf.Layer], path: Sdf.Path) -> Fields:
-    """What these layers author at a prim's path: names of properties ("" for the prim itself) with names of fields."""
+    """Return the fields that these layers author at a prim's path, as pairs of property name ("" for the prim itself) and field
+    name."""
     found: Fields = set()
     for layer in layers:
         spec = layer.GetPrimAtPath(path)

@@ -1,4 +1,4 @@
-"""Layers whose files have changed, read anew in their places: stages that are made of them change with them."""
+"""Reloading of layers whose files have changed, in place: stages composed of them are recomposed."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from .stage import usd_messages
 
 
 def read_anew(root: str, files: Collection[str]) -> None:
-    """Of the stage at `root`, layers in these files (absolute paths). StageOpenError where one cannot be read: it stays as it
-    was, and so do those that were to be read after it."""
+    """Reload the layers of the stage at `root` that come from these files (absolute paths).
+
+    Raise StageOpenError at the first that cannot be read; it and those after it stay as they were.
+    """
     names = FileNames(root)
     with usd_messages(Diagnostics(names.in_text)):
         for layer in Sdf.Layer.GetLoadedLayers():
@@ -31,7 +33,7 @@ def read_anew(root: str, files: Collection[str]) -> None:
 
 
 def _file(layer: Sdf.Layer) -> str:
-    """On the disk: of a member of a package, the package."""
+    """Return the layer's file on disk; for a member of a package, the package's."""
     path = str(layer.realPath)
     return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0])) if path else ""
 

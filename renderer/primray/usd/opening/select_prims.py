@@ -1,7 +1,7 @@
-"""What a render may choose of a stage: variants, payloads, and the prims that are populated at all.
+"""Selection of what is composed: variants, payloads, and the population mask.
 
-Choices are written to the stage's session layer, which is in memory: no file changes. What is not there is a SettingsError
-that lists what is.
+Choices are written to the stage's session layer, which is in memory: no file changes. A choice that does not exist is a
+SettingsError that lists those that do.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LISTED = 20
 def populate(
     root: Sdf.Layer, session: Sdf.Layer, context: Ar.ResolverContext | None, composition: Composition | None
 ) -> Usd.Stage:
-    """The stage of these layers, without payloads if they are to be chosen, within the mask if there is one."""
+    """Open the stage of these layers, without payloads if these are chosen later, and within the mask if there is one."""
     load = Usd.Stage.LoadAll if composition is None or composition.load is None else Usd.Stage.LoadNone
     if composition is None or composition.mask is None:
         return Usd.Stage.Open(root, session, context, load) if context is not None else Usd.Stage.Open(root, session, load)
@@ -32,29 +32,29 @@ def populate(
 
 
 def add_load_rules(stage: Usd.Stage, load: tuple[str, ...] | None) -> None:
-    """Load the payloads of these prims and of all below them."""
+    """Load the payloads of these prims and of everything below them."""
     for path in load or ():
         try:
             stage.Load(_prim_path(path, "load"), Usd.LoadWithDescendants)
-        except Tf.ErrorException:  # of paths of which not even the parent is there
+        except Tf.ErrorException:  # raised for paths whose parent does not exist either
             _prim(stage, path, "load")
 
 
 def choose_variants(stage: Usd.Stage, choices: Iterable[VariantChoice]) -> None:
-    """One after the other: what one brings, the next may choose from."""
+    """Apply the choices in order: an earlier one may bring the variant sets of a later one."""
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for choice in choices:
             _choose(stage, choice)
 
 
 def check_population(stage: Usd.Stage, composition: Composition) -> None:
-    """Widen a mask by what its prims refer to, such as their materials; SettingsError for paths without prims."""
+    """Widen a mask by what its prims refer to, such as materials; raise SettingsError for paths that lead to no prim."""
     if composition.mask is not None:
         stage.ExpandPopulationMask()
     for what, paths in (("mask", composition.mask or ()), ("load", composition.load or ())):
         for path in paths:
             if not stage.GetPrimAtPath(_prim_path(path, what)):
-                stage.SetPopulationMask(Usd.StagePopulationMask.All())  # so that the error can list what there is
+                stage.SetPopulationMask(Usd.StagePopulationMask.All())  # so that the error can list the prims that exist
             _prim(stage, path, what)
 
 

@@ -1,6 +1,6 @@
-"""Opening a stage: a path or a Usd.Stage in memory, composed as asked.
+"""Opening of a stage from a path or from a Usd.Stage in memory, composed as asked.
 
-What USD complains about becomes errors and diagnostics.
+Complaints of USD become errors and diagnostics.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from .session_layer import session_over
 from .stage_metadata import check_rates, note_units, note_wrong_types
 
 USD_DEFAULTS = Composition()
-# Every value is looked up in every layer of a stack: 1000 spheres in 1000 sublayers open and translate in 1.3 s, 3000 in 3000
-# in minutes.
+# USD looks up every value in every layer of a stack: 1000 spheres in 1000 sublayers open and translate in 1.3 s, 3000 in
+# 3000 sublayers take minutes.
 MAX_SUBLAYERS = 4000
 _MOST_ROUNDS = 8  # of documents that bring layers with more documents
-# USD says so of bindings that it takes all the same.
+# USD warns about these bindings, but applies them.
 _BOUND_WITHOUT_API = re.compile(r"Found material bindings on prim at path \((.*)\) but MaterialBindingAPI is not applied")
 _BOUND = "Its material is bound and used, though MaterialBindingAPI is not applied."
 _ASSET = re.compile("@([^@]+)@")
 
 
 def _with_faults(text: str) -> str:
-    """Return a message of USD's that names files, with what is wrong with them where that is plain to see."""
+    """Return a message of USD's with what is wrong with the files that it names, where that can be recognized."""
     found = []
     for path in dict.fromkeys(_ASSET.findall(text)):
         if is_pointer_file(path):
@@ -53,9 +53,9 @@ def _with_faults(text: str) -> str:
 
 @contextmanager
 def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda text: False) -> Iterator[None]:
-    """Keep USD's warnings off stderr and record those that `known` does not cover as diagnostics, with what could not be read.
+    """Keep USD's warnings off stderr and record those that `known` does not cover as diagnostics, with failed reads.
 
-    InvalidSceneError where USD fails on what no guarded call asks.
+    Raise InvalidSceneError where USD fails in a call that is not guarded.
     """
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
@@ -74,7 +74,7 @@ def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda
 
 @contextmanager
 def _with_names(diagnostics: Diagnostics) -> Iterator[None]:
-    """Errors name files as diagnostics do; where they are is told as it was given."""
+    """Shorten file names in the messages of errors as in diagnostics; their `where` stays as given."""
     try:
         yield
     except PrimrayError as error:
@@ -85,9 +85,9 @@ def _with_names(diagnostics: Diagnostics) -> Iterator[None]:
 def open_stage(
     source: str | os.PathLike[str] | Usd.Stage, diagnostics: Diagnostics, composition: Composition = USD_DEFAULTS
 ) -> Usd.Stage:
-    """The composed stage; StageOpenError when there is none, SettingsError when it lacks what `composition` names.
+    """Return the composed stage; raise StageOpenError if there is none, SettingsError if it lacks what `composition` names.
 
-    A Usd.Stage is taken as it is, or, where `composition` asks for more, composed anew from its layers and left unchanged.
+    A Usd.Stage is used as it is or, where `composition` asks for more, composed again from its layers and left unchanged.
     """
     diagnostics.name_files(_names_of(source).in_text)
     if isinstance(source, Usd.Stage) and composition == USD_DEFAULTS and not refers_to_documents(source):
@@ -96,7 +96,7 @@ def open_stage(
 
 
 def check_again(stage: Usd.Stage, diagnostics: Diagnostics, composition: Composition = USD_DEFAULTS) -> None:
-    """What opening it would tell of a stage that was composed so and has been edited since."""
+    """Report what opening would report for a stage that has been composed so and edited since."""
     diagnostics.name_files(_names_of(stage).in_text)
     _noted(lambda: stage, diagnostics, composition)
 
@@ -109,7 +109,7 @@ def _composed(source: str | os.PathLike[str] | Usd.Stage, composition: Compositi
 
 
 def _noted(opened: Callable[[], Usd.Stage], diagnostics: Diagnostics, composition: Composition) -> Usd.Stage:
-    """The stage, with what there is to tell of it as a whole."""
+    """Return the opened stage, and report what concerns it as a whole: composition errors, rates, units, metadata."""
     composed: list[str] = []
     with usd_messages(diagnostics, lambda text: is_of_documents(text) or any(line in without_marks(text) for line in composed)):
         stage = opened()
@@ -131,7 +131,7 @@ def _names_of(source: str | os.PathLike[str] | Usd.Stage) -> FileNames:
 
 
 def scratch_copy(stage: Usd.Stage) -> Usd.Stage:
-    """Another stage on the same layers, whose session layer is its own to write to, above the first one's."""
+    """Return another stage on the same layers, with a session layer of its own to write to, above the original's."""
     session = session_over(_layers_of_session(stage), stage.GetMutedLayers())
     made = populate(stage.GetRootLayer(), session, stage.GetPathResolverContext(), None)
     _follow(made, stage)
@@ -151,8 +151,11 @@ def _check_sublayers(root: Sdf.Layer) -> None:
 def _compose(
     root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str, diagnostics: Diagnostics
 ) -> Usd.Stage:
-    """Anew where its references to MaterialX documents have been led elsewhere: before variants are chosen, which may be of
-    such a document, and after, since they may bring more."""
+    """Compose the stage, again after its references to MaterialX documents have been redirected.
+
+    Documents are looked for before variants are chosen, since a variant set may come from one, and after, since variants may
+    bring more.
+    """
     _check_sublayers(root)
     others = Redirection()
     stage = _populated(root, base, composition, path, others)
@@ -185,7 +188,7 @@ def _populated(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition
 
 
 def _follow(stage: Usd.Stage, base: Usd.Stage) -> None:
-    """Give the stage what else decides about composition in `base`."""
+    """Give the stage everything else that decides about composition in `base`."""
     if base.GetPopulationMask() != Usd.StagePopulationMask.All():
         stage.SetPopulationMask(base.GetPopulationMask())
     stage.SetLoadRules(base.GetLoadRules())
@@ -194,13 +197,13 @@ def _follow(stage: Usd.Stage, base: Usd.Stage) -> None:
 
 
 def _session_layers(base: Usd.Stage | None, composition: Composition, others: Redirection) -> list[Sdf.Layer]:
-    """What the stage is to have as its session layer, strongest first."""
+    """Return the session layers that the stage shall have, strongest first."""
     found = [] if composition.session_layer is None else [open_layer(composition.session_layer)]
     return [others.of(layer) for layer in (*found, *(_layers_of_session(base) if base is not None else ()))]
 
 
 def _layers_of_session(stage: Usd.Stage) -> list[Sdf.Layer]:
-    """The stage's session layer; a caller's stage may be without one."""
+    """Return the stage's session layer as a list; empty for a caller's stage without one."""
     session = stage.GetSessionLayer()
     return [session] if session else []
 
@@ -212,7 +215,7 @@ def root_layer(path: str) -> Sdf.Layer:
 
 
 def open_layer(path: str, opened: Callable[[str], Sdf.Layer | None] = Sdf.Layer.FindOrOpen) -> Sdf.Layer:
-    """StageOpenError with what USD says of it, or of what the file is."""
+    """Open the layer; raise StageOpenError with USD's reason, or with what kind of file it is instead."""
     try:
         layer = opened(path)
     except Tf.ErrorException as error:
@@ -228,7 +231,7 @@ def open_layer(path: str, opened: Callable[[str], Sdf.Layer | None] = Sdf.Layer.
 
 
 def _check_file(path: str) -> None:
-    """StageOpenError where the file is plainly something else than USD."""
+    """Raise StageOpenError where the file is recognized as something other than USD."""
     if is_pointer_file(path):
         raise StageOpenError(f"USD cannot open it: {WHAT_IT_IS}.", where=path) from None
     advice = advice_for_file(path) if os.path.isfile(path) else None

@@ -1,7 +1,7 @@
-"""Metadata of a stage and its layers, checked: rates that would hang USD, units that differ, values of no meaning.
+"""Checks of the metadata of a stage and its layers: rates that would hang USD, differing units, meaningless values.
 
 Pcp maps time across an arc by the ratio of the two layers' timeCodesPerSecond. Where that is 0, infinite or not a number,
-usd-core 26.11 never comes back from listing an attribute's time samples (it does come back from everything else).
+usd-core 26.11 never returns from listing an attribute's time samples (all other calls do return).
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from ..querying.stage_values import (
 )
 from ..querying.time_varying import has_samples
 
-# Rates between these divide and multiply by each other without leaving double's range, however long the chain of arcs.
+# Products and quotients of rates in this range stay within double's, however long the chain of arcs.
 _RATES = (1e-9, 1e12)
 
 
 def stage_name(stage: Usd.Stage) -> str:
-    """The root layer's file without its folders, as pictures bear it; "" for one that is in memory alone."""
+    """Return the root layer's file name without its folders, as pictures name it; "" for a layer in memory."""
     layer = stage.GetRootLayer()
     return "" if layer.anonymous else os.path.basename(without_marks(layer.identifier))
 
 
 def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
-    """InvalidSceneError where reading time samples would hang; a diagnostic for bad rates that nothing is sampled by."""
+    """Raise InvalidSceneError where reading time samples would hang; report bad rates that no sample depends on."""
     session = stage.GetSessionLayer()
     layers = [layer for layer in stage.GetUsedLayers() if layer != session or has_rate(layer)]
     bad = [layer for layer in layers if not (rate_of(layer) > 0 and _can_be_mapped(layer))]
@@ -63,7 +63,7 @@ def _can_be_mapped(layer: Sdf.Layer) -> bool:
 
 
 def note_wrong_types(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
-    """Metadata of layers that are not of their schema's types, which nothing can be made of."""
+    """Report metadata of layers whose values are not of their schema's types; they are ignored."""
     for layer in stage.GetUsedLayers():
         for name, value in wrong_values(layer):
             message = f"{name} is {shown(value)} in {layer.identifier}, not of its schema's type: it is ignored."
@@ -71,7 +71,7 @@ def note_wrong_types(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
 
 
 def note_units(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
-    """Layers that were made in other units than the stage's: USD composes their numbers as they are."""
+    """Report layers authored in other units than the stage's: USD composes their numbers without conversion."""
     root = stage.GetRootLayer()
     for name, of_stage in (("metersPerUnit", meters_per_unit(stage)), ("upAxis", up_axis(stage))):
         others: dict[Any, list[str]] = {}
@@ -90,7 +90,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def up_axis(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> str:
-    """Y or Z."""
+    """Return "Y" or "Z"; report any other axis, and use Y."""
     axis = authored_up_axis(stage)
     if axis not in ("Y", "Z") and diagnostics is not None:
         diagnostics.add("stage-metadata", "", f"upAxis is {axis!r}, neither Y nor Z; Y is used.", "upAxis")
@@ -98,7 +98,7 @@ def up_axis(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> str:
 
 
 def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> float:
-    """Above 0."""
+    """Return the stage's metersPerUnit, above 0; report a value that is no length, and use 0.01."""
     value = authored_meters_per_unit(stage)
     used = usable_length(value)
     if used != value and diagnostics is not None:
@@ -107,7 +107,7 @@ def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) ->
 
 
 def used_files(paths: Iterable[str]) -> set[str]:
-    """Files that these layers name as sublayers, references or payloads; layers that cannot be opened name none."""
+    """Return the files that these layers name as sublayers, references or payloads; unreadable layers name none."""
     used: set[str] = set()
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     for path in paths:
@@ -126,12 +126,12 @@ def used_files(paths: Iterable[str]) -> set[str]:
 
 
 def layer_names(stage: Usd.Stage) -> list[str]:
-    """What the stage is composed of, strongest layer stack first; layers in memory that hold nothing are left out."""
+    """Return the layers that the stage is composed of, strongest layer stack first, without empty layers in memory."""
     local = stage.GetLayerStack()
     rest = sorted((layer for layer in stage.GetUsedLayers() if layer not in local), key=lambda layer: str(layer.identifier))
     return [without_marks(str(layer.identifier)) for layer in (*local, *rest) if not _is_empty(layer)]
 
 
 def _is_empty(layer: Sdf.Layer) -> bool:
-    """Return whether a layer in memory has no prims of its own: one that hands others on says so by them."""
+    """Return whether a layer in memory has no prims of its own; one that only has sublayers counts as empty."""
     return bool(layer.anonymous and (layer.empty or (layer.subLayerPaths and not layer.rootPrims)))

@@ -1,4 +1,5 @@
-"""Prims taken out of a stage that is a render's own, by its session layer; what refers to them has to stay (reach checks)."""
+"""Deactivation of prims in a render's own copy of a stage, in its session layer. Callers check what else is affected
+(reach)."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from .reach import end_instance
 
 
 def take_out(stage: Usd.Stage, paths: Collection[Sdf.Path]) -> None:
-    """These prims, with all that is below them; in native instances they are named by their proxies."""
+    """Deactivate these prims, and so everything below them; prims in native instances are named by their proxies."""
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for path in topmost(paths):
             if stage.GetPrimAtPath(path):
@@ -18,7 +19,7 @@ def take_out(stage: Usd.Stage, paths: Collection[Sdf.Path]) -> None:
 
 
 def editable(stage: Usd.Stage, path: Sdf.Path) -> Usd.Prim:
-    """What is in an instance is shared: the instances around it become prims of their own."""
+    """Return the prim at a path so that it can be edited: native instances around it are made plain prims."""
     prim = stage.GetPrimAtPath(path)
     while prim.IsInstanceProxy():
         for above in path.GetPrefixes():
@@ -31,7 +32,7 @@ def editable(stage: Usd.Stage, path: Sdf.Path) -> Usd.Prim:
 
 
 def topmost(paths: Collection[Sdf.Path]) -> list[Sdf.Path]:
-    """Those that none of the others is above, in order; never the root of all."""
+    """Return the paths without those below another one, in order; never the pseudo-root."""
     among = frozenset(paths)
     return [path for path in sorted(among) if path != Sdf.Path.absoluteRootPath and not _has_above(path, among)]
 

@@ -1,4 +1,4 @@
-"""The range of a stage's time codes, read from its root and session layers alone: nothing is composed."""
+"""The time code range of a stage, read from its root and session layers alone: nothing is composed."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What is asked of a composed stage in one way only: which prims are seen, and what changes over time."""
+"""Queries of a composed stage that shall be answered in one way only: which prims are visited, and what varies over time."""

@@ -1,4 +1,4 @@
-"""Bytes of an asset that Ar resolved, also from inside a package."""
+"""Bytes of an asset that Ar has resolved, also inside a package."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from .messages import tf_message
 
 
 def read_asset(path: str, most: int | None = None) -> bytes:
-    """The asset's bytes; AssetError if it cannot be opened, or has more than `most`."""
+    """Return the asset's bytes; raise AssetError if it cannot be opened, or is larger than `most` bytes."""
     try:
         asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
-    except Tf.ErrorException as error:  # such as of what is compressed in a package
+    except Tf.ErrorException as error:  # such as a compressed member of a package
         message = f"the asset cannot be opened: {tf_message(error)}"
         raise AssetError(message, where=path, code="asset-missing") from None
     if not asset:

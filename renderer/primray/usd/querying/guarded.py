@@ -1,7 +1,8 @@
-"""What USD may fail to give, though the stage is open: values of another type than their schema's, damaged ones, text that is
-not UTF-8. The only place for such calls (a gate holds that): each answers with a default, and `noting` hears of it.
+"""Reads that USD may fail, though the stage is open: values of another type than their schema's, damaged values, text that is
+not UTF-8.
 
-Values are read as they are; whoever asks for one of a certain kind checks it (resolving.read).
+This is the only place for such calls (a gate holds that): each returns a default on failure, and reports it to `noting`. Values
+are returned as they are; a caller that needs a certain kind checks it (resolving.read).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 from ...diagnostics import Diagnostics
 from .messages import tf_message
 
-# TypeError: of values that Python has no name for. RuntimeError: of what USD takes for expired.
+# TypeError: a value of a type that Python does not have. RuntimeError: an object that USD considers expired.
 FAILURES = (Tf.ErrorException, UnicodeDecodeError, TypeError, RuntimeError)
 _heard: ContextVar[Diagnostics | None] = ContextVar("heard", default=None)
 
@@ -26,7 +27,7 @@ Value = TypeVar("Value")
 
 @contextmanager
 def noting(diagnostics: Diagnostics) -> Iterator[None]:
-    """Failures inside become diagnostics of these; outside nobody hears of them."""
+    """Report failures inside as diagnostics; outside of it they are not reported."""
     before = _heard.set(diagnostics)
     try:
         yield
@@ -58,14 +59,14 @@ def _name_of(attribute: Usd.Property) -> str:
 
 
 def why(error: Exception) -> str:
-    """What one of FAILURES says, as the end of a message."""
+    """Return the reason of one of FAILURES, as the end of a message."""
     if isinstance(error, UnicodeDecodeError):
         return "it is not UTF-8."
     return tf_message(error) if isinstance(error, Tf.ErrorException) else "USD has no such value for Python."
 
 
 def value_at(attribute: Usd.Attribute, time: Usd.TimeCode | float) -> Any:
-    """None where there is none, or none that can be read."""
+    """Return the attribute's value at a time; None where there is none, or none that can be read."""
     try:
         return attribute.Get(time)
     except FAILURES as error:
@@ -74,12 +75,12 @@ def value_at(attribute: Usd.Attribute, time: Usd.TimeCode | float) -> Any:
 
 
 def default_value(attribute: Usd.Attribute) -> Any:
-    """At the default time."""
+    """Return the attribute's value at the default time."""
     return value_at(attribute, Usd.TimeCode.Default()) if attribute else None
 
 
 def metadatum(of: Usd.Object, name: str) -> Any:
-    """Of a prim or property."""
+    """Return a piece of metadata of a prim or property."""
     try:
         return of.GetMetadata(name)
     except FAILURES as error:
@@ -88,7 +89,7 @@ def metadatum(of: Usd.Object, name: str) -> Any:
 
 
 def color_space_name(attribute: Usd.Attribute) -> str:
-    """As the attribute's own metadata say, "" where they do not."""
+    """Return the colour space in the attribute's own metadata, "" where none is authored."""
     try:
         return str(attribute.GetColorSpace()) if attribute.HasColorSpace() else ""
     except FAILURES as error:
@@ -100,11 +101,11 @@ def has_color_space(attribute: Usd.Attribute) -> bool:
     try:
         return bool(attribute.HasColorSpace())
     except FAILURES:
-        return True  # what it is, its reader says
+        return True  # its reader reports what is wrong
 
 
 def interpolation(primvar: UsdGeom.Primvar) -> str:
-    """`constant` where none is authored, and where it is no token."""
+    """Return a primvar's interpolation; `constant` where none is authored, and where it is no token."""
     try:
         return str(primvar.GetInterpolation())
     except FAILURES as error:
@@ -113,7 +114,7 @@ def interpolation(primvar: UsdGeom.Primvar) -> str:
 
 
 def normals_interpolation(shape: UsdGeom.PointBased) -> str:
-    """Of `normals`, not of the primvar; `vertex` where none is authored, and where it is no token."""
+    """Return the interpolation of the attribute `normals` (not the primvar); `vertex` if not authored or no token."""
     try:
         return str(shape.GetNormalsInterpolation())
     except FAILURES as error:
@@ -130,7 +131,7 @@ def element_size(primvar: UsdGeom.Primvar) -> int:
 
 
 def targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
-    """Where a relationship leads, through others; none where the property is an attribute."""
+    """Return the forwarded targets of a relationship; none where the property is an attribute."""
     relationship = prim.GetRelationship(name)
     if not relationship:
         if prim.HasProperty(name):
@@ -152,7 +153,7 @@ def connections(attribute: Usd.Attribute) -> list[Sdf.Path]:
 
 
 def shader_id(shader: Usd.Prim) -> str:
-    """ "" where it has none."""
+    """Return the shader's identifier, "" where it has none."""
     try:
         return str(UsdShade.Shader(shader).GetShaderId() or "")
     except FAILURES as error:
@@ -161,9 +162,10 @@ def shader_id(shader: Usd.Prim) -> str:
 
 
 def type_name(prim: Usd.Prim) -> str:
-    """Return the name of the schema that USD takes a prim for; "" for a prim without a type.
+    """Return the schema name that USD uses for a prim; "" for a prim without a type.
 
-    For types that no schema is known for, that is what the stage's `fallbackPrimTypes` name instead, else the authored name.
+    A type without a known schema is replaced by what the stage's `fallbackPrimTypes` name, if anything, else it is returned as
+    authored.
     """
     try:
         name: str = prim.GetTypeName()
@@ -184,7 +186,7 @@ def _schema_name(info: Usd.PrimTypeInfo) -> str:
 
 
 def type_and_schemas(prim: Usd.Prim) -> tuple[str, list[str]]:
-    """Return `type_name` of a prim and `schemas_applied` to it, in fewer questions."""
+    """Return `type_name` and `schemas_applied` of a prim, with fewer calls."""
     try:
         info = prim.GetPrimTypeInfo()
         return _schema_name(info), info.GetAppliedAPISchemas()
@@ -193,7 +195,7 @@ def type_and_schemas(prim: Usd.Prim) -> tuple[str, list[str]]:
 
 
 def schemas_applied(prim: Usd.Prim) -> list[str]:
-    """Those that are authored on the prim, with instance names."""
+    """Return the API schemas authored on the prim, with instance names."""
     try:
         schemas: list[str] = prim.GetPrimTypeInfo().GetAppliedAPISchemas()
         return schemas
@@ -203,7 +205,7 @@ def schemas_applied(prim: Usd.Prim) -> list[str]:
 
 
 def property_names(prim: Usd.Prim) -> list[str]:
-    """Those that are authored."""
+    """Return the names of the authored properties."""
     try:
         names: list[str] = prim.GetAuthoredPropertyNames()
         return names
@@ -213,7 +215,7 @@ def property_names(prim: Usd.Prim) -> list[str]:
 
 
 def authored_attributes(prim: Usd.Prim) -> list[Usd.Attribute]:
-    """Where one of them cannot be told from a relationship, those that can."""
+    """Return the authored attributes; where one cannot be told from a relationship, all that can be read."""
     try:
         return list(prim.GetAuthoredAttributes())
     except FAILURES:
@@ -230,7 +232,7 @@ def _attribute(prim: Usd.Prim, name: str) -> Usd.Attribute | None:
 
 
 def local_transform(cache: UsdGeom.XformCache, prim: Usd.Prim) -> tuple[Gf.Matrix4d, bool]:
-    """The prim's own, and whether it resets the stack; none at all where one of its operations cannot be read."""
+    """Return the prim's local transform, and whether it resets the stack; identity where an operation cannot be read."""
     try:
         local, resets = cache.GetLocalTransformation(prim)
         return local, resets
@@ -239,7 +241,7 @@ def local_transform(cache: UsdGeom.XformCache, prim: Usd.Prim) -> tuple[Gf.Matri
 
 
 def local_transform_at(prim: Usd.Prim, time_of: Callable[[Usd.Attribute], Usd.TimeCode]) -> tuple[Gf.Matrix4d, bool]:
-    """The same with a time for each of its operations."""
+    """Return the prim's local transform with a separate time for each of its operations, and whether it resets the stack."""
     local = Gf.Matrix4d(1.0)
     try:
         xformable = UsdGeom.Xformable(prim)
@@ -258,12 +260,12 @@ def _no_transform(prim: Usd.Prim, error: Exception) -> tuple[Gf.Matrix4d, bool]:
 
 
 def world_transform(cache: UsdGeom.XformCache, prim: Usd.Prim) -> Gf.Matrix4d | None:
-    """None where that of one prim cannot be read, whose own reader says so."""
+    """Return the prim's world transform; None where one on the path cannot be read, which its own reader reports."""
     return computed(lambda: cache.GetLocalToWorldTransform(prim), None)
 
 
 def purpose_of(prim: Usd.Prim) -> str:
-    """Its own or the nearest above it."""
+    """Return the prim's purpose, or the nearest one above it."""
     try:
         return str(UsdGeom.Imageable(prim).ComputePurpose())
     except FAILURES as error:
@@ -272,7 +274,7 @@ def purpose_of(prim: Usd.Prim) -> str:
 
 
 def is_invisible(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
-    """By its own opinion or one above it."""
+    """Return whether the prim is invisible, by its own opinion or one above it."""
     try:
         return bool(UsdGeom.Imageable(prim).ComputeVisibility(time) == UsdGeom.Tokens.invisible)
     except FAILURES as error:
@@ -281,7 +283,7 @@ def is_invisible(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
 
 
 def computed(what: Callable[[], Value], default: Value) -> Value:
-    """What USD computes of many prims, whose own readers say what is wrong with one."""
+    """Return what USD computes from many prims, or the default where it fails; the reader of a faulty prim reports it."""
     try:
         return what()
     except FAILURES:

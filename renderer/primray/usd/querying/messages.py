@@ -1,4 +1,4 @@
-"""What USD says when it fails. Its messages may hold bytes that are not UTF-8 (they quote the file), so they are read here."""
+"""Texts of USD's errors. They may hold bytes that are not UTF-8 (they quote files), so they are decoded here."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BREAK = re.compile(r"\s*\n\s*([;,.]?)")  # USD quotes errors that end their lin
 
 
 def error_text(message: Any, field: str = "") -> str:
-    """The text of one of USD's messages or of its `field`, on one line, with bytes that are not UTF-8 replaced."""
+    """Return the text of one of USD's messages, or of its `field`, on one line, with bytes that are not UTF-8 replaced."""
     try:
         text = str(getattr(message, field) if field else message)
     except UnicodeDecodeError as error:
@@ -24,7 +24,7 @@ def error_text(message: Any, field: str = "") -> str:
 
 
 def tf_message(error: Tf.ErrorException) -> str:
-    """What went wrong, without USD's source locations; what one of its sentences has from another is told once."""
+    """Return what went wrong, without USD's source locations, and without sentences that another one repeats."""
     texts = [error_text(part, "commentary" if hasattr(type(part), "commentary") else "") for part in error.args]
     told = [text for text in dict.fromkeys(texts) if not any(text in other for other in texts if other != text)]
     return "; ".join(told) or "unknown USD error"
@@ -32,7 +32,7 @@ def tf_message(error: Tf.ErrorException) -> str:
 
 @contextmanager
 def scene_errors() -> Iterator[None]:
-    """InvalidSceneError where USD fails on what no guarded call asks, such as a prim whose name is not text."""
+    """Raise InvalidSceneError where USD fails in a call that is not guarded, such as for a prim whose name is not text."""
     try:
         yield
     except Tf.ErrorException as error:

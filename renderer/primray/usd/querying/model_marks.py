@@ -1,7 +1,7 @@
-"""Models of native instances, which stay models where the instance is ended in a copy of the stage.
+"""Marks on models of native instances, so that they stay models where the instance is ended in a copy of the stage.
 
-USD takes the root of a prototype for a group of models (UsdPrim::IsModel), whatever is above its instances. Below an ended
-instance that is no such group the same prims would be none, and would be drawn whatever their draw modes say.
+USD treats the root of a prototype as a group of models (UsdPrim::IsModel), whatever is above its instances. Below an ended
+instance that is no such group the same prims would not be models, and would be drawn whatever their draw modes are.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MODEL = "primray:model"
 
 
 def models_below(instance: Usd.Prim) -> list[Sdf.Path]:
-    """Paths of the models in a native instance that would be none if it were ended."""
+    """Return the paths of the models in a native instance that would not be models if it were ended."""
     if instance.IsGroup():
         return []
     prototype = instance.GetPrototype()

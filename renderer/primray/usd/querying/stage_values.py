@@ -1,7 +1,7 @@
-"""A stage's and its layers' own metadata, whatever types they have: the only place that reads them (a gate holds that).
+"""Metadata of a stage and of its layers, whatever types their values have: the only place that reads them (a gate holds that).
 
-USD's readers fail where a value is not of the schema's type, though it may be a number as well as any. Then the value as it
-stands is taken if it is of use, else the default; either is noted (guarded.noting).
+USD's readers fail where a value is not of the schema's type, even if it is a usable number. Then the authored value is used if
+it makes sense, else the default; both cases are reported (guarded.noting).
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from pxr import Sdf, Usd, UsdGeom
 
 from .guarded import FAILURES, note
 
-_LONGEST = 60  # of a value in a message
-# What a layer may say of itself that changes a picture or its times; USD's readers fail on values of other types. Each of the
-# others has its own reader here.
+_LONGEST = 60  # characters of a value in a message
+# Layer metadata that may change a picture or its times, and on which USD's readers fail if the type is wrong. All others have
+# a reader of their own below.
 _CHANGING = """startTimeCode endTimeCode framesPerSecond framePrecision defaultPrim customLayerData expressionVariables
     colorConfiguration colorManagementSystem"""
 _OF_LAYERS = frozenset(_CHANGING.split())
 
 
 def layer_value(layer: Sdf.Layer, name: str) -> Any:
-    """A piece of a layer's own metadata, of whatever type; None where it says nothing."""
+    """Return a piece of a layer's own metadata, whatever its type; None where it is not authored."""
     try:
         return layer.pseudoRoot.GetInfo(name) if layer.pseudoRoot.HasInfo(name) else None
     except FAILURES:
@@ -32,7 +32,7 @@ def layer_value(layer: Sdf.Layer, name: str) -> Any:
 
 
 def stage_value(stage: Usd.Stage, name: str) -> Any:
-    """The session's or the root layer's opinion; None where neither has one."""
+    """Return the session layer's or the root layer's opinion; None where neither has one."""
     for layer in (stage.GetSessionLayer(), stage.GetRootLayer()):
         if layer and (found := layer_value(layer, name)) is not None:
             return found
@@ -40,7 +40,7 @@ def stage_value(stage: Usd.Stage, name: str) -> Any:
 
 
 def wrong_values(layer: Sdf.Layer) -> list[tuple[str, Any]]:
-    """Names and values of the layer's metadata that are of other types than their schema's."""
+    """Return names and values of the layer's metadata whose types are not their schema's."""
     return [(name, layer_value(layer, name)) for name in layer.pseudoRoot.ListInfoKeys() if _is_wrong(layer, name)]
 
 
@@ -79,23 +79,23 @@ def _text(stage: Usd.Stage, name: str, reads: Callable[[], Any], default: str) -
 
 
 def shown(found: Any) -> str:
-    """In a message: short."""
+    """Return a value as text for a message, shortened."""
     text = "blocked" if isinstance(found, Sdf.ValueBlock) else repr(found)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def authored_up_axis(stage: Usd.Stage) -> str:
-    """Any text."""
+    """Return the stage's upAxis, which may be any text."""
     return _text(stage, "upAxis", lambda: UsdGeom.GetStageUpAxis(stage), str(UsdGeom.GetFallbackUpAxis()))
 
 
 def authored_meters_per_unit(stage: Usd.Stage) -> float:
-    """Any number."""
+    """Return the stage's metersPerUnit, which may be any number."""
     return _number(stage, "metersPerUnit", lambda: UsdGeom.GetStageMetersPerUnit(stage), 0.01)
 
 
 def usable_length(meters: float) -> float:
-    """Return a metersPerUnit, USD's default for what is no length."""
+    """Return a metersPerUnit, or USD's default for one that is not finite and positive."""
     return meters if math.isfinite(meters) and meters > 0 else 0.01
 
 
@@ -120,7 +120,7 @@ def frames_per_second(stage: Usd.Stage) -> float:
 
 
 def default_prim(stage: Usd.Stage) -> str | None:
-    """Its path; None where the stage names none that is there."""
+    """Return the path of the default prim; None where the stage names none that exists."""
     try:
         return str(stage.GetDefaultPrim().GetPath()) if stage.HasDefaultPrim() else None
     except FAILURES:
@@ -130,7 +130,7 @@ def default_prim(stage: Usd.Stage) -> str | None:
 
 
 def render_settings_path(stage: Usd.Stage) -> str | None:
-    """As the metadata say, "" where they are no text; None where they say nothing."""
+    """Return renderSettingsPrimPath from the metadata; None where it is not authored or no text."""
     found = stage_value(stage, "renderSettingsPrimPath")
     if found is None or isinstance(found, str):
         return found
@@ -139,7 +139,7 @@ def render_settings_path(stage: Usd.Stage) -> str | None:
 
 
 def layer_data(stage: Usd.Stage, name: str) -> Any:
-    """What a tool left under this name in customLayerData, the session layer's over the root layer's; None where nothing is."""
+    """Return what a tool left under this name in customLayerData, session layer over root layer; None where nothing is."""
     try:
         return stage.GetMetadataByDictKey("customLayerData", name)
     except FAILURES:
@@ -148,7 +148,7 @@ def layer_data(stage: Usd.Stage, name: str) -> Any:
 
 
 def rate_of(layer: Sdf.Layer) -> float:
-    """A layer's timeCodesPerSecond; not a number where it is of another type."""
+    """Return a layer's timeCodesPerSecond; NaN where it is not a number."""
     try:
         return float(layer.timeCodesPerSecond)
     except FAILURES:
@@ -156,7 +156,7 @@ def rate_of(layer: Sdf.Layer) -> float:
 
 
 def wrong_rate(layer: Sdf.Layer) -> str | None:
-    """A layer's timeCodesPerSecond as text, where it is of another type than a number."""
+    """Return a layer's timeCodesPerSecond as text where it is authored and not a number, else None."""
     return shown(layer_value(layer, "timeCodesPerSecond")) if math.isnan(rate_of(layer)) and has_rate(layer) else None
 
 
@@ -177,7 +177,7 @@ def has_expression_variables(layer: Sdf.Layer) -> bool:
 
 
 def asset_of_expression(path: str, layer: Sdf.Layer, stage: Usd.Stage) -> str:
-    """Return an asset path as authored in a layer of the stage; of an expression, its value, "" where it has none."""
+    """Return an asset path as authored in a layer of the stage; for an expression its value, or "" if it has none."""
     if not path.startswith("`"):
         return path
     try:
@@ -188,6 +188,6 @@ def asset_of_expression(path: str, layer: Sdf.Layer, stage: Usd.Stage) -> str:
 
 
 def _variables(layer: Sdf.Layer, stage: Usd.Stage) -> dict[str, Any]:
-    """Return the expression variables that USD has composed for the layer: those of the first layer stack that it is in."""
+    """Return the expression variables that USD has composed for the layer: those of the first layer stack that contains it."""
     stacks = stage._GetPcpCache().FindAllLayerStacksUsingLayer(layer)
     return dict(stacks[0].expressionVariables.GetVariables()) if stacks else {}

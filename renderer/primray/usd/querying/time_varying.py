@@ -1,7 +1,7 @@
-"""What changes over time: the only place that knows the ways in which values may be given for times (a gate holds that).
+"""Variation over time: the only place that knows the ways in which values may be given for times (a gate holds that).
 
-These are time samples, value clips (samples in further files, which metadata name) and splines, which only scalars have
-and USD counts as no samples. A layer lists its samples, not its clips and splines.
+These are time samples, value clips (samples in further files, named by metadata) and splines, which only scalars have and which
+USD does not count as samples. A layer lists its samples, but not its clips and splines.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from pxr import Gf, Sdf, Tf, Usd
 
 from .guarded import authored_attributes, default_value, metadatum, value_at
 
-MOST_SAMPLES = 16  # that are compared; what has more in a span is taken to change
-_STEPS = 16  # between which a spline is looked at, besides its knots
+MOST_SAMPLES = 16  # compared at most; an attribute with more in a span is assumed to change
+_STEPS = 16  # steps of a span at which a spline is compared, besides its knots
 _UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
 _SCALAR = re.compile("(translate|scale|rotate)[XYZ]$")
 _SPLINED = frozenset(["double", "float", "half", "timecode"])  # the types that have splines (Ts.Spline.IsSupportedValueType)
 
 
-EARLIEST = Usd.TimeCode.EarliestTime()  # for what USD computes of many attributes; a spline may be anywhere then
+EARLIEST = Usd.TimeCode.EarliestTime()  # for values that USD computes from many attributes; splines extrapolate at it
 
 
 def has_samples(layers: Iterable[Sdf.Layer]) -> bool:
-    """Whether any of the layers has time samples of its own."""
+    """Return whether any of the layers has time samples itself."""
     return any(layer.ListAllTimeSamples() for layer in layers)
 
 
 def has_clips(prim: Usd.Prim) -> bool:
-    """Whether the prim brings value clips to itself and what is below it."""
+    """Return whether value clips are authored on the prim, for itself and the prims below it."""
     return bool(prim.HasAuthoredMetadata("clips"))
 
 
 def is_below_clips(prim: Usd.Prim | None) -> bool:
-    """Whether it or a prim above it brings some; of no prim nothing does."""
+    """Return whether value clips are authored on the prim or on one of its ancestors; False for no prim."""
     while prim:
         if has_clips(prim):
             return True
@@ -46,7 +46,7 @@ def is_below_clips(prim: Usd.Prim | None) -> bool:
 
 
 def changing(prims: Iterable[Usd.Prim]) -> set[Sdf.Path]:
-    """Their attributes that may have other values at other times."""
+    """Return the paths of those of the prims' attributes that may have different values at different times."""
     return {
         a.GetPath()
         for prim in prims
@@ -56,7 +56,7 @@ def changing(prims: Iterable[Usd.Prim]) -> set[Sdf.Path]:
 
 
 def _names_frame(attribute: Usd.Attribute) -> bool:
-    """Whether it is the name of a file of a sequence ({frame} or {04frame}: MaterialX, "Filename Substitutions")."""
+    """Return whether the attribute names files of a sequence ({frame} or {04frame}: MaterialX, "Filename Substitutions")."""
     if attribute.GetTypeName() != "asset":
         return False
     found = default_value(attribute)
@@ -64,7 +64,7 @@ def _names_frame(attribute: Usd.Attribute) -> bool:
 
 
 def is_timed(attribute: Usd.Attribute) -> bool:
-    """Whether it has any value for a time."""
+    """Return whether the attribute has any value for a time."""
     return bool(attribute.GetNumTimeSamples()) or has_spline(attribute)
 
 
@@ -73,23 +73,23 @@ def has_spline(attribute: Usd.Attribute) -> bool:
 
 
 def may_have_spline(attribute: Usd.Attribute) -> bool:
-    """By its type."""
+    """Return whether the attribute's type allows splines."""
     return str(attribute.GetTypeName()) in _SPLINED
 
 
 @lru_cache(maxsize=4096)
 def scalar_operations(names: frozenset[str]) -> tuple[str, ...]:
-    """Those of a prim's transform that may have splines."""
+    """Return the transform operations among these names that may have splines."""
     return tuple(name for name in names if name.startswith("xformOp:") and _SCALAR.match(name.split(":")[1]))
 
 
 def has_times(attribute: Usd.Attribute) -> bool:
-    """Whether there are values for times, one at least."""
+    """Return whether the attribute has at least one value for a time."""
     return bool(attribute.HasSpline() or attribute.GetNumTimeSamples() > 0)
 
 
 def earliest_if_unset(attribute: Usd.Attribute) -> Usd.TimeCode | None:
-    """The time of the first value, where there is none for the default time but some for others."""
+    """Return the time of the first value where there is none for the default time but some for others, else None."""
     if attribute.GetResolveInfo(Usd.TimeCode.Default()).GetSource() not in _UNSET:
         return None
     if attribute.HasSpline():
@@ -98,24 +98,25 @@ def earliest_if_unset(attribute: Usd.Attribute) -> Usd.TimeCode | None:
 
 
 def earliest_value(attribute: Usd.Attribute) -> Any:
-    """The first of its values for times, else the one for the default time."""
+    """Return the earliest of the attribute's values for times, else the one for the default time."""
     time = _first_knot(attribute) if attribute.HasSpline() else None
     return value_at(attribute, EARLIEST if time is None else time)
 
 
 def _first_knot(attribute: Usd.Attribute) -> Usd.TimeCode | None:
-    """Before it a spline may go anywhere: at USD's earliest time one with a slope is beyond 1e300."""
+    """Return the time of a spline's first knot. Before it a spline may extrapolate: with a slope it is beyond 1e300 at USD's
+    earliest time."""
     knots = _knot_times(attribute)
     return Usd.TimeCode(min(knots)) if knots else None
 
 
 def _knot_times(attribute: Usd.Attribute) -> list[float]:
-    """In the stage's time."""
+    """Return the times of a spline's knots, in the stage's time."""
     return [float(knot.GetTime()) for knot in attribute.GetSpline().GetKnots().values()]
 
 
 def number_of(time: Usd.TimeCode, attribute: Usd.Attribute) -> float | None:
-    """A time as a number, the earliest as that of the attribute's first sample; None for the default time."""
+    """Return a time as a number, the earliest one as the attribute's first sample; None for the default time."""
     if time.IsEarliestTime():
         samples = attribute.GetTimeSamples()
         return samples[0] if samples else None
@@ -123,12 +124,12 @@ def number_of(time: Usd.TimeCode, attribute: Usd.Attribute) -> float | None:
 
 
 def might_change(attribute: Usd.Attribute) -> bool:
-    """Asked before `changes`, cheaply."""
+    """Return whether the attribute may vary over time: a cheap test before `changes`."""
     return bool(attribute.ValueMightBeTimeVarying())
 
 
 def changes(attribute: Usd.Attribute, opens: float, closes: float) -> bool:
-    """Whether its value is another one at some time of this span; no where USD cannot read it."""
+    """Return whether the attribute's value differs anywhere in this span of time; False where USD cannot read it."""
     try:
         samples = attribute.GetTimeSamplesInInterval(Gf.Interval(opens, closes))
         if len(samples) > MOST_SAMPLES:
@@ -141,8 +142,11 @@ def changes(attribute: Usd.Attribute, opens: float, closes: float) -> bool:
 
 
 def times_between(attribute: Usd.Attribute, opens: float, closes: float) -> list[float]:
-    """Times within a span at which its path may bend: those of samples, of clips' and of a spline's knots, in order. Before one
-    at which the value may jump is the time just before it; of a jump as the span ends there is that time alone."""
+    """Return the times within a span at which the value may change direction, in order: samples, clip samples, spline knots.
+
+    A time at which the value may jump is preceded by the time just before it; for a jump at the end of the span that is
+    included alone.
+    """
     samples = list(map(float, attribute.GetTimeSamplesInInterval(Gf.Interval(opens, closes, False, True))))
     knots = [time for time in _knot_times(attribute) if opens < time <= closes] if attribute.HasSpline() else []
     before = [math.nextafter(time, -math.inf) for time in (*_jumping(attribute, samples, opens), *knots)]
@@ -150,7 +154,7 @@ def times_between(attribute: Usd.Attribute, opens: float, closes: float) -> list
 
 
 def _jumping(attribute: Usd.Attribute, samples: list[float], opens: float) -> list[float]:
-    """Those of the samples that the value before does not go to: clips have values of their own, and blocks none."""
+    """Return the samples that the value before does not interpolate to: clips have separate values, and blocks have none."""
     if not samples or not is_linear(attribute, samples[0]):
         return samples
     if attribute.GetTypeName().isArray:
@@ -160,19 +164,19 @@ def _jumping(attribute: Usd.Attribute, samples: list[float], opens: float) -> li
 
 
 def bracket(attribute: Usd.Attribute, time: float) -> tuple[float, float] | None:
-    """The times of the samples before and after, the same for a time that has one and beyond the ends; None: there is none."""
+    """Return the sample times before and after a time, equal at a sample and beyond the ends; None without samples."""
     around = attribute.GetBracketingTimeSamples(time)
     return (float(around[0]), float(around[-1])) if around else None
 
 
 def is_linear(attribute: Usd.Attribute, time: float) -> bool:
-    """Whether values between two samples are computed from these: not where clips have their own, nor where they are held."""
+    """Return whether values between two samples are interpolated: not for clips, and not where values are held."""
     held = attribute.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
     return not held and attribute.GetResolveInfo(time).GetSource() == Usd.ResolveInfoSourceTimeSamples
 
 
 def _looked_at(attribute: Usd.Attribute, opens: float, closes: float) -> list[float]:
-    """Times within a span at which a spline is compared: a curve may come back to where it was."""
+    """Return times within a span at which a spline is compared: a curve may return to its first value."""
     if not attribute.HasSpline():
         return []
     knots = [time for time in _knot_times(attribute) if opens < time < closes]
@@ -180,7 +184,8 @@ def _looked_at(attribute: Usd.Attribute, opens: float, closes: float) -> list[fl
 
 
 def span_of(stage: Usd.Stage, prims: Iterable[Usd.Prim]) -> tuple[float, float] | None:
-    """The first and the last time that values are given for: by layers and clips in their own time, by these prims' splines."""
+    """Return the first and last time that values are given for by layers and clips, in their own time, and by these prims'
+    splines."""
     times = [t for layer in stage.GetUsedLayers() for t in _ends(layer.ListAllTimeSamples())]
     for prim in prims:
         if has_clips(prim):
@@ -197,7 +202,7 @@ def _ends(times: Iterable[float]) -> list[float]:
 
 
 def _times_of_clips(prim: Usd.Prim) -> list[float]:
-    """As the metadata say: without opening any of what may be thousands of files."""
+    """Return the times of a prim's clips from its metadata, without opening any of perhaps thousands of files."""
     sets = metadatum(prim, "clips")
     found: list[float] = []
     for clips in sets.values() if isinstance(sets, dict) else ():

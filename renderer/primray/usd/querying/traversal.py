@@ -1,9 +1,10 @@
-"""Which prims are seen: the only place that goes through a stage, for all who search it (a gate holds that).
+"""Traversal of a stage, in one place for all who search it (a gate holds that).
 
-Two policies. What stands *in the world* is USD's default: active, loaded, defined as all above it is, not abstract. Cameras
-and settings are looked for there. What is *there* is active, loaded and has a defining specifier, `def` or `class`, of its own,
-whatever stands above it: `class` and `over` keep prims from being drawn where they stand, but relationships lead to materials
-and to prototypes of point instancers (around which UsdGeomPointInstancer recommends them).
+There are two policies. Prims *in the world* are those of USD's default predicate: active, loaded, defined as all their
+ancestors are, not abstract. Cameras and settings are looked for there. A prim *exists* if it is active, loaded and has a
+defining specifier itself, `def` or `class`, whatever its ancestors have: `class` and `over` keep prims from being drawn in
+place, but relationships lead to materials and to prototypes of point instancers below them (UsdGeomPointInstancer recommends
+that for prototypes).
 """
 
 from __future__ import annotations
@@ -17,44 +18,44 @@ from .guarded import targets, type_name
 
 _LOADED = Usd.PrimIsActive & Usd.PrimIsLoaded
 THERE = _LOADED & Usd.PrimHasDefiningSpecifier
-IN_WORLD = THERE & ~Usd.PrimIsAbstract  # asked of a child of what stands in the world
-IN_PROTOTYPE = THERE & ~Usd.PrimHasClassSpecifier  # of a child in what a point instancer draws, wherever that stands
+IN_WORLD = THERE & ~Usd.PrimIsAbstract  # for children of a prim in the world
+IN_PROTOTYPE = THERE & ~Usd.PrimHasClassSpecifier  # for children of a prim that a point instancer draws, wherever it is
 THERE_IN_INSTANCES = Usd.TraverseInstanceProxies(THERE)
 _LOADED_IN_INSTANCES = Usd.TraverseInstanceProxies(_LOADED)
 _PROTOTYPE_IN_INSTANCES = Usd.TraverseInstanceProxies(IN_PROTOTYPE)
 
 
 def in_world(stage: Usd.Stage) -> Iterable[Usd.Prim]:
-    """The prims that stand in the world, outside native prototypes."""
+    """Return the prims in the world, outside native prototypes."""
     found: Iterable[Usd.Prim] = stage.Traverse()
     return found
 
 
 def stands_in_world(prim: Usd.Prim) -> bool:
-    """Whether a prim that is there stands in the world, or in what is drawn of a native prototype."""
+    """Return whether a prim that exists is in the world, or in the drawn part of a native prototype."""
     return bool(prim.IsDefined() and not prim.IsAbstract())
 
 
 def populated(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """The active, loaded prims of a stage and of its native prototypes: all that are there, and what is around them.
+    """Return the active, loaded prims of a stage and of its native prototypes: those that exist, and those around them.
 
-    Whoever takes one for something asks `is_there`: cheaper of few prims than of all.
+    Callers check `is_there` on the few prims that they use: that is cheaper than checking all.
     """
     return chain(Usd.PrimRange(stage.GetPseudoRoot(), _LOADED), *(Usd.PrimRange(p, _LOADED) for p in stage.GetPrototypes()))
 
 
 def is_there(prim: Usd.Prim) -> bool:
-    """Of a populated prim."""
+    """Return whether a populated prim has a defining specifier."""
     return bool(prim.HasDefiningSpecifier())
 
 
 def there_below(root: Usd.Prim) -> Iterator[Usd.Prim]:
-    """The prims that are there, from this one down; not those in native instances."""
+    """Return the prims that exist from this one down, without those in native instances."""
     return (prim for prim in Usd.PrimRange(root, _LOADED) if prim.HasDefiningSpecifier())
 
 
 def everything(stage: Usd.Stage) -> list[Usd.Prim]:
-    """All prims of a stage, inactive ones too, outside native prototypes: to count them, or to see how deep they are."""
+    """Return all prims of a stage, inactive ones included, outside native prototypes: for counts and depths."""
     return list(stage.TraverseAll())
 
 
@@ -63,15 +64,15 @@ def everything_in_prototypes(stage: Usd.Stage) -> list[Usd.Prim]:
 
 
 def everything_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
-    """All prims from this one down, those in native instances by their proxies."""
+    """Return all prims from this one down, those in native instances as their proxies."""
     found: Iterable[Usd.Prim] = Usd.PrimRange(root, Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate))
     return found
 
 
 def collected(query: Usd.CollectionMembershipQuery, stage: Usd.Stage) -> frozenset[Sdf.Path]:
-    """Paths of the prims that a collection holds, in native instances those of their proxies.
+    """Return the paths of the prims that a collection holds, those in native instances as their proxies.
 
-    Of prims that do not stand in the world only where point instancers draw some of them.
+    Prims that are not in the world are included only where point instancers draw some of them.
     """
     seen = _LOADED_IN_INSTANCES if _draws_elsewhere(stage) else Usd.TraverseInstanceProxies()
     found = Usd.CollectionAPI.ComputeIncludedPaths(query, stage, seen)
@@ -79,7 +80,8 @@ def collected(query: Usd.CollectionMembershipQuery, stage: Usd.Stage) -> frozens
 
 
 def drawn(stage: Usd.Stage) -> list[Usd.Prim]:
-    """All that may be drawn, in native instances by its proxies: the world, and what point instancers lead to elsewhere."""
+    """Return all prims that may be drawn, those in native instances as proxies: the world, and prototypes of point instancers
+    elsewhere."""
     found = {prim.GetPath(): prim for prim in drawn_in_instances(stage.GetPseudoRoot())}
     waiting = list(found.values()) if _draws_elsewhere(stage) else []
     while waiting:
@@ -92,9 +94,9 @@ def drawn(stage: Usd.Stage) -> list[Usd.Prim]:
 
 
 def placed_elsewhere(stage: Usd.Stage) -> Iterator[tuple[Usd.Prim, Usd.Prim, Iterator[Usd.Prim]]]:
-    """Point instancers with each of their prototypes that do not stand in the world: the root, and all that is drawn of it.
+    """Return point instancers with each of their prototypes that is not in the world: its root, and all prims drawn below it.
 
-    An instancer in such a prototype comes after those that draw it.
+    An instancer inside such a prototype comes after those that draw it.
     """
     for instancer in drawn(stage) if _draws_elsewhere(stage) else []:
         for path in _prototypes_of(instancer) if type_name(instancer) == "PointInstancer" else []:
@@ -108,22 +110,22 @@ def _draws_elsewhere(stage: Usd.Stage) -> bool:
 
 
 def _below_prototype(root: Usd.Prim) -> Iterator[Usd.Prim]:
-    """What a point instancer draws of a prototype: the root, whatever its specifier, and what is below it."""
+    """Return what a point instancer draws of a prototype: the root, whatever its specifier, and the prims below it."""
     yield root
     for child in root.GetFilteredChildren(_PROTOTYPE_IN_INSTANCES):
         yield from Usd.PrimRange(child, _PROTOTYPE_IN_INSTANCES)
 
 
 def drawn_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
-    """From a prim of the world down: what stands there, in native instances by its proxies."""
+    """Return the prims of the world from this one down, those in native instances as their proxies."""
     found: Iterable[Usd.Prim] = Usd.PrimRange(root, Usd.TraverseInstanceProxies())
     return found
 
 
 def in_instances(stage: Usd.Stage, wanted: str) -> Iterator[Usd.Prim]:
-    """Prims of a type that stand in the world inside native instances, by their proxies, in the order of the stage.
+    """Return prims of a type that are in the world inside native instances, as proxies, in the stage's order.
 
-    Instances with none inside are passed over: there may be very many, but each that is gone into has one.
+    Instances without any are skipped: there may be a great many.
     """
     holding = _holding(stage, wanted)
     if not holding:
@@ -137,7 +139,7 @@ def in_instances(stage: Usd.Stage, wanted: str) -> Iterator[Usd.Prim]:
 
 
 def _holding(stage: Usd.Stage, wanted: str) -> set[Sdf.Path]:
-    """The native prototypes in which such prims stand, also inside instances in them."""
+    """Return the native prototypes that contain such prims, directly or in nested instances."""
     holding: set[Sdf.Path] = set()
     holders: dict[Sdf.Path, set[Sdf.Path]] = {}
     for prototype in stage.GetPrototypes():
@@ -155,26 +157,26 @@ def _holding(stage: Usd.Stage, wanted: str) -> set[Sdf.Path]:
 
 
 def prims_in(layer: Sdf.Layer) -> list[Sdf.Path]:
-    """Paths of the prims that a layer says anything of, outside variants."""
+    """Return the paths of the prims that a layer has specs for, outside variants."""
     found: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, found.append)
     return [path for path in found if path.IsPrimPath()]
 
 
 def attributes_in(layer: Sdf.Layer, root: Sdf.Path) -> list[Sdf.AttributeSpec]:
-    """The attributes that a layer has at a prim and below it."""
+    """Return the attribute specs that a layer has at a prim and below it."""
     found: list[Sdf.Path] = []
     layer.Traverse(root, found.append)
     return [attribute for attribute in map(layer.GetAttributeAtPath, found) if attribute]
 
 
 def models_in(prototype: Usd.Prim) -> list[Usd.Prim]:
-    """The models of a native prototype, which USD takes for a group of them."""
+    """Return the models of a native prototype, whose root USD treats as a group of models."""
     return [prim for prim in Usd.PrimRange(prototype, Usd.PrimIsModel) if prim != prototype]
 
 
 def children(prim: Usd.Prim, drawn: Usd._PrimFlagsPredicate) -> list[Usd.Prim]:
-    """Those that a policy sees."""
+    """Return the children that match a predicate."""
     found: list[Usd.Prim] = prim.GetFilteredChildren(drawn)
     return found
 
@@ -185,7 +187,7 @@ def all_children(prim: Usd.Prim) -> list[Usd.Prim]:
 
 
 def instanced_roots(stage: Usd.Stage) -> list[Usd.Prim]:
-    """The prototypes that point instancers of the world lead to, wherever they stand, those of instancers in them too."""
+    """Return the prototypes that point instancers of the world lead to, wherever they are, nested ones included."""
     met: dict[str, Usd.Prim] = {}
     waiting = [chain(in_world(stage), *map(there_below, stage.GetPrototypes()))]
     while waiting:
@@ -201,5 +203,5 @@ def instanced_roots(stage: Usd.Stage) -> list[Usd.Prim]:
 
 
 def _prototypes_of(instancer: Usd.Prim) -> list[str]:
-    """As authored; of relationships that USD cannot follow the adapter says so (point_instancer)."""
+    """Return the prototypes as authored; the adapter reports relationships that USD cannot follow (point_instancer)."""
     return [str(path) for path in targets(instancer, "prototypes")]

@@ -1,8 +1,7 @@
-"""Which applied schemas are read, which mean nothing to a picture, and which would change one and are ignored.
+"""Tables of applied schemas: those that are read, those that do not affect a picture, and those that would and are ignored.
 
-USD's own are told apart by name, those of other programs by how their names begin. A schema in no table is unknown, also where
-USD knows it (a plug-in's, or of a newer USD): nobody has looked at what it means to a picture. Names are without those of
-instances.
+USD's own are listed by name, those of other programs by prefix. A schema in no table is unknown, even if USD knows it (from a
+plug-in or a newer USD): its effect on a picture has not been assessed. Names are without those of instances.
 """
 
 from __future__ import annotations
@@ -17,16 +16,16 @@ from ..querying.guarded import schemas_applied
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
     MaterialXConfigAPI MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI
     LODRootAPI LODOverrideAPI BackPlateAPI"""
-# Of the proposal "physical-lighting", which USD 26.11 does not know; they are for lights.
+# Schemas for lights from the proposal "physical-lighting", which USD 26.11 does not know.
 PHOTOMETRIC = frozenset(f"{m}metric{kind}LightAPI" for m in ("Photo", "Radio") for kind in ("Area", "Dome", "Distant"))
 ILLUMINANT = "PhysicalLightIlluminantAPI"
 PHYSICAL = PHOTOMETRIC | {ILLUMINANT}
-# Ours, and those of other programs: adapters/cameras/ has what they say.
+# Primray's schemas, and those of other programs that adapters/cameras/ reads.
 _READ_OF_OTHERS = """OmniLensDistortionFthetaAPI OmniLensDistortionKannalaBrandtK3API OmniLensDistortionLutAPI
     OmniLensDistortionOpenCvFisheyeAPI OmniLensDistortionOpenCvPinholeAPI OmniLensDistortionRadTanThinPrismAPI
     OmniRtxRollingShutterAPI PrimrayLensAPI PrimrayRenderProductAPI PrimrayRenderSettingsAPI PrimrayRenderVarAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
-# field say nothing where the field itself is not rendered.
+# field are irrelevant because the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI
     ListAPI NodeGraphNodeAPI SceneGraphPrimAPI SemanticsLabelsAPI
     PhysicsArticulationRootAPI PhysicsCollisionAPI PhysicsDriveAPI PhysicsFilteredPairsAPI PhysicsLimitAPI PhysicsMassAPI
@@ -37,7 +36,7 @@ _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI H
     ParticleFieldSphericalHarmonicsAttributeAPI"""
 UNDERSTOOD = frozenset(f"{_READ} {_READ_OF_OTHERS} {_WITHOUT_EFFECT}".split()) | PHYSICAL
 
-# What is done instead.
+# Text for each ignored schema of USD's or another known program's: what is done instead.
 IGNORED = {
     "CoordSysAPI": "Coordinate systems are not read.",
     "HydraGenerativeProceduralAPI": "What its procedural would make is missing.",
@@ -53,7 +52,7 @@ _SIMULATED = "They say how things are simulated; what is drawn stands as it is a
 _RENDERER = "They are settings of another renderer."
 _LABELS = "They are labels."
 _HOUDINI = "They speak to Houdini's viewport and editors."
-# First letters of schemas that leave the picture as it is, and what they are there for.
+# Prefixes of schemas that do not affect the picture, with their purpose.
 _OTHERS_WITHOUT_EFFECT = {
     "Physics": _SIMULATED,
     "Physx": _SIMULATED,
@@ -70,7 +69,7 @@ _OTHERS_WITHOUT_EFFECT = {
     "Moonray": _RENDERER,
     "Typhoon": _RENDERER,
 }
-# Those among them, or other ones, without which something is missing from the picture; the longest beginning decides.
+# Prefixes of schemas without which the picture lacks something; the longest matching prefix of both tables decides.
 _OTHERS_CHANGING = {
     "HoudiniApex": "What its rig would deform stands as it is authored.",
     "HoudiniLightBarnDoor": "Barn doors do not shade the light.",
@@ -89,7 +88,7 @@ class Foreign:
 
 @cache
 def foreign_schema(name: str) -> Foreign | None:
-    """The row of a schema, by its name without that of an instance; None where it is unknown."""
+    """Return the row of a schema, given its name without that of an instance; None where it is unknown."""
     rows = [Foreign(begins, True, text) for begins, text in _OTHERS_CHANGING.items()]
     rows += [Foreign(begins, False, text) for begins, text in _OTHERS_WITHOUT_EFFECT.items()]
     fitting = [row for row in rows if _begins(name, row.family)]
@@ -97,7 +96,7 @@ def foreign_schema(name: str) -> Foreign | None:
 
 
 def _begins(name: str, family: str) -> bool:
-    """Where a new word follows: Mjc is no part of Mjcat."""
+    """Return whether a name begins with the family as a whole word: Mjc is not a prefix of Mjcat."""
     rest = name.removeprefix(family)
     return rest != name and not rest[:1].islower()
 
@@ -108,5 +107,5 @@ def is_without_effect(name: str) -> bool:
 
 
 def applied_schemas(prim: Usd.Prim) -> list[str]:
-    """Those that are authored on the prim, with instance names; what its type brings is not among them."""
+    """Return the schemas authored on the prim, with instance names; those built into its type are not included."""
     return [str(schema) for schema in schemas_applied(prim)]

@@ -1,4 +1,4 @@
-"""Where materials are bound: bindings that lead nowhere, and the subsets of a mesh that have materials of their own."""
+"""Material bindings: those that lead nowhere, collections, and subsets of a mesh with materials."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .context import Context
 BINDING = "material:binding"
 NO_MATERIAL = "which is no Material"
 FACE, TETRAHEDRON, SEGMENT = "face", "tetrahedron", "segment"
-# What subsets may hold, by the type of their prim; of all others faces.
+# Element types that subsets may hold, by the type of their prim; faces for all other types.
 ELEMENTS = {"TetMesh": (FACE, TETRAHEDRON), "BasisCurves": (SEGMENT,)}
 
 
@@ -31,7 +31,7 @@ class Subset:
 
 @dataclass
 class CollectionBindings:
-    """What is remembered of collections that a material is bound to."""
+    """State about collections that a material is bound to."""
 
     is_expression: dict[Sdf.Path, bool] = field(default_factory=dict)  # collections that have been looked into
     has_members_below: set[Sdf.Path] = field(default_factory=set)  # prims below which such a collection has members
@@ -39,11 +39,11 @@ class CollectionBindings:
 
 
 class _Wrong(dict[Sdf.Path, str]):
-    """By the path that a material binding names: what is wrong with it, "" for nothing."""
+    """Problems with the targets of material bindings by path, "" for none."""
 
 
 def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Context) -> list[list[Sdf.Path]]:
-    """The targets of these bindings, for whatever purpose, noting those that are no material."""
+    """Return the targets of these bindings, of any purpose, and report those that are no material."""
     found, known = [targets(prim, name) for name in names], ctx.kept.of(_Wrong)
     for name, led_to in zip(names, found, strict=True):
         if is_collection(name) and led_to:
@@ -58,11 +58,11 @@ def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Contex
 
 
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
-    """Remember below which prims some are in the collection and some are not, or may be where it is an expression."""
+    """Record below which prims only some are members of the collection, or may be where it is an expression."""
     bindings = ctx.kept.of(CollectionBindings)
     if collection not in bindings.is_expression:
         bindings.is_expression[collection] = _look_into(collection, bound_at, bindings, ctx)
-    if bindings.is_expression[collection]:  # which each prim that binds it applies to what is below that prim
+    if bindings.is_expression[collection]:  # evaluated below each prim that binds it
         bindings.expressed.add(bound_at)
 
 
@@ -82,9 +82,9 @@ def _look_into(collection: Sdf.Path, bound_at: Sdf.Path, bindings: CollectionBin
 
 
 def binds_by_collection(prim: Usd.Prim, ctx: Context) -> bool:
-    """Whether a prim, or one above it, binds materials by a collection; note what these collections hold.
+    """Return whether a prim or one of its ancestors binds materials by a collection; record what these hold.
 
-    Nobody walks over what is above a point instancer's prototype below `class` and `over`.
+    It is for the ancestors of a point instancer's prototype below `class` and `over`, which no walk visits.
     """
     found = False
     while prim and not prim.IsPseudoRoot():
@@ -103,7 +103,7 @@ def strengths_of(prim: Usd.Prim, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def binding_names(names: frozenset[str]) -> tuple[str, ...]:
-    """Those of these properties that bind materials."""
+    """Return the properties among these that bind materials."""
     return tuple(sorted(name for name in names if name.startswith(BINDING)))
 
 
@@ -115,14 +115,15 @@ def _wrong(target: Sdf.Path, ctx: Context) -> str:
 
 
 def is_collection(name: str) -> bool:
-    """Their first target is a collection, or the prim of one that is its default."""
+    """Return whether a binding is by collection: its first target is the collection, or a prim whose default collection it
+    is."""
     return ":collection:" in name
 
 
 def subsets_of(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
-    """Subsets of faces that say which material: those of the family materialBind, and any others that bind one.
+    """Return the subsets that have a material: those of the family materialBind, and any others that bind one.
 
-    Hydra's renderers take subsets of any family; materialBind is the family meant for it and wins where both hold a face.
+    Hydra's renderers accept subsets of any family; materialBind is the family meant for it and wins where both hold a face.
     """
     others: list[Subset] = []
     meant: list[Subset] = []

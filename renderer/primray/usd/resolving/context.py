@@ -1,4 +1,4 @@
-"""What every adapter is given: the stage, what of it is asked for, and where diagnostics and shared results go."""
+"""The context that every adapter is given: the stage, what is asked of it, and where diagnostics and shared results go."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .surface_table import SurfaceTable
 
 @dataclass(frozen=True)
 class Context:
-    """Fixed for all that are given it; translation goes on with a copy where more has been found out."""
+    """State that is fixed for all that are given it; translation continues with a copy once it knows more."""
 
     stage: Usd.Stage
     settings: RenderSettings
@@ -29,24 +29,25 @@ class Context:
     purposes: tuple[str, ...]
     material_purposes: tuple[str, ...]
     diagnostics: Diagnostics
-    timing: Timing = AT_FRAME  # when the shutter is open
-    foreseen: Foreseen = UNSEEN  # and how large things are seen then
-    stands: Stands | None = None  # where what is translated stands in the world, while the shutter is open
+    timing: Timing = AT_FRAME  # the shutter interval
+    foreseen: Foreseen = UNSEEN  # how large things appear during it
+    stands: Stands | None = None  # world placements of the prim being translated, while the shutter is open
     rendering_space: ColorSpace = REC709
-    aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
-    light_groups: LightGroups = NO_GROUPS  # that render settings say
-    levels_chosen: bool = False  # of detail: there is one of each
+    aov_primvars: tuple[str, ...] = ()  # primvars that AOVs show, without their namespace
+    light_groups: LightGroups = NO_GROUPS  # from the render settings
+    levels_chosen: bool = False  # each root of levels of detail has one level left
     names_instances: bool = False  # an AOV asks for instances
-    primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
-    color_primvars: frozenset[str] = frozenset()  # of these, what colours read; and what is shown without a material
+    primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all primvars that materials of the stage read
+    color_primvars: frozenset[str] = frozenset()  # those that are colours, and those shown without a material
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
-    outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # by prototype, around the material that is translated
-    prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance, as they are met
+    outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # by prototype, around the material being translated
+    prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance, in order of discovery
     surfaces: SurfaceTable = field(default_factory=SurfaceTable)
     kept: Kept = field(default_factory=Kept)
 
     def shown(self, path: str) -> str:
-        """A path as users know it: what lies in a prototype by its first instance, since USD numbers prototypes as it likes."""
+        """Return a path as users know it: a prim in a prototype by its first instance, since USD's numbers of prototypes
+        vary."""
         if not path.startswith("/__Prototype_"):
             return path
         root, slash, rest = path[1:].partition("/")

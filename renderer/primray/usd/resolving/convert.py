@@ -1,4 +1,4 @@
-"""USD's row-vector matrices to column-vector numpy, once."""
+"""Conversion of USD's row-vector matrices to column-vector numpy, in one place."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ...arrays import Doubles
 
 
 def matrix(gf: Gf.Matrix4d) -> Doubles:
-    """(4, 4) float64, column-vector convention."""
+    """Return the matrix as (4, 4) float64, column-vector."""
     return np.array(gf, np.float64).T.copy()
 
 
 def square(upper: Doubles) -> Doubles:
-    """(4, 4) from the upper three rows."""
+    """Return the (4, 4) matrix with these upper three rows."""
     whole = np.empty((4, 4))
     whole[:3], whole[3] = upper, (0.0, 0.0, 0.0, 1.0)
     return whole

@@ -1,4 +1,4 @@
-"""Authored names that no schema of USD's defines: inputs of lights, and what speaks to another renderer or program."""
+"""Authored names that no schema of USD's defines: unknown inputs of lights, and attributes for other renderers and programs."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from .renderer_attributes import (
 )
 from .resolve import ResolvedPrim
 
-# First words of the namespaces that renderers document for their own attributes (arnold-usd, hdPrman, Karma, Redshift, V-Ray,
+# First words of the namespaces that renderers document for their attributes (arnold-usd, hdPrman, Karma, Redshift, V-Ray,
 # Octane, Cycles' and MoonRay's Hydra delegates, Omniverse, Radeon ProRender, 3Delight), maybe within primvars: or outputs:.
 _RENDERERS = "arnold cycles husk karma mantra mitsuba moonray nsi octane omni prman redshift ri rman rpr vray"
 RENDERERS = frozenset(_RENDERERS.split())
 _WITHIN = frozenset({"primvars", "inputs", "outputs"})
-# Defined for lights in general; a light's own definition says which of its schemas are applied.
+# Schemas of lights in general; a light's prim definition has those that its type applies.
 _LIGHT_SCHEMAS = ("LightAPI", "ShapingAPI", "ShadowAPI")
 _EXTENSIONS = ("inputs:visibility:",)  # read by some renderers, no part of UsdLux
 
-# Other renderers' attributes that are read here, or are told of where they are looked for.
+# Other renderers' attributes that are read here, or are reported by their own readers.
 _READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS, *SETTINGS_OF_OTHERS)) | {
     name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)
 }
@@ -41,7 +41,7 @@ _SURFACE_OUTPUT = re.compile(r"outputs:\w+:surface")
 
 @dataclass
 class NameSet:
-    """The names that some prims have authored, and which prims."""
+    """Authored names, and how many prims have exactly these."""
 
     names: frozenset[str]
     first_path: str
@@ -49,7 +49,7 @@ class NameSet:
 
 
 def renderer_of(name: str) -> str:
-    """The renderer that an attribute speaks to, "" for none or where the attribute is read here."""
+    """Return the renderer that an attribute belongs to; "" for none, or where the attribute is read here."""
     if (
         name in _READ
         or name.startswith(ROLLING_SHUTTER)
@@ -64,7 +64,7 @@ def renderer_of(name: str) -> str:
 
 
 def note_other_renderers(sets: Iterable[NameSet], ctx: Context) -> None:
-    """One diagnostic for each namespace, however many prims have attributes in it."""
+    """Report attributes of other renderers, once per namespace, however many prims have them."""
     found: dict[str, dict[str, NameSet]] = {}
     prims: dict[str, int] = {}
     for names in sets:
@@ -89,7 +89,7 @@ class _Family:
 
 
 def note_foreign_schemas(sets: Iterable[tuple[NameSet, Iterable[str]]], ctx: Context) -> None:
-    """One diagnostic for each family that has no effect, of prims and the schemas applied to them."""
+    """Report schemas of other programs that have no effect, once per family."""
     found: dict[str, _Family] = {}
     for prims, schemas in sets:
         rows = {name: foreign_schema(name) for name in schemas}
@@ -106,11 +106,11 @@ def note_foreign_schemas(sets: Iterable[tuple[NameSet, Iterable[str]]], ctx: Con
 
 
 class _LightInputs(dict[tuple[str, tuple[str, ...], frozenset[str]], list[tuple[str, str, str]]]):
-    """By type, applied schemas and names: the code, message and attribute of what there is to say."""
+    """Findings about the inputs of lights (code, message, attribute), by type, applied schemas and authored names."""
 
 
 def note_light_inputs(prim: ResolvedPrim, applied: list[str], ctx: Context) -> None:
-    """Inputs that no schema of lights defines, and those by their names of before USD 21.02."""
+    """Report inputs that no schema of lights defines, and those with names from before USD 21.02."""
     key = (prim.type_name, tuple(applied), prim.names)
     known = ctx.kept.of(_LightInputs)
     if key not in known:  # the same for all lights of a kind

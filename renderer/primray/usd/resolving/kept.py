@@ -1,4 +1,4 @@
-"""What is kept while one stage is translated: of each type that a module has for what it remembers, one object."""
+"""Caches of one translation, one instance per cache type."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ T = TypeVar("T")
 
 
 class Kept:
-    """Modules declare what they keep beside the functions that use it, as a type that is made without arguments."""
+    """Registry of caches. Modules declare a cache type, constructible without arguments, beside the functions that use it."""
 
     def __init__(self) -> None:
         self._objects: dict[type[Any], Any] = {}
 
     def of(self, kind: type[T]) -> T:
-        """The one object of this type, made when it is first asked for."""
+        """Return the cache of this type, created on first use."""
         found = self._objects.get(kind)
         if found is None:
             found = self._objects[kind] = kind()
@@ -22,7 +22,7 @@ class Kept:
         return made
 
     def sharing(self, *kinds: type[Any]) -> Kept:
-        """Another that has these of it, and nothing else yet."""
+        """Return a registry that shares the caches of these types, and has no others yet."""
         other = Kept()
         other._objects = {kind: self.of(kind) for kind in kinds}
         return other

@@ -1,6 +1,6 @@
-"""What a prim carries that the picture will not show: one look at each prim the walk passes, as diagnostics.
+"""Diagnostics about a prim itself: what it has authored that the picture will not show.
 
-Only what any prim may carry is noted here; adapters note what is special to what they read.
+Only what any prim may carry is noted here; adapters report what is special to the prims that they read.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
 _TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight"}
 _UNLIT = frozenset({"Points", "BasisCurves", "HermiteCurves", "NurbsCurves"})
 _DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"})
-# Inputs that any light has, of which a portal only guides another's samples.
+# Inputs that any light has, but which do nothing on a portal: it only guides a dome's samples.
 _UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "inputs:normalize",
                       "inputs:enableColorTemperature", "inputs:diffuse", "inputs:specular")  # fmt: skip
 # UsdGeom MotionAPI: attribute -> the value that changes nothing.
@@ -35,7 +35,7 @@ _MOTION = {"motion:velocityScale": 1.0}
 
 
 class LevelsMet(Exception):
-    """The walk has come to a root of levels of detail, of which nobody has chosen one (walking/levels.py)."""
+    """Raised when the walk finds a root of levels of detail before a level has been chosen (walking/levels.py)."""
 
 
 class LightShapes(set[str]):
@@ -43,7 +43,7 @@ class LightShapes(set[str]):
 
 
 class PhysicalSchemas(dict[str, set[str]]):
-    """Those of the proposal "physical-lighting", by the paths of the prims that they are applied to."""
+    """Applied schemas of the proposal "physical-lighting", by prim path."""
 
 
 class PortalsMet(list[str]):
@@ -51,7 +51,7 @@ class PortalsMet(list[str]):
 
 
 def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: frozenset[str], kind: str) -> bool:
-    """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
+    """Return whether `note_prim` may report anything for prims of this type with these schemas, of which `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
     is_light = kind == "light" or bool(names & _LIGHT_SCHEMAS)
     if (
@@ -70,7 +70,7 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
 
 
 def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -> None:
-    """Diagnostics for one prim, by the schemas applied to it; `kind` is "" for types that no adapter takes."""
+    """Report what the picture lacks of one prim, given its applied schemas; `kind` is "" for types without an adapter."""
     schemas = [schema.split(":")[0] for schema in applied]
     if "LODRootAPI" in schemas and not ctx.levels_chosen:
         raise LevelsMet(prim.path)
@@ -89,19 +89,20 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
 
 
 def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
-    """Of a prim that the walk does not pass: a shader."""
+    """Report unread schemas of a prim that the walk does not visit: a shader."""
     for schema in filter(_is_unread, {schema.split(":")[0] for schema in applied_schemas(prim)}):
         _note_unread(schema, path, ctx)
 
 
 def note_document(prim: Usd.Prim, path: str, ctx: Context) -> None:
-    """Report what the MaterialX document of a prim says without effect: materialx/writing.py leaves it on the prim."""
+    """Report the parts of a prim's MaterialX document that have no effect: materialx/writing.py leaves them on the prim."""
     for line in read(prim, NOTES, ctx.when) or ():
         ctx.warn("materialx-part", path, str(line))
 
 
 def _is_unread(schema: str) -> bool:
-    """Whether it may change the picture, and does not; those of other programs that do not are told of by families."""
+    """Return whether a schema may change the picture and is not read; harmless ones of other programs are reported by
+    family."""
     return schema not in UNDERSTOOD and not is_without_effect(schema)
 
 
@@ -129,7 +130,8 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
 
 
 def unrendered(prim: Usd.Prim, type_name: str) -> tuple[str, str] | None:
-    """Code and message of a prim that no adapter takes; None where it is no loss. Of geometry that is drawn alone."""
+    """Return code and message for a prim without an adapter; None where nothing is lost. Geometry counts only if it is
+    drawn."""
     if type_name in UNSUPPORTED:
         return "unsupported-prim", f"{type_name} is not rendered."
     if type_name in UNSUPPORTED_LIGHTS:
@@ -140,7 +142,7 @@ def unrendered(prim: Usd.Prim, type_name: str) -> tuple[str, str] | None:
 
 
 def _note_portal(prim: ResolvedPrim, ctx: Context) -> None:
-    """Whether a dome names it is known after all lights (lights.portals)."""
+    """Record a portal, and report its unused inputs. Whether a dome uses it is known after all lights (lights.portals)."""
     ctx.kept.of(PortalsMet).append(prim.path)
     for name in _UNUSED_BY_PORTALS:
         if name in prim.names:
@@ -173,7 +175,7 @@ def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
 
 
 def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:
-    """Shapes become lights; what is not rendered as a surface does not, nor do curves, whose area nobody asks for."""
+    """Register shapes as lights; report prims that cannot be lights, such as curves, whose area is not computed."""
     if kind == "shape" and prim.type_name not in _UNLIT:
         ctx.kept.of(LightShapes).add(prim.path)
         if schema == "VolumeLightAPI":

@@ -1,6 +1,6 @@
-"""Where the prims of a group stand in it: their own transforms as they are met, multiplied out together at the end.
+"""Transforms of the prims of a group: local ones collected by the walk, and multiplied together at the end.
 
-A stage of a million prims has about as many matrices: one product at a time would take half as long as reading them.
+A stage of a million prims has about as many matrices: multiplying them one at a time would take half as long as reading them.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pxr import Gf
 from ...arrays import Doubles
 
 ROOT = 0  # the pose of the group itself
-_APART = -1  # above a pose that leaves out what is above it
-_TOGETHER = 1 << 14  # transforms that are kept as USD's objects, which are several times as large
+_APART = -1  # parent of a pose that resets the transform stack
+_TOGETHER = 1 << 14  # transforms kept as USD's objects, which are several times as large, before they are packed
 
 
 class Poses:
@@ -31,7 +31,8 @@ class Poses:
         self._products: Doubles | None = None
 
     def add(self, local: Gf.Matrix4d, above: int, *, resets: bool = False) -> int:
-        """The number of a pose: this transform below the pose `above`, or below nothing."""
+        """Add a local transform below the pose `above`, or below nothing where it resets the stack; return the new pose's
+        number."""
         if len(self._recent) == _TOGETHER:
             self._older.append(b"".join(self._recent))
             self._recent = []
@@ -42,7 +43,7 @@ class Poses:
         return len(self._above) - 1
 
     def at(self, pose: int) -> Doubles:
-        """(4, 4) group_from_prim, column-vector convention; for few of them while others are still added."""
+        """Return group_from_prim (4, 4) of one pose, column-vector; for a few of them while others are still added."""
         product = self._local(pose)
         chain = [product]
         while (pose := self._above[pose]) != _APART:
@@ -53,7 +54,7 @@ class Poses:
         return np.ascontiguousarray(product[0].T)
 
     def of(self, poses: Sequence[int]) -> Doubles:
-        """(K, 4, 4), the same of many."""
+        """Return group_from_prim (K, 4, 4) of many poses, column-vector."""
         products = self.every()
         columns = np.empty((len(poses), 4, 4))
         for start in range(0, len(poses), _TOGETHER):
@@ -62,18 +63,18 @@ class Poses:
         return columns
 
     def taken(self, poses: Sequence[int]) -> Doubles:
-        """`of` these; nothing is kept for those who would ask again."""
+        """Return `of` these poses, and forget all of them."""
         found = self.of(poses)
         self._begin()
         return found
 
     def local(self, pose: int) -> Doubles:
-        """(4, 4) its own transform, of row vectors as USD has it."""
+        """Return a pose's local transform (4, 4), row-vector as USD has it."""
         local: Doubles = self._local(pose)[0]
         return local
 
     def put(self, pose: int, local: Gf.Matrix4d) -> None:
-        """Another transform of its own."""
+        """Replace a pose's local transform."""
         self._products = None
         block, at = divmod(pose, _TOGETHER)
         if block == len(self._older):
@@ -84,7 +85,7 @@ class Poses:
         self._older[block] = matrices.tobytes()
 
     def every(self) -> Doubles:
-        """(N, 4, 4) the products of all poses, of row vectors."""
+        """Return the products of all poses (N, 4, 4), row-vector."""
         if self._products is None:
             self._products = self._multiplied()
         return self._products
@@ -105,7 +106,7 @@ class Poses:
 
 
 def _after(local: npt.NDArray[np.float64], above: npt.NDArray[np.float64]) -> Doubles:
-    """(K, 4, 4) products of USD's row-vector matrices, with the bits of Gf.Matrix4d's."""
+    """Return (K, 4, 4) products of USD's row-vector matrices, with the bits of Gf.Matrix4d's."""
     with np.errstate(invalid="ignore", over="ignore"):
         product = local[:, :, 0:1] * above[:, 0:1, :]
         for k in range(1, 4):

@@ -1,6 +1,6 @@
-"""What prims of one type with the same schemas and the same authored names have in common, decided once for all of them.
+"""Kinds of prims: what prims of one type with the same schemas and the same authored names have in common, computed once.
 
-A stage of a million prims has some dozens of such kinds: what need not be asked of a kind is asked of none of its prims.
+A stage of a million prims has some dozens of such kinds: a question answered by the kind is not asked of each prim.
 """
 
 from __future__ import annotations
@@ -21,38 +21,38 @@ from .resolve import hands_down, names_that_count
 
 
 class PropertyNames(set[frozenset[str]]):
-    """What prims have authored, each set of names once."""
+    """Sets of authored property names that occur on the stage."""
 
 
 @dataclass
 class PrimKind(NameSet):
-    """`names` are the authored properties, `count` and `first_path` say which prims have been met."""
+    """A kind of prims: `names` are the authored properties, `count` and `first_path` tell which prims of it have been found."""
 
     type_name: str = ""
     schemas: list[str] = field(default_factory=list)  # those applied
-    taken_as: str = ""  # what the adapter table takes it for: "shape", "light", or "" for neither
-    left_out: bool = False  # a render pass leaves it out, not what is below it
+    taken_as: str = ""  # its adapter's table: "shape", "light", or "" for neither
+    left_out: bool = False  # a render pass excludes it, but not the prims below it
     has_transform: bool = False
-    hands_down: bool = False  # something else than what is above it
-    handed_names: frozenset[str] = frozenset()  # properties that count for what it hands down
-    is_noted: bool = False  # diagnostics may have something to say of it
+    hands_down: bool = False  # it may change the state that it inherits
+    handed_names: frozenset[str] = frozenset()  # properties that may change it
+    is_noted: bool = False  # it may have diagnostics
     bindings: tuple[str, ...] = ()  # its properties that bind materials
 
     @property
     def foreign_schemas(self) -> set[str]:
-        """Those of other programs, without names of instances."""
+        """Schemas of other programs, without instance names."""
         return {schema.split(":")[0] for schema in self.schemas} - UNDERSTOOD
 
 
 class KindsMet(list[PrimKind]):
-    """Those of the prims that the walk passed."""
+    """The kinds of the prims that the walk visited."""
 
 
 KindKey = tuple[str, tuple[str, ...], tuple[str, ...]]
 
 
 class PrimKinds:
-    """The kinds of prims that were met, in that order."""
+    """The kinds of prims that have been found, in order."""
 
     def __init__(self, ctx: Context, taken_as: Mapping[str, str]) -> None:
         self._ctx = ctx

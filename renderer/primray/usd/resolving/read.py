@@ -1,6 +1,6 @@
-"""Attribute values at the time of the render, checked: what is not of the expected kind is a diagnostic, never an exception.
+"""Attribute values at the time of the render, checked: a value of an unexpected kind is a diagnostic, never an exception.
 
-At the default time an attribute that has no default value is read at its earliest one, if it has any for times.
+At the default time an attribute without a default value is read at its earliest value, if it has any.
 """
 
 from __future__ import annotations
@@ -26,10 +26,9 @@ MAX_COLUMNS = 4  # of a primvar
 class When:
     """The time to read at; `careful` when it is the default time and the stage has time samples or value clips at all.
 
-    Splines no layer lists: at the default time every scalar is asked for its own.
-
-    `remembered`, where given, keeps what was read: for prims that are read again and again. `offset`: in time codes from the
-    earliest value on, where that stands for the frame.
+    No layer lists its splines: at the default time each scalar is checked for one. `remembered`, where given, caches what was
+    read, for prims that are read repeatedly. `offset`, in time codes, counts from the earliest value where that stands in for
+    the frame.
     """
 
     time: Usd.TimeCode
@@ -44,11 +43,11 @@ class When:
 
     @property
     def number(self) -> float:
-        """The frame; to be asked only where there is one."""
+        """The frame as a number; only valid where there is one."""
         return float(self.time.GetValue())
 
     def after(self, offset: float) -> When:
-        """So many time codes later, which are counted from the earliest value where that stands for the frame."""
+        """Return the time `offset` time codes later, counted from the earliest value where that stands in for the frame."""
         if offset == 0.0:
             return self
         if self.is_default:
@@ -57,24 +56,25 @@ class When:
 
 
 def when_of(stage: Usd.Stage, time_code: float | None, clips: bool | None = None) -> When:
-    """`clips`: whether what is read has value clips, where that is known; else all prims are asked."""
+    """Return the time to read at. `clips`: whether what is read has value clips, where that is known; else all prims are
+    checked."""
     if time_code is not None:
         return When(Usd.TimeCode(time_code), careful=False)
     return When(Usd.TimeCode.Default(), careful=has_samples_or_clips(stage, clips))
 
 
 def when_of_few(time_code: float | None) -> When:
-    """For prims so few that each attribute may be asked for its times, without a look at the stage's layers."""
+    """Return the time to read at for so few prims that each attribute may be checked for samples, instead of all layers."""
     return When(Usd.TimeCode.Default(), careful=True) if time_code is None else When(Usd.TimeCode(time_code), careful=False)
 
 
 def has_samples_or_clips(stage: Usd.Stage, clips: bool | None = None) -> bool:
-    """Whether any layer of the stage authors time samples, or any prim value clips; `clips` as for `when_of`."""
+    """Return whether any layer of the stage has time samples, or any prim value clips; `clips` as for `when_of`."""
     return has_samples(stage.GetUsedLayers()) or (any(map(has_clips, populated(stage))) if clips is None else clips)
 
 
 def time_of(attribute: Usd.Attribute, when: When) -> Usd.TimeCode:
-    """The time at which to read this attribute."""
+    """Return the time at which to read this attribute."""
     if not (when.careful or (when.is_default and has_spline(attribute))):
         return when.time
     earliest = earliest_if_unset(attribute)
@@ -89,11 +89,11 @@ def time_of(attribute: Usd.Attribute, when: When) -> Usd.TimeCode:
 
 
 def value(attribute: Usd.Attribute, when: When) -> Any:
-    """The attribute's value, None when it has none."""
+    """Return the attribute's value; None when it has none."""
     if when.careful:
         return value_at(attribute, time_of(attribute, when))
     found = value_at(attribute, when.time)
-    if when.is_default and (found is None or isinstance(found, float)) and has_spline(attribute):  # which only scalars have
+    if when.is_default and (found is None or isinstance(found, float)) and has_spline(attribute):  # only scalars have splines
         return value_at(attribute, time_of(attribute, when))
     return found
 
@@ -112,7 +112,7 @@ def _read(prim: Usd.Prim, name: str, when: When) -> Any:
 
 
 def is_hidden(prim: Usd.Prim, when: When) -> bool:
-    """Whether the prim is invisible, by its own opinion or one above it (UsdGeomImageable::ComputeVisibility)."""
+    """Return whether the prim is invisible, by its own opinion or one above it (UsdGeomImageable::ComputeVisibility)."""
     if not when.careful:
         return is_invisible(prim, when.time)
     while prim:
@@ -125,17 +125,18 @@ def is_hidden(prim: Usd.Prim, when: When) -> bool:
 class StandIns:
     """Prims for functions of USD that read several attributes at one time: without a frame there is no such time.
 
-    A stand-in is on a stage of its own, with the values that `value` reads as defaults. Where all are defaults it is the prim.
+    A stand-in is on a separate stage and has the values that `value` reads as its defaults. Where all values are defaults it is
+    the prim itself.
     """
 
     def __init__(self, when: When) -> None:
         self.when = when
-        self.time = when.time  # to ask stand-ins at
+        self.time = when.time  # the time to read stand-ins at
         self._stage: Usd.Stage | None = None
         self._known: dict[Usd.Prim, Usd.Prim] = {}
 
     def of(self, prim: Usd.Prim, *relationships: str) -> Usd.Prim:
-        """The prim to ask, with what these relationships lead to."""
+        """Return the prim to pass to USD, with the targets of these relationships."""
         if not self.when.is_default:
             return prim
         if prim not in self._known:
@@ -159,7 +160,7 @@ class StandIns:
 
 
 def array(raw: Any, columns: int, kind: str) -> npt.NDArray[Any] | None:
-    """A numpy array (N, columns), or (N,) for one column, of dtype kind `f` or `i`; None when `raw` is no such thing."""
+    """Return a numpy array (N, columns), or (N,) for one column, of dtype kind `f` or `i`; None when `raw` is no such thing."""
     try:
         values = np.asarray(raw)
     except (TypeError, ValueError):
@@ -171,12 +172,12 @@ def array(raw: Any, columns: int, kind: str) -> npt.NDArray[Any] | None:
 
 
 def is_single(raw: Any) -> bool:
-    """Whether a value is one number or vector, not an array of them."""
+    """Return whether a value is one number or vector, not an array of them."""
     return isinstance(raw, int | float | str) or type(raw).__module__ == "pxr.Gf"
 
 
 def as_columns(raw: Any, element_size: int) -> Floats | None:
-    """(N, 1 to 4) float32 from an array of numbers or vectors; None when it is none, or not whole elements."""
+    """Return (N, 1 to 4) float32 from an array of numbers or vectors; None when it is none, or does not have whole elements."""
     try:
         values = np.asarray(raw)
     except (TypeError, ValueError):
@@ -192,7 +193,7 @@ def as_columns(raw: Any, element_size: int) -> Floats | None:
 
 
 def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: Diagnostics) -> float:
-    """A finite number; `default` when there is none, with a diagnostic when the value is not a finite number."""
+    """Return a finite number; `default` when there is none, with a diagnostic when the value is not a finite number."""
     raw = read(prim, name, when)
     if raw is None:
         return default
@@ -203,7 +204,7 @@ def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: D
 
 
 def vector(prim: Usd.Prim, name: str, when: When, default: tuple[float, ...], diagnostics: Diagnostics) -> tuple[float, ...]:
-    """As many finite numbers as `default` has."""
+    """Return as many finite numbers as `default` has, or `default`, with a diagnostic when the value is not of this kind."""
     raw = read(prim, name, when)
     if raw is None:
         return default

@@ -1,11 +1,11 @@
-"""Attributes of other renderers that are read here, where UsdGeom and UsdLux have no word for what they say."""
+"""Attributes of other renderers that are read here, where UsdGeom and UsdLux have no equivalent."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-# Whether the camera sees a light: the first of these that is authored decides. Each is a number or a flag, 0 for lights
-# that the camera does not see.
+# Camera visibility of a light: the first of these that is authored decides. Each is a number or a flag, 0 for lights
+# hidden from the camera.
 CAMERA_VISIBILITY = (
     "inputs:visibility:camera",  # hdEmbree of the UsdLux test suite
     "primvars:ri:attributes:visibility:camera",  # RenderMan; hdOSPRay reads it as well
@@ -14,14 +14,14 @@ CAMERA_VISIBILITY = (
     "visibleInPrimaryRay",  # Omniverse RTX
 )
 
-# The group that a light is in: Karma's, RenderMan's (an input of its light's shader, or authored on the prim) and Arnold's.
+# Light group of a light: Karma's, RenderMan's (an input of its light's shader, or authored on the prim) and Arnold's.
 LIGHT_GROUPS = ("karma:light:lpetag", "ri:light:lightGroup", "inputs:ri:light:lightGroup", "primvars:arnold:aov")
 
-# What the camera sees of a shape, where a render pass says so: one of description.CameraSight.
+# Camera visibility of a shape, set by a render pass: one of description.CameraSight.
 CAMERA_SIGHT = "primray:camera"
-# Of a prim that a render pass leaves out though it has members below.
+# Mark on a prim that a render pass excludes although it has members below.
 LEFT_OUT = "primray:leftOut"
-# Of a back plate's card: it has the material that it binds itself, whatever binds more strongly above it.
+# Mark on a back plate's card: its own material binding counts, whatever stronger binding is above it.
 OWN_MATERIAL = "primray:ownMaterial"
 
 ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/rolling_shutter.py
@@ -29,7 +29,7 @@ ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/
 
 @dataclass(frozen=True)
 class Convention:
-    """How one renderer's attributes say what an aperture looks like. UsdGeomCamera itself has none for it."""
+    """Attribute names by which one renderer describes the shape of an aperture. UsdGeomCamera itself has none for it."""
 
     blades: str
     rotation_deg: str
@@ -52,23 +52,23 @@ CONVENTIONS = (
     Convention("ri:apertureNSides", "ri:apertureAngle", "ri:apertureRoundness"),
     Convention("ri:camera:aperturensides", "ri:camera:apertureangle", "ri:camera:apertureroundness"),
 )
-# Words in the names of attributes that would change the lens, whoever's they are.
+# Words in names of attributes that would change the lens, of any renderer.
 LENS_WORDS = ("aperture", "blade", "bokeh", "dof", "lens", "distortion")
 
-# What RenderSettings and their products say of samples and depth, read by adapters/rendering/foreign_settings.py. Of names for
+# Samples and depth in RenderSettings and their products, read by adapters/rendering/foreign_settings.py. Among names for
 # one thing the first that is authored counts.
 KARMA_SAMPLES = ("karma:global:pathtracedsamples", "karma:global:samplesperpixel")
 RENDERMAN_SAMPLES = ("ri:hider:maxsamples",)
 CYCLES_SAMPLES = ("cycles:samples", "cycles:session:samples")
 CYCLES_TIME = "cycles:time_limit"
-# Limits of single kinds of bounces: their sum is the longest path that a renderer with such limits follows.
+# Limits per kind of bounce: their sum is the longest path that a renderer with such limits traces.
 KARMA, KARMA_BOUNCES = ("karma:object:", "karma:global:"), ("diffuselimit", "reflectlimit", "refractlimit")
 ARNOLD = ("arnold:global:", "arnold:")
 ARNOLD_BOUNCES = ("GI_diffuse_depth", "GI_specular_depth", "GI_transmission_depth")
 ARNOLD_OPTIONS = ("AA_samples", "AA_samples_max", "enable_adaptive_sampling", "GI_total_depth", *ARNOLD_BOUNCES)
 TOTAL_BOUNCES = ("ri:integrator:PxrPathTracer:maxIndirectBounces", "ri:trace:maxdepth", "cycles:integrator:max_bounce")
 PATH_LENGTHS = ("ri:integrator:PxrPathTracer:maxPathLength",)
-# Stopping by an estimate of the error, which each renderer measures in a way of its own: reported, not read.
+# Thresholds of adaptive sampling, which each renderer measures differently: reported, not read.
 ERROR_THRESHOLDS = (
     "ri:Ri:PixelVariance",
     "karma:global:convergencethreshold",

@@ -1,6 +1,7 @@
-"""What a prim inherits: transform, visibility, purpose, bound material, constant primvars, in USD's own terms.
+"""Inherited state of a prim: transform, visibility, purpose, bound material, constant primvars, in USD's own terms.
 
-`descend` takes what a parent hands down to a child; `bind_materials` asks USD for the bindings of many prims at once.
+`descend` computes a child's inherited state from its parent's; `bind_materials` asks USD for the bindings of many prims at
+once.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is aut
 
 @dataclass(frozen=True)
 class Binding:
-    """A bound material; `stronger`: it overrides what descendants bind; `rank`: its purpose's among those asked for."""
+    """A bound material; `stronger`: it overrides bindings of descendants; `rank`: its purpose's index among those asked for."""
 
     material: Usd.Prim
     stronger: bool = False
@@ -54,10 +55,10 @@ class Binding:
 
 @dataclass(frozen=True)
 class Inherited:
-    """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked.
+    """The state that a prim hands down. `outer` is the binding of the instance whose prototype is being walked.
 
-    `proxy`: the path of that instance, where a collection with a material tells apart what is inside it; then prims are
-    bound as its proxies are, and `outer` is what is bound around that instance's own prototype, if it is in one.
+    `proxy` is the path of that instance where a collection with a material distinguishes prims inside it; then prims are bound
+    as its proxies are, and `outer` is what is bound around that instance's own prototype, if it is in one.
     """
 
     purpose: str = "default"
@@ -68,24 +69,24 @@ class Inherited:
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
-    many: frozenset[tuple[str, int]] = frozenset()  # constant primvars above with many values, and how many: the first counts
-    per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
-    hidden: frozenset[str] = frozenset()  # such primvars whose values a nearer one of no use hides
+    many: frozenset[tuple[str, int]] = frozenset()  # inherited constant primvars with several values, and how many
+    per_instance: frozenset[str] = frozenset()  # primvars of which each surrounding instance has one value
+    hidden: frozenset[str] = frozenset()  # such primvars that a nearer, unusable one hides
     colors: ColorScope = NOWHERE
-    outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # what the instances around hand down to their prototypes
-    # Where lights are linked (light_links.py): the instance that prims of a prototype are asked for in; what the point
-    # instancers around say, by collection.
+    outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # colour spaces that surrounding instances hand to prototypes
+    # For light linking (light_links.py): the instance whose proxies stand for the prims of a prototype; what the surrounding
+    # point instancers say, by collection.
     seen_as: str = ""
     linked_by_instancers: tuple[tuple[int, bool], ...] = ()
     invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
     blur_scale: float = 1.0  # the nearest motion:blurScale, where the shutter is open
-    # What a native prototype is handed, inside prototypes of point instancers that stand in it and may lead elsewhere in it.
+    # What the native prototype inherits, for point instancers in it whose prototypes may be elsewhere in it.
     top: Inherited | None = None
 
 
 @dataclass(slots=True)
 class ResolvedPrim:
-    """A prim and what it inherits. Not frozen: a stage may have millions, whose materials are found last."""
+    """A prim and what it inherits. Mutable: a stage may have millions, and materials are found last."""
 
     prim: Usd.Prim
     path: str
@@ -93,21 +94,22 @@ class ResolvedPrim:
     names: frozenset[str]  # authored properties
     inherited: Inherited = field(compare=False)
     poses: Poses = field(compare=False)
-    pose: int = ROOT  # of the group's poses
-    bound_as: Hashable = ""  # of a shape: leaf_materials.bound_alike
+    pose: int = ROOT  # index into `poses`
+    bound_as: Hashable = ""  # for shapes: leaf_materials.bound_alike
     material: Usd.Prim | None = None
     subsets: tuple[Subset, ...] = ()
-    own_color: bool = False  # the colour in `inherited` is its own: one for all of it
-    mover: Mover | None = None  # of what moves, whose space `poses` are in; None: they are in the group's
+    own_color: bool = False  # the colour in `inherited` is authored on it: one for all of it
+    mover: Mover | None = None  # the moving space that `poses` are in; None: they are in the group's
 
     @property
     def group_from_prim(self) -> Doubles:
-        """(4, 4), to the world, or to the prototype's space inside one; of what moves, to the mover's."""
+        """Matrix (4, 4) to the world, or to the prototype's space inside one; for a moving prim, to the mover's."""
         return self.poses.at(self.pose)
 
 
 def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGeom.XformCache) -> tuple[Gf.Matrix4d, bool]:
-    """The prim's own transform and whether it resets the stack, with what has no default read at its earliest value."""
+    """Return the prim's local transform and whether it resets the stack; values without a default are read at their earliest
+    time."""
     if "xformOpOrder" not in names:
         return _IDENTITY, False
     if not reads_early(prim, names, when):
@@ -116,12 +118,12 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
 
 
 def transforms(when: When) -> UsdGeom.XformCache:
-    """A cache for `local_matrix` and `world_matrix`, of what has defaults where there is no frame."""
+    """Return a cache for `local_matrix` and `world_matrix`, at the default time where there is no frame."""
     return UsdGeom.XformCache(when.time)
 
 
 def world_matrix(prim: Usd.Prim, when: When, cache: UsdGeom.XformCache) -> Gf.Matrix4d:
-    """World from a prim, with what has no default read at its earliest value."""
+    """Return world_from_prim as a row-vector matrix; values without a default are read at their earliest time."""
     upwards = [(each, frozenset(property_names(each))) for each in _upwards(prim)]
     if not (when.is_default and any(reads_early(each, names, when) for each, names in upwards)):
         at_once = world_transform(cache, prim)
@@ -137,14 +139,14 @@ def world_matrix(prim: Usd.Prim, when: When, cache: UsdGeom.XformCache) -> Gf.Ma
 
 
 def _upwards(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    """The prim and what is above it, but for the root."""
+    """Return the prim and its ancestors, without the pseudo-root."""
     while prim and not prim.IsPseudoRoot():
         yield prim
         prim = prim.GetParent()
 
 
 def reads_early(prim: Usd.Prim, names: frozenset[str], when: When) -> bool:
-    """Whether the prim's own transform may have to be read at its earliest values; of splines, which only scalars have."""
+    """Return whether the prim's local transform may have to be read at its earliest values; splines only occur on scalars."""
     if when.careful or not when.is_default:
         return when.careful
     scalars = scalar_operations(names)
@@ -152,26 +154,26 @@ def reads_early(prim: Usd.Prim, names: frozenset[str], when: When) -> bool:
 
 
 def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:
-    """Whether a shape's purpose is among those that are rendered and is visible."""
+    """Return whether a shape's purpose is rendered and visible."""
     return inherited.purpose in purposes and inherited.purpose not in inherited.invisible
 
 
 def hands_down(names: frozenset[str], schemas: list[str], ctx: Context) -> bool:
-    """Whether prims that have authored these may hand down something else than what is handed to them."""
+    """Return whether prims with these authored names and schemas may change the state that they inherit."""
     return not names.isdisjoint(_HANDED | ctx.primvars_read) or any(s.startswith("ColorSpace") for s in schemas)
 
 
 def names_that_count(prim: Usd.Prim, names: frozenset[str]) -> frozenset[str]:
-    """Return those of a prim's authored names that say something about what it hands down.
+    """Return those of a prim's authored names that affect what it hands down.
 
-    Visibility and purpose are UsdGeomImageable's: USD ignores them on prims without a type, on types without a schema, on
+    Visibility and purpose belong to UsdGeomImageable: USD ignores them on prims without a type, on types without a schema, on
     materials. The answer depends on the prim's type alone.
     """
     return names if names.isdisjoint(_OF_IMAGEABLES) or prim.IsA(UsdGeom.Imageable) else names - _OF_IMAGEABLES
 
 
 def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
-    """What `prim` hands down, None if it is invisible (and so is all below it).
+    """Return what `prim` hands down, or None if it and everything below it is invisible.
 
     `names` are the authored ones that count (`names_that_count`), `schemas` those applied to it.
     """
@@ -191,7 +193,7 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mine = _with_purpose_visibility(mine, prim, names)
     if BLUR_SCALE in names and not ctx.timing.is_frame and "MotionAPI" in schemas:
         mine = replace(mine, blur_scale=_blur_scale(prim, ctx))
-    # UsdGeomModelAPI: opinions of prims that are no models do not count.
+    # UsdGeomModelAPI: opinions of prims that are not models do not count.
     if "model:drawMode" in names and (prim.IsModel() or MODEL in names):
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
@@ -218,11 +220,11 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
 
 
 class BlurScales(set[float]):
-    """What is authored of them."""
+    """The authored values of motion:blurScale."""
 
 
 def _blur_scale(prim: Usd.Prim, ctx: Context) -> float:
-    """UsdGeomMotionAPI: from 0, which does not blur, upwards."""
+    """Return the prim's motion:blurScale (UsdGeomMotionAPI), at least 0, which means no blur."""
     scale = number(prim, BLUR_SCALE, ctx.when, 1.0, ctx.diagnostics)
     if scale < 0:
         message = f"{BLUR_SCALE} = {scale:g} is negative: it is taken as 0."
@@ -232,9 +234,12 @@ def _blur_scale(prim: Usd.Prim, ctx: Context) -> float:
 
 
 def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset[str]) -> Inherited:
-    """UsdGeomVisibilityAPI: the nearest authored opinion counts, and "inherited" hides nothing (ComputeEffectiveVisibility).
-    Without an opinion a purpose that is asked for is visible, guides too: the schema leaves that to the "calling context" for
-    the others, and nobody asks for guides in vain."""
+    """Apply UsdGeomVisibilityAPI: the nearest authored opinion counts, and "inherited" hides nothing
+    (ComputeEffectiveVisibility).
+
+    Without an opinion a purpose that is rendered is visible, guides included: the schema leaves that to the "calling context"
+    for the others, and guides are only rendered on request.
+    """
     if not prim.HasAPI(UsdGeom.VisibilityAPI):
         return parent
     invisible = set(parent.invisible)
@@ -248,8 +253,10 @@ def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset
 
 
 def is_nearest(attribute: Usd.Attribute) -> bool:
-    """Whether a primvar ends the search for one of its name upwards, whatever it is: UsdGeomPrimvarsAPI passes over those
-    without an authored value alone, and what varies over its prim is not inherited."""
+    """Return whether a primvar ends the search for its name upwards.
+
+    UsdGeomPrimvarsAPI skips only those without an authored value, and a primvar that varies over its prim is not inherited.
+    """
     return bool(attribute and attribute.HasAuthoredValue())
 
 
@@ -271,14 +278,14 @@ def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx
 
 
 def _hiding(mine: Inherited, name: str) -> Inherited:
-    """Return what a prim hands down where its own primvar, of no use below it, ends the search for one of this name."""
+    """Return what a prim hands down where its own primvar, unusable below it, ends the search for one of this name."""
     if name not in mine.per_instance:
         return mine
     return replace(mine, per_instance=mine.per_instance - {name}, hidden=mine.hidden | {name})
 
 
 def _with_count(mine: Inherited, name: str, count: int) -> Inherited:
-    """With the number of elements of the constant primvar that it hands down, where that is not one."""
+    """Return the state with the number of elements of the constant primvar that it hands down, where that is not one."""
     if count == 1 and not mine.many:
         return mine
     others = frozenset(item for item in mine.many if item[0] != name)
@@ -286,12 +293,12 @@ def _with_count(mine: Inherited, name: str, count: int) -> Inherited:
 
 
 def many_values(inherited: Inherited, name: str) -> int:
-    """How many elements the constant primvar has that is handed down: of more than one the first counts."""
+    """Return how many elements the inherited constant primvar has: the first one is used."""
     return next((count for of, count in inherited.many if of == name), 1)
 
 
 def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[tuple[float, ...] | None, int]:
-    """A constant primvar of one to four finite numbers, and how many elements it has; None where it is no such thing."""
+    """Return a constant primvar of one to four finite numbers, and how many elements it has; (None, 0) for any other."""
     primvar = UsdGeom.Primvar(prim.GetAttribute(name))
     if interpolation(primvar) != UsdGeom.Tokens.constant:
         return None, 0
@@ -306,7 +313,7 @@ def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[tuple[float
 
 
 def _first_index(primvar: UsdGeom.Primvar, values: int, when: When) -> tuple[int, int]:
-    """Which value counts, and how many elements there are: as many as indices, where it has these."""
+    """Return which value is used, and how many elements there are: the number of indices, if there are any."""
     if not primvar.IsIndexed():
         return 0, values
     indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
@@ -314,23 +321,26 @@ def _first_index(primvar: UsdGeom.Primvar, values: int, when: When) -> tuple[int
 
 
 class _Colored(dict[tuple[int, tuple[float, float, float] | None], tuple[Inherited, Inherited]]):
-    """By the id of an Inherited and a colour, or none: it, and the same in that colour."""
+    """Copies of Inherited with another colour or none, by the id of the original and that colour; the original is kept
+    alive."""
 
 
 def _colored(mine: Inherited, rgb: tuple[float, float, float] | None, ctx: Context) -> Inherited:
-    """Return what a prim hands down with this colour, or with none: one object for all its children that have the same."""
+    """Return what a prim hands down with this colour, or with none: the same object for all children with the same colour."""
     colored = ctx.kept.of(_Colored)
     known = colored.get((id(mine), rgb))
     if known is None:
         made = replace(mine, color=rgb)
         made = _hiding(made, "displayColor") if rgb is None else made
-        known = colored[id(mine), rgb] = mine, made  # what is known by its id is kept
+        known = colored[id(mine), rgb] = mine, made  # keeps the object of this id alive
     return known[1]
 
 
 def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> tuple[list[float] | None, int]:
-    """A constant primvar's value, and how many elements it has: only constant ones are inherited (UsdGeomPrimvarsAPI). None
-    where it has none to use."""
+    """Return a constant primvar's value, and how many elements it has; None where it has no usable value.
+
+    Only constant primvars are inherited (UsdGeomPrimvarsAPI).
+    """
     if not attribute or metadatum(attribute, "interpolation") not in _CONSTANT:
         return None, 0
     values = array(value(attribute, when), columns, "f")
@@ -347,7 +357,7 @@ def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], w
 
 
 def as_bound(prim: Usd.Prim, inherited: Inherited) -> Usd.Prim:
-    """The prim to ask for a binding: its proxy in the one instance that is walked, else itself."""
+    """Return the prim to ask for a binding: its proxy in the one instance that is walked, else the prim."""
     if not inherited.proxy or not prim.IsInPrototype():
         return prim
     path = prim.GetPath()
@@ -355,7 +365,7 @@ def as_bound(prim: Usd.Prim, inherited: Inherited) -> Usd.Prim:
 
 
 def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Binding | None]:
-    """The material bound to each prim within its namespace: by the first purpose that gives one, last the general one."""
+    """Return the material bound to each prim within its namespace: by the first purpose that has one, last the general one."""
     found: list[Binding | None] = [None] * len(prims)
     for rank, purpose in enumerate(purposes):
         missing = [i for i, binding in enumerate(found) if binding is None or binding.rank > rank]
@@ -373,7 +383,8 @@ def _first_by_rank(a: Binding | None, b: Binding) -> Binding:
 
 
 def _rank(rel: Usd.Relationship, purposes: tuple[str, ...]) -> int:
-    """Asked for any purpose, USD gives the general binding where that has none (UsdShadeMaterialBindingAPI)."""
+    """Return the rank of a binding's purpose. Asked for any purpose, USD returns the general binding where it has none
+    (UsdShadeMaterialBindingAPI)."""
     purpose = _purpose(rel)
     return purposes.index(purpose) if purpose in purposes else len(purposes)
 
@@ -385,7 +396,8 @@ def _purpose(rel: Usd.Relationship) -> str:
 
 
 def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.Material], list[Usd.Relationship]]:
-    """USD's answer for all prims; nothing for those it fails on, such as prims whose binding is no relationship."""
+    """Return USD's bindings for all prims, and none for prims that it fails on, such as those whose binding is no
+    relationship."""
     try:
         materials, rels = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, purpose)
         return list(materials), list(rels)
@@ -399,14 +411,15 @@ def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.M
 
 
 def _is_stronger(rel: Usd.Relationship) -> bool:
-    """Also where a collection has taken the place of the same prim's own binding, which was stronger."""
+    """Return whether a binding, or the direct binding that its collection replaced, is stronger than descendants'."""
     own = rel.GetPrim().GetRelationship(":".join(filter(None, (BINDING, _purpose(rel)))))
     strengths = [UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(r) for r in (rel, own) if r]
     return bool(UsdShade.Tokens.strongerThanDescendants in strengths)
 
 
 def inner_or_outer(inner: Binding | None, outer: Binding | None) -> Binding | None:
-    """Inside a prototype: the binding of the stronger purpose; of one purpose the inner, unless the outer overrides it."""
+    """Return the binding that counts inside a prototype: the one of higher purpose; else the inner, unless the outer is
+    stronger."""
     if inner is None or outer is None:
         return inner or outer
     if inner.rank != outer.rank:

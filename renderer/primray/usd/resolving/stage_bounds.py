@@ -1,4 +1,4 @@
-"""The box around a stage as USD computes it, where it can be asked."""
+"""The bounding box of a stage as USD computes it, where that is possible."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned 
 
 
 class NotBounded(set[str]):
-    """Paths of shapes that USD, when it computes an extent for them, takes for others (UsdGeomCapsule_1 with two radii)."""
+    """Paths of shapes for which USD would compute a wrong extent (UsdGeomCapsule_1 with two radii)."""
 
 
-# UsdGeomBBoxCache (26.11) recurses: 1000 levels it survives, at 2000 it overflows the stack.
+# UsdGeomBBoxCache (26.11) recurses: it survives 1000 levels and overflows the stack at 2000.
 DEEPEST = 500
 
 
 def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
-    """As usdrecord sees them, authored extents included; None where USD cannot say, or says nothing finite.
+    """Return the stage's bounds as usdrecord does, authored extents included; None where USD cannot tell, or is not finite.
 
-    Nor can it where splines were read at their first knots: for USD the earliest time is before these.
-    Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
+    They are also unknown where splines were read at their first knots: USD's earliest time is before these. Not to be called
+    where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
     """
     if when.at_knots or is_deep(everything(stage)):
         return None
@@ -44,5 +44,5 @@ def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bou
 
 
 def is_deep(prims: Iterable[Usd.Prim]) -> bool:
-    """Whether UsdGeomBBoxCache must not be asked about them."""
+    """Return whether prims are too deep for UsdGeomBBoxCache."""
     return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)

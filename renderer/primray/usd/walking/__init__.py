@@ -1,1 +1,1 @@
-"""Going down the stage, and where groups of instances stand."""
+"""Traversal of the stage into groups of leaves, and placement of groups."""

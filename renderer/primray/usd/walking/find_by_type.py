@@ -1,7 +1,7 @@
-"""The prims that are looked for by their type, wherever they are: one pass over the stage and its native prototypes.
+"""Prims that are needed by type, wherever they are: one pass over the stage and its native prototypes.
 
-Cameras, geometry lights and render passes are those of the world, inside native instances by their proxies (but for passes);
-shaders and skeletons may also be led to below `class` and `over`.
+Cameras, geometry lights and render passes count in the world only, all but passes also inside native instances, as proxies;
+shaders and skeletons may also be reached by relationships below `class` and `over`.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ _TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoo
 
 @dataclass
 class Found:
-    """Prims of some types; of cameras and settings those of the world."""
+    """Prims of some types; cameras and settings are those in the world."""
 
     cameras: list[Usd.Prim] = field(default_factory=list)  # in the order of querying.cameras
     in_prototypes: bool = False  # some cameras are in native prototypes
     lights_in_prototypes: bool = False  # some geometry lights are
     settings: list[Usd.Prim] = field(default_factory=list)
-    geometry_lights: list[Usd.Prim] = field(default_factory=list)  # of the world
-    shaders: list[Usd.Prim] = field(default_factory=list)  # those in native prototypes too
-    skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, likewise
+    geometry_lights: list[Usd.Prim] = field(default_factory=list)  # in the world
+    shaders: list[Usd.Prim] = field(default_factory=list)  # including those in native prototypes
+    skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, including those in native prototypes
 
 
 def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics, render_pass: str | None = None) -> Found:
-    """`render_pass`: the one that is asked for; others are told."""
+    """Return the prims of these types. `render_pass` is the pass that is rendered; others are reported."""
     found = Found()
     for prim in populated(stage):
         name = type_name(prim)

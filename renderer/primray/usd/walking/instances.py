@@ -1,8 +1,8 @@
-"""Groups of leaves and of instances of other groups: where each group stands in the world. No USD, only numbers.
+"""Instancing: placements of groups of leaves and of instances of other groups. No USD, only numbers.
 
-A group is the stage itself, or a prototype with what one kind of instance hands down to it. Every group is walked once,
-whatever the number of its instances. Where it stands is a list of chains: products of levels of instances, not multiplied
-out. `grouping` says which groups keep their own instances together because all products would take too much memory.
+A group is the stage itself, or a prototype with the state that one kind of instance hands down to it. Every group is walked
+once, whatever the number of its instances. Its placements are a list of chains: products of levels of instances, not multiplied
+out. `grouping` chooses the groups that keep their own instances together because all products would take too much memory.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from ...errors import LimitError
 from ...refine.coincident import distinct
 from ..moving.levels import chain_at, do_move, joined
 
-# Of the core and Embree, with its build's peak: measured, python -m tests.bench.setup.scaling.
+# Bytes in the core and Embree, including the peak of its build: measured by python -m tests.bench.setup.scaling.
 INSTANCE_BYTES = 200
-# More instances than this are kept in two levels where that at least halves what is stored: as fast from there on, and faster
-# beyond (python -m tests.bench.setup.two_levels). A constant, so that pictures do not depend on the machine: what is seen
-# through two float matrices is rounded differently from what is seen through their product.
+# More instances than this are kept in two levels where that at least halves what is stored: as fast at this size, and faster
+# beyond (python -m tests.bench.setup.two_levels). A constant, so that pictures do not depend on the machine: geometry seen
+# through two float matrices is rounded differently from geometry seen through their product.
 MAX_FLAT_INSTANCES = 1 << 20
-# Chains of few instances are multiplied out, so that a prototype reached on many ways has few placements.
+# Chains of at most this many instances are multiplied out, so that a prototype reached along many paths has few placements.
 MAX_MERGED = 1 << 14
 
 Leaf = TypeVar("Leaf")
-Chain = tuple[Instances, ...]  # outermost first; the empty one: the identity, once
+Chain = tuple[Instances, ...]  # outermost first; the empty chain is one identity
 Chains = dict[int, list[Chain]]  # by group
 
 
@@ -39,23 +39,23 @@ class Group(Generic[Leaf]):
     path: str
     leaves: list[Leaf] = field(default_factory=list)
     instances: list[tuple[int, Instances]] = field(default_factory=list)  # (group, group_from_instance)
-    blur_scale: float = 1.0  # of all leaves: where they stand, they are looked at that much sooner or later
+    blur_scale: float = 1.0  # motion:blurScale of all leaves, which scales times relative to the frame
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Where groups stand: all of them in the world; and, kept in two levels, what is placed at the top and what inside."""
+    """Placements of groups: all of them in the world; and, where kept in two levels, those at the top and those inside."""
 
     world: Chains
     top: Chains
-    inside: dict[int, Chains]  # by the group that keeps its instances together: what stands in it
+    inside: dict[int, Chains]  # placements inside each group that keeps its instances together
     cyclic: list[tuple[int, int]]  # instancings left out because a group contains itself
 
 
 def merge_coincident(groups: list[Group[Leaf]], adds_up: Callable[[Leaf], bool]) -> dict[int, int]:
-    """Leave out instances that stand exactly where another one of the same group does: how many, by that group.
+    """Remove instances placed exactly where another one of the same group is; return how many, by that group.
 
-    Lights in one place add up, so groups with leaves that do are left as they are, and all that hold them.
+    Lights in one place add up, so groups with leaves that do are left as they are, and so are all groups that contain them.
     """
     holders: dict[int, list[int]] = {}
     for g, group in enumerate(groups):
@@ -82,7 +82,8 @@ def merge_coincident(groups: list[Group[Leaf]], adds_up: Callable[[Leaf], bool])
 
 
 def _distinct(levels: list[Instances]) -> list[Instances]:
-    """Many small levels, as of an instancer each, may stand in one place as well. What moves may part from it again."""
+    """Return the levels without coincident instances, also across small levels such as those of one instancer each; moving
+    levels stay."""
     if do_move(levels):
         return levels
     if len(levels) > 1 and not any(level.primvars for level in levels) and sum(map(len, levels)) <= MAX_MERGED:
@@ -96,7 +97,8 @@ def count_of(chain: Chain) -> int:
 
 
 def arrange(groups: list[Group[Leaf]], max_bytes: int | None) -> Arrangement:
-    """The first group is the world. LimitError if its instances would take more than `max_bytes`."""
+    """Compute the placements of all groups, of which the first is the world; raise LimitError if instances take over
+    `max_bytes`."""
     order, cyclic = _order(groups)
     graph = _Graph(groups, order, cyclic)
     kept = graph.grouping(MAX_FLAT_INSTANCES, None if max_bytes is None else max_bytes // INSTANCE_BYTES)
@@ -109,7 +111,7 @@ def arrange(groups: list[Group[Leaf]], max_bytes: int | None) -> Arrangement:
 
 
 def at_instant(where: Arrangement, groups: list[Group[Leaf]], offset: float) -> Arrangement:
-    """The same where nothing moves any more: everything stands as it does so many time codes after the frame."""
+    """Return the arrangement frozen at a time, `offset` time codes after the frame."""
 
     def still(chains: Chains) -> Chains:
         return {g: [chain_at(chain, offset * groups[g].blur_scale) for chain in some] for g, some in chains.items()}
@@ -120,18 +122,18 @@ def at_instant(where: Arrangement, groups: list[Group[Leaf]], offset: float) -> 
 
 
 class _Graph(Generic[Leaf]):
-    """Groups without the edges that close a cycle, parents before children."""
+    """The instancing graph without the edges that close a cycle, parents before children."""
 
     def __init__(self, groups: list[Group[Leaf]], order: list[int], cyclic: set[tuple[int, int]]) -> None:
         self.order = order
         self.edges = {g: [(c, some) for c, some in groups[g].instances if (g, c) not in cyclic and len(some)] for g in order}
         self.has_leaves = {g: bool(groups[g].leaves) for g in order}
-        self.below: dict[int, int] = {}  # instances that one instance of the group comes to when multiplied out
+        self.below: dict[int, int] = {}  # instances in one instance of the group, multiplied out
         for g in reversed(order):
             self.below[g] = self.has_leaves[g] + sum(len(some) * self.below[c] for c, some in self.edges[g])
 
     def above(self, kept: frozenset[int]) -> dict[int, int]:
-        """How often each group stands in the world, when looked for from above down to the `kept` ones."""
+        """Return how often each group is placed in the world, without looking into the `kept` ones."""
         counts = dict.fromkeys(self.order, 0)
         counts[self.order[0]] = 1
         for g in self.order:
@@ -141,15 +143,15 @@ class _Graph(Generic[Leaf]):
         return counts
 
     def stored(self, kept: frozenset[int]) -> int:
-        """Instances of both levels."""
+        """Return the number of instances to store in both levels."""
         counts = self.above(kept)
         top = sum(counts[g] for g in self.order if g in kept or self.has_leaves[g])
         return top + sum(self.below[g] for g in kept)
 
     def grouping(self, max_flat: int, max_stored: int | None) -> frozenset[int]:
-        """The groups to keep together, those that leave the fewest instances to store; none where that is not worth it.
+        """Return the groups to keep together: those that leave the fewest instances to store; none where that is not worth it.
 
-        Tried are, for every power of two, the outermost groups that do not come to more instances than that.
+        For every power of two, the outermost groups that contain at most that many instances are tried.
         """
         none: frozenset[int] = frozenset()
         flat = self.below[self.order[0]]
@@ -167,7 +169,7 @@ class _Graph(Generic[Leaf]):
         return frozenset(c for c in small if counts[c] > 1)
 
     def chains(self, start: int, kept: frozenset[int]) -> Chains:
-        """Where the groups below `start` stand in it, not looking into the `kept` ones."""
+        """Return the placements of the groups below `start` in it, without looking into the `kept` ones."""
         found: Chains = {start: [()]}
         for g in self.order:
             if g not in found or (g in kept and g != start):
@@ -179,7 +181,7 @@ class _Graph(Generic[Leaf]):
 
 
 def _extended(chain: Chain, level: Instances) -> Chain:
-    """A level of one instance becomes part of the next one, unless it moves."""
+    """Return a chain with one more level. A level of one instance is multiplied into the next one, unless it moves."""
     if chain and len(chain[-1]) == 1 and not chain[-1].primvars and not do_move(chain[-1:]):
         name = "" if chain[-1].names is None else chain[-1].names.of(0)
         return (*chain[:-1], level.placed(chain[-1].rows(0, 1)[0], name))
@@ -187,7 +189,7 @@ def _extended(chain: Chain, level: Instances) -> Chain:
 
 
 def _merged(chains: list[Chain]) -> list[Chain]:
-    """With the small ones multiplied out into one, unless they carry primvars."""
+    """Return the chains with the small ones multiplied out into one, unless they carry primvars."""
     small = [c for c in chains if count_of(c) <= MAX_MERGED and not any(level.primvars for level in c)]
     if len(small) < 2:
         return chains
@@ -201,7 +203,7 @@ def _merged(chains: list[Chain]) -> list[Chain]:
 
 
 def _names(some: list[Chain]) -> Names | None:
-    """Of all instances of some chains, one after the other; None unless they have any."""
+    """Return the names of all instances of some chains, in order; None where there are none."""
     if all(level.names is None for chain in some for level in chain):
         return None
     levels = [named_levels(chain) for chain in some]
@@ -209,7 +211,7 @@ def _names(some: list[Chain]) -> Names | None:
 
 
 def _order(groups: list[Group[Leaf]]) -> tuple[list[int], set[tuple[int, int]]]:
-    """Groups reachable from the world, parents before children, and the edges that close a cycle."""
+    """Return the groups reachable from the world, parents before children, and the edges that close a cycle."""
     done: list[int] = []
     state: dict[int, int] = {0: 1}  # 1: on the stack, 2: done
     cyclic: set[tuple[int, int]] = set()

@@ -1,8 +1,8 @@
-"""Levels of detail (UsdLod): of each LOD root the one child that its override, its heuristics or its default index choose.
+"""Levels of detail (UsdLod): the one child of each LOD root that its override, its heuristics or its default index choose.
 
-Heuristics of the domain `imaging` are asked, by pxr's own functions, as the camera stands at the frame. Between two levels
-the nearer one is drawn. The other children are taken out of a copy of the stage; roots in native instances choose for
-themselves, and end the instances around them.
+Heuristics of the domain `imaging` are evaluated by pxr's own functions for the camera at the frame. Between two levels the
+nearer one is drawn. The other children are deactivated in a copy of the stage; roots in native instances choose separately,
+which ends the instances around them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Choice:
 
 
 def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, diagnostics: Diagnostics) -> Usd.Stage:
-    """A copy of the stage with one level of each root."""
+    """Return a copy of the stage with one level of each root."""
     gone: set[Sdf.Path] = set()
     told = 0
     looks, prims = _Looks(camera, when), drawn(stage)
@@ -60,7 +60,7 @@ def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, di
 
 
 def _note_missed(prims: Iterable[Usd.Prim], gone: set[Sdf.Path], diagnostics: Diagnostics) -> None:
-    """Report point instancers whose prototypes are in levels that are left out, which they themselves are not."""
+    """Report point instancers whose prototypes are in levels that are left out, while the instancers are not."""
     for instancer in prims if gone else ():
         if type_name(instancer) != "PointInstancer":
             continue
@@ -72,7 +72,7 @@ def _note_missed(prims: Iterable[Usd.Prim], gone: set[Sdf.Path], diagnostics: Di
 
 
 def _left_out(levels: list[Usd.Prim], choice: Choice) -> tuple[set[Sdf.Path], str]:
-    """And what is drawn, in words."""
+    """Return the paths of the levels to deactivate, and what is drawn, in words."""
     if choice.index is None or not levels:
         return set(), "All"
     if math.isnan(choice.index):
@@ -83,14 +83,14 @@ def _left_out(levels: list[Usd.Prim], choice: Choice) -> tuple[set[Sdf.Path], st
 
 
 class _Looks:
-    """What heuristics are asked about: the camera, and prims as they are at the time of the render."""
+    """Inputs of heuristics: the camera, and prims as they are at the time of the render."""
 
     def __init__(self, camera: Usd.Prim | None, when: When) -> None:
         self.camera, self.when = camera, when
         self._stand_ins, self._transforms = StandIns(when), transforms(when)
 
     def index(self, heuristic: Usd.Prim, root: Usd.Prim) -> float | None:
-        """The level that a heuristic gives, None where it gives none."""
+        """Return the level that a heuristic computes, None where it computes none."""
         if self.camera is None:
             return None
         world = world_matrix(root, self.when, self._transforms)
@@ -136,7 +136,7 @@ def _stands_alone(prim: Usd.Prim) -> bool:
 
 
 def _override(root: Usd.Prim, when: When) -> Choice | None:
-    """The nearest above it, or its own, that says anything."""
+    """Return the choice of the nearest override at or above the root."""
     prim = root
     while prim and not prim.IsPseudoRoot():
         if OVERRIDE in schemas_applied(prim):

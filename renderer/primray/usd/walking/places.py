@@ -1,6 +1,6 @@
-"""The groups that what is below one root is put into: the root's own, and one for each transform that moves there.
+"""Groups for the prims below one root: the root's own, and one for each moving transform there.
 
-Leaves of such a group stand in the space of what moves, all of them where its one instance is: a car of 500 parts is one group.
+Leaves of such a group are in the space of the moving transform and share its one instance: a car of 500 parts is one group.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from .instances import Group
 class Place:
     group: Group[ResolvedPrim]
     poses: Poses
-    mover: Mover | None  # in whose space the poses are; None: they are in the root's
+    mover: Mover | None  # the space that the poses are in; None: the root's
 
     def mover_below(self, pose: int, local: Local, times: Iterable[float], *, resets: bool = False) -> Mover:
-        """What moves below this pose; or, where it resets the stack, below the root."""
+        """Return the mover of a transform below this pose or, where it resets the stack, below the root."""
         between: Doubles = np.eye(4) if resets else self.poses.at(pose)
         return Mover(None if resets else self.mover, between, local, times)
 
 
 class Places:
-    """One for each transform that moves and each motion:blurScale, since that is of all of a leaf's way to the world."""
+    """Places by moving transform and motion:blurScale, since a blur scale applies to the whole path of a leaf to the world."""
 
     def __init__(self, groups: list[Group[ResolvedPrim]], own: Group[ResolvedPrim]) -> None:
         self._groups = groups
@@ -41,7 +41,7 @@ class Places:
         self._known: dict[tuple[Mover | None, float], Place] = {(None, own.blur_scale): self.own}
 
     def of(self, mover: Mover | None, blur_scale: float, path: str) -> Place:
-        """The place of what stands in this mover's space; a new one is called by the path."""
+        """Return the place for prims in this mover's space; a new one gets this path as its name."""
         known = self._known.get((mover, blur_scale))
         if known is None:
             level = MatrixInstances(IDENTITY[None]) if mover is None else level_of([mover], np.eye(4)[None])
@@ -51,6 +51,6 @@ class Places:
         return known
 
     def blurred(self, place: Place, pose: int, blur_scale: float, path: str) -> tuple[Place, int]:
-        """The same pose among what is blurred otherwise."""
+        """Return the same pose in the place for another blur scale."""
         other = self.of(place.mover, blur_scale, path)
         return other, other.poses.add(Gf.Matrix4d(place.poses.at(pose).T), ROOT)

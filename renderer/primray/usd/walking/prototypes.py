@@ -1,9 +1,9 @@
-"""What a point instancer's prototype inherits, below its instancer or anywhere else, also inside native instances.
+"""Inherited state of a point instancer's prototype, below its instancer or anywhere else, also inside native instances.
 
-Below the instancer that is what the instancer hands down, and what scopes between the two author. Elsewhere it goes by
-namespace, as USD answers of the prototype's own prims: purpose, draw modes, primvars, bindings, colour spaces. Where namespace
-says nothing of purpose or of a primvar, the instancer's counts, which is at the root of each instance (UsdGeomPointInstancer).
-Visibility above a prototype's root does not count: people hide prototypes there.
+Below the instancer it is what the instancer hands down, changed by the prims between the two. Elsewhere it goes by namespace,
+as USD answers for the prototype's own prims: purpose, draw modes, primvars, bindings, colour spaces. Where namespace says
+nothing about purpose or about a primvar, the instancer's counts, which is at the root of each instance (UsdGeomPointInstancer).
+Visibility above a prototype's root does not count: artists hide prototypes that way.
 """
 
 from __future__ import annotations
@@ -68,14 +68,14 @@ def _descended(handed: Inherited, prims: Iterable[Usd.Prim], ctx: Context) -> In
 
 
 def _by_namespace(top: Inherited | None) -> Inherited:
-    """Return what namespace begins with, in the world or in a native prototype; a purpose of "" is nobody's."""
+    """Return the state at the root of a namespace, in the world or in a native prototype; a purpose of "" is unauthored."""
     if top is None:
         return Inherited(purpose="")
     return replace(top, purpose="") if top.purpose == "default" else top
 
 
 def _combined(handed: Inherited, named: Inherited) -> Inherited:
-    """Return what an instancer hands down with what namespace says, which comes first."""
+    """Return what an instancer hands down combined with the state by namespace, which takes precedence."""
     return replace(
         handed,
         purpose=named.purpose or handed.purpose,
@@ -88,7 +88,7 @@ def _combined(handed: Inherited, named: Inherited) -> Inherited:
 
 
 def _with_colors_of(root: Usd.Prim, handed: Inherited, ctx: Context) -> Inherited:
-    """Colour spaces go by namespace (ColorSpaceAPI), wherever the prototype stands."""
+    """Return the state with the colour spaces of the prototype's namespace (ColorSpaceAPI), wherever it is placed."""
     around = replace(ctx, outer_colors=handed.outer_colors)
     outer = handed.outer_colors
     instance = root
@@ -109,10 +109,11 @@ def _proxy(root: Usd.Prim, around: str) -> str:
 
 
 class _HoldInstancers(dict[str, bool]):
-    """By the path of a prim in a native prototype: whether point instancers are below it."""
+    """Results of `_holds_instancers` by path."""
 
 
 def _holds_instancers(root: Usd.Prim, ctx: Context) -> bool:
+    """Return whether there are point instancers below a prim of a native prototype."""
     known, path = ctx.kept.of(_HoldInstancers), str(root.GetPath())
     if path not in known:
         known[path] = any(type_name(prim) == "PointInstancer" for prim in there_below(root))

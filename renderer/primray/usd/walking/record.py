@@ -1,6 +1,6 @@
-"""What a translation notes down for edits that come after it: where prims of the world stand, and what leaves have become.
+"""Record of a translation for later edits: poses of prims in the world, and which shapes and lights leaves became.
 
-Nothing is noted unless `is_on`: for stages that are translated again and again (keeping).
+It is only kept if `is_on`: for stages that are translated repeatedly (keeping).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ..resolving.resolve import ResolvedPrim
 
 @dataclass
 class Become:
-    """A leaf, and which of the scene's shapes and of its static ones it has become, or which light; None for nothing."""
+    """A leaf with the index of the scene's shape, also of the static one, or of the light that it became; None for nothing."""
 
     leaf: ResolvedPrim
     shape: int | None = None
@@ -23,15 +23,15 @@ class Become:
 @dataclass
 class Record:
     is_on: bool = False
-    poses: dict[str, tuple[Poses, int]] = field(default_factory=dict)  # of prims with transforms of their own, by path
-    leaves: dict[str, Become] = field(default_factory=dict)  # likewise
-    # Poses that more than leaves depend on: instances, instancers, what moves.
+    poses: dict[str, tuple[Poses, int]] = field(default_factory=dict)  # prims that have a transform, by path
+    leaves: dict[str, Become] = field(default_factory=dict)  # by path
+    # Poses that more than leaves depend on: those of instances, instancers and moving prims.
     used: list[tuple[Poses, int]] = field(default_factory=list)
     told: int = 0  # diagnostics before any leaf was translated
-    is_plain: bool = True  # each leaf is one prim's, and has become one thing
+    is_plain: bool = True  # each prim has one leaf, which became one object
 
     def begin(self) -> None:
-        """A walk, which may have been begun before."""
+        """Clear the record for a walk, which may follow an abandoned one."""
         self.poses.clear()
         self.used.clear()
 

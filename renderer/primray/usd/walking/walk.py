@@ -1,6 +1,6 @@
-"""Going down the stage: prunes what is not rendered, expands instances into groups, and notes what is not supported.
+"""The walk down the stage: prunes prims that are not rendered, expands instances into groups, and reports unsupported content.
 
-Each native prototype and each point instancer's prototype is walked once per distinct thing handed down to it.
+Each native prototype and each point instancer's prototype is walked once per distinct state handed down to it.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ Expand = Callable[
     [ResolvedPrim, Context], list[tuple[str, PointInstances | MovingLevel]]
 ]  # (prototype root, group_from_prototype)
 
-# Nothing below these is drawn by itself.
+# Prims of these types have no children that are drawn.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer"})
-_MADE = frozenset({"PointInstancer", "Points"})  # into groups
-FORGOTTEN_AFTER = 1 << 14  # transforms
+_MADE = frozenset({"PointInstancer", "Points"})  # expanded into groups
+FORGOTTEN_AFTER = 1 << 14  # transforms after which the cache is cleared
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class GroupKey:
 
 
 class _Above(NamedTuple):
-    """What all children of a prim are given."""
+    """State that all children of a prim are given."""
 
     path: str
     place: Place
@@ -92,14 +92,14 @@ class _Walk:
     prototypes: dict[Usd.Prim, NativePrototype] = field(default_factory=dict)
 
     def prototype(self, prim: Usd.Prim) -> NativePrototype:
-        """The one object for a native prototype."""
+        """Return the one object for a native prototype."""
         found = self.prototypes.get(prim)
         if found is None:
             found = self.prototypes[prim] = NativePrototype(prim)
         return found
 
     def group(self, root: Usd.Prim, inherited: Inherited) -> int:
-        """The group of this prototype under what is handed to it, queued for walking when new."""
+        """Return the group of this prototype with the state handed to it; a new one is queued for walking."""
         key = GroupKey(str(root.GetPath()), inherited)
         if key not in self.index:
             self.index[key] = len(self.groups)
@@ -109,9 +109,9 @@ class _Walk:
 
 
 def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Links | None = None) -> list[Group[ResolvedPrim]]:
-    """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer.
+    """Return all groups, the world first. `leaf_types` names the prim types that have adapters; `expand` reads an instancer.
 
-    `links` tells instances apart that lights do.
+    `links` distinguishes instances that lights illuminate differently.
     """
     kinds = PrimKinds(ctx, leaf_types)
     has_instances = bool(ctx.stage.GetPrototypes())
@@ -136,7 +136,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     drawn = IN_WORLD if is_namespace_root else IN_PROTOTYPE
     prims = children(root, drawn) if is_namespace_root else [root]
     parent = str((root if is_namespace_root else root.GetParent()).GetPath())
-    # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
+    # The ancestors of a point instancer's prototype are not walked, but the same whenever the prototype is.
     if not is_namespace_root:
         state.kinds.by_collection |= binds_by_collection(root.GetParent(), ctx)
     binds = "" if is_namespace_root else str(root.GetPath())
@@ -180,7 +180,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 continue
             if type_name == "Points" and is_drawn(mine, ctx.purposes) and not kind.left_out:
                 _place_spheres(state, group, place.group, resolved)
-            if kind.taken_as and is_drawn(mine, ctx.purposes):  # also an instance may itself be a shape
+            if kind.taken_as and is_drawn(mine, ctx.purposes):  # an instance may be a shape too
                 _place_leaf(state, places, place, resolved)
             if is_instance:
                 state.record.note_use(place.poses, pose)
@@ -194,7 +194,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
 def _stand(
     state: _Walk, places: Places, prim: Usd.Prim, names: frozenset[str], path: str, above: _Above, blur_scale: float
 ) -> tuple[Place, int]:
-    """Where the prim's own transform puts it: below what is above it, or, where it moves, in a place of its own."""
+    """Return the place and pose of a prim with a transform: below its parent's or, if the transform moves, in a new place."""
     ctx, place = state.ctx, above.place
     moving = moving_operations(prim, names, ctx.when, ctx.timing)
     if moving:
@@ -213,12 +213,12 @@ def _stand(
     if places.own.group is state.groups[0]:
         state.record.note_pose(path, place.poses, pose)
     if pose % FORGOTTEN_AFTER == 0:
-        state.cache.Clear()  # it keeps 400 bytes a prim, and nothing is asked twice
+        state.cache.Clear()  # it keeps 400 bytes per prim, and no prim is asked for twice
     return place, pose
 
 
 def _place_leaf(state: _Walk, places: Places, place: Place, leaf: ResolvedPrim) -> None:
-    """Spheres whose radius changes grow by their transform."""
+    """Add a leaf to its place; a sphere whose radius changes is scaled by a moving transform."""
     grows = growing_sphere(leaf, state.ctx) if leaf.type_name == "Sphere" else None
     if grows is not None:
         place = places.of(place.mover_below(leaf.pose, *grows), place.group.blur_scale, leaf.path)
@@ -227,7 +227,7 @@ def _place_leaf(state: _Walk, places: Places, place: Place, leaf: ResolvedPrim) 
 
 
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim], poses: Poses) -> None:
-    """Instances of one prototype that hand down the same become one array of matrices."""
+    """Add native instances: those of one prototype that hand down the same state become one array of matrices."""
     ctx = state.ctx
     if not instances:
         return
@@ -237,9 +237,9 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
     apart = differ_by_material(instances, ctx)
-    alike: dict[Hashable, int] = {}  # groups of instances with one object for what is above them, and one binding
+    alike: dict[Hashable, int] = {}  # groups by prototype, inherited state and binding, which are shared objects
     for i, (instance, prototype, inner, alone) in enumerate(zip(instances, prototypes, bindings, apart, strict=True)):
-        # Collections look into instances that are bound alone, and links tell every instance apart by its path.
+        # Instances that collections look into are separate groups, and links distinguish every instance by its path.
         key = None if alone or state.links is not None else (id(prototype), id(instance.inherited), id(inner))
         child = alike.get(key)
         if child is None:
@@ -259,7 +259,7 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
 
 
 def _apart(instances: MatrixInstances, movers: list[Mover | None], inner: Doubles) -> list[MatrixInstances]:
-    """Those that stand still, and those that move."""
+    """Return the instances split into static and moving ones."""
     if not any(movers):
         return [instances]
     moving = np.array([mover is not None for mover in movers])
@@ -269,7 +269,7 @@ def _apart(instances: MatrixInstances, movers: list[Mover | None], inner: Double
 
 
 def _places_of(instances: list[ResolvedPrim], poses: Poses) -> Doubles:
-    """(K, 4, 4) group_from_instance; of what moves, mover_from_instance. Most stand in the group's own poses."""
+    """Return group_from_instance (K, 4, 4), or mover_from_instance for moving ones. Most are in the group's own poses."""
     if all(instance.poses is poses for instance in instances):
         return poses.of([instance.pose for instance in instances])
     return np.stack([instance.group_from_prim for instance in instances])
@@ -291,7 +291,7 @@ def _handed_to_instance(
 
 
 def _within(state: _Walk, group: Group[ResolvedPrim], path: str) -> str:
-    """A path relative to the root of its group: the whole one in the world."""
+    """Return a path relative to the root of its group, or the whole path in the world."""
     return path if group is state.groups[0] else path.removeprefix(group.path)
 
 
@@ -306,7 +306,7 @@ def _finite(level: MatrixInstances, group: Group[ResolvedPrim], ctx: Context) ->
 def _expand_points(
     state: _Walk, root_group: Group[ResolvedPrim], group: Group[ResolvedPrim], instancer: ResolvedPrim, top: Inherited | None
 ) -> None:
-    """`top`: what is handed to the native prototype that the instancer stands in; None in the world."""
+    """Add the instances of a point instancer. `top` is handed to the native prototype that contains it; None in the world."""
     ctx = state.ctx
     for root_path, instances in state.expand(instancer, ctx):
         root = ctx.stage.GetPrimAtPath(root_path)
@@ -325,7 +325,7 @@ def _expand_points(
 
 
 def _place_spheres(state: _Walk, root_group: Group[ResolvedPrim], group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
-    """A group of one leaf in many places; primvars that vary over the points are their instances' own."""
+    """Add points as a group of one sphere with many instances; primvars that vary over the points become per instance."""
     placed = spheres(points, state.ctx)
     if placed.names is not None:
         placed = replace(placed, names=replace(placed.names, prefix=_within(state, root_group, points.path)))
