@@ -1,2 +1,2 @@
-"""UsdGeomCurves as cubic Bezier curves: which values stand where (curve_set), from each kind's own form (basis, hermite), and
-what is read of a prim (authored, widths, values)."""
+"""UsdGeomCurves as cubic Bezier curves: layout of values on curves (curve_set), conversion from each schema's form (basis,
+hermite, nurbs) and reading of prims (authored, values, moving)."""

@@ -1,4 +1,4 @@
-"""What a curves prim says of its curves: how many vertices each has, where these are, and which of the curves can be drawn."""
+"""Authored vertices of a curves prim: their number per curve, their positions, and which curves can be drawn."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .curve_set import Ints
 @dataclass(frozen=True, eq=False)
 class AuthoredCurves:
     counts: Ints  # (C,) not negative
-    points: Floats  # (V, 3), at the frame or the instant of a still
-    path: PointPath | None  # how they move
-    good: npt.NDArray[np.bool_]  # (C,) all of its vertices are there and finite
+    points: Floats  # (V, 3), at the frame, or at the instant of a still
+    path: PointPath | None  # motion of the points
+    good: npt.NDArray[np.bool_]  # (C,) all of its vertices exist and are finite
 
 
 def read_curves(prim: ResolvedPrim, ctx: Context) -> AuthoredCurves | None:
-    """None, noted where something is authored that cannot be used, if there are no curves."""
+    """Return the curves, or None if there are none; reports attributes that are missing or unusable."""
     counts = array(read(prim.prim, "curveVertexCounts", ctx.when), 1, "i")
     points = array(read(prim.prim, "points", ctx.when), 3, "f")
     if counts is None or points is None or len(counts) == 0 or len(points) == 0:
@@ -45,7 +45,7 @@ def read_curves(prim: ResolvedPrim, ctx: Context) -> AuthoredCurves | None:
 
 
 def without(bad: npt.NDArray[np.bool_], counts: Ints) -> npt.NDArray[np.bool_]:
-    """(C,) curves without any of the bad vertices."""
+    """Return the mask (C,) of curves that have none of the `bad` vertices (V,)."""
     if not bad.any():
         return np.ones(len(counts), bool)
     before = np.concatenate([[0], np.cumsum(bad)])

@@ -1,7 +1,7 @@
-"""UsdGeomBasisCurves: segments by type, basis and wrap, as the schema's text has them ("Segment Indexing").
+"""UsdGeomBasisCurves as Bezier segments by type, basis and wrap, following the schema's text ("Segment Indexing").
 
-The text's check of linear curves ("> 2", "> 3") contradicts its own example, [2 3 2 5] and [3 7]: two vertices are enough, and
-three of a periodic curve.
+The text's validity checks for linear curves ("> 2", "> 3") contradict its own example, [2 3 2 5] and [3 7]; here two vertices
+are enough, or three for a periodic curve.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .curve_set import EVENLY, CurveSet, Ints, ends_of, run_lengths
 Mask = npt.NDArray[np.bool_]
 
 BEZIER, BSPLINE, CATMULL_ROM = "bezier", "bspline", "catmullRom"
-# Control points of a segment, by basis, from its four vertices.
+# Bezier control points of a segment from its four vertices, by basis.
 TO_BEZIER: dict[str, Doubles] = {
     BEZIER: np.eye(4),
     BSPLINE: np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6,
@@ -25,8 +25,8 @@ TO_BEZIER: dict[str, Doubles] = {
 
 
 def basis_curves(counts: Ints, points: int, good: Mask, kind: str, basis: str, wrap: str) -> CurveSet:
-    """Of curves of so many vertices each, of `points` in all. Those that are not `good`, or whose vertices are too few or too
-    many for whole segments, are not drawn."""
+    """Return the segments of curves with `counts` (C,) vertices each and `points` in all. Curves that are not `good`, or whose
+    vertex count does not make whole segments, are not drawn."""
     step = 3 if kind == "cubic" and basis == BEZIER else 1
     pinned = wrap == "pinned" and kind == "cubic" and basis != BEZIER
     closed = wrap == "periodic"
@@ -69,7 +69,7 @@ def basis_curves(counts: Ints, points: int, good: Mask, kind: str, basis: str, w
 
 
 def _segments(counts: Ints, is_linear: bool, step: int, *, pinned: bool, closed: bool) -> tuple[Ints, Mask]:
-    """How many segments each has, and whether its vertices fit."""
+    """Return the number of segments of each curve, and whether its vertex count is valid."""
     if is_linear:
         return np.maximum(counts - (0 if closed else 1), 0), counts >= (3 if closed else 2)
     if closed:

@@ -1,4 +1,4 @@
-"""Control points of curves over the shutter: the points' samples or velocities, and widths that change."""
+"""Motion of curve control points over the shutter: point samples or velocities, and widths that change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .values import fitting, name_of_widths, radii_of, read_widths
 
 
 def with_normals(motion: PointMotion, normals: Floats) -> PointMotion:
-    """Of ribbons, whose normals stay as they are at the frame."""
+    """Return the motion of ribbons, whose normals keep their value at the frame."""
     steps = np.broadcast_to(normals, (len(motion.times), *normals.shape))
     return PointMotion(motion.times, np.concatenate([motion.points, steps], axis=2))
 
@@ -33,7 +33,8 @@ def moving_controls(
     controls: Floats,
     ctx: Context,
 ) -> PointMotion | None:
-    """None where they stand still, or only a still is made. `places`: control points of vertices; `controls`: at the frame."""
+    """Return the motion of the control points, or None if they do not move or only a still is made. `places` maps vertices to
+    control points; `controls` (3 S + C, 4) are those at the frame."""
     if not ctx.timing.is_open:
         return None
     attribute = prim.prim.GetAttribute(name_of_widths(prim))

@@ -1,9 +1,9 @@
-"""UsdGeomNurbsCurves to Bezier segments: exactly where a curve is a polynomial of degree 3 or less, else in as many pieces of
-each knot span as bring it within FAR of the curve's size, thousandths of a pixel of any picture.
+"""UsdGeomNurbsCurves as Bezier segments. Non-rational curves of degree up to 3 are converted exactly; in others each knot span
+is divided until the error is within FAR of the curve's size (thousandths of a pixel).
 
-A piece has the curve's points and derivatives at both ends, which are sums of control points: what is found for the points at
-the frame is good for all times, for widths and for primvars. Knots are as the schema has them, count + order; a range's upper
-bound is knots[count] at most, where the last span ends.
+A piece interpolates the curve's points and derivatives at both ends (Hermite), which are linear in the control points, so the
+matrices found for the points at the frame also hold for other times, widths and primvars. There are count + order knots, as in
+the schema; the upper bound of a range is at most knots[count], where the last span ends.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from .basis import Mask
 from .curve_set import CurveSet, Ints
 
 FAR = 1e-6
-BROKEN = 1e-4  # of its size: a knot as often as the order may tear a curve apart
-MOST_PIECES = 128  # of a knot span
+BROKEN = 1e-4  # of the curve's size: a knot of full multiplicity may break a curve
+MOST_PIECES = 128  # per knot span
 HIGHEST_ORDER = 16
 
 
 @dataclass(frozen=True, eq=False)
 class Nurbs:
-    """One curve."""
+    """NURBS curve."""
 
     order: int
     knots: Doubles  # (n + order,)
     weights: Doubles  # (n,) positive
-    low: float  # its range, within the knots' domain
+    low: float  # drawn range, within the knots' domain
     high: float
 
     @property
@@ -38,7 +38,8 @@ class Nurbs:
         return self.order - 1
 
     def basis(self, span: int, u: Doubles) -> tuple[Doubles, Doubles]:
-        """(m, order) of the points span - degree to span, at parameters (m,) of this span: rational, and its derivative."""
+        """Return the rational basis functions (m, order) of points span - degree to span at parameters (m,) in this span, and
+        their derivatives."""
         low, high = self._polynomials(span, u, self.degree - 1), self._polynomials(span, u, self.degree)
         slopes = np.zeros_like(high)
         for k in range(self.order):
@@ -54,7 +55,7 @@ class Nurbs:
         return rational, (slopes * w - rational * change) / total
 
     def _polynomials(self, span: int, u: Doubles, degree: int) -> Doubles:
-        """Piegl and Tiller 1997, "The NURBS Book", algorithm A2.2: (m, degree + 1)."""
+        """Return the B-spline basis (m, degree + 1), by Piegl and Tiller 1997, "The NURBS Book", algorithm A2.2."""
         values = np.ones((len(u), 1))
         for d in range(1, degree + 1):
             grown = np.zeros((len(u), d + 1))
@@ -67,7 +68,7 @@ class Nurbs:
         return values
 
     def spans(self) -> list[tuple[int, float, float]]:
-        """Number, first and last parameter of those that the range reaches into."""
+        """Return index, first and last parameter of the non-empty knot spans within the range."""
         found = []
         for j in range(self.degree, len(self.weights)):
             a, b = max(float(self.knots[j]), self.low), min(float(self.knots[j + 1]), self.high)
@@ -76,8 +77,8 @@ class Nurbs:
         return found
 
     def pieces(self, points: Doubles, tolerance: float) -> tuple[Ints, Doubles, Doubles]:
-        """For each piece: its first point (S,), its control points of `order` points (S, 4, order); and for each end of one
-        (S + 1,) where it is among the values at knots, counted from the domain's first."""
+        """Return for each piece its first point (S,) and its control points as combinations of `order` points (S, 4, order),
+        and for each piece end (S + 1,) its position among the values at knots, counted from the start of the domain."""
         firsts, matrices, places = [], [], []
         is_exact = self.degree <= 3 and bool((self.weights == self.weights[0]).all())
         for span, a, b in self.spans():
@@ -115,8 +116,8 @@ class Nurbs:
 def nurbs_curves(
     counts: Ints, points: Floats, good: Mask, orders: Ints, knots: Doubles, ranges: Doubles | None, weights: Doubles | None
 ) -> CurveSet:
-    """Of curves of so many points each. Those whose order, knots, range or weights are of no use, or that
-    their knots tear apart, are not drawn."""
+    """Return the segments of curves with `counts` points each. Curves with unusable order, knots, range or weights, or broken
+    by their knots, are not drawn."""
     starts = np.cumsum(counts) - counts
     known = np.zeros(len(counts), np.int64)
     known[: len(orders)] = orders[: len(counts)]
@@ -169,5 +170,5 @@ def _usable(order: int, count: int, knots: Doubles, asked: Doubles | None, weigh
 
 
 def _padded(corners: Ints, widest: int) -> Ints:
-    """With the last one again, of which nothing is taken."""
+    """Return the point indices padded with the last one, whose weight is 0."""
     return np.concatenate([corners, np.repeat(corners[:, -1:], widest - corners.shape[1], axis=1)], axis=1)

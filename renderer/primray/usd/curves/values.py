@@ -1,4 +1,4 @@
-"""Widths and primvars of curves, by interpolation, at control points, ends of segments or curves."""
+"""Widths, normals and primvars of curves at control points, segment ends or curves, by their interpolation."""
 
 from __future__ import annotations
 
@@ -21,21 +21,22 @@ from ..shapes.surface_primvars import read_primvars
 from .basis import Mask
 from .curve_set import EVENLY, CurveSet, Ints
 
-STORMS_WIDTH = 1.0  # where none is authored
-# Nobody means tubes of a unit by lines without widths, tool paths or guides: they are so thin that, where all of a prim's
-# curves fill a picture, they cover a pixel or two.
+STORMS_WIDTH = 1.0  # Hydra Storm's, if none is authored
+# Lines without widths are usually tool paths or guides, not tubes of unit width: they are drawn thin enough to cover a pixel or
+# two when the prim's curves fill the picture.
 THIN = 1 / 500
 DISPLAY_COLOR = "displayColor"
-NO_WIDTH = 1e-6  # of the largest: by rounding
+NO_WIDTH = 1e-6  # of the largest half width: rounding error
 
 
 def name_of_widths(prim: ResolvedPrim) -> str:
-    """primvars:widths is stronger than widths."""
+    """Return the name of the attribute with the widths: primvars:widths takes precedence over widths."""
     return "primvars:widths" if "primvars:widths" in prim.names else "widths"
 
 
 def read_widths(prim: ResolvedPrim, when: When) -> Primvar | None:
-    """As authored, one column; None where there are none that could be read. Nothing is checked against the curves."""
+    """Return the authored widths in one column, or None if there are none or they cannot be read; not yet validated against the
+    curves."""
     name = name_of_widths(prim)
     attribute = prim.prim.GetAttribute(name)
     if not attribute or value(attribute, when) is None:
@@ -56,13 +57,14 @@ def read_widths(prim: ResolvedPrim, when: When) -> Primvar | None:
 
 
 def radii_of(widths: Primvar, curves: CurveSet) -> Floats | None:
-    """(3 S + C,) at control points; None where they do not fit."""
+    """Return radii at control points (3 S + C,); None if the widths do not fit the curves."""
     halves = _halves(widths, curves)
     return None if halves is None else _not_negative(halves, curves)[0]
 
 
 def _not_negative(halves: Floats, curves: CurveSet) -> tuple[Floats, int]:
-    """The same with 0 where control points make a segment narrower than 0, and the number of such segments."""
+    """Return the half widths, set to 0 where the control points of a segment make it negative, and the number of such
+    segments."""
     if not (halves < 0).any():
         return halves, 0
     narrow = _narrower_than_0(halves, curves)
@@ -75,10 +77,10 @@ def _halves(widths: Primvar, curves: CurveSet) -> Floats | None:
 
 
 def _narrower_than_0(halves: Floats, curves: CurveSet) -> Mask:
-    """(S,) segments whose radius, a cubic of its four values at control points, is negative anywhere."""
+    """Return the mask (S,) of segments whose radius, a cubic of its four control values, is negative anywhere."""
     a, b, c, d = halves[_first_controls(curves)[:, None] + np.arange(4)].astype(np.float64).T
     least = np.minimum(a, d)
-    # The derivative's control values are b - a, c - b, d - c: its roots by the quadratic formula, without cancellation.
+    # Roots of the derivative, whose control values are b - a, c - b, d - c, by the quadratic formula without cancellation.
     p, q, r = (b - a) - 2 * (c - b) + (d - c), (c - b) - (b - a), b - a
     root = np.sqrt(np.maximum(q * q - p * r, 0.0))
     stable = -(q + np.copysign(root, q))
@@ -91,12 +93,12 @@ def _narrower_than_0(halves: Floats, curves: CurveSet) -> Mask:
 
 
 def _first_controls(curves: CurveSet) -> Ints:
-    """(S,) the number of each segment's first control point."""
+    """Return the index of each segment's first control point (S,)."""
     return 3 * np.arange(int(curves.segments.sum())) + np.repeat(np.arange(len(curves.segments)), curves.segments)
 
 
 def _controls_of(segments: Mask, curves: CurveSet) -> Mask:
-    """(3 S + C,) control points of these segments (S,)."""
+    """Return the mask (3 S + C,) of control points of the segments in a mask (S,)."""
     found = np.zeros(_controls(curves), bool)
     first = _first_controls(curves)
     for k in range(4):
@@ -105,7 +107,7 @@ def _controls_of(segments: Mask, curves: CurveSet) -> Mask:
 
 
 def fitting(primvar: Primvar, curves: CurveSet) -> Primvar | None:
-    """With the interpolation that its number of values is of, its own before others; one value stands for all."""
+    """Return the primvar with an interpolation that its number of values fits, trying its own first; None if none fits."""
     count = len(primvar.values)
     order = [primvar.interpolation, "constant", "vertex", "varying", "uniform"]
     found = next((kind for kind in order if count and curves.sizes.of(kind) == count), None)
@@ -113,7 +115,7 @@ def fitting(primvar: Primvar, curves: CurveSet) -> Primvar | None:
 
 
 def at_controls(primvar: Primvar, curves: CurveSet) -> Floats | None:
-    """(3 S + C, k) of values that are as many as their interpolation needs; None of others."""
+    """Return values at control points (3 S + C, k), or None if their number does not fit their interpolation."""
     values, kind = primvar.flat(), primvar.interpolation
     if len(values) != curves.sizes.of(kind):
         return None
@@ -125,7 +127,7 @@ def at_controls(primvar: Primvar, curves: CurveSet) -> Floats | None:
 
 
 def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) -> Floats:
-    """(3 S + C,) at control points, at the frame. What is authored and does not fit is told, and what is not authored."""
+    """Return radii at control points (3 S + C,) at the frame; reports widths that are missing or do not fit."""
     authored, name = read_widths(prim, ctx.when), name_of_widths(prim)
     if authored is None or not len(authored.values):
         width = _thin(points)
@@ -153,7 +155,7 @@ def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) ->
 
 
 def _usable(fits: Primvar, name: str, curves: CurveSet, prim: ResolvedPrim, ctx: Context) -> Primvar:
-    """Report what is no width. Of values that a basis is applied to, only what comes of them may not be negative."""
+    """Report and replace invalid widths. Of widths that a basis is applied to, only the results must not be negative."""
     is_based = fits.interpolation == "vertex" and curves.to_bezier is not EVENLY
     bad = ~np.isfinite(fits.values) if is_based else ~(np.isfinite(fits.values) & (fits.values >= 0))
     if bad.any():
@@ -173,7 +175,7 @@ def _controls(curves: CurveSet) -> int:
 
 
 def control_normals(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> Floats | None:
-    """(3 S + C, 3) of curves that are ribbons; None of tubes, noted where normals do not fit."""
+    """Return normals at control points (3 S + C, 3) for ribbons; None for tubes, and, reported, for normals that do not fit."""
     authored = read_normals(prim, ctx.when)
     found = None if authored is None else checked_vectors(authored, curves.sizes, prim.path, ctx)
     return None if found is None else at_controls(found, curves)
@@ -182,7 +184,7 @@ def control_normals(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> Float
 def curve_primvars(
     prim: ResolvedPrim, surfaces: Collection[Surface], curves: CurveSet, ctx: Context
 ) -> tuple[SeamPrimvar, ...]:
-    """What surfaces read of the curves, as the seam's Curves have it."""
+    """Return the primvars that surfaces read, as description.Curves has them."""
     if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
         return ()
     colored = replace(ctx, color_primvars=ctx.color_primvars | {f"primvars:{DISPLAY_COLOR}"})
@@ -191,7 +193,7 @@ def curve_primvars(
 
 
 def _reflecting(name: str, primvar: Primvar, prim: ResolvedPrim, ctx: Context) -> Primvar:
-    """displayColor is in [0, 1]: what reflects adds no light."""
+    """Return displayColor clamped to [0, 1], so that surfaces conserve energy; other primvars unchanged."""
     if name != DISPLAY_COLOR:
         return primvar
     inside = np.clip(primvar.values, 0.0, 1.0)

@@ -1,1 +1,1 @@
-"""What moves while the shutter is open, as numbers: where it stands at any time, and at which times to say so. No USD."""
+"""Motion over the open shutter in numpy: transforms at any time, and the times at which to sample them. Independent of USD."""

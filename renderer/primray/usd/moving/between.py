@@ -1,7 +1,7 @@
-"""How the seam's matrices stand between two times (description/motion.py), for many of them at once.
+"""Interpolation of matrices between two times as the core does it (description/motion.py), for many at once.
 
-A matrix is taken apart into a rotation and a symmetric stretch (polar decomposition); where it mirrors, into the rotation
-that is left without the mirroring through the origin, and a stretch below 0.
+A matrix is decomposed into a rotation and a symmetric stretch (polar decomposition). For mirroring matrices the rotation is
+that of the matrix times -1, and the stretch is negative.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy as np
 from ...arrays import Doubles
 from ...description.placement import put_rotations
 
-FLAT = 1e-9  # of the largest stretch: what is stretched less has no rotation that could be told
+FLAT = 1e-9  # of the largest stretch: below, the rotation is undefined
 
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """K matrices taken apart."""
+    """Polar decomposition of K matrices."""
 
     quaternions: Doubles  # (K, 4): x, y, z, w
     stretches: Doubles  # (K, 3, 3), symmetric
@@ -26,7 +26,8 @@ class Turned:
 
 
 def have_rotations(matrices: Doubles) -> bool:
-    """Whether each of (S + 1, K, 3, 4) has one, and none mirrors at one time alone."""
+    """Return whether all matrices (S + 1, K, 3, 4) have well-defined rotations, and none changes between mirroring and not
+    mirroring."""
     linear = matrices[..., :3]
     sizes = np.linalg.svd(linear, compute_uv=False)
     if not (sizes[..., 2] > FLAT * sizes[..., 0]).all():
@@ -36,7 +37,7 @@ def have_rotations(matrices: Doubles) -> bool:
 
 
 def taken_apart(matrices: Doubles) -> Turned:
-    """(K, 3, 4) that have rotations."""
+    """Return the polar decomposition of matrices (K, 3, 4) that have rotations."""
     u, sizes, v = np.linalg.svd(matrices[:, :, :3])
     rotations = u @ v
     signs = np.sign(np.linalg.det(rotations))
@@ -45,17 +46,17 @@ def taken_apart(matrices: Doubles) -> Turned:
 
 
 def turned(a: Turned, b: Turned, u: float) -> Doubles:
-    """(K, 3, 4): rotations go the shorter way at constant speed, the rest is linear."""
+    """Return matrices (K, 3, 4) between two: rotations turn the shorter way at constant speed, the rest is linear."""
     rotations = rotation_matrices(slerp(a.quaternions, b.quaternions, u))
     linear = rotations @ (a.stretches + u * (b.stretches - a.stretches))
     return np.concatenate([linear, (a.translations + u * (b.translations - a.translations))[:, :, None]], axis=2)
 
 
 def slerp(a: Doubles, b: Doubles, u: float) -> Doubles:
-    """(K, 4) unit quaternions between those of `a` and `b`, the shorter way."""
+    """Return unit quaternions (K, 4) between `a` and `b`, the shorter way."""
     cosines = np.sum(a * b, axis=1)
     b = np.where(cosines[:, None] < 0, -b, b)
-    # Of half the angle between them: exact also for small ones.
+    # The half-angle formula is exact for small angles, too.
     angles = 2.0 * np.arctan2(np.linalg.norm(b - a, axis=1), np.linalg.norm(b + a, axis=1))
     sines = np.sin(angles)
     small = sines < 1e-9
@@ -67,13 +68,14 @@ def slerp(a: Doubles, b: Doubles, u: float) -> Doubles:
 
 
 def angles_between(a: Doubles, b: Doubles) -> Doubles:
-    """(K,) by how much rotations (quaternions) differ, in radians."""
+    """Return the angles (K,) between rotations given as quaternions, in radians."""
     b = np.where(np.sum(a * b, axis=1)[:, None] < 0, -b, b)
     return np.asarray(4.0 * np.arctan2(np.linalg.norm(b - a, axis=1), np.linalg.norm(b + a, axis=1)))
 
 
 def quaternions(r: Doubles) -> Doubles:
-    """(K, 4) of rotation matrices (K, 3, 3): by the largest component, so that nothing cancels (Shepperd 1978)."""
+    """Return quaternions (K, 4) of rotation matrices (K, 3, 3), by the largest component to avoid cancellation (Shepperd
+    1978)."""
     trace = np.trace(r, axis1=1, axis2=2)
     diagonal = r[:, [0, 1, 2], [0, 1, 2]]
     found = np.empty((4, len(r), 4))
@@ -90,7 +92,7 @@ def quaternions(r: Doubles) -> Doubles:
 
 
 def rotation_matrices(q: Doubles) -> Doubles:
-    """(K, 3, 3) of unit quaternions."""
+    """Return rotation matrices (K, 3, 3) of unit quaternions."""
     made = np.empty((len(q), 3, 3))
     put_rotations(made, q, 2.0)
     return made

@@ -1,6 +1,6 @@
-"""Levels of instances that move, as the walk meets them: where they stand at any time is computed when it is asked for.
+"""Levels of moving instances during traversal: transforms are computed for any time on request.
 
-They count as what they are at the frame, but for `rows_at`. Translation settles them (settle.py): none reaches a description.
+Apart from `rows_at` they behave as their state at the frame. Translation replaces them (settle.py): none reaches a description.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ...arrays import Doubles
 from ...description.placement import Instances, MatrixInstances, chunks, compose
 from .mover import Mover
 
-Rows = Callable[[float], Doubles]  # by the offset from the frame: (K, 3, 4)
+Rows = Callable[[float], Doubles]  # offset from the frame -> (K, 3, 4)
 
 
 def _nowhere(_: float) -> Doubles:
@@ -25,19 +25,20 @@ def _nowhere(_: float) -> Doubles:
 
 @dataclass(frozen=True, eq=False)
 class MovingLevel(MatrixInstances):
-    """`matrices` are those at the frame; `times`, offsets from it, are where the path of any of them may bend."""
+    """Level of moving instances. `matrices` are those at the frame; `times` are offsets from the frame at which any of the
+    paths may bend."""
 
     rows_at: Rows = _nowhere
     times: tuple[float, ...] = ()
 
     def take(self, chosen: npt.NDArray[Any]) -> MovingLevel:
-        """Those that a mask or an array of indices chooses."""
+        """Return the instances chosen by a mask or an array of indices."""
         kept = super().take(chosen)
         rows_at = self.rows_at
         return MovingLevel(kept.matrices, kept.primvars, kept.names, lambda offset: rows_at(offset)[chosen], self.times)
 
     def placed(self, outer: Doubles, name: str = "") -> MovingLevel:
-        """The same after one more matrix (3, 4), of an instance of that name."""
+        """Return the instances transformed by a further matrix (3, 4), below an instance called `name`."""
         moved = super().placed(outer, name)
         rows_at = self.rows_at
         return MovingLevel(
@@ -46,7 +47,7 @@ class MovingLevel(MatrixInstances):
 
 
 def level_of(movers: Sequence[Mover], inner: Doubles) -> MovingLevel:
-    """One instance for each mover, with what stands still below it, (K, 4, 4)."""
+    """Return one instance for each mover, each with the static matrix (4, 4) of what is below it from `inner` (K, 4, 4)."""
 
     def rows_at(offset: float) -> Doubles:
         return np.stack([mover.at(offset) @ below for mover, below in zip(movers, inner, strict=True)])[:, :3]
@@ -56,7 +57,7 @@ def level_of(movers: Sequence[Mover], inner: Doubles) -> MovingLevel:
 
 
 def moving_level(rows_at: Rows, times: Sequence[float], like: Instances) -> MovingLevel:
-    """Instances with the primvars and names of others."""
+    """Return moving instances with the primvars and names of `like`."""
     return MovingLevel(rows_at(0.0), like.primvars, like.names, rows_at, tuple(times))
 
 
@@ -65,12 +66,12 @@ def do_move(chain: Sequence[Instances]) -> bool:
 
 
 def times_of(chain: Sequence[Instances]) -> tuple[float, ...]:
-    """Offsets from the frame at which some instance's path may bend."""
+    """Return the offsets from the frame at which the path of any instance may bend."""
     return tuple(sorted({time for level in chain if isinstance(level, MovingLevel) for time in level.times}))
 
 
 def level_at(level: Instances, offset: float) -> Instances:
-    """As it stands then, and moves no more."""
+    """Return the static instances at an offset from the frame."""
     if not isinstance(level, MovingLevel):
         return level
     return MatrixInstances(level.rows_at(offset), level.primvars, level.names)
@@ -81,12 +82,12 @@ def chain_at(chain: Sequence[Instances], offset: float) -> tuple[Instances, ...]
 
 
 def product_at(chain: Sequence[Instances], offset: float) -> Doubles:
-    """(K, 3, 4) of all of them together, the last level fastest."""
+    """Return the products (K, 3, 4) of all levels, the last level varying fastest."""
     return np.concatenate(list(chunks(chain_at(chain, offset))))
 
 
 def joined(chains: Sequence[Sequence[Instances]]) -> MovingLevel:
-    """All instances of some chains one after the other; names and primvars are the caller's."""
+    """Return the instances of several chains, concatenated; the caller sets names and primvars."""
 
     def rows_at(offset: float) -> Doubles:
         return np.concatenate([product_at(chain, offset) for chain in chains])

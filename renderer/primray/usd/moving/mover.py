@@ -1,4 +1,4 @@
-"""How a prim that moves stands in its group at any time: its operations at their own samples, composed."""
+"""Transform of a moving prim relative to its group at any time, composed from transform ops at their own samples."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable
 
 from ...arrays import Doubles
 
-Local = Callable[[float], Doubles]  # by the offset from the frame: (4, 4) parent_from_prim
+Local = Callable[[float], Doubles]  # offset from the frame -> (4, 4) parent_from_prim
 
 
 class Mover:
-    """A transform that changes, below another one or below none; what is between them stays as it is."""
+    """Animated transform, below another one or none, with a static matrix between the two."""
 
     def __init__(self, above: Mover | None, between: Doubles, local: Local, times: Iterable[float]) -> None:
         self._above = above
@@ -20,7 +20,7 @@ class Mover:
         self._known: dict[float, Doubles] = {}
 
     def at(self, offset: float) -> Doubles:
-        """(4, 4) group_from_prim, so many time codes after the frame."""
+        """Return group_from_prim (4, 4) at an offset from the frame, in time codes."""
         known = self._known.get(offset)
         if known is None:
             known = self._between @ self._local(offset)

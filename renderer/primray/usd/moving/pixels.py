@@ -1,4 +1,4 @@
-"""How many pixels a length in the world may come to, by the camera and how near things come to it: never too few."""
+"""Upper bound on the number of pixels that a world-space length covers, from the camera and the distance of objects to it."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from ...arrays import Doubles
 from ...description import Camera, Projection
 
-NEAREST = 1e-3  # of the way to a box's centre: what holds the camera counts as no nearer
+NEAREST = 1e-3  # of the distance to a box's centre: the nearest distance of boxes around the camera
 
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    eyes: Doubles  # (C, 3) where the camera stands, at some times
-    per_unit: float  # at distance 1; everywhere where the projection is parallel
-    nearest: float  # its near plane
+    eyes: Doubles  # (C, 3) camera positions at some times
+    per_unit: float  # pixels per unit at distance 1, or everywhere for parallel projections
+    nearest: float  # distance of the near plane
     is_parallel: bool
 
     def per_length(self, low: Doubles, high: Doubles) -> Doubles:
-        """(K,) pixels a unit of length, at most, of what is within the boxes (K, 3)."""
+        """Return the largest number of pixels per unit of length (K,) within boxes (K, 3)."""
         if self.is_parallel:
             return np.full(len(low), self.per_unit)
         apart = np.maximum(np.maximum(low[:, None] - self.eyes, self.eyes - high[:, None]), 0.0)
@@ -32,13 +32,13 @@ class Pixels:
 
 
 def pixels_of(cameras: Sequence[Camera], resolution: tuple[int, int]) -> Pixels:
-    """By one or more cameras that are alike but for where they stand and how far they zoom."""
+    """Return the bound for one or more cameras that differ only in position, orientation and zoom."""
     per_unit = 0.0
     is_parallel = cameras[0].projection is Projection.ORTHOGRAPHIC
     for camera in cameras:
         left, right, bottom, top = camera.window
         finest = max(resolution[0] / abs(right - left), resolution[1] / abs(top - bottom))
-        # Away from the axis depth is less than distance, and moves along the ray count too: each by 1 / cos.
+        # Off the axis depth is less than distance, and motion along the ray counts, too: a factor 1 / cos for each.
         slope = 0.0 if is_parallel else max(abs(left), abs(right)) ** 2 + max(abs(bottom), abs(top)) ** 2
         per_unit = max(per_unit, finest * (1.0 + slope))
     eyes = np.array([camera.world_from_camera[:3, 3] for camera in cameras])

@@ -1,4 +1,5 @@
-"""Instances that move, as the description has them: all levels multiplied out at times that an error in pixels decides."""
+"""Sampling of moving instances for the description: all levels are multiplied out, at times chosen by an error bound in
+pixels."""
 
 from __future__ import annotations
 
@@ -17,16 +18,16 @@ from .pixels import Pixels
 from .steps import Steps, corners_of, fractions, steps_of
 from .timing import Timing
 
-LOOKED_AT = 4096  # of a placement's instances: those whose errors would be largest
-WIDEST_TURN = np.radians(170.0)  # that two times may have between them: which way is shorter must be plain
+LOOKED_AT = 4096  # instances of a placement that are examined: those with the largest errors
+WIDEST_TURN = np.radians(170.0)  # radians between two samples: the shorter direction must be unambiguous
 PIXELS_NO_ERROR = 1e-3
-SIZE_NO_ERROR = 1e-6  # of all that is swept
+SIZE_NO_ERROR = 1e-6  # of the swept extent
 ROUNDING = 64 * 2.0**-52
 
 
 @dataclass
 class Precision:
-    """What errors are measured by, and what they came to."""
+    """Error measure for motion, and the samplings that were made by it."""
 
     timing: Timing
     pixels: Pixels
@@ -36,17 +37,17 @@ class Precision:
 
 @dataclass(frozen=True, eq=False)
 class MatrixPath:
-    """K matrices over the exposure's span, and how far errors of theirs show."""
+    """K matrices over the exposure's span, with the scales that turn their errors into pixels."""
 
-    at: Callable[[float], Doubles]  # by fractions of the span: (K, 3, 4)
-    bends: Sequence[float]  # fractions
-    corners: Doubles  # (8, 3) of what is placed
-    scales: Doubles  # (K,) pixels a unit of length
+    at: Callable[[float], Doubles]  # fraction of the span -> (K, 3, 4)
+    bends: Sequence[float]  # fractions of the span
+    corners: Doubles  # (8, 3) of the bounding box of the prototype
+    scales: Doubles  # (K,) pixels per unit of length
     no_error: float  # pixels
 
 
 def settled(placement: Placement, blur_scale: float, box: Box, name: str, precision: Precision) -> Placement:
-    """The same with one level, where any of its levels moves."""
+    """Return the placement with one level of moving instances if any of its levels moves, otherwise unchanged."""
     if not do_move(placement.levels):
         return placement
     moving = moving_instances(placement.levels, blur_scale, box, name, precision)
@@ -85,7 +86,8 @@ def path_of(levels: Sequence[Instances], blur_scale: float, box: Box, precision:
 
 
 def motion_of(path: MatrixPath, most: float, *, rigid: bool = False) -> tuple[MatrixMotion, Steps]:
-    """By straight lines, or by turns where those need fewer times; `rigid` ones turn whenever they do not only shift."""
+    """Return the motion, interpolated linearly, or with turning rotations where that needs fewer samples; `rigid` motions turn
+    unless they are pure translations."""
     straight = steps_of(_Straight(path).error, path.bends, most, path.no_error)
     chosen, turns = straight, False
     at_times = np.stack([path.at(time) for time in straight.times])
@@ -99,7 +101,7 @@ def motion_of(path: MatrixPath, most: float, *, rigid: bool = False) -> tuple[Ma
 
 
 class _Straight:
-    """What an error is where matrices are linear between times."""
+    """Error of a path sampled with matrices that are linear between samples."""
 
     def __init__(self, path: MatrixPath) -> None:
         self._path = path
@@ -115,7 +117,7 @@ class _Straight:
         return rows if self._looked_at is None else rows[self._looked_at]
 
     def _difference(self, found: Doubles, time: float) -> float:
-        """In pixels, the largest of any corner's."""
+        """Return the largest error of any corner, in pixels."""
         apart = found - self._rows(time)
         moved = np.einsum("kij,cj->kci", apart[:, :, :3], self._path.corners) + apart[:, None, :, 3]
         scales = self._path.scales if self._looked_at is None else self._path.scales[self._looked_at]
@@ -123,7 +125,7 @@ class _Straight:
 
 
 class _Turning(_Straight):
-    """The same where they turn."""
+    """Error of a path sampled with rotations that turn between samples."""
 
     def __init__(self, path: MatrixPath) -> None:
         super().__init__(path)
@@ -142,7 +144,7 @@ class _Turning(_Straight):
 
 
 def _most_moved(path: MatrixPath) -> np.ndarray[tuple[int], np.dtype[np.intp]] | None:
-    """Those that move over the most pixels; None for all."""
+    """Return the instances that move over the most pixels; None for all."""
     if len(path.scales) <= LOOKED_AT:
         return None
     moved = np.zeros(len(path.scales))

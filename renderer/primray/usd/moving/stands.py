@@ -1,4 +1,5 @@
-"""Where one shape stands in the world while the shutter is open, and so how many pixels its own lengths come to at most."""
+"""Placement of one shape in the world over the shutter, and with it the largest scale from the shape's own lengths to
+pixels."""
 
 from __future__ import annotations
 
@@ -18,10 +19,10 @@ class Stands:
     chains: Sequence[Sequence[Instances]]
     group_from_shape: Doubles  # (4, 4)
     blur_scale: float = 1.0
-    is_all: bool = True  # no prototype besides this one holds the shape
+    is_all: bool = True  # no other prototype contains the shape
 
     def per_length(self, low: Doubles, high: Doubles, seen: Foreseen) -> float:
-        """Pixels a unit of the shape's own length, of what is within a box (3,) to (3,) of its own."""
+        """Return the largest number of pixels per unit of the shape's own length, for what lies in a box of its own space."""
         timing, most = seen.timing, 0.0
         for offset in (timing.offset(fraction) for fraction in (0.0, 0.5, 1.0)):
             for chain in self.chains:
@@ -30,7 +31,7 @@ class Stands:
         return most
 
     def _largest(self, rows: Doubles, low: Doubles, high: Doubles, seen: Foreseen) -> float:
-        """Of some instances, (K, 3, 4) world_from_group."""
+        """Return the largest number of pixels per unit of length over instances (K, 3, 4) world_from_group."""
         world = rows @ self.group_from_shape
         world = world[np.isfinite(world).all(axis=(1, 2))]
         if not len(world):

@@ -1,10 +1,10 @@
-"""At which times a path has to be given, so that between them it differs from USD's by less than some error.
+"""Choice of sample times for a path, such that the path between samples is within a bound of USD's.
 
-Times are fractions of the exposure's span. A path may bend at samples; those on the line between others are left out. What is
-between two of them that are kept is cut into equal parts until the error is small enough.
+Times are fractions of the exposure's span. A path may bend at authored samples; samples on the line between others are left
+out. Each remaining interval is divided into equal parts until the error is small enough.
 
-Paths may jump, as those of value clips, held values and splines do. The seam has no jumps and the core takes times in single
-precision, so a path jumps within JUMP of the span, which ends when the jump is.
+Paths may jump, as with value clips, held values and splines. A description has no jumps and the core's times are single
+precision, so a jump is made within a fraction JUMP of the span, ending at the time of the jump.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from ...arrays import Doubles
 from ...description import MotionSteps
 
 MOST_SEGMENTS = 128
-MOST_UNIFORM = 32  # equal segments are found faster than others: as many are taken to have all equal
-# Where errors are looked at, within a segment: at no fractions at which whole turns could hide.
+MOST_UNIFORM = 32  # equal segments are faster to look up: up to this many are made for that
+# Probed fractions of a segment, chosen so that whole turns cannot hide between them.
 PROBED_FIRST = (0.5, 0.2113, 0.7887, 0.1127, 0.3871, 0.6306, 0.9039)
 PROBED = (0.5, 0.2113, 0.7887)
 SAME_TIME = 1e-9
-JUMP = 2.0**-22  # of the span: a few units in the last place of the latest times
+JUMP = 2.0**-22  # of the span: a few units in the last place of times near 1
 JUMP_NO_ERROR = 1e-3  # pixels
-FEW = 8  # parts, of which there are first twice as many: turns need no more than to be told apart
+FEW = 8  # parts; below, the number is at most doubled, which suffices for turns
 
-Error = Callable[[float, float, float], float]  # of the seam's path between two times, at a third
+Error = Callable[[float, float, float], float]  # error at the third time of a path linear between the first two
 
 
 @dataclass(frozen=True)
 class Steps:
     times: tuple[float, ...]  # ascending from 0 to 1
-    error: float  # the largest that is left
-    by_error: bool = False  # there are more times than samples ask for
+    error: float  # largest remaining error
+    by_error: bool = False  # more segments than the authored samples need
 
     @property
     def segments(self) -> int:
         return len(self.times) - 1
 
     def of(self, path: str, kind: str, rounding: float = 0.0) -> MotionSteps:
-        """`rounding`: what is no error but for how numbers are kept, in pixels."""
+        """Return the report entry; errors up to `rounding` pixels, from the precision of numbers, count as 0."""
         return MotionSteps(path, kind, self.segments, self.by_error, self.error if self.error > rounding else 0.0)
 
 
 def steps_of(error: Error, bends: Sequence[float], most: float, none: float, limit: int = MOST_SEGMENTS) -> Steps:
-    """The fewest times that keep `error` below `most`; a sample is left out if the path stays within `none` without it.
+    """Return the fewest times that keep `error` below `most`; a sample is left out if the path stays within `none` without it.
 
-    There are no more than `limit` segments, unless there are more samples.
+    There are at most `limit` segments, unless there are more authored samples.
     """
     kept = _kept(error, [0.0, *_inside(error, bends, max(none, JUMP_NO_ERROR)), 1.0], none)
     needed = [_needed(error, a, b, most, limit) for a, b in itertools.pairwise(kept)]
@@ -61,7 +61,7 @@ def steps_of(error: Error, bends: Sequence[float], most: float, none: float, lim
 
 
 def _inside(error: Error, bends: Sequence[float], none: float) -> list[float]:
-    """Those between 0 and 1, each once; where the path jumps, also the time at which the jump begins."""
+    """Return the times between 0 and 1, without duplicates; where the path jumps, also the start of the jump."""
     found: list[float] = []
     for cluster in _clusters(time for time in sorted(bends) if -JUMP < time < 1.0 + JUMP):
         if cluster[-1] < JUMP:
@@ -76,7 +76,7 @@ def _inside(error: Error, bends: Sequence[float], none: float) -> list[float]:
 
 
 def _clusters(times: Iterable[float]) -> Iterator[list[float]]:
-    """Ascending times, together where they are too close to be told apart."""
+    """Yield ascending times, grouped where they are too close to tell apart."""
     cluster: list[float] = []
     for time in times:
         if cluster and time - cluster[-1] > 1.5 * JUMP:
@@ -88,8 +88,9 @@ def _clusters(times: Iterable[float]) -> Iterator[list[float]]:
 
 
 def _jumps(error: Error, end: float, none: float) -> bool:
-    """Whether the path jumps within JUMP before this time: what does not is as good as straight over twice as long."""
-    if end < 2.0 * JUMP:  # what is before belongs to no picture
+    """Return whether the path jumps within JUMP before this time; a path that does not is nearly straight over twice that
+    interval."""
+    if end < 2.0 * JUMP:  # times before the span are never seen
         return error(end - JUMP, end + JUMP, end) > none
     return error(end - 2.0 * JUMP, end, end - JUMP) > none
 
@@ -105,7 +106,8 @@ def _kept(error: Error, times: list[float], none: float) -> list[float]:
 
 
 def _needed(error: Error, start: float, end: float, most: float, limit: int) -> tuple[int, float]:
-    """How many equal parts, and the error that is left; of a smooth path it falls by their square."""
+    """Return the number of equal parts, and the remaining error, which falls with the square of that number for smooth
+    paths."""
     count = 1
     if _is_jump(start, end):
         return 1, 0.0
@@ -127,7 +129,7 @@ def _within_limit(counts: list[int], limit: int) -> list[int]:
 
 
 def _uniform(kept: list[float], counts: list[int], limit: int) -> list[float] | None:
-    """Equal segments all over, where the samples allow for that with few of them."""
+    """Return equal segments over the whole span if the kept samples allow that with few of them, else None."""
     for grid in range(1, MOST_UNIFORM + 1):
         if all(abs(time * grid - round(time * grid)) < SAME_TIME * grid for time in kept):
             lengths = [round(b * grid) - round(a * grid) for a, b in itertools.pairwise(kept)]
@@ -153,7 +155,7 @@ def _is_jump(start: float, end: float) -> bool:
 
 
 def fractions(offsets: Sequence[float], span: tuple[float, float], blur_scale: float) -> list[float]:
-    """Of offsets from the frame at which something bends, as it is looked at `blur_scale` times as late."""
+    """Return fractions of the span for offsets from the frame at which a prim's path bends, given its motion:blurScale."""
     first, last = span
     if blur_scale == 0.0 or last == first:
         return []
@@ -161,5 +163,5 @@ def fractions(offsets: Sequence[float], span: tuple[float, float], blur_scale: f
 
 
 def corners_of(low: Doubles, high: Doubles) -> Doubles:
-    """(8, 3) of a box."""
+    """Return the corners (8, 3) of a box."""
     return np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])

@@ -1,4 +1,4 @@
-"""When the shutter is open, and what of the stage's time has to be looked at for that. In time codes from the frame on."""
+"""Shutter times, and the range of stage time to examine for them, in time codes relative to the frame."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ...description import Exposure
 
 @dataclass(frozen=True)
 class Rolling:
-    """A shutter that opens for one line after the other; in time codes from the frame on."""
+    """Rolling shutter, in time codes relative to the frame."""
 
-    opens: float  # and closes, for the first row and column of the frame
+    opens: float  # `opens` and `closes` are those of the frame's first row and column
     closes: float
     per_column: float
     per_row: float
@@ -19,33 +19,33 @@ class Rolling:
 
 @dataclass(frozen=True)
 class Timing:
-    """A shutter that closes when it opens makes a still of that instant; these defaults: of the frame.
+    """Shutter of one frame; one that closes when it opens makes a still at that instant. The defaults are a still at the frame.
 
-    `blur_scale`: the largest motion:blurScale on the stage, by which what is looked at is wider than the shutter.
-    `is_timed`: the stage may have values for times at all, splines apart, which no layer lists.
+    `blur_scale` is the largest motion:blurScale on the stage, which widens the range of time to examine. `is_timed`: the stage
+    may have time samples at all (splines excepted, which no layer lists).
     """
 
     opens: float = 0.0
     closes: float = 0.0
-    with_frame: bool = False  # the frame is asked for as well: by AOVs, which show its instant
+    with_frame: bool = False  # the frame's instant is needed, too, for AOVs
     is_timed: bool = False
     blur_scale: float = 1.0
-    vectors: tuple[float, float] | None = None  # of a still: the shutter that motion vectors are asked for over
-    rolling: Rolling | None = None  # within `opens` and `closes`, which are of the first and the last line
+    vectors: tuple[float, float] | None = None  # of a still: shutter interval for motion vectors
+    rolling: Rolling | None = None  # within `opens` and `closes`, those of the first and the last line
 
     @property
     def is_open(self) -> bool:
-        """Whether it is given how things move."""
+        """Whether motion is described at all."""
         return self.opens < self.closes or self.vectors is not None
 
     @property
     def is_frame(self) -> bool:
-        """Everything is seen as it stands at the frame."""
+        """Whether everything is seen as it is at the frame."""
         return self.opens == self.closes == 0.0 and self.vectors is None
 
     @property
     def span(self) -> tuple[float, float]:
-        """What motion is given for."""
+        """Interval for which motion is described."""
         opens, closes = self.vectors or (self.opens, self.closes)
         if self.is_open and self.with_frame:
             return min(opens, self.opens, 0.0), max(closes, self.closes, 0.0)
@@ -53,12 +53,12 @@ class Timing:
 
     @property
     def looked_at(self) -> tuple[float, float]:
-        """Within which something must change to matter: the frame counts, as what stills are told apart from."""
+        """Interval in which changes matter; it includes the frame, from which stills may differ."""
         first, last = self.span
         return min(first * self.blur_scale, 0.0), max(last * self.blur_scale, 0.0)
 
     def offset(self, fraction: float) -> float:
-        """Of a fraction of the span."""
+        """Return the offset from the frame for a fraction of the span."""
         first, last = self.span
         return last if fraction == 1.0 else first + fraction * (last - first)
 

@@ -1,1 +1,1 @@
-"""NurbsPatch prims as authored, checked: directions, weights and trim curves that fit, and what was wrong with others."""
+"""Reading and validation of NurbsPatch prims: basis directions, weights and trim curves, with reports of what does not fit."""

@@ -1,4 +1,4 @@
-"""One direction of a basis from what a prim has authored of it: order, knots and range (UsdGeom NurbsPatch, NurbsCurves)."""
+"""One direction of a B-spline basis from a prim's order, knots and range (UsdGeom NurbsPatch, NurbsCurves)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...description import Direction
 
 
 class Unfit(Exception):
-    """What is authored makes no basis. `attribute` is the one to correct."""
+    """Authored values that do not make a basis. `attribute` is the one to correct."""
 
     def __init__(self, message: str, attribute: str) -> None:
         super().__init__(message)
@@ -19,8 +19,8 @@ class Unfit(Exception):
 def direction_of(
     count: int, order: int, knots: Doubles, drawn: tuple[float, float] | None, names: tuple[str, str]
 ) -> Direction:
-    """`drawn`: the range, None for all of it; `names`: of the attributes of the order and the knots. Unfit where there is no
-    basis; what of the range lies outside [knots[order - 1], knots[count]] is left out."""
+    """Return the basis with `drawn`, its range (None: all), limited to [knots[order - 1], knots[count]]. `names` are the
+    attributes of order and knots. Raises Unfit where they do not make a basis."""
     if order < 2:
         raise Unfit(f"{names[0]} is {order}, where a surface or curve needs 2.", names[0])
     if count < order:
@@ -37,7 +37,7 @@ def direction_of(
 
 
 def fits(direction: Direction) -> bool:
-    """Whether something of the range is left."""
+    """Return whether the drawn range is not empty."""
     return direction.low < direction.high
 
 

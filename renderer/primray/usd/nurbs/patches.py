@@ -1,4 +1,4 @@
-"""A NurbsPatch prim as authored: its two directions, control points, weights and trims."""
+"""Authored data of a NurbsPatch prim: its two directions, control points, weights and trim curves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .trims import read_trims
 
 @dataclass(frozen=True, eq=False)
 class AuthoredPatch:
-    points: Floats  # (N, 3), u first
+    points: Floats  # (N, 3), u varying fastest
     weights: Doubles | None  # (N,)
     u: Direction
     v: Direction
@@ -28,7 +28,7 @@ class AuthoredPatch:
 
 
 def read_patch(prim: ResolvedPrim, ctx: Context) -> AuthoredPatch | None:
-    """None, noted, where there is no surface."""
+    """Return the patch; None, and reported, if its attributes make no surface."""
     try:
         return _patch(prim, ctx)
     except Unfit as error:

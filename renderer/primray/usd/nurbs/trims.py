@@ -1,4 +1,4 @@
-"""trimCurve attributes of a NurbsPatch as loops of curves."""
+"""Trim curves of a NurbsPatch (its trimCurve attributes) as loops of curves."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from .directions import Unfit, direction_of, fits
 
 PREFIX = "trimCurve:"
 NAMES = ("counts", "orders", "vertexCounts", "knots", "ranges", "points")
-APART = 1e-3  # of the patch, from which ends that should meet are told
+APART = 1e-3  # of the parameter range: larger gaps between a loop's ends are reported
 
 
 def read_trims(prim: ResolvedPrim, size: tuple[float, float], ctx: Context) -> tuple[TrimLoop, ...]:
-    """Its loops; none, noted, where the attributes do not fit each other. `size`: of the patch's parameters."""
+    """Return the trim loops; empty, and reported, if the attributes do not fit each other. `size` is the extent of the patch's
+    parameters."""
     if not any(PREFIX + name in prim.names for name in NAMES):
         return ()
     try:
@@ -90,7 +91,7 @@ def _array(prim: ResolvedPrim, name: str, width: int, kind: str, ctx: Context) -
 
 
 def _note_open(loops: tuple[TrimLoop, ...], size: tuple[float, float], prim: ResolvedPrim, ctx: Context) -> None:
-    """Ends that do not meet are joined by a straight line."""
+    """Report loops whose ends do not meet; they are joined by straight lines."""
     is_open = [loop for loop in loops if any(_apart(a, b, size) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True))]
     if is_open:
         message = f"{len(is_open)} of {len(loops)} trim loops are not closed: their ends are joined by straight lines."

@@ -1,1 +1,1 @@
-"""Attributes over the shutter: how points, instances, radii and lights move by what is authored."""
+"""Authored motion of attributes over the shutter: points, instances, radii and lights."""

@@ -1,4 +1,4 @@
-"""Arrays at any time: between samples in double precision, since paths made of rounded values would bend at every time."""
+"""Array attributes at any time, interpolated in double precision: rounded values would make paths bend everywhere."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ Rows = npt.NDArray[Any]
 
 
 class ArrayPath:
-    """An attribute of vectors (or of numbers: one column) around the frame; quaternions turn the shorter way."""
+    """Attribute of vectors (one column for numbers) near the frame; quaternions turn the shorter way."""
 
     def __init__(self, attribute: Usd.Attribute, columns: int, when: When) -> None:
         self.attribute = attribute
         self._columns = columns
-        self.frame = number_of(time_of(attribute, when), attribute)  # None: it has no values for times
+        self.frame = number_of(time_of(attribute, when), attribute)  # None if it has no time samples
         self._when = when
         self._known: dict[float, Rows | None] = {}
 
     def at(self, offset: float) -> Rows | None:
-        """So many time codes after the frame; of samples of unequal length the earlier one. None where there is no array."""
+        """Return the value at an offset in time codes from the frame; None if it is no array. If neighbouring samples differ in
+        length, the earlier one is held."""
         if self.frame is None:
             return self._read(None)
         time = self.frame + offset
@@ -42,11 +43,11 @@ class ArrayPath:
         return _turned(a, b, u) if self._columns == 4 else a + u * (b - a)
 
     def sample(self, time: float) -> Rows | None:
-        """At a time of the stage that has one."""
+        """Return the sample at a stage time that has one."""
         return self._read(time)
 
     def bracket(self) -> tuple[float, float] | None:
-        """The times of the samples around the frame; None where there are none."""
+        """Return the times of the samples around the frame; None if there are none."""
         return None if self.frame is None else bracket(self.attribute, self.frame)
 
     def _read(self, time: float | None) -> Rows | None:
@@ -58,7 +59,7 @@ class ArrayPath:
 
 
 def _turned(a: Rows, b: Rows, u: float) -> Rows:
-    """Those of length 0 turn nothing."""
+    """Return interpolated quaternions; those of length 0 count as no rotation."""
     return slerp(_unit(a), _unit(b), u)
 
 

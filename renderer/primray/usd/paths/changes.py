@@ -1,4 +1,5 @@
-"""Which attributes change around the shutter, when their paths bend, and a prim's transform at any time."""
+"""Detection of attributes that change around the shutter, the times at which their paths bend, and local transforms at any
+time."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from ..resolving.read import When, time_of
 
 
 def moving_operations(prim: Usd.Prim, names: frozenset[str], when: When, timing: Timing) -> list[Usd.Attribute]:
-    """Those that change around the shutter."""
+    """Return the transform ops that change around the shutter."""
     if timing.is_frame:
         return []
     asked = [name for name in names if name.startswith("xformOp:")] if timing.is_timed else scalar_operations(names)
@@ -25,7 +26,7 @@ def moving_operations(prim: Usd.Prim, names: frozenset[str], when: When, timing:
 
 
 def moves(attribute: Usd.Attribute, when: When, timing: Timing) -> bool:
-    """Whether its value changes around the shutter."""
+    """Return whether the attribute's value changes around the shutter."""
     if not attribute or not might_change(attribute):
         return False
     frame = number_of(time_of(attribute, when), attribute)
@@ -34,7 +35,7 @@ def moves(attribute: Usd.Attribute, when: When, timing: Timing) -> bool:
 
 
 def bends(attributes: Iterable[Usd.Attribute], when: When, timing: Timing) -> list[float]:
-    """Offsets from the frame, around the shutter, at which any of them may change how it goes on."""
+    """Return the offsets from the frame, around the shutter, at which the path of any of the attributes may bend."""
     first, last = timing.looked_at
     found: set[float] = set()
     for attribute in attributes:
@@ -45,7 +46,7 @@ def bends(attributes: Iterable[Usd.Attribute], when: When, timing: Timing) -> li
 
 
 def transform_of(prim: Usd.Prim, when: When) -> Local:
-    """The prim's own transform at any offset."""
+    """Return the prim's local transform as a function of the offset from the frame."""
 
     def local(offset: float) -> Doubles:
         then = when.after(offset)
@@ -55,6 +56,6 @@ def transform_of(prim: Usd.Prim, when: When) -> Local:
 
 
 def blur_scale_of(prim: Usd.Prim) -> float:
-    """UsdGeomMotionAPI's, of the prim or the nearest above it that has one."""
+    """Return motion:blurScale (UsdGeomMotionAPI) of the prim or its nearest ancestor that has it."""
     api = UsdGeom.MotionAPI(prim)
     return max(float(api.ComputeMotionBlurScale()), 0.0) if api else 1.0

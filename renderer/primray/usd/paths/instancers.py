@@ -1,7 +1,7 @@
-"""A point instancer's instances over the shutter, as USD's ComputeInstanceTransformsAtTimes moves them.
+"""Motion of a point instancer's instances over the shutter, as in USD's ComputeInstanceTransformsAtTimes.
 
-Where either kind of velocities counts, nothing is interpolated: positions, orientations and scales are those of the sample at
-or before the frame, moved on by the velocities that there are.
+Where velocities or angular velocities apply, nothing is interpolated: positions, orientations and scales are those of the
+sample at or before the frame, advanced by the velocities.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ANGULAR = "angularVelocities"
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What instances are placed by at one time."""
+    """Positions, orientations and scales of instances at one time."""
 
     positions: Rows  # (K, 3)
     orientations: Rows | None  # (K, 4): x, y, z, w
@@ -33,12 +33,12 @@ class Parts:
 
 @dataclass(frozen=True, eq=False)
 class InstancerPath:
-    at: Callable[[float], Parts]  # by the offset from the frame
-    times: tuple[float, ...]  # offsets at which they may bend
+    at: Callable[[float], Parts]  # offset from the frame -> Parts
+    times: tuple[float, ...]  # offsets at which paths may bend
 
 
 def instancer_path(prim: ResolvedPrim, frame: Parts, ctx: Context) -> InstancerPath | None:
-    """`frame` is what is read there; None where that is how everything stands all the time."""
+    """Return the instances' motion; None if they keep the values `frame`, read at the frame."""
     if not may_move(prim, ctx):
         return None
     paths = {
@@ -53,7 +53,7 @@ def instancer_path(prim: ResolvedPrim, frame: Parts, ctx: Context) -> InstancerP
 
 
 def _name_of_orientations(prim: ResolvedPrim, frame: Parts) -> str:
-    """The one that is used: `orientationsf` where it fits."""
+    """Return the attribute that is used: `orientationsf` if it fits."""
     if frame.orientations is None:
         return ""
     both = {"orientations", "orientationsf"} <= prim.names
@@ -102,12 +102,12 @@ def _by_samples(prim: ResolvedPrim, frame: Parts, paths: dict[str, ArrayPath], c
 
 @dataclass(frozen=True, eq=False)
 class _Spin:
-    """Angular velocities from the sample on that is at or before the frame."""
+    """Rotation by angular velocities from the sample at or before the frame."""
 
     since: float
     per_second: float
     start: Rows
-    degrees: Doubles  # (K, 3) a second
+    degrees: Doubles  # (K, 3) per second
 
 
 def _by_rates(prim: ResolvedPrim, frame: Parts, paths: dict[str, ArrayPath], ctx: Context) -> InstancerPath | None:
@@ -152,7 +152,7 @@ def _spin_of(prim: ResolvedPrim, orientations: ArrayPath | None, ctx: Context) -
 
 
 def _spun(spin: _Spin, offset: float) -> Doubles:
-    """(K, 4): turned about the instancer's axes after they are oriented."""
+    """Return orientations (K, 4), turned about the instancer's axes after the authored orientation."""
     seconds = (spin.since + offset) / spin.per_second
     speed = np.linalg.norm(spin.degrees, axis=1)
     half = np.radians(speed) * seconds / 2.0
@@ -162,7 +162,7 @@ def _spun(spin: _Spin, offset: float) -> Doubles:
 
 
 def _product(a: Doubles, b: Doubles) -> Doubles:
-    """(K, 4) quaternions x, y, z, w: `a` after `b`."""
+    """Return the product (K, 4) of quaternions x, y, z, w: `b` first, then `a`."""
     va, wa, vb, wb = a[:, :3], a[:, 3:], b[:, :3], b[:, 3:]
     vector = wa * vb + wb * va + np.cross(va, vb)
     return np.concatenate([vector, wa * wb - np.sum(va * vb, axis=1, keepdims=True)], axis=1)

@@ -1,4 +1,4 @@
-"""A mesh's points and authored normals over the shutter; its topology stays that of the frame."""
+"""Motion of a mesh's points and authored normals over the shutter; its topology is that of the frame."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from .points import PointPath, point_path
 
 @dataclass(frozen=True, eq=False)
 class MeshPath:
-    """Offsets from the frame are those at which the mesh is looked at: blurScale times those of the shutter."""
+    """Motion of a shape's points. Offsets from the frame include motion:blurScale."""
 
     prim: ResolvedPrim
     points: PointPath | None
-    normals: Callable[[float], AuthoredPrimvar | None] | None  # None: they stay as they are
+    normals: Callable[[float], AuthoredPrimvar | None] | None  # None if they do not change
     times: tuple[float, ...]
-    here: float  # the frame, or the instant of a still
+    here: float  # offset of the frame, or of the instant of a still
     blur_scale: float
 
 
 def mesh_path(prim: ResolvedPrim, authored: AuthoredMesh, ctx: Context) -> MeshPath | None:
-    """None where it stands all the time as it does at the frame."""
+    """Return the mesh's motion, or None if it does not move."""
     return path_of_points(prim, ctx, has_normals=authored.normals is not None)
 
 
 def path_of_points(prim: ResolvedPrim, ctx: Context, *, has_normals: bool = False) -> MeshPath | None:
-    """Of any shape that has points."""
+    """Return the motion of any shape that has points, or None if it does not move."""
     points = point_path(prim, "points", ctx)
     names = ("normals", "primvars:normals") if has_normals and ctx.timing.is_timed and not ctx.timing.is_frame else ()
     attributes = [prim.prim.GetAttribute(name) for name in names if name in prim.names]
@@ -56,7 +56,7 @@ def path_of_points(prim: ResolvedPrim, ctx: Context, *, has_normals: bool = Fals
 
 
 def with_points(authored: AuthoredMesh, path: MeshPath, offset: float) -> AuthoredMesh:
-    """The mesh as it is then."""
+    """Return the mesh at an offset from the frame."""
     points, normals = authored.points, authored.normals
     if path.points is not None:
         points = path.points.at(offset).astype(np.float32)
@@ -72,7 +72,7 @@ def _length(normals: AuthoredPrimvar) -> int:
 
 
 def moving_polygons(polygons: Polygons, authored: AuthoredMesh, path: MeshPath, ctx: Context) -> Polygons:
-    """With its motion, if it moves while the shutter is open."""
+    """Return the polygons with their motion, if they move while the shutter is open."""
     if not ctx.timing.is_open:
         return polygons
     known: dict[float, tuple[Floats, Values | None]] = {}
@@ -102,7 +102,7 @@ def moving_cage(cage: Cage, path: MeshPath, ctx: Context) -> Cage:
 
 
 def moving_points(frame: Floats, path: MeshPath, ctx: Context) -> PointMotion | None:
-    """Of points that stand so at the frame; None where they stand still while the shutter is open."""
+    """Return the motion of points (N, 3) given at the frame; None if they do not move while the shutter is open."""
     if not ctx.timing.is_open or path.points is None:
         return None
     points = path.points
@@ -115,7 +115,7 @@ def moving_points(frame: Floats, path: MeshPath, ctx: Context) -> PointMotion | 
 
 
 def finite_points(points: Floats | None, frame: Floats) -> Floats:
-    """Those that are not finite stay as they are at the frame."""
+    """Return the points with non-finite ones replaced by those at the frame."""
     if points is None:
         return frame
     good = np.abs(points).max(axis=1) <= LARGEST
@@ -131,8 +131,8 @@ def _same(normals: list[Values]) -> bool:
 
 
 def _times(at: Callable[[float], Floats], count: int, path: MeshPath, ctx: Context) -> tuple[float, ...] | None:
-    """Fractions of the span at which points are given; None where they stand still."""
+    """Return the fractions of the span at which to sample the points; None if they do not move."""
     bent = fractions(path.times, ctx.timing.span, path.blur_scale)
-    # Between samples everything is linear, unless it accelerates.
+    # Motion is linear between samples, unless there are accelerations.
     curved = path.points is not None and path.points.acceleration > 0
     return point_steps(at, count, bent, path.prim.path, ctx, curved=curved)

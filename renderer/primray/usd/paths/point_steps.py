@@ -1,5 +1,5 @@
-"""At which times points that move by themselves are given: at their samples and, where they go along curves, as often between
-them as an error in pixels asks."""
+"""Sample times of points that deform: their authored samples and, along curved paths, as many in between as an error bound in
+pixels requires."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ from ...description import MotionSteps
 from ..moving.steps import steps_of
 from ..resolving.context import Context
 
-SIZE_NO_ERROR = 1e-6  # of all that is swept, up to which a sample on the line between others is left out;
-PIXELS_NO_ERROR = 1e-3  # so many pixels at most
+SIZE_NO_ERROR = 1e-6  # of the swept extent: samples off the line by less are left out,
+PIXELS_NO_ERROR = 1e-3  # but only up to this many pixels
 
 
 class PointSteps(list[MotionSteps]):
-    """Of all that has been translated."""
+    """Samplings made during the translation, for the report."""
 
 
 def point_steps(
     at: Callable[[float], Floats], count: int, bent: Sequence[float], path: str, ctx: Context, *, curved: bool
 ) -> tuple[float, ...] | None:
-    """Fractions of the span; None where they stand still. `at` gives the rows that move: `count` points, whose first three
-    numbers are where they are, and normals perhaps; `bent` are the fractions at which they may bend; `curved`: between these
-    they do not go straight."""
+    """Return the fractions of the span at which to sample points; None if they do not move.
+
+    `at` returns the moving rows: `count` points, whose first three columns are positions, and optionally normals. `bent` are
+    the fractions at which paths may bend; `curved`: paths are not straight in between.
+    """
     inside = [time for time in bent if 0.0 < time < 1.0]
     looked_at = [at(time) for time in (0.0, *inside, 0.5, 1.0)]
     if any(len(rows) != len(looked_at[0]) for rows in looked_at):
@@ -36,7 +38,7 @@ def point_steps(
     low, high = points.min(axis=0), points.max(axis=0)
     scale = ctx.stands.per_length(low[:3], high[:3], ctx.foreseen) if ctx.stands is not None else 0.0
     scale = scale or ctx.foreseen.side / (float(np.linalg.norm(high - low)) or 1.0)
-    scales = np.where(np.arange(len(looked_at[0])) < count, scale, 1.0)  # a normal that is off by much shows as a pixel
+    scales = np.where(np.arange(len(looked_at[0])) < count, scale, 1.0)  # errors of normals are visible as pixels
 
     def error(a: float, b: float, time: float) -> float:
         u = (time - a) / (b - a)

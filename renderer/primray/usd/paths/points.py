@@ -1,7 +1,7 @@
-"""Points over the shutter, by their samples or by velocities and accelerations (UsdGeomPointBased, UsdGeomPointInstancer).
+"""Motion of points over the shutter, by samples or by velocities and accelerations (UsdGeomPointBased, UsdGeomPointInstancer).
 
-Velocities count where they have samples just where the points have theirs, on both sides of the frame; then all is computed
-from the sample at or before the frame, whatever other samples there are. Otherwise they count as not authored.
+Velocities apply if they have samples at the same times as the points, on both sides of the frame; everything is then computed
+from the sample at or before the frame, ignoring other samples. Otherwise they are ignored.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ ACCELERATIONS = "accelerations"
 
 @dataclass(frozen=True, eq=False)
 class PointPath:
-    """How points (N, 3), or whatever is given for each of N, stand at offsets from the frame."""
+    """Positions of points (N, 3), or other values per point, at offsets from the frame."""
 
     at: Callable[[float], Rows]
-    times: tuple[float, ...]  # offsets at which they may bend
-    acceleration: float = 0.0  # the largest, in units per time code squared: what makes the path curved
+    times: tuple[float, ...]  # offsets at which paths may bend
+    acceleration: float = 0.0  # largest, in units per time code squared; curved paths have one
 
 
 @dataclass(frozen=True, eq=False)
 class Rates:
-    """What velocities say, from the sample on that is at or before the frame."""
+    """Velocities and accelerations from the sample at or before the frame."""
 
     since: float  # time codes from that sample to the frame
-    per_second: float  # time codes
+    per_second: float  # time codes per second
     start: Rows  # (N, 3)
-    velocities: Doubles  # (N, 3), units a second
+    velocities: Doubles  # (N, 3), units per second
     accelerations: Doubles | None
 
     def seconds(self, offset: float) -> float:
@@ -47,7 +47,7 @@ class Rates:
 
 
 def point_path(prim: ResolvedPrim, name: str, ctx: Context) -> PointPath | None:
-    """Of the attribute `name`; None where everything stands as it is read at the frame."""
+    """Return the motion of the attribute `name`; None if it keeps its value at the frame."""
     if not may_move(prim, ctx):
         return None
     attribute = prim.prim.GetAttribute(name)
@@ -61,14 +61,15 @@ def point_path(prim: ResolvedPrim, name: str, ctx: Context) -> PointPath | None:
 
 
 def may_move(prim: ResolvedPrim, ctx: Context) -> bool:
-    """Asked before anything else, cheaply: what has velocities is moved by them at the frame, too."""
+    """Return whether the prim may have motion, a cheap test to make first; prims with velocities are moved by them at the
+    frame, too."""
     if ctx.timing.is_frame:
         return not (ctx.when.is_default or VELOCITIES.isdisjoint(prim.names))
     return ctx.timing.is_timed
 
 
 def by_samples(prim: ResolvedPrim, path: ArrayPath, ctx: Context) -> PointPath | None:
-    """As many values as there are at the frame; None, noted, where there are more or fewer at other times."""
+    """Return the motion by samples; None, and reported, if the number of values changes over the shutter."""
     here = path.at(0.0)
     times = bends([path.attribute], ctx.when, ctx.timing)
     if here is None:
@@ -91,7 +92,7 @@ VELOCITIES = frozenset(["velocities", "primvars:velocities", "angularVelocities"
 
 
 def rates_of(prim: ResolvedPrim, points: ArrayPath, ctx: Context) -> Rates | None:
-    """None where velocities do not count, which is noted where anybody could have expected them to."""
+    """Return the velocities; None if they do not apply, which is reported."""
     name = next((n for n in ("velocities", "primvars:velocities") if n in prim.names), "")
     around = points.bracket()
     if not name:
@@ -118,7 +119,7 @@ def _doubles(rows: Rows | None) -> npt.NDArray[np.float64]:
 
 
 def mismatch(found: ArrayPath, points: ArrayPath, around: tuple[float, float] | None) -> str:
-    """Why these do not count beside the points."""
+    """Return why an attribute cannot be used with the points, or "" if it can."""
     if not has_times(found.attribute):
         return "they have no time samples"
     if around is None:
@@ -146,7 +147,7 @@ def _moved_by(rates: Rates) -> PointPath:
 
 
 def positions_after(rates: Rates, start: Rows, offset: float) -> Doubles:
-    """UsdGeom's overview, "Applying Timesampled Velocities to Geometry": p + t (v + t a / 2)."""
+    """Return p + t (v + t a / 2) (UsdGeom's overview, "Applying Timesampled Velocities to Geometry")."""
     t = rates.seconds(offset)
     speeds = rates.velocities if rates.accelerations is None else rates.velocities + 0.5 * t * rates.accelerations
     return np.asarray(start + t * speeds)

@@ -1,4 +1,4 @@
-"""Implicit shapes whose sizes change: tessellated anew at each of the times that they are given at."""
+"""Implicit shapes with animated sizes, tessellated at each sampled time."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from ..shapes.tessellate import Tessellated, cap_rings, capsule
 from .changes import bends, moves
 from .point_steps import point_steps
 
-Call = tuple[Any, ...]  # a function of tessellate.py and what to give it: many shapes are alike
+Call = tuple[Any, ...]  # a function of tessellate.py and its arguments: many shapes are alike
 SIZES = ("size", "width", "length", "radius", "height", "radiusBottom", "radiusTop")
-FLAT = 1e-12  # in place of 0: what is flat at one time has the same triangles as at others
+FLAT = 1e-12  # replaces 0, so that flat shapes have the same triangles at all times
 
 
 @dataclass(frozen=True, eq=False)
 class SizePath:
-    """Offsets from the frame are those at which the shape is looked at: blurScale times those of the shutter."""
+    """Motion of an implicit shape. Offsets from the frame include motion:blurScale."""
 
     prim: ResolvedPrim
     at: Callable[[float], Call]
     times: tuple[float, ...]
-    here: float  # the frame, or the instant of a still
+    here: float  # offset of the frame, or of the instant of a still
     blur_scale: float
 
     def motion(self, frame: Tessellated, ctx: Context) -> PolygonMotion | None:
-        """None where it stands still while the shutter is open."""
+        """Return the motion of the tessellation `frame`; None if it does not change while the shutter is open."""
         if not ctx.timing.is_open:
             return None
         known: dict[float, Tessellated] = {}
@@ -63,7 +63,8 @@ class SizePath:
 
 
 def growing_shape(prim: ResolvedPrim, how: Callable[[When], Call], ctx: Context) -> SizePath | None:
-    """None where its sizes stay as they are; the axis is that of the frame. `how` it is made at other times."""
+    """Return the shape's motion, or None if its sizes do not change; the axis is that of the frame. `how` returns the
+    tessellation at a time."""
     if ctx.timing.is_frame:
         return None
     sizes = [attribute for name in SIZES if (attribute := prim.prim.GetAttribute(name))]

@@ -1,4 +1,4 @@
-"""Spheres whose radius changes: exact spheres that their transform makes larger and smaller."""
+"""Spheres with an animated radius: exact spheres, scaled by their transform."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from .changes import bends, moves
 
 
 def growing_sphere(prim: ResolvedPrim, ctx: Context) -> tuple[Local, list[float]] | None:
-    """Its size over time as a transform, 1 at the frame, and when that may bend; None where it stays as it is."""
+    """Return the scale over time as a transform, 1 at the frame, and the offsets at which it may bend; None if the radius does
+    not change."""
     if ctx.timing.is_frame:
         return None
     attribute, when = prim.prim.GetAttribute("radius"), ctx.when

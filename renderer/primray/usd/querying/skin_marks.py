@@ -1,6 +1,6 @@
-"""Which meshes with joint weights were posed, and why others were not: posing leaves marks for whoever passes them.
+"""Marks on meshes with joint weights that say whether skinning posed them, or why not, for the traversal to report.
 
-Marks are metadata in the session layer of the posed stage, a copy of ours, so that instances have them too.
+Marks are metadata in the session layer of the posed stage copy, so that instances have them, too.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from .guarded import computed, type_name
 WEIGHTS = "primvars:skel:jointWeights"
 NOT_APPLIED = "SkelBindingAPI is not applied to it"
 UNBOUND = "no Skeleton is bound to it (skel:skeleton)"
-_MARK = "primray:unposed"  # why; "" of what is posed
+_MARK = "primray:unposed"  # reason; "" if posed
 
 
 def mark(prim: Usd.Prim, why_unposed: str = "") -> None:
-    """Note on a prim of a stage of ours whether skeletons posed it, or, on a SkelRoot, that they came by."""
+    """Mark a prim of a stage copy as posed or with the reason why not; on a SkelRoot, as visited."""
     prim.SetCustomDataByKey(_MARK, why_unposed)
 
 
@@ -28,12 +28,12 @@ def is_marked(prim: Usd.Prim) -> bool:
 
 
 def _mark_of(prim: Usd.Prim) -> Any:
-    """None where there is none, also where its customData are no dictionary."""
+    """Return the mark; None if there is none or customData is not a dictionary."""
     return computed(lambda: prim.GetCustomDataByKey(_MARK), None)
 
 
 def copy_marks(source: Sdf.PrimSpec, target: Sdf.PrimSpec) -> None:
-    """With what else their customData say."""
+    """Copy the customData with the marks from one prim spec to another."""
     for key, datum in source.customData.items():
         target.customData[key] = datum
 
@@ -44,9 +44,10 @@ def has_weights(prim: Usd.Prim) -> bool:
 
 
 def why_unposed(prim: Usd.Prim, shown: Usd.Prim, schemas: Collection[str]) -> str:
-    """Of a mesh with weights, in a prototype perhaps, which `shown` is in the world; "" where it is posed or was told of.
+    """Return why a mesh with joint weights was not posed; "" if it was, or if that was already reported. `shown` is the mesh in
+    the world, of which `prim` may be the prototype.
 
-    Posing tells itself of instances that it leaves as they are (walking.skinned_instances).
+    Instances that keep their authored pose are reported by skinning itself (walking.skinned_instances).
     """
     marked = _mark_of(prim)
     if marked is not None:
@@ -55,7 +56,7 @@ def why_unposed(prim: Usd.Prim, shown: Usd.Prim, schemas: Collection[str]) -> st
         return "there is no SkelRoot above it"
     if "SkelBindingAPI" not in schemas:
         return NOT_APPLIED
-    from pxr import UsdSkel  # takes as long to import as Python itself
+    from pxr import UsdSkel  # takes as long to import as starting Python
 
     is_bound = computed(lambda: bool(UsdSkel.BindingAPI(shown).GetInheritedSkeleton()), False)
     return "" if is_bound else UNBOUND

@@ -1,4 +1,4 @@
-"""Prims that are made to stand in the world for a while: below `class` and `over` USD computes neither poses nor bounds."""
+"""Temporary definition of prims below `class` or `over`, where USD computes neither poses nor bounds."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from .traversal import stands_in_world
 
 @contextmanager
 def standing_in_world(stage: Usd.Stage, paths: Iterable[str]) -> Iterator[None]:
-    """Opinions in the stage's own session layer define these prims and all above them; afterwards they are as they were.
+    """Define these prims and their ancestors by opinions in the stage's session layer, and restore them on exit.
 
-    Of a stage that is ours to write to (scratch_copy). Prims in native prototypes have no opinions of their own: they stay.
+    The stage must be a copy that is ours to write to (scratch_copy). Prims in native prototypes cannot have opinions and are
+    skipped.
     """
     layer = stage.GetSessionLayer()
     undefined = list(dict.fromkeys(path for prim in map(stage.GetPrimAtPath, paths) for path in _undefined(prim)))
@@ -26,7 +27,7 @@ def standing_in_world(stage: Usd.Stage, paths: Iterable[str]) -> Iterator[None]:
 
 
 def _undefined(prim: Usd.Prim) -> list[Sdf.Path]:
-    """What keeps a prim out of the world: itself or what is above it."""
+    """Return the paths of the prim and its ancestors that are not defined."""
     if not prim or prim.IsInPrototype() or prim.IsInstanceProxy() or stands_in_world(prim):
         return []
     stage = prim.GetStage()

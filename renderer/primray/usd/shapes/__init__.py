@@ -1,1 +1,1 @@
-"""Meshes and primvars as numbers: topology, triangles, normals, cages, tessellation."""
+"""Mesh geometry and primvars in numpy: topology, triangulation, normals, subdivision cages, tessellation."""

@@ -1,7 +1,7 @@
-"""A Mesh prim as authored: each of its attributes that gives it its shape is read from USD here, once, and nowhere else.
+"""Authored data of a Mesh prim: the one place where its geometric attributes are read from USD.
 
-Nothing is checked yet but types: what is missing, or not of the type its schema gives it, is None (or "" for tokens). Checks
-and what they have to say are in topology.py, polygons.py and subdivision.py, which make from this and read nothing.
+Only types are checked: a value that is missing or has the wrong type is None (or "" for tokens). Validation and its diagnostics
+are in topology.py, polygons.py and subdivision.py, which work from this and read nothing from USD.
 """
 
 from __future__ import annotations
@@ -22,49 +22,49 @@ from .primvars import AuthoredPrimvar, read_authored
 
 @dataclass(frozen=True, eq=False)
 class AuthoredSubdivision:
-    """What only a subdivision surface has; points are counted from 0."""
+    """Attributes that only subdivision surfaces use; point indices are as authored."""
 
     boundary: str = ""  # interpolateBoundary
     face_varying: str = ""  # faceVaryingLinearInterpolation
     triangle_rule: str = ""  # triangleSubdivisionRule
     crease_lengths: Ints | None = None  # (K,) int32, the number of points of each crease
-    crease_points: Ints | None = None  # int32, of all creases, one after the other
-    crease_sharpnesses: Floats | None = None  # one a crease, or one an edge; 0 smooth, 10 sharp
+    crease_points: Ints | None = None  # int32, concatenated over creases
+    crease_sharpnesses: Floats | None = None  # one per crease, or one per edge; 0 smooth, 10 sharp
     corner_points: Ints | None = None  # (S,) int32
-    corner_sharpnesses: Floats | None = None  # (S,), likewise
+    corner_sharpnesses: Floats | None = None  # (S,), 0 smooth, 10 sharp
 
 
 _NAMES = """interpolateBoundary faceVaryingLinearInterpolation triangleSubdivisionRule
     creaseLengths creaseIndices creaseSharpnesses cornerIndices cornerSharpnesses"""
 _SUBDIVISION = frozenset(_NAMES.split())
-_PLAIN = AuthoredSubdivision()  # what most have: one for all
+_PLAIN = AuthoredSubdivision()  # shared by all meshes without such attributes
 
 
 class Owned(Protocol):
-    """A surface whose faces belong to something else that has numbers: tetrahedra."""
+    """Elements whose outer faces form a surface, such as tetrahedra."""
 
     @property
     def points(self) -> Ints:
-        """One row each."""
+        """Vertex indices, one row per element."""
 
     def owners(self) -> Ints:
-        """(F,) the number of the one that each face belongs to; -1 for none."""
+        """Return the element (F,) that each surface face belongs to, or -1."""
 
 
 @dataclass(frozen=True, eq=False)
 class AuthoredMesh:
     path: str
     points: Floats | None  # (N, 3) float32, object space, scene units
-    has_points: bool  # also if they are of the wrong type
+    has_points: bool  # true even if they have the wrong type
     counts: Ints | None  # (F,) the number of corners of each face
     indices: Ints | None  # (C,) the point at each corner
-    holes: Ints | None  # (H,) faces
+    holes: Ints | None  # (H,) indices of faces
     is_left_handed: bool
     scheme: str  # subdivisionScheme
-    normals: AuthoredPrimvar | None  # of polygons: limit surfaces have their own
-    subdivision: AuthoredSubdivision | None  # None: polygons
-    face_indices: str = "faceVertexIndices"  # what `indices` are authored as
-    tets: Owned | None = None  # of a TetMesh
+    normals: AuthoredPrimvar | None  # polygons only: limit surfaces have their own
+    subdivision: AuthoredSubdivision | None  # None for polygons
+    face_indices: str = "faceVertexIndices"  # attribute that `indices` come from
+    tets: Owned | None = None  # TetMesh only
 
 
 def read_mesh(prim: ResolvedPrim, when: When) -> AuthoredMesh:
@@ -92,7 +92,7 @@ def _points(raw: object) -> Floats | None:
 
 
 def read_normals(prim: ResolvedPrim, when: When) -> AuthoredPrimvar | None:
-    """`primvars:normals` where it has a value, else `normals` (UsdGeomMesh, UsdGeomPointBased::GetNormalsAttr)."""
+    """Return `primvars:normals` if it has a value, else `normals` (UsdGeomMesh, UsdGeomPointBased::GetNormalsAttr)."""
     if "primvars:normals" in prim.names:
         attribute = prim.prim.GetAttribute("primvars:normals")
         if attribute.HasAuthoredValue():

@@ -1,4 +1,4 @@
-"""How far a displacement goes at most, as far as that is known before textures are read: their texels count as 0 to 1."""
+"""Bounds on displacement before textures are read: texels count as values in [0, 1]."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from ...description import Primvar, PrimvarInput, Surface, TextureInput
 
 
 def reach_of(surface: Surface, primvars: Collection[Primvar]) -> float:
-    """0 for what is not known: a graph."""
+    """Return the largest displacement distance of a surface, in the shape's own units; 0 if it is unknown, as for a node
+    graph."""
     if surface.displacement is None:
         return 0.0
     value = surface.displacement[1]

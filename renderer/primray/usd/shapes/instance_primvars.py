@@ -1,7 +1,8 @@
-"""A point instancer's primvars, one value an instance: displayColor, displayOpacity and what the stage's materials read.
+"""Primvars of a point instancer with one value per instance: displayColor, displayOpacity and those that the stage's materials
+read.
 
-They are constant at the root of each instance (UsdGeomPointInstancer, "Primvars on PointInstancer"): what a prototype itself
-has, or what is authored between it and the instancer, is nearer and wins.
+They are constant at the root of each instance (UsdGeomPointInstancer, "Primvars on PointInstancer"). A primvar of the prototype
+itself, or one authored between it and the instancer, takes precedence.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from ..resolving.resolve import Inherited, ResolvedPrim
 from .primvars import Sizes, as_colors, finite, read_raw_primvar
 from .surface_primvars import names_read
 
-# What shapes without a material show, and how many numbers that is.
+# Primvars that shapes without a material read, with their number of components.
 _SHOWN = {"displayColor": 3, "displayOpacity": 1}
 
 
 def instance_primvars(prim: ResolvedPrim, count: int, ctx: Context) -> tuple[Primvar, ...]:
-    """One row an instance, hidden ones included, of every primvar that is not constant over the instancer."""
+    """Return every primvar that is not constant over the instancer, with one row per instance, hidden ones included."""
     found = []
     for name in sorted(prim.names & (ctx.primvars_read | {f"primvars:{shown}" for shown in _SHOWN})):
         attribute = prim.prim.GetAttribute(name)
@@ -47,7 +48,7 @@ def instance_primvars(prim: ResolvedPrim, count: int, ctx: Context) -> tuple[Pri
 
 
 def given_per_instance(handed: Inherited, names: Iterable[str]) -> Inherited:
-    """What is handed down to a prototype whose instances have values of their own for these names."""
+    """Return the inherited state for a prototype whose instances have their own values for the primvars of these names."""
     given = frozenset(names)
     if not given:
         return handed
@@ -68,7 +69,7 @@ def without_unread(
     surfaces: Sequence[Surface],
     others: Sequence[str] = (),
 ) -> tuple[Placement, ...]:
-    """The placements without primvars that no surface in their prototypes reads, but for `others`."""
+    """Return the placements without the primvars that no surface of their prototypes reads, except those named in `others`."""
     return tuple(_without_unread(p, prototypes[p.prototype], shapes, surfaces, others) if p.primvars else p for p in placements)
 
 

@@ -1,4 +1,4 @@
-"""Unit normals of triangles, per point or per corner, from a mesh's authored ones."""
+"""Shading normals of triangles from a mesh's authored normals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .vectors import cross
 
 
 def shading_normals(normals: Primvar, points: Floats, triangles: Triangles) -> Values:
-    """Unit normals per point or per corner; zero and non-finite ones become the face's normal."""
+    """Return unit normals per point or per corner; zero-length and non-finite normals are replaced by the face normal."""
     per_point = is_per_point(normals)
     values = normals.values if per_point else per_corner(normals, triangles)
     length = np.linalg.norm(values.astype(np.float64), axis=1)

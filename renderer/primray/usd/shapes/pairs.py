@@ -1,7 +1,7 @@
-"""Triangles put side by side where two of them make a quad, which rays meet faster (the core's bvh/pairs.hpp).
+"""Reordering of triangles into pairs that form quads, which rays intersect faster (the core's bvh/pairs.hpp).
 
-Meshes of quads have such pairs everywhere; those that were triangulated before list them one after the other, a row's or
-all first ones before the second. Other orders are left as they are.
+Every quad mesh has such pairs. Meshes that were triangulated before export list the two halves either one after the other, row
+by row, or all first halves before all second halves. Other orders are left unchanged.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _NEXT, _LAST = (1, 2, 0), (2, 0, 1)
 
 
 def paired(triangles: Triangles) -> Triangles:
-    """The same triangles, two and two as (a, c, d) and (a, b, c), if they all pair; else as they were."""
+    """Return the triangles in pairs (a, c, d) and (a, b, c) if all of them pair up, otherwise unchanged."""
     points = triangles.points
     count = len(points)
     if count < FEWEST or count % 2:
@@ -31,7 +31,8 @@ def paired(triangles: Triangles) -> Triangles:
 
 
 def _distances(points: Ints) -> list[int]:
-    """How far behind the first triangle a triangle stands that shares an edge with it, where that divides them all."""
+    """Return the possible offsets from a triangle to the one that shares an edge with it, limited to those that divide the
+    triangle count evenly."""
     first = points[0]
     shared = (points == first[0]).astype(np.int8)
     shared += points == first[1]
@@ -41,7 +42,8 @@ def _distances(points: Ints) -> list[int]:
 
 
 def _turns(halves: npt.NDArray[np.int32]) -> tuple[int, int, int] | None:
-    """Which half comes first, the number of its corner d, that of b in the other; None if no such are right for all."""
+    """Return which half comes first, the index of its corner d and that of corner b in the other half; None if no choice fits
+    all pairs."""
     for lead in (1, 0):
         first, second = halves[lead], halves[1 - lead]
         for d in (2, 0, 1):

@@ -1,7 +1,8 @@
-"""Polygons as a bilinear cage, which is diced where some material displaces them: quads stay, other faces are triangles.
+"""Conversion of polygons to a bilinear cage, which is diced where a material displaces it: quads are kept, other faces are
+triangulated.
 
-Their corners, and values over them, are those of the polygons. Points in one place where faces end are one point: they would
-part.
+Corners and values on them are those of the polygons. Coincident points at boundary edges are welded, since displacement would
+pull them apart.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from .triangulate import quad_bends
 
 
 def cage_of(polygons: Polygons) -> tuple[Cage, SeamPrimvar | None]:
-    """And the normals along which it is displaced, None for the faces' own."""
+    """Return the cage and the normals along which it is displaced, or None for the faces' own normals."""
     triangles = polygons.triangles
     counts, rows = _faces(polygons)
     face_points = triangles.points.ravel()[rows].astype(np.int32)
@@ -56,7 +57,7 @@ def _by_corner(values: Values, face_points: Ints, rows: Ints) -> Floats:
 
 
 def _faces(polygons: Polygons) -> tuple[Ints, Ints]:
-    """(F,) the corners of each face, and, one after the other, the triangles' corners that they are."""
+    """Return the number of corners of each face (F,), and for each of these corners its index among the triangles' corners."""
     points, faces = polygons.triangles.points, polygons.triangles.faces
     of_face = np.bincount(faces)[faces] if len(faces) else faces
     first = np.flatnonzero((of_face[:-1] == 2) & (faces[:-1] == faces[1:]))
@@ -80,7 +81,7 @@ def _faces(polygons: Polygons) -> tuple[Ints, Ints]:
 
 
 def welded(mesh: DisplacedMesh) -> DisplacedMesh:
-    """With one point for those in one place at which faces end."""
+    """Return the mesh with coincident boundary points merged."""
     joined = _joined(mesh)
     if joined is None:
         return mesh
@@ -101,7 +102,7 @@ def welded(mesh: DisplacedMesh) -> DisplacedMesh:
 
 
 def _joined(mesh: DisplacedMesh) -> Ints | None:
-    """The points of faces, None where nothing is joined: there is nothing to join, or a face would have a point twice."""
+    """Return the merged point indices of the faces; None if no points coincide or a face would have the same point twice."""
     start = np.cumsum(mesh.face_counts) - mesh.face_counts
     following = np.arange(1, len(mesh.face_points) + 1)
     following[start + mesh.face_counts - 1] = start

@@ -1,4 +1,4 @@
-"""A polygonal mesh without its materials: faces that can be rendered as triangles, turned outwards, and their normals."""
+"""Polygonal mesh without materials: faces triangulated and oriented outwards, with their normals."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from .triangulate import Fan, Triangles, fan_of, flipped, triangulate
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    points: Floats  # (N, 3) float32, object space, scene units; as authored, but 0 where they are not finite
+    points: Floats  # (N, 3) float32, object space, scene units; as authored, but 0 where not finite
     triangles: Triangles
     normals: Values | None  # unit length; None: faceted
     sizes: Sizes  # as authored
     motion: PolygonMotion | None = None
-    tets: Owned | None = None  # of a TetMesh
+    tets: Owned | None = None  # TetMesh only
 
 
 def make_polygons(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> Polygons | None:
-    """None where no face has area."""
+    """Return the triangulated mesh, or None if no face has area."""
     points, triangles = _triangulated(mesh, topology, ctx)
     if len(triangles.faces) == 0:
         return None
@@ -44,7 +44,7 @@ def normals_of(mesh: AuthoredMesh, points: Floats, triangles: Triangles, sizes: 
 
 
 def _triangulated(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> tuple[Floats, Triangles]:
-    """Points and triangles; of small meshes that are simple fans, one object for all that are alike."""
+    """Return points and triangles. Small meshes that are simple fans share one object with all meshes alike."""
     faces = topology.faces
     fan = _fan(faces) if mesh.holes is None else None
     key = b"" if fan is None else topology.points.tobytes()
@@ -52,7 +52,7 @@ def _triangulated(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> tuple
         return faces.made[key], fan.triangles
     points, usable = usable_faces(topology, mesh.path, ctx, mesh.face_indices)
     if fan is not None and usable is None and fan.fits(points):
-        faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept anyway
+        faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept in any case
         return faces.made[key], fan.triangles
     keep = without_holes(usable, mesh, len(faces.counts), ctx)
     triangles = triangulate(points, faces.counts, faces.indices, keep)
@@ -61,7 +61,7 @@ def _triangulated(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> tuple
 
 
 def _fan(faces: Faces) -> Fan | None:
-    """What the faces are as a fan, found once for all meshes that share them; None where they are none."""
+    """Return the faces as a triangle fan, or None; computed once for all meshes that share the faces."""
     if not faces.is_shared:
         return None
     if "fan" not in faces.made:
@@ -71,7 +71,7 @@ def _fan(faces: Faces) -> Fan | None:
 
 
 def _note_degenerate(path: str, keep: Flags | None, triangles: Triangles, counts: Ints, ctx: Context) -> None:
-    """Say how many faces vanished altogether; triangles without area inside a face need no word."""
+    """Report how many faces have no area at all; degenerate triangles within a face are not reported."""
     wanted = len(counts) if keep is None else int(keep.sum())
     if len(triangles.faces) >= int((counts if keep is None else counts[keep]).sum()) - 2 * wanted:
         return

@@ -1,7 +1,7 @@
-"""A gprim's primvars, read and checked: any type of up to four numbers, any interpolation, indexed or not.
+"""Reading and validation of gprim primvars: any type of one to four numbers, any interpolation, indexed or not.
 
-elementSize n means that n consecutive values make one element: float[] of elementSize 2 is read as pairs. Values that are
-not finite are read as 0, and noted.
+An elementSize of n makes n consecutive values one element: float[] with elementSize 2 is read as pairs. Values that are not
+finite are read as 0 and reported.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from .triangulate import Triangles
 
 @dataclass(frozen=True)
 class Primvar:
-    """`values` (M, columns), one for each element of what `interpolation` (USD's token) says; or for each of `indices`."""
+    """Primvar with `values` (M, components), one row per element of its `interpolation` (USD's token), or one per index where
+    indexed."""
 
     values: Floats
     interpolation: str
@@ -36,23 +37,23 @@ class Primvar:
 
 @dataclass(frozen=True, eq=False)
 class AuthoredPrimvar:
-    """As USD has it, of whatever type: nothing is checked."""
+    """Primvar as authored, of any type, not yet validated."""
 
-    name: str  # of the attribute
+    name: str  # name of the attribute
     values: object
     interpolation: str
-    indices: object = None  # None: not indexed
+    indices: object = None  # None if not indexed
     element_size: int = 1
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many values each interpolation needs on one mesh, or on curves, which count as faces."""
+    """Number of elements for each interpolation on one mesh, or on curves, which count as faces."""
 
     faces: int
     points: int
     corners: int
-    ends: int | None = None  # 'varying', where it is not the same as 'vertex'
+    ends: int | None = None  # of 'varying', where it differs from 'vertex'
 
     def of(self, interpolation: str) -> int:
         varying = self.points if self.ends is None else self.ends
@@ -62,8 +63,8 @@ class Sizes:
 
 
 def read_display_color(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """primvars:displayColor, indexed or not, in the rendering space and in [0, 1]: what reflects neither adds light nor takes
-    what was never there."""
+    """Return primvars:displayColor, indexed or not, in the rendering space and clamped to [0, 1], so that surfaces conserve
+    energy."""
     attribute = prim.prim.GetAttribute("primvars:displayColor")
     found = read_raw_primvar(attribute, sizes, prim, ctx)
     if found is None:
@@ -78,7 +79,8 @@ def read_display_color(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primva
 
 
 def as_colors(primvar: Primvar, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: Context) -> Primvar:
-    """The first three of its numbers in the rendering space; fewer are no colours."""
+    """Return the primvar with its first three components converted to the rendering space; unchanged if it has fewer than
+    three."""
     if primvar.values.shape[1] < 3:
         return primvar
     given = primvar.values[:, :3]
@@ -93,12 +95,12 @@ def note_clamped_color(what: str, prim: ResolvedPrim, ctx: Context) -> None:
 
 
 def read_display_vectors(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """primvars:displayColor likewise, indices applied; None, noted, if it has not three columns."""
+    """Return primvars:displayColor with indices applied; None, and reported, if it does not have three components."""
     return _of_three(read_display_color(sizes, prim, ctx), "primvars:displayColor", prim.path, ctx)
 
 
 def checked_vectors(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -> Primvar | None:
-    """Values of three columns, indices applied; None, noted, when they do not fit."""
+    """Return values of three components with indices applied; None, and reported, if they do not fit the mesh."""
     return _of_three(_checked(authored, sizes, path, ctx), authored.name, path, ctx)
 
 
@@ -112,13 +114,14 @@ def _of_three(found: Primvar | None, name: str, path: str, ctx: Context) -> Prim
 
 
 def read_raw_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """A primvar of 1 to 4 columns with its indices; None, noted, when it does not fit; None if it has no value."""
+    """Return a primvar of 1 to 4 components with its indices; None if it has no value, or, reported, if it does not fit the
+    shape."""
     authored = read_authored(attribute, ctx.when)
     return None if authored is None else _checked(authored, sizes, prim.path, ctx)
 
 
 def read_authored(attribute: Usd.Attribute, when: When) -> AuthoredPrimvar | None:
-    """None if it has no value."""
+    """Return the primvar's value, indices, interpolation and element size; None if it has no value."""
     primvar = UsdGeom.Primvar(attribute)
     raw = value(attribute, when)
     if raw is None:
@@ -160,9 +163,9 @@ def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -
 
 
 def _fits_without_element_size(authored: AuthoredPrimvar, sizes: Sizes) -> bool:
-    """Return whether an array is one value for each element if elementSize does not count, and is not if it does.
+    """Return whether an array fits its interpolation only if elementSize is ignored.
 
-    Some exporters write the number of a face's corners there.
+    Some exporters write the number of corners per face as elementSize.
     """
     listed = authored.values if authored.indices is None else authored.indices
     if not isinstance(listed, Sized) or len(listed) != sizes.of(authored.interpolation):
@@ -172,13 +175,14 @@ def _fits_without_element_size(authored: AuthoredPrimvar, sizes: Sizes) -> bool:
 
 
 def note_many_values(name: str, count: int, path: str, ctx: Context) -> None:
-    """A constant primvar has one element (UsdGeomPrimvar: elementSize values). Often its interpolation was forgotten."""
+    """Report a constant primvar with several elements (UsdGeomPrimvar: elementSize values); often its interpolation was left
+    out."""
     if count > 1:
         ctx.warn("invalid-primvar", path, f"{name} (constant) has {count} values where 1 is needed: the first is used.", name)
 
 
 def finite(values: Floats, name: str, prim: ResolvedPrim, ctx: Context) -> Floats:
-    """The values with 0 for those that are not finite."""
+    """Return the values with non-finite ones replaced by 0, and report those."""
     good = np.isfinite(values)
     if good.all():
         return values
@@ -188,7 +192,7 @@ def finite(values: Floats, name: str, prim: ResolvedPrim, ctx: Context) -> Float
 
 
 def per_corner(primvar: Primvar, triangles: Triangles) -> Floats:
-    """(3T, columns): the values at every triangle's corners."""
+    """Return values (3T, components) at every triangle corner."""
     values = primvar.flat()
     if primvar.interpolation == "constant":
         return np.repeat(values, triangles.points.size, axis=0)

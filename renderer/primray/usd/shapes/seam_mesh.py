@@ -1,6 +1,6 @@
-"""The last step to description.Mesh, whose normals and colours say by their length alone what they belong to.
+"""Construction of description.Mesh, in which only the length of normals and colours tells what they belong to.
 
-Where two of T triangles, N points and 3T corners are equal numbers, values move to the reading that cannot be mistaken.
+Where two of the counts of triangles T, points N and corners 3T are equal, values are expanded to the unambiguous form.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ class Values:
 
 @dataclass(frozen=True, eq=False)
 class PolygonMotion:
-    """Points and normals at other times than the frame."""
+    """Points and normals at the times of a motion."""
 
     times: Doubles  # (S + 1,) fractions of the exposure's span
     points: Floats  # (S + 1, N, 3)
-    normals: tuple[Values, ...] = ()  # S + 1 alike, or none: they stay as they are, or there are none
+    normals: tuple[Values, ...] = ()  # S + 1 of the same kind, or none if they do not change
 
     def of_triangles(self, keep: npt.NDArray[np.bool_]) -> PolygonMotion:
-        """With the normals of some triangles only; `keep` is (T,)."""
+        """Return the motion with normals of a subset of triangles; `keep` is a (T,) mask."""
         kept = (keep_triangles(values, keep) for values in self.normals)
         return replace(self, normals=tuple(values for values in kept if values is not None))
 
     def reordered(self, triangles: Ints) -> PolygonMotion:
-        """With points and normals a corner."""
+        """Return the motion with points and normals per corner."""
         moved = (_to_corners(values, triangles) for values in self.normals)
         normals = tuple(values for values in moved if values is not None)
         return PolygonMotion(self.times, self.points[:, triangles.ravel()], normals)
@@ -71,7 +71,7 @@ def seam_mesh(
 
 
 def keep_triangles(values: Values | None, keep: npt.NDArray[np.bool_]) -> Values | None:
-    """The values of some triangles only; `keep` is (T,)."""
+    """Return the values of a subset of triangles; `keep` is a (T,) mask."""
     if values is None or values.per == "point":
         return values
     return Values(values.array[keep if values.per == "face" else np.repeat(keep, 3)], values.per)

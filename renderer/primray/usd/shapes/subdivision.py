@@ -1,6 +1,7 @@
-"""UsdGeomMesh as a subdivision cage: faces checked and turned outwards, creases and corners, primvars of any interpolation.
+"""UsdGeomMesh as a subdivision cage: faces validated and oriented outwards, creases, corners, and primvars of any
+interpolation.
 
-`Cage` remembers which authored face and corner each of its own was, since primvars and subsets speak of those.
+`Cage` keeps the authored index of each of its faces and corners, since primvars and subsets refer to those.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ INTERPOLATIONS = {
 class Creases:
     lengths: Ints
     points: Ints
-    sharpnesses: Floats  # one a crease, or one an edge
+    sharpnesses: Floats  # one per crease, or one per edge
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class Cage:
     points: Floats
     face_counts: Ints
     face_points: Ints
-    faces: Ints  # the authored face of each face
-    corners: Ints  # the authored corner of each corner
+    faces: Ints  # authored index of each face
+    corners: Ints  # authored index of each corner
     sizes: Sizes  # as authored
     holes: Ints | None
     creases: Creases | None
@@ -58,7 +59,7 @@ class Cage:
 
 
 def make_cage(mesh: AuthoredMesh, authored: AuthoredSubdivision, topology: Topology, ctx: Context) -> Cage | None:
-    """None where no face makes a surface."""
+    """Return the cage, or None if no face is usable."""
     path, sizes = mesh.path, topology.sizes
     points, usable = usable_faces(topology, path, ctx)
     kept = _kept(topology.faces, usable, mesh.is_left_handed)
@@ -88,17 +89,17 @@ def make_cage(mesh: AuthoredMesh, authored: AuthoredSubdivision, topology: Topol
 
 @dataclass(frozen=True, eq=False)
 class _Kept:
-    """The faces that make a surface, turned outwards."""
+    """Usable faces, oriented outwards."""
 
     faces: Ints
     corners: Ints
     counts: Ints
     points: Ints
-    lost: int  # faces that could be rendered, but have a vertex more than once
+    lost: int  # usable faces left out because they have a vertex more than once
 
 
 def _kept(whole: Faces, usable: Flags | None, left_handed: bool) -> _Kept:
-    """Found once for all cages that have the same faces and can use all of them."""
+    """Return the usable faces; computed once for all cages with the same faces if all of them are usable."""
     known: _Kept | None = whole.made.get(left_handed) if usable is None else None
     if known is not None:
         return known
@@ -117,7 +118,8 @@ def _face_of(counts: Ints) -> Ints:
 
 
 def _distinct_corners(counts: Ints, indices: Ints, usable: Flags | None) -> tuple[Ints, Ints, int]:
-    """The faces and corners that make a surface: a vertex that follows itself counts once, coming back it spoils its face."""
+    """Return usable faces and corners. A vertex repeated directly counts once; one that recurs later makes its face
+    unusable."""
     face = _face_of(counts)
     start = np.cumsum(counts) - counts
     following = np.arange(1, len(indices) + 1)
@@ -136,7 +138,7 @@ def _distinct_corners(counts: Ints, indices: Ints, usable: Flags | None) -> tupl
 
 
 def _turned(counts: Ints, corners: Ints) -> Ints:
-    """Each face the other way round, from the same first corner."""
+    """Return each face with its corners reversed, starting at the same corner."""
     start = np.repeat(np.cumsum(counts) - counts, counts)
     place = np.arange(len(corners)) - start
     return np.asarray(corners[start + (np.repeat(counts, counts) - place) % np.repeat(counts, counts)])
@@ -159,14 +161,14 @@ def _scheme(authored: str, counts: Ints, path: str, ctx: Context) -> str:
 
 
 def _choice(authored: str, name: str, known: Sequence[str], path: str, ctx: Context) -> str:
-    """The token; the first of those known where there is none, and, noted, where it is none of them."""
+    """Return the token if it is known, else the first known one; unknown tokens are reported."""
     if authored and authored not in known:
         ctx.warn("subdivision-data", path, f"{name} = {authored} is not known: {known[0]} is used.", name)
     return authored if authored in known else known[0]
 
 
 def _sharpnesses(values: Floats | None, name: str, path: str, ctx: Context) -> Floats | None:
-    """In [0, 10]; what is not a number counts as smooth."""
+    """Return sharpnesses clamped to [0, 10]; NaN counts as smooth."""
     if values is None:
         return None
     if np.isnan(values).any():
@@ -214,10 +216,10 @@ def _sharp_points(
 
 
 def on_cage(name: str, primvar: Primvar, cage: Cage) -> SeamPrimvar:
-    """A primvar of the mesh as authored, brought to the faces and corners that the cage has."""
+    """Return an authored primvar on the faces and corners of the cage."""
     interpolation = INTERPOLATIONS.get(primvar.interpolation, Interpolation.CORNER)
     if interpolation is Interpolation.CORNER:
-        # Corners keep their indices, which say what is one point of the surface.
+        # Corner indices are kept: equal indices mean one point of the surface.
         indices = np.arange(len(primvar.values), dtype=np.int32) if primvar.indices is None else primvar.indices
         return SeamPrimvar(name, interpolation, primvar.values, indices[cage.corners])
     values = primvar.flat()
@@ -225,7 +227,7 @@ def on_cage(name: str, primvar: Primvar, cage: Cage) -> SeamPrimvar:
 
 
 def is_closed_cage(cage: Cage) -> bool:
-    """Whether every edge joins exactly two faces that run along it in opposite directions, and no face is left out."""
+    """Return whether every edge joins exactly two faces that traverse it in opposite directions, and there are no holes."""
     if cage.holes is not None and len(cage.holes):
         return False
     start = np.cumsum(cage.face_counts) - cage.face_counts

@@ -1,6 +1,6 @@
-"""The primvars that a shape's surfaces read, by name: from the shape itself, else a constant one handed down to it.
+"""Primvars that the surfaces of a shape read, by name: from the shape itself, or constant ones inherited from its ancestors.
 
-What neither has is left out: then the instance's own may stand in (instance_primvars), or else the input's fallback.
+Primvars found in neither place are left out; instance primvars (instance_primvars) or the input's fallback then apply.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, note_many
 from .subdivision import Cage, on_cage
 from .triangulate import Triangles
 
-NO_SIZES = Sizes(0, 0, 0)  # of shapes that take constant primvars only
-TANGENT_ST = "st"  # spans the tangents of a normal that no texture gives, and of a displacement
+NO_SIZES = Sizes(0, 0, 0)  # for shapes that take constant primvars only
+TANGENT_ST = "st"  # defines the tangents of normals given by a primvar, and of tangent-space displacement
 
 
 def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
-    """The primvars that surfaces read, in order, and how many numbers of each."""
+    """Return the primvars that surfaces read, in order, with the number of components that each needs."""
     wanted: dict[str, int] = {}
     for surface in surfaces:
         for field, reads in surface.inputs:
@@ -50,19 +50,19 @@ def _primvar_of(reads: PrimvarInput | TextureInput) -> PrimvarInput:
 def mesh_primvars(
     prim: ResolvedPrim, surfaces: Collection[Surface], triangles: Triangles, sizes: Sizes, ctx: Context
 ) -> tuple[SeamPrimvar, ...]:
-    """Per triangle, point or corner, as a Mesh has them."""
+    """Return primvars per triangle, point or corner, as Mesh has them."""
     if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
         return ()
     return tuple(_on_triangles(name, found, triangles) for name, found in read_primvars(prim, surfaces, sizes, ctx))
 
 
 def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], cage: Cage, ctx: Context) -> tuple[SeamPrimvar, ...]:
-    """Per face, point or corner, as a SubdivisionMesh has them."""
+    """Return primvars per face, point or corner, as SubdivisionMesh has them."""
     return tuple(on_cage(name, found, cage) for name, found in read_primvars(prim, surfaces, cage.sizes, ctx))
 
 
 def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
-    """Of a shape without points of its own: what varies over it is noted and left out."""
+    """Return the constant primvars of a shape without points; those that vary over it are reported and left out."""
     if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
         return ()
     return tuple(
@@ -79,8 +79,8 @@ def read_primvars(
     ctx: Context,
     instead: Mapping[str, Primvar] = MappingProxyType({}),
 ) -> list[tuple[str, Primvar]]:
-    """What surfaces read of a shape, by name, checked against its sizes; no more columns than are read. `instead`: of what
-    neither the shape nor an instance has."""
+    """Return the primvars that surfaces read from a shape, by name, validated against its sizes and cut to the components that
+    are read. `instead` has values for names that neither the shape nor an instance provides."""
 
     @cache
     def read(name: str) -> Primvar | None:
@@ -108,7 +108,7 @@ def read_primvars(
 def _instead_of_instances(
     prim: ResolvedPrim, name: str, surfaces: Iterable[Surface], ctx: Context
 ) -> list[tuple[str, Primvar]]:
-    """Return the readers' fallback as the shape's own primvar, where a primvar of no use hides those of instances."""
+    """Return the readers' fallback as the shape's own primvar, where an unusable primvar hides the instances' values."""
     fallbacks: set[tuple[float, ...] | None] = set()
     for surface in surfaces:
         inputs = [read for _, read in surface.inputs if not isinstance(read, PatternInput)]
@@ -126,7 +126,7 @@ def _instead_of_instances(
 def _for_aovs(
     prim: ResolvedPrim, widths: dict[str, int], read: Callable[[str], Primvar | None], ctx: Context
 ) -> list[tuple[str, Primvar]]:
-    """What AOVs show of a shape beyond what its surfaces read (`widths`): all numbers of each element."""
+    """Return the primvars that AOVs need beyond those the surfaces read (`widths`), with all their components."""
     found = []
     for name in ctx.aov_primvars:
         primvar = read(name)
@@ -146,7 +146,7 @@ def _own(prim: ResolvedPrim, name: str, sizes: Sizes, ctx: Context) -> Primvar |
 
 
 def _handed_down(prim: ResolvedPrim, name: str, ctx: Context) -> Primvar | None:
-    """Only constant primvars are inherited (UsdGeomPrimvarsAPI)."""
+    """Return an inherited primvar; only constant primvars are inherited (UsdGeomPrimvarsAPI)."""
     for handed, values in prim.inherited.primvars:
         if handed == name:
             note_many_values(f"primvars:{name}", many_values(prim.inherited, f"primvars:{name}"), prim.path, ctx)
@@ -165,6 +165,6 @@ def _on_triangles(name: str, primvar: Primvar, triangles: Triangles) -> SeamPrim
 
 
 def moved(primvars: tuple[SeamPrimvar, ...], keep: npt.NDArray[np.bool_]) -> tuple[SeamPrimvar, ...]:
-    """The primvars of some triangles only; `keep` is (T,)."""
+    """Return the primvars of a subset of triangles; `keep` is a (T,) mask."""
     rows = {Interpolation.FACE: keep, Interpolation.CORNER: np.repeat(keep, 3)}
     return tuple(replace(p, values=p.values[rows[p.interpolation]]) if p.interpolation in rows else p for p in primvars)

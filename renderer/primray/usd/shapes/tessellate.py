@@ -1,4 +1,5 @@
-"""Implicit shapes as triangles with exact normals: surfaces of revolution along Z, boxes and planes, turned to their axis."""
+"""Tessellation of implicit shapes with exact normals: surfaces of revolution about Z, boxes and planes, rotated to their
+axis."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from ...arrays import Doubles, Floats, Ints
 
 AROUND = 64
-CAP_RINGS = 16  # a quarter circle of a capsule's caps, as fine as the circle around
+CAP_RINGS = 16  # per quarter circle of a capsule's caps, as fine as the circle around
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ def cube(size: float) -> Tessellated:
 
 
 def plane(width: float, length: float, axis: str) -> Tessellated:
-    """UsdGeomPlane: for axis Z, width along X and length along Y; for X, width along Z and length along Y; for Y, X and Z."""
+    """Tessellate UsdGeomPlane. For axis Z, width is along X and length along Y; for X, along Z and Y; for Y, along X and Z."""
     w, d = width / 2, length / 2
     corners = {
         "Z": [[-w, -d, 0], [w, -d, 0], [w, d, 0], [-w, d, 0]],
@@ -40,22 +41,24 @@ def plane(width: float, length: float, axis: str) -> Tessellated:
 
 
 def cone(radius: float, height: float, axis: str) -> Tessellated:
-    """Apex on the positive axis, closed base."""
+    """Tessellate a cone with its apex on the positive axis and a closed base."""
     h = height / 2
     return revolve([_Band([(radius, -h), (0.0, h)], [(height, radius)] * 2), _cap(radius, -h, -1)], axis)
 
 
 def cylinder(bottom: float, top: float, height: float, axis: str) -> Tessellated:
-    """With both caps; the radii differ for Cylinder_1."""
+    """Tessellate a cylinder with both caps; the radii differ for Cylinder_1."""
     h = height / 2
     side = (height, bottom - top)
     return revolve([_Band([(bottom, -h), (top, h)], [side, side]), _cap(bottom, -h, -1), _cap(top, h, 1)], axis)
 
 
 def capsule(bottom: float, top: float, height: float, axis: str, low_rings: int = 0, high_rings: int = 0) -> Tessellated:
-    """UsdGeomCapsule, and Capsule_1 with two radii: the hull of the spheres about both ends of the spine, of `height`.
+    """Tessellate UsdGeomCapsule, or Capsule_1 with two radii: the convex hull of spheres at both ends of a spine of length
+    `height`.
 
-    Where one sphere holds the other, that one alone. Its caps have as many rings as they need, unless that is given.
+    If one sphere contains the other, only the larger is made. The caps have as many rings as they need, unless a number is
+    given.
     """
     if height < 0:
         bottom, top, height = top, bottom, -height
@@ -63,7 +66,7 @@ def capsule(bottom: float, top: float, height: float, axis: str, low_rings: int 
     if wider and abs(wider) >= height:
         radius, z = (bottom, -height / 2) if wider > 0 else (top, height / 2)
         return revolve([_arc(radius, z, -math.pi / 2, math.pi / 2)], axis)
-    # A line that touches circles of these radii leans by asin(wider / height): so do its normals at both.
+    # A line tangent to both circles, and its normals, lean by asin((bottom - top) / height).
     slope = _lean(bottom, top, height)
     low = _arc(bottom, -height / 2, -math.pi / 2, slope, low_rings)
     high = _arc(top, height / 2, slope, math.pi / 2, high_rings)
@@ -72,7 +75,7 @@ def capsule(bottom: float, top: float, height: float, axis: str, low_rings: int 
 
 
 def cap_rings(bottom: float, top: float, height: float) -> tuple[int, int]:
-    """As many as a capsule's caps need, the lower one's first: (0, 0) where one sphere holds the other."""
+    """Return the number of rings that a capsule's lower and upper caps need; (0, 0) if one sphere contains the other."""
     if abs(bottom - top) >= abs(height):
         return 0, 0
     slope = _lean(bottom, top, abs(height))
@@ -88,7 +91,7 @@ def _rings(first: float, last: float) -> int:
 
 
 def _arc(radius: float, z: float, first: float, last: float, rings: int = 0) -> _Band:
-    """Of the sphere about z on the axis, between two latitudes."""
+    """Return the band of a sphere about the point z on the axis, between two latitudes in radians."""
     rings = rings or _rings(first, last)
     latitudes = np.linspace(first, last, rings + 1)
     c, s = np.cos(latitudes), np.sin(latitudes)
@@ -99,7 +102,8 @@ def _arc(radius: float, z: float, first: float, last: float, rings: int = 0) -> 
 
 @dataclass(frozen=True)
 class _Band:
-    """A profile (radius, z) from low to high, or outwards in for a top cap, with normals (radial, axial) at its points."""
+    """Profile of (radius, z) points from bottom to top (top caps: from the outside inwards), with normals (radial, axial) at
+    them."""
 
     profile: list[tuple[float, float]]
     normals: list[tuple[float, float]]
@@ -111,9 +115,10 @@ def _cap(radius: float, z: float, side: int) -> _Band:
 
 
 def revolve(bands: list[_Band], axis: str) -> Tessellated:
-    """Bands turned about the axis; rings that agree share their points, so that the surface is closed."""
+    """Return the surface of revolution of bands about the axis; coincident rings share their points, so that the surface is
+    closed."""
     points: list[Doubles] = []
-    rings: dict[tuple[float, float], int] = {}  # (radius, z) -> its first point
+    rings: dict[tuple[float, float], int] = {}  # (radius, z) -> index of its first point
     triangles: list[Ints] = []
     normals: list[Doubles] = []
     phi = 2 * math.pi * np.arange(AROUND) / AROUND

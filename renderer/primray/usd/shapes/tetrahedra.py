@@ -1,4 +1,4 @@
-"""The surface of tetrahedra: faces that belong to one of them alone."""
+"""Surface of tetrahedra: the faces that belong to a single tetrahedron."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy.typing as npt
 
 from ...arrays import Ints
 
-# UsdGeomTetMesh, tetVertexIndices: they run counter-clockwise seen from outside. A left-handed tetrahedron's are these the
-# other way round, which is outside by the other hand: the surface is the same.
+# Faces of a tetrahedron (UsdGeomTetMesh, tetVertexIndices), counter-clockwise seen from outside. For left-handed ones they run
+# the other way, which is the outside by the opposite convention, so the surface is the same.
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
 def surface_of(tets: Ints) -> Ints:
-    """(F, 3) the faces that belong to one tetrahedron alone, which run round their outside, in lexicographic order."""
+    """Return the faces (F, 3) that belong to a single tetrahedron, oriented outwards, in lexicographic order."""
     faces = tets[:, FACES].reshape(-1, 3)
     key = sorted_rows(faces)
     order = np.lexsort(key.T[::-1])

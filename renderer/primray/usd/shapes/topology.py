@@ -1,4 +1,4 @@
-"""A mesh's points and faces, checked: what polygons (polygons.py) and cages (subdivision.py) both start from."""
+"""Validated points and faces of a mesh: the common input of polygons (polygons.py) and subdivision cages (subdivision.py)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from .primvars import Sizes
 Flags = npt.NDArray[np.bool_]
 
 
-LARGEST = np.float32(1e37)  # of a coordinate: sums of a few, as subdivision makes them, stay finite
-SHARED_CORNERS = 1024  # meshes with more are rarely alike, and cost more than looking at them
+LARGEST = np.float32(1e37)  # largest coordinate: sums of a few, as subdivision makes them, stay finite
+SHARED_CORNERS = 1024  # meshes with more corners are rarely alike, and hashing them costs too much
 
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """faceVertexCounts and faceVertexIndices that fit together. Small ones are one object for all meshes that have the same:
-    `made` keeps what follows from them alone."""
+    """Consistent faceVertexCounts and faceVertexIndices. Small ones are one object for all meshes with the same faces; `made`
+    caches what is derived from the faces alone."""
 
     counts: Ints
     indices: Ints
-    low: int  # the least index
-    high: int  # the greatest
-    has_area: bool  # all have 3 vertices or more
+    low: int  # smallest index
+    high: int  # largest index
+    has_area: bool  # all faces have at least 3 vertices
     is_shared: bool
     made: dict[Any, Any] = field(default_factory=dict)
 
@@ -45,11 +45,11 @@ class Topology:
 
 
 class SharedFaces(dict[tuple[bytes, bytes], Faces]):
-    """By content, of small meshes."""
+    """Faces of small meshes, keyed by their counts and indices."""
 
 
 def topology_of(mesh: AuthoredMesh, ctx: Context) -> Topology | None:
-    """Points and faces where they fit together; None where they do not, noted, and for an empty mesh."""
+    """Return points and faces if they are consistent; None if the mesh is empty or, reported, if they are not."""
     points, counts, indices = mesh.points, mesh.counts, mesh.indices
     if points is None or counts is None or indices is None:
         _note_missing(mesh, ctx)
@@ -75,7 +75,7 @@ def _note_missing(mesh: AuthoredMesh, ctx: Context) -> None:
 
 
 def _faces(counts: Ints, indices: Ints, path: str, ctx: Context) -> Faces | None:
-    """None where they do not fit together, noted, or there are none."""
+    """Return the faces; None if there are none or, reported, if counts and indices disagree."""
     if len(counts) == 0:
         return None
     least = int(counts.min())
@@ -92,7 +92,8 @@ def _faces(counts: Ints, indices: Ints, path: str, ctx: Context) -> Faces | None
 
 
 def usable_faces(topology: Topology, path: str, ctx: Context, named: str = "faceVertexIndices") -> tuple[Floats, Flags | None]:
-    """The points with 0 for those that are not finite, and the faces that can be rendered; None for all of them."""
+    """Return the points, with 0 for non-finite ones, and the mask of faces that can be rendered; None instead of the mask if
+    all can."""
     points, faces = topology.points, topology.faces
     in_range = faces.low >= 0 and faces.high < len(points)
     all_finite = _largest(points) <= LARGEST
@@ -105,7 +106,7 @@ def usable_faces(topology: Topology, path: str, ctx: Context, named: str = "face
         finite = np.asarray((np.abs(points) <= LARGEST).all(axis=1))
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
         reasons["points"] = "points that are not finite or beyond 1e37"
-        points = np.where(finite[:, None], points, np.float32(0))  # belongs to no face that is kept
+        points = np.where(finite[:, None], points, np.float32(0))  # used only by faces that are dropped
     too_small = counts < 3
     if too_small.any():
         reasons["faceVertexCounts"] = "fewer than 3 vertices"
@@ -118,12 +119,12 @@ def usable_faces(topology: Topology, path: str, ctx: Context, named: str = "face
 
 
 def _largest(points: Floats) -> float:
-    """The largest coordinate's size; NaN where one is."""
+    """Return the largest absolute coordinate, or NaN if any is NaN."""
     return max(float(points.max()), -float(points.min())) if points.size else 0.0
 
 
 def hole_indices(mesh: AuthoredMesh, faces: int, ctx: Context) -> Ints | None:
-    """The holes that are among the faces; None where none are authored."""
+    """Return the indices in holeIndices that are in range; None if none are authored."""
     holes = mesh.holes
     if holes is None or len(holes) == 0:
         return None
@@ -134,7 +135,7 @@ def hole_indices(mesh: AuthoredMesh, faces: int, ctx: Context) -> Ints | None:
 
 
 def without_holes(keep: Flags | None, mesh: AuthoredMesh, faces: int, ctx: Context) -> Flags | None:
-    """`keep` without the faces that holeIndices names: polygons have no other use for them."""
+    """Return the mask `keep` without the faces in holeIndices, which polygons simply leave out."""
     holes = hole_indices(mesh, faces, ctx)
     if holes is None:
         return keep

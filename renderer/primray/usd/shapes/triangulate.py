@@ -1,6 +1,6 @@
-"""Polygons to triangles, with numpy for all but concave ones; every triangle remembers its face and its corners.
+"""Triangulation of polygons, in numpy except for concave ones; every triangle keeps the indices of its face and corners.
 
-Triangles keep the polygon's own winding: cross(p1 - p0, p2 - p0) points along the polygon's right-handed normal.
+Triangles keep the polygon's winding: cross(p1 - p0, p2 - p0) points along the polygon's right-handed normal.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ _BEFORE_OF_3, _XYZXY = np.array([2, 0, 1]), np.array([0, 1, 2, 0, 1])
 
 @dataclass(frozen=True)
 class Triangles:
-    points: Ints  # (T, 3) indices of points
+    points: Ints  # (T, 3) point indices
     corners: Ints  # (T, 3) indices into the mesh's faceVertexIndices, for values per corner
-    faces: Ints  # (T,) indices of faces, for values per face, in order
+    faces: Ints  # (T,) face indices, ascending, for values per face
 
 
 def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None = None) -> Triangles:
-    """Triangles of the faces that `keep` marks (all if None); those without area are left out.
+    """Return the triangles of the faces in the mask `keep` (None: all); those without area are left out.
 
-    The topology must be valid: counts sum to the indices' number; kept faces have 3 vertices or more, all in range.
+    The topology must be valid: counts sum to the number of indices; kept faces have at least 3 vertices, all in range.
     """
     if (keep is not None and not keep.any()) or len(counts) == 0:
         return Triangles(np.zeros((0, 3), np.int32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
@@ -55,15 +55,16 @@ def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None =
 
 @dataclass(frozen=True, eq=False)
 class Fan:
-    """Triangles of faces that all have 3 vertices, or all 4: of quads they are right where no corner bends backwards."""
+    """Triangle fans of faces that all have 3 or all have 4 vertices; for quads they are correct only if every corner is
+    convex."""
 
     triangles: Triangles
-    corners: npt.NDArray[np.intp]  # (F, 3 or 4) indices of points
-    following: npt.NDArray[np.intp]  # the point after each
+    corners: npt.NDArray[np.intp]  # (F, 3 or 4) point indices
+    following: npt.NDArray[np.intp]  # index of the point after each corner
 
     def fits(self, points: Points) -> bool:
-        """Whether triangulate() gives the same for these points. Says no where rounding might decide."""
-        p = points.T.take(_XYZXY, axis=0).astype(np.float64)  # few calls matter here, not few operations
+        """Return whether triangulate() would give these triangles for the points. False where rounding might decide."""
+        p = points.T.take(_XYZXY, axis=0).astype(np.float64)  # optimised for few numpy calls, not few operations
         edge = p.take(self.following, axis=1) - p.take(self.corners, axis=1)
         before = edge.take(_BEFORE if edge.shape[2] == 4 else _BEFORE_OF_3, axis=2)
         own = before[1:4] * edge[2:] - before[2:] * edge[1:4]
@@ -74,7 +75,7 @@ class Fan:
 
 
 def fan_of(counts: Ints, indices: Ints) -> Fan | None:
-    """None where faces are of other sizes."""
+    """Return the fan, or None if the faces are not all triangles or all quads."""
     n = int(counts[0])
     if n not in (3, 4) or (counts != n).any():
         return None
@@ -86,13 +87,13 @@ def fan_of(counts: Ints, indices: Ints) -> Fan | None:
 
 
 def flipped(triangles: Triangles) -> Triangles:
-    """The same triangles with the opposite winding."""
+    """Return the triangles with opposite winding."""
     order = [0, 2, 1]
     return Triangles(triangles.points[:, order], triangles.corners[:, order], triangles.faces)
 
 
 def _finished(points: Points, indices: Ints, corners: Ints, faces: Ints, solid: bool) -> Triangles:
-    """Without the triangles whose area is zero in double, unless all are known to be `solid`."""
+    """Return the triangles without those of zero area in double precision, unless all are known to be `solid`."""
     triangles = indices[corners].astype(np.int32, copy=False)
     if not solid:
         has_area = _have_area(points, triangles)
@@ -102,7 +103,8 @@ def _finished(points: Points, indices: Ints, corners: Ints, faces: Ints, solid: 
 
 
 def _have_area(points: Points, triangles: Ints) -> Mask:
-    """In double; of many triangles, only those that floats leave in doubt."""
+    """Return the mask of triangles with area, computed in double precision; for many triangles, only where single precision
+    leaves doubt."""
     if len(triangles) <= BLOCK or points.dtype != np.float32:
         return np.concatenate([_has_area(points[block].astype(np.float64)) for block in _blocks(triangles)])
     sure = _surely_have_area(points, triangles)
@@ -113,7 +115,8 @@ def _have_area(points: Points, triangles: Ints) -> Mask:
 
 
 def _surely_have_area(points: Points, triangles: Ints) -> Mask:
-    """Where |u x v| in floats is beyond its rounding: 4 * 2^-24 of |u| |v| (sums of sizes), far less than is asked here."""
+    """Return the mask of triangles where |u x v| in single precision exceeds its rounding error of 4 * 2^-24 |u| |v| (sums of
+    absolute values) by a wide margin."""
     x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
     sure = np.empty(len(triangles), bool)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -131,16 +134,16 @@ def _has_area(p: Doubles) -> Mask:
 
 
 def _of_size(points: Points, indices: Ints, corners: Ints, faces: Ints) -> tuple[Ints, Ints, bool]:
-    """Corners (T, 3) and faces (T,) of polygons (F, n) that all have n vertices, and whether all are known to have area."""
+    """Return corners (T, 3) and faces (T,) of polygons (F, n) with n vertices each, and whether all are known to have area."""
     n = corners.shape[1]
     if n == 3:
         return corners, faces, False
     bends = quad_bends if n == 4 else _bends
     bent = np.concatenate([bends(points[indices[block]].astype(np.float64)) for block in _blocks(corners)])
     if not bent.any():
-        return _fans(corners), np.repeat(faces, n - 2), n == 4  # a quad's triangles are two of its corners
+        return _fans(corners), np.repeat(faces, n - 2), n == 4  # a convex quad's triangles have the area of two of its corners
     number = bent.sum(axis=1)
-    if n == 4:  # a quad's fan from its one reflex vertex is right
+    if n == 4:  # a fan from the one reflex vertex of a quad is correct
         one = number == 1
         pivot = np.where(one, bent.argmax(axis=1), 0)
         corners = np.take_along_axis(corners, (pivot[:, None] + np.arange(4)) % 4, axis=1)
@@ -152,12 +155,12 @@ def _of_size(points: Points, indices: Ints, corners: Ints, faces: Ints) -> tuple
 
 
 def _blocks(rows: Ints) -> list[Ints]:
-    """In pieces whose vertices in double stay in the cache; one where that is all."""
+    """Split rows into blocks whose vertices fit the cache in double precision."""
     return [rows[start : start + BLOCK] for start in range(0, len(rows), BLOCK)]
 
 
 def _fans(corners: Ints) -> Ints:
-    """(F * (n - 2), 3): triangles (0, j, j + 1) of each polygon."""
+    """Return triangles (0, j, j + 1) of each polygon, (F * (n - 2), 3)."""
     count, n = corners.shape
     fan = np.empty((count, n - 2, 3), np.int32)
     fan[:, :, 0] = corners[:, :1]
@@ -167,14 +170,16 @@ def _fans(corners: Ints) -> Ints:
 
 
 def quad_bends(p: Doubles) -> Mask:
-    """`_bends` of quads (F, 4, 3): their Newell normal is the sum of two opposite corners' own."""
+    """Return the mask of reflex or straight corners of quads (F, 4, 3), whose Newell normal is the sum of two opposite corners'
+    normals."""
     edge = p[:, _NEXT] - p
     own = cross(edge[:, _BEFORE], edge)
     return _against(own, own[:, 1] + own[:, 3])
 
 
 def _bends(p: Doubles) -> Mask:
-    """(F, n) from vertices (F, n, 3): the corners that turn against their polygon's Newell normal, or not at all."""
+    """Return the mask (F, n) of corners of polygons (F, n, 3) that turn against their polygon's Newell normal, or not at
+    all."""
     n = p.shape[1]
     edge = p[:, np.arange(1, n + 1) % n] - p
     before = edge[:, np.arange(-1, n - 1)]
@@ -184,5 +189,5 @@ def _bends(p: Doubles) -> Mask:
 
 
 def _against(own: Doubles, normal: Doubles) -> Mask:
-    # Rounding of points in float cannot tell these from 0.
+    # Corners this close to straight are within the rounding of single-precision points.
     return np.asarray(np.vecdot(own, normal[:, None]) <= 1e-12 * np.vecdot(normal, normal)[:, None])

@@ -1,4 +1,4 @@
-"""Everything that a pose depends on, held where it is at the times of the poses: baking visits authored samples only."""
+"""Authoring of everything a pose depends on at the times of the poses, since USD's baking visits authored samples only."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from .pose_times import PoseTimes
 from .skeleton_bindings import SkeletonBinding
 
 if TYPE_CHECKING:
-    from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
+    from pxr import UsdSkel  # imported only for stages with skeletons: it takes as long as starting Python
 
-BAKED = ("points", "normals", "extent", "xformOp:transform")  # the latter of what one joint moves as a whole
+BAKED = ("points", "normals", "extent", "xformOp:transform")  # the last for shapes that one joint moves rigidly
 
 
 def hold(root: Usd.Prim, bindings: list[SkeletonBinding], layer: Sdf.Layer, when: When, times: PoseTimes | None) -> None:
-    """In this layer, the stage's edit target: what moves the poses at all their times, the rest as it is at the frame."""
+    """Author, in this layer (the stage's edit target), samples at all pose times for attributes that move poses, and the value
+    at the frame for the others."""
     for prim in _involved(root, bindings):
         for attribute in authored_attributes(prim):
-            if layer.GetNumTimeSamplesForPath(attribute.GetPath()):  # of another root's times
+            if layer.GetNumTimeSamplesForPath(attribute.GetPath()):  # samples for another root's times
                 attribute.Clear()
             if has_times(attribute):
                 _hold(attribute, when, times)
@@ -34,7 +35,8 @@ def hold(root: Usd.Prim, bindings: list[SkeletonBinding], layer: Sdf.Layer, when
 
 
 def _hold_binding(query: UsdSkel.SkinningQuery, when: When, times: PoseTimes) -> None:
-    """The same one at all times: baking does not ask whether transforms of skeletons and meshes have samples."""
+    """Author the geom bind transform at all pose times: baking does not check whether transforms of skeletons and meshes have
+    samples."""
     from pxr import UsdSkel
 
     if not query.HasJointInfluences() or query.GetPrim().IsInstanceProxy():
@@ -60,12 +62,13 @@ def _hold(attribute: Usd.Attribute, when: When, times: PoseTimes | None) -> None
 
 
 def time_code(when: When, offset: float) -> Usd.TimeCode:
-    """Of a pose; at the default time the first one is at the frame."""
+    """Return the time code of a pose; with the default time the first sample is at the frame."""
     return Usd.TimeCode(offset if when.is_default else when.number + offset)
 
 
 def leave_to_samples(layer: Sdf.Layer, bindings: list[SkeletonBinding]) -> None:
-    """At the default time they are read at their first sample, unless a default is found, as what is authored below has."""
+    """Block the defaults of baked attributes with samples: at the default time they are read at their first sample only if no
+    default is found, not even a weaker one."""
     for binding in bindings:
         for query in binding.targets:
             for name in BAKED:
@@ -75,7 +78,7 @@ def leave_to_samples(layer: Sdf.Layer, bindings: list[SkeletonBinding]) -> None:
 
 
 def _involved(root: Usd.Prim, bindings: list[SkeletonBinding]) -> Iterator[Usd.Prim]:
-    """Everything that the pose depends on: what stands above and below the root, skeletons and animations."""
+    """Yield every prim that the pose depends on: the root with its ancestors and descendants, skeletons and animations."""
     yield from _above(root)
     yield from there_below(root)
     for binding in bindings:

@@ -1,7 +1,8 @@
-"""How far off straight lines between two times leave what skeletons pose: bounded by the joints that a mesh's points follow.
+"""Error bound for poses sampled at discrete times, from the joints that each mesh's points follow.
 
-Each point is a mean of what its joints make of it. So no point is farther off than a corner of the box of those that one joint
-moves, as that joint moves it; where blend shapes shift points at the same time, by a quarter of the product at most.
+A skinned point is a weighted mean of its positions under each of its joints. So its error is at most that of any corner of the
+bounding box of one joint's points, moved by that joint. Blend shapes that shift points at the same time add at most a quarter
+of the product of both changes.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ from .skeleton_bindings import SkeletonBinding
 if TYPE_CHECKING:
     from pxr import UsdSkel
 
-At = Callable[[float], Usd.TimeCode]  # by the offset from the frame
+At = Callable[[float], Usd.TimeCode]  # offset from the frame -> time code
 
 
 @dataclass(frozen=True)
 class BlendReach:
-    """How far a blend shape shifts any point."""
+    """Bounds on how far a blend shape shifts any point."""
 
-    farthest: float  # at weights from 0 to 1
-    steepest: float  # for a weight of 1 more
-    bends: tuple[float, ...]  # weights at which paths of points bend, as at those of in-between shapes
+    farthest: float  # for weights from 0 to 1
+    steepest: float  # per unit of weight
+    bends: tuple[float, ...]  # weights at which point paths bend, as at in-between shapes
 
     def at(self, weight: float) -> float:
         return self.farthest + self.steepest * max(-weight, weight - 1.0, 0.0)
@@ -52,13 +53,13 @@ class PosedMesh:
         self._joints, self._corners = self._boxes()
 
     def weights(self, offset: float) -> Doubles:
-        """(K,) of the mesh's blend shapes, in the order of `blends`."""
+        """Return the weights (K,) of the mesh's blend shapes, in the order of `blends`."""
         found = self._binding.query.ComputeBlendShapeWeights(self._at(offset)) if self.blends else None
         by_name = dict(zip(self._order, found or (), strict=False))
         return np.array([by_name.get(name, 0.0) for name in self.blends], np.float64)
 
     def error(self, a: float, b: float, time: float) -> float:
-        """In the mesh's own space, of the straight line between two offsets, at a third."""
+        """Return the error bound at offset `time`, in the mesh's own space, of poses linear between the offsets `a` and `b`."""
         u = (time - a) / (b - a)
         first, last, true = self._matrices(a), self._matrices(b), self._matrices(time)
         apart = self._moved(first + u * (last - first) - true)
@@ -70,7 +71,7 @@ class PosedMesh:
         return left
 
     def scale(self, seen: Foreseen, is_placed: bool) -> float:
-        """Pixels a unit of length in its own space, at most."""
+        """Return the largest number of pixels per unit of length in the mesh's own space."""
         boxes, stretch = [], 0.0
         for offset in self._ends:
             world = world_transform(UsdGeom.XformCache(self._at(offset)), self.prim)
@@ -84,7 +85,7 @@ class PosedMesh:
         return stretch * float(seen.per_length(low[None], high[None], is_placed)[0])
 
     def _matrices(self, offset: float) -> Doubles:
-        """(J, 4, 4) mesh_from_rest of the joints that it follows."""
+        """Return mesh_from_rest (J, 4, 4) of the joints that the mesh follows."""
         if offset not in self._known:
             time = self._at(offset)
             found = self._binding.poses.ComputeSkinningTransforms(time) if self._joints else None
@@ -97,11 +98,12 @@ class PosedMesh:
         return self._known[offset]
 
     def _moved(self, matrices: Doubles) -> Doubles:
-        """(J, 8, 3): each joint's corners."""
+        """Return the moved corners (J, 8, 3) of each joint's box."""
         return np.asarray(np.einsum("jik,jck->jci", matrices[:, :3, :3], self._corners) + matrices[:, None, :3, 3])
 
     def _boxes(self) -> tuple[list[int], Doubles]:
-        """The joints, by their numbers in the skeleton, and (J, 8, 3) the corners of the points that each moves."""
+        """Return the indices of the joints in the skeleton, and the corners (J, 8, 3) of the bounding box of the points that
+        each moves."""
         time = self._at(0.0)
         points = array(value_at(UsdGeom.PointBased(self.prim).GetPointsAttr(), time), 3, "f") if self._query else None
         found = self._query.ComputeJointInfluences(time) if self._query.HasJointInfluences() else None
@@ -126,14 +128,14 @@ class PosedMesh:
         return np.array([reach.steepest for reach in self.blends.values()])
 
     def _shifted(self) -> float:
-        """How far its blend shapes shift any point at most."""
+        """Return the largest distance by which the blend shapes shift any point."""
         reaches = self.blends.values()
         then = [sum(r.at(w) for r, w in zip(reaches, self.weights(offset).tolist(), strict=True)) for offset in self._ends]
         return float(max(then, default=0.0))
 
 
 def blend_reaches(query: UsdSkel.SkinningQuery) -> dict[str, BlendReach]:
-    """Of a mesh's blend shapes, by the names that an animation calls them."""
+    """Return the bounds of a mesh's blend shapes, keyed by the names in animations."""
     if not query.HasBlendShapes():
         return {}
     from pxr import UsdSkel
@@ -149,7 +151,8 @@ def blend_reaches(query: UsdSkel.SkinningQuery) -> dict[str, BlendReach]:
 
 
 def _reach_of(shape: UsdSkel.BlendShape) -> BlendReach:
-    """Between neighbours in weight points shift evenly, and beyond the ends as beside them."""
+    """Return the bounds of one blend shape: points move linearly between adjacent in-between weights, and beyond the ends as in
+    the outer intervals."""
     inner = shape.GetInbetweens()
     steps = [(0.0, 0.0), (1.0, _farthest(default_value(shape.GetOffsetsAttr())))]
     steps = sorted([*steps, *((float(one.GetWeight() or 0.0), _farthest(one.GetOffsets())) for one in inner)])

@@ -1,5 +1,5 @@
-"""At which times skeletons pose what is below a SkelRoot: at the samples of what moves it, and so often that lines between the
-poses are close to them. Only at the frame where nothing of that moves while the shutter is open."""
+"""Choice of times at which a SkelRoot's skeletons are posed: the samples of what moves them, and as many in between as keep
+linear interpolation within an error bound; the frame alone if nothing moves while the shutter is open."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from ..resolving.read import When
 from .pose_error import PosedMesh
 from .skeleton_bindings import SkeletonBinding
 
-MOST_POSES = 64  # segments: each is a copy of all points
-SHARE = 0.5  # of the error that paths may have: what poses rigidly has its rotations looked at again
+MOST_POSES = 64  # segments; each pose is a copy of all points
+SHARE = 0.5  # of the allowed error: rotations of rigidly posed shapes are sampled again later
 _ANIMATED = ("translations", "rotations", "scales", "blendShapeWeights")
 
 
 @dataclass(frozen=True, eq=False)
 class PoseTimes:
-    """Offsets from the frame, ascending, 0 among them."""
+    """Offsets of the poses from the frame, ascending, including 0."""
 
     offsets: tuple[float, ...]
-    moving: frozenset[str]  # paths of the attributes that are to be held at each of them
-    steps: Steps | None = None  # None: they are what stills of an instant are read at
+    moving: frozenset[str]  # paths of the attributes to author at each of them
+    steps: Steps | None = None  # None for stills
 
 
 def pose_times(bindings: list[SkeletonBinding], when: When, seen: Foreseen, is_placed: bool) -> PoseTimes | None:
-    """None where the pose at the frame is all there is to see."""
+    """Return the pose times, or None if the pose at the frame suffices."""
     scales = {blur_scale_of(query.GetPrim()) for binding in bindings for query in binding.targets}
     if seen.timing.is_frame or not scales:
         return None
@@ -41,7 +41,7 @@ def pose_times(bindings: list[SkeletonBinding], when: When, seen: Foreseen, is_p
     moving = [a for binding in bindings for a in _attributes(binding) if moves(a, when, timing)]
     first, last = timing.looked_at
     if when.is_default:
-        first = max(first, 0.0)  # the frame stands for the first sample: before it nothing moves
+        first = max(first, 0.0)  # the frame is the first sample's time: nothing moves before it
     if not moving or first == last:
         return None
     paths = frozenset(str(attribute.GetPath()) for attribute in moving)
@@ -62,7 +62,7 @@ def pose_times(bindings: list[SkeletonBinding], when: When, seen: Foreseen, is_p
 
 
 def _steps(first: float, last: float, knots: list[float], meshes: list[PosedMesh], seen: Foreseen, is_placed: bool) -> Steps:
-    """Fractions of what is from the first offset to the last."""
+    """Return the steps as fractions of the interval between the first and last offset."""
     knots = [*knots, *(time for mesh in meshes for time in _bends_of_blends(mesh, [first, *sorted(knots), last]))]
     scaled = [(mesh, scale) for mesh in meshes if (scale := mesh.scale(seen, is_placed)) > 0.0]
 
@@ -71,12 +71,12 @@ def _steps(first: float, last: float, knots: list[float], meshes: list[PosedMesh
         return max((scale * mesh.error(a, b, time) for mesh, scale in scaled), default=0.0)
 
     bent = [(offset - first) / (last - first) for offset in knots]
-    # Samples are kept: which can be left out is seen better by the posed points.
+    # All samples are kept: the posed points show later which ones can be left out.
     return steps_of(error, bent, SHARE * seen.most, -1.0, MOST_POSES)
 
 
 def _base(moving: list[Usd.Attribute], when: When) -> float:
-    """What offsets count from, as errors are estimated: at the default time the first value that there is."""
+    """Return the time that offsets are relative to when errors are estimated; for the default time, the first sample's time."""
     if not when.is_default:
         return when.number
     earliest = ((attribute, earliest_if_unset(attribute)) for attribute in moving)
@@ -85,7 +85,7 @@ def _base(moving: list[Usd.Attribute], when: When) -> float:
 
 
 def _attributes(binding: SkeletonBinding) -> Iterator[Usd.Attribute]:
-    """What the pose depends on: the animation, and how the skeleton stands to what it moves."""
+    """Yield the attributes that the pose depends on: animations, and transforms between skeletons and their meshes."""
     if binding.animation:
         yield from (a for name in _ANIMATED if (a := binding.animation.GetAttribute(name)))
     for query in binding.targets:
@@ -97,7 +97,7 @@ def _attributes(binding: SkeletonBinding) -> Iterator[Usd.Attribute]:
 
 
 def _above(prim: Usd.Prim) -> list[Usd.Prim]:
-    """Itself and what is above it."""
+    """Return the prim and its ancestors."""
     found = []
     while prim and not prim.IsPseudoRoot():
         found.append(prim)
@@ -106,7 +106,7 @@ def _above(prim: Usd.Prim) -> list[Usd.Prim]:
 
 
 def _bends_of_blends(mesh: PosedMesh, offsets: list[float]) -> Iterator[float]:
-    """When weights pass those at which their blend shapes go another way; between samples they change evenly."""
+    """Yield the times at which blend shape weights, linear between samples, pass weights where point paths bend."""
     kinks = [reach.bends for reach in mesh.blends.values()]
     if not any(kinks):
         return

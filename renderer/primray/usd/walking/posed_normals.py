@@ -1,7 +1,7 @@
-"""Normals of shapes that are about to be posed, in the one form that USD's baking turns with the joints.
+"""Conversion of normals, before skinning, to the form that USD's baking rotates with the joints.
 
-That is `normals`, given per point or, of meshes, per corner. Baking leaves as they were authored: `primvars:normals` (which win
-where both are there), and `normals` per face or for a whole shape. What has no such form is turned_normals.py's.
+That form is `normals`, per point or, for meshes, per corner. Baking does not rotate `primvars:normals` (which take precedence)
+nor uniform or constant `normals`. Normals that cannot be converted are handled by turned_normals.py.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ _MANY = (Vt.Vec3hArray, Vt.Vec3fArray, Vt.Vec3dArray)
 
 
 def make_bakeable(prim: Usd.Prim) -> None:
-    """Author a shape's normals in that form where they would stay behind, at the stage's edit target; none vary over time now.
+    """Author a shape's normals in the form that baking rotates, at the stage's edit target; by now none of them vary over time.
 
-    Those that do not fit the shape stay as they are: whoever reads it reports them.
+    Normals that do not fit the shape are left as they are; the adapter that reads it reports them.
     """
     shape = UsdGeom.PointBased(prim)
     if not shape or _has_limit_surface(prim):
@@ -34,13 +34,13 @@ def make_bakeable(prim: Usd.Prim) -> None:
 
 
 def _has_limit_surface(prim: Usd.Prim) -> bool:
-    """Whether a mesh's normals are those of its limit surface."""
+    """Return whether the mesh is a subdivision surface, whose normals are those of its limit surface."""
     mesh = UsdGeom.Mesh(prim)
     return bool(mesh) and default_value(mesh.GetSubdivisionSchemeAttr()) != UsdGeom.Tokens.none
 
 
 def authored_normals(prim: Usd.Prim) -> tuple[Vectors | None, str, Usd.Attribute]:
-    """Return the normals that count, without indices, their interpolation, and the attribute that has them."""
+    """Return the normals in effect with indices applied, their interpolation, and their attribute."""
     primvar = UsdGeom.Primvar(prim.GetAttribute("primvars:normals"))
     if primvar and primvar.HasAuthoredValue():
         return _flattened(primvar), interpolation(primvar), primvar.GetAttr()
@@ -49,7 +49,7 @@ def authored_normals(prim: Usd.Prim) -> tuple[Vectors | None, str, Usd.Attribute
 
 
 def _flattened(primvar: UsdGeom.Primvar) -> Vectors | None:
-    """Values without indices; None where these lead nowhere: USD would say so in words of its own."""
+    """Return the values with indices applied; None if indices are out of range, which would make USD print its own error."""
     values = vectors(primvar.GetAttr())
     if values is None or not primvar.IsIndexed():
         return values
@@ -58,7 +58,7 @@ def _flattened(primvar: UsdGeom.Primvar) -> Vectors | None:
 
 
 def vectors(attribute: Usd.Attribute) -> Vectors | None:
-    """(N, 3), None for a value of another kind."""
+    """Return a vector attribute as (N, 3), or None for other types."""
     values = default_value(attribute)
     if isinstance(values, _ONE):
         values = [values]
@@ -68,7 +68,7 @@ def vectors(attribute: Usd.Attribute) -> Vectors | None:
 
 
 def integers(attribute: Usd.Attribute, columns: int = 1) -> npt.NDArray[np.int64]:
-    """(N,) or (N, columns), none for a value of another kind."""
+    """Return an integer attribute as (N,) or (N, columns); empty for other types."""
     values = array(default_value(attribute), columns, "i")
     none = np.zeros(0 if columns == 1 else (0, columns), np.int64)
     return none if values is None else values.astype(np.int64)
@@ -85,14 +85,15 @@ def _author(shape: UsdGeom.PointBased, values: Vectors | None, given: str) -> bo
         return False
     shape.CreateNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(made))
     per_corner = mesh and given in (UsdGeom.Tokens.uniform, UsdGeom.Tokens.faceVarying)
-    per_end = not mesh and given == UsdGeom.Tokens.varying  # of curves: linear from end to end, whatever the basis
+    per_end = not mesh and given == UsdGeom.Tokens.varying  # on curves: linear between segment ends, whatever the basis
     kind = UsdGeom.Tokens.varying if per_end else UsdGeom.Tokens.vertex
     shape.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying if per_corner else kind)
     return True
 
 
 def _per_point(shape: UsdGeom.PointBased, values: Vectors, given: str) -> Vectors | None:
-    """(N, 3) of a shape that is no mesh; None where its normals cannot be given per point, or do not fit."""
+    """Return the normals per point (N, 3) of a shape other than a mesh; None if they do not fit or cannot be given per
+    point."""
     count = len(rows(vectors(shape.GetPointsAttr())))
     if given == UsdGeom.Tokens.constant:
         return np.repeat(values, count, axis=0) if len(values) == 1 else None
@@ -105,7 +106,8 @@ def _per_point(shape: UsdGeom.PointBased, values: Vectors, given: str) -> Vector
 
 
 def _spread(mesh: UsdGeom.Mesh, values: Vectors, given: str) -> Vectors | None:
-    """(N, 3), one per point or, of normals per face or corner, per corner; None where their number is not the mesh's."""
+    """Return the normals (N, 3) per point, or per corner if they were uniform or faceVarying; None if their number does not fit
+    the mesh."""
     points, corners = vectors(mesh.GetPointsAttr()), len(integers(mesh.GetFaceVertexIndicesAttr()))
     sizes, count = integers(mesh.GetFaceVertexCountsAttr()), 0 if points is None else len(points)
     expected = {UsdGeom.Tokens.constant: 1, UsdGeom.Tokens.uniform: len(sizes), UsdGeom.Tokens.faceVarying: corners}

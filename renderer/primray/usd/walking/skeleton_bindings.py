@@ -1,4 +1,5 @@
-"""Which skeletons move what below a SkelRoot, and why they do not pose it: as USD's own cache finds them, also in instances."""
+"""Skeletons and the meshes they move below a SkelRoot, found by USD's own cache, also in instances; and why a binding has no
+pose."""
 
 from __future__ import annotations
 
@@ -11,13 +12,13 @@ from ..querying.guarded import targets
 from ..querying.traversal import THERE_IN_INSTANCES
 
 if TYPE_CHECKING:
-    from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
+    from pxr import UsdSkel  # imported only for stages with skeletons: it takes as long as starting Python
 
 
 @dataclass
 class SkeletonBinding:
     skeleton: Usd.Prim
-    animation: Usd.Prim  # where it stands, which may be in an instance; not valid where there is none
+    animation: Usd.Prim  # may be in an instance; invalid if there is none
     joints: list[str]
     poses: UsdSkel.SkeletonQuery
     query: UsdSkel.AnimQuery
@@ -44,15 +45,15 @@ def _binding(cache: UsdSkel.Cache, found: UsdSkel.Binding) -> SkeletonBinding:
 
 
 def concerned(binding: SkeletonBinding) -> list[Usd.Prim]:
-    """The skeleton, its animation and what it moves."""
+    """Return the skeleton, its animation and the prims that it moves."""
     moved = [query.GetPrim() for query in binding.targets if query.HasJointInfluences() or query.HasBlendShapes()]
     return [prim for prim in (binding.skeleton, binding.animation, *moved) if prim]
 
 
 def lacks_animation(binding: SkeletonBinding) -> str:
-    """Why the bound animation moves nothing, "" where it does or none is bound: then the pose is the skeleton's rest.
+    """Return why the bound animation moves nothing; "" if it does, or if none is bound and the skeleton is in its rest pose.
 
-    Of held values, which are those for the default time.
+    Reads held values, which are those at the default time.
     """
     if not binding.animation:
         bound = targets(binding.skeleton, "skel:animationSource")

@@ -1,7 +1,7 @@
-"""Native instances that skeletons have to do with: baking does not reach into them, so they are taken apart on a stage of ours.
+"""Native instances that skeletons affect: baking does not reach into instances, so they are made uninstanced on a stage copy.
 
-Where they are too many, those that are posed alike become one crowd: one of them is posed, and a class in the session layer
-hands its pose to all, which stay instances.
+If there are too many, instances with the same pose form a crowd: one of them is posed, and a class in the session layer gives
+its pose to all others, which remain instances.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _BINDING = ("skel:", "primvars:skel:")
 
 @dataclass
 class Crowd:
-    first: Sdf.Path  # taken apart, to be posed
+    first: Sdf.Path  # uninstanced, to be posed
     others: list[Sdf.Path]  # instances that take over its pose
 
 
@@ -35,12 +35,13 @@ def has_root(prim: Usd.Prim) -> bool:
 
 
 def drawn(stage: Usd.Stage) -> Iterable[Usd.Prim]:
-    """The prims of the world, and those that point instancers lead to elsewhere."""
+    """Return the prims in the world, and point instancers' prototypes elsewhere."""
     return chain(in_world(stage), *map(there_below, instanced_elsewhere(stage)))
 
 
 def instanced_elsewhere(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """The prototypes of point instancers that stand below `class` or `over`; a part of a SkelRoot is posed with all of it."""
+    """Yield point instancers' prototypes below `class` or `over` prims; for parts of a SkelRoot, the SkelRoot, which is posed
+    as a whole."""
     for root in instanced_roots(stage):
         if not root.IsInPrototype() and not stands_in_world(root):
             above = map(stage.GetPrimAtPath, root.GetPath().GetPrefixes())
@@ -52,9 +53,9 @@ def is_root(prim: Usd.Prim) -> bool:
 
 
 def take_apart(stage: Usd.Stage, most: int, times: Sequence[When], diagnostics: Diagnostics) -> list[Crowd]:
-    """Instances with skeletons in them, or with what a skeleton moves or needs, become prims of their own: `most` at a time.
+    """Uninstance native instances that contain skeletons, or things that a skeleton moves or needs, up to `most` at a time.
 
-    What stays an instance in its authored pose is told. `times`: when those that are posed alike must be so.
+    Instances that keep their authored pose are reported. Instances share a pose only if it is the same at all `times`.
     """
     if not stage.GetPrototypes():
         return []
@@ -82,9 +83,11 @@ def take_apart(stage: Usd.Stage, most: int, times: Sequence[When], diagnostics: 
 
 
 def share_poses(stage: Usd.Stage, crowds: list[Crowd], layers: list[Sdf.Layer]) -> None:
-    """Let the others of each crowd have what these layers of the session say below its first, which is an instance again.
+    """Give the other instances of each crowd what these session layers author below its first one, which becomes an instance
+    again.
 
-    The last crowds come first: they may stand in what earlier ones hand over. OpinionsLeak where prims compose one of them.
+    Later crowds come first, since they may be inside what earlier ones hand over. Raises OpinionsLeak if other prims compose
+    one of the instances.
     """
     for crowd in reversed(crowds):
         others = [path for path in crowd.others if stage.GetPrimAtPath(path).IsInstance()]
@@ -96,7 +99,7 @@ def share_poses(stage: Usd.Stage, crowds: list[Crowd], layers: list[Sdf.Layer]) 
 
 
 def _with_roots(stage: Usd.Stage) -> list[Sdf.Path]:
-    """The instances that are SkelRoots or hold some, directly or in further instances."""
+    """Return the instances that are SkelRoots or contain some, directly or in nested instances."""
     holding = _holding_prototypes(stage)
     instances = (prim for prim in drawn(stage) if prim.IsInstance())
     found = [p for p in instances if type_name(p) == "SkelRoot" or str(p.GetPrototype().GetPath()) in holding]
@@ -104,7 +107,7 @@ def _with_roots(stage: Usd.Stage) -> list[Sdf.Path]:
 
 
 def _holding_prototypes(stage: Usd.Stage) -> set[str]:
-    """Paths of the prototypes with a skeleton in them, or in what they are made of."""
+    """Return the paths of prototypes that contain a skeleton, directly or in nested instances."""
     prototypes = stage.GetPrototypes()
     held = {str(p.GetPath()): {str(i.GetPrototype().GetPath()) for i in there_below(p) if i.IsInstance()} for p in prototypes}
     found = {str(p.GetPath()) for p in prototypes if has_root(p)}
@@ -114,21 +117,21 @@ def _holding_prototypes(stage: Usd.Stage) -> set[str]:
 
 
 def _reached(stage: Usd.Stage) -> list[Sdf.Path]:
-    """The instances around meshes, skeletons and animations that SkelRoots outside have to do with."""
+    """Return the instances around meshes, skeletons and animations that SkelRoots outside them use."""
     from pxr import UsdSkel
 
     found: dict[Sdf.Path, None] = {}
     for root in [prim for prim in drawn(stage) if is_root(prim)]:
         try:
             prims = [prim for binding in bindings_below(UsdSkel.Root(root)) for prim in concerned(binding)]
-        except FAILURES:  # posing will tell
+        except FAILURES:  # posing reports the failure
             continue
         found.update((_instance_around(prim), None) for prim in prims if prim.IsInstanceProxy())
     return list(found)
 
 
 def _instance_around(prim: Usd.Prim) -> Sdf.Path:
-    """The outermost one."""
+    """Return the outermost instance around an instance proxy."""
     while prim.IsInstanceProxy():
         prim = prim.GetParent()
     return prim.GetPath()
@@ -145,7 +148,7 @@ def _tell(stage: Usd.Stage, instances: list[Sdf.Path], most: int, diagnostics: D
 
 
 def _posed_alike(stage: Usd.Stage, instances: list[Sdf.Path], times: Sequence[When]) -> list[list[Sdf.Path]]:
-    """The instances by their prototype and what is bound to them from outside it."""
+    """Return the instances grouped by their prototype and by what is bound to them from outside it."""
     places = [(when, transforms(when)) for when in times]
     bound_to = [_Bound(when) for when in times]
     outside = {str(p.GetPath()): _leads_outside(p) for p in stage.GetPrototypes()}
@@ -153,7 +156,7 @@ def _posed_alike(stage: Usd.Stage, instances: list[Sdf.Path], times: Sequence[Wh
     for path in instances:
         prim = stage.GetPrimAtPath(path)
         prototype, bound = str(prim.GetPrototype().GetPath()), tuple(then(prim) for then in bound_to)
-        # A mesh follows a skeleton that stands elsewhere from where it stands itself.
+        # The pose of a mesh bound to a skeleton elsewhere depends on where the mesh is.
         is_bound_outside = outside[prototype] or any(
             name == "skel:skeleton" and text.startswith("/") for name, text in bound[0]
         )
@@ -167,7 +170,7 @@ def _place(prim: Usd.Prim, when: When, places: UsdGeom.XformCache) -> object:
 
 
 class _Bound:
-    """What skeletons, animations and influences are handed down to an instance: names and values, as text."""
+    """Skeletons, animations and influences inherited by an instance: property names and values, as text."""
 
     def __init__(self, when: When) -> None:
         self._when = when
@@ -178,7 +181,7 @@ class _Bound:
         return tuple((name, self._text(prim, name, path)) for name, prim in sorted(self._authors(instance).items()))
 
     def _authors(self, prim: Usd.Prim) -> dict[str, Usd.Prim]:
-        """By the names of properties, the nearest prims that author them; a scope of many instances is asked once."""
+        """Return the nearest ancestor that authors each binding property; cached for parents of many instances."""
         if not prim or prim.IsPseudoRoot():
             return {}
         parent = prim.GetParent()
@@ -194,7 +197,7 @@ class _Bound:
 
 
 def _leads_outside(prototype: Usd.Prim) -> bool:
-    """Whether something in a prototype is bound to a skeleton that is not."""
+    """Return whether a prim in the prototype is bound to a skeleton outside it."""
     bound = (target for prim in everything_in_instances(prototype) for target in targets(prim, "skel:skeleton"))
     return any(not target.HasPrefix(prototype.GetPath()) for target in bound)
 
@@ -215,11 +218,11 @@ def _share(stage: Usd.Stage, first: Sdf.Path, others: list[Sdf.Path], layers: li
             spec = Sdf.CreatePrimInLayer(session, path)
             spec.inheritPathList.Prepend(posed)
             if is_itself_posed:
-                spec.typeName = "Xform"  # as baking leaves a SkelRoot
+                spec.typeName = "Xform"  # the type that baking gives a SkelRoot
 
 
 def _free_path(stage: Usd.Stage) -> Sdf.Path:
-    """Where no layer has anything, seen through the stage's population mask or not."""
+    """Return a path that no layer has a prim at, whatever the stage's population mask."""
     layers = stage.GetLayerStack()
     names = (Sdf.Path(f"/posed_{k}") for k in count())
     return next(path for path in names if not any(layer.GetPrimAtPath(path) for layer in layers))

@@ -1,8 +1,8 @@
-"""Meshes bound to skeletons, posed by USD's own skinning (UsdSkel.BakeSkinning): joints, blend shapes, normals.
+"""Skinning of meshes by USD itself (UsdSkel.BakeSkinning): joints, blend shapes, normals.
 
 The posed values are opinions in the session layer of another stage on the same layers, so neither files nor the caller's stage
-change. Baking does not reach into native instances: those with skeletons are taken apart there, or posed as crowds, up to
-MAX_TAKEN_APART. What was posed and what was not is marked on the meshes there, for whoever passes them (querying.skin_marks).
+change. Baking does not reach into native instances: those with skeletons are uninstanced there, or posed as crowds, up to
+MAX_TAKEN_APART. Meshes there are marked as posed or not, for the traversal (querying.skin_marks).
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from .skinned_instances import drawn, has_root, instanced_elsewhere, is_root, sh
 from .turned_normals import author_turned, take_loose, turned_normals
 
 if TYPE_CHECKING:
-    from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
+    from pxr import UsdSkel  # imported only for stages with skeletons: it takes as long as starting Python
 
 MAX_TAKEN_APART = 1000
-_BAKED = ("points", "xformOp:transform")  # the latter of what one joint moves as a whole
+_BAKED = ("points", "xformOp:transform")  # the last for shapes that one joint moves rigidly
 
 
 def are_drawn(stage: Usd.Stage, skeletons: list[Usd.Prim]) -> bool:
-    """Whether any of these SkelRoots is in the world, in a native prototype, or in what a point instancer draws."""
+    """Return whether any of these SkelRoots is in the world, in a native prototype, or in what a point instancer draws."""
     if any(prim.IsInPrototype() or stands_in_world(prim) for prim in skeletons):
         return True
     return bool(skeletons) and any(map(has_root, instanced_elsewhere(stage)))
 
 
 def posed(stage: Usd.Stage, when: When, seen: Foreseen, diagnostics: Diagnostics) -> Usd.Stage:
-    """The stage as its skeletons pose it: at the frame, and as often as needed while the shutter is open."""
+    """Return a copy of the stage posed by its skeletons at the frame, and as often as needed while the shutter is open."""
     from pxr import UsdSkel
 
     made = scratch_copy(stage)
@@ -57,7 +57,7 @@ def posed(stage: Usd.Stage, when: When, seen: Foreseen, diagnostics: Diagnostics
         loose = [crowd.first for crowd in crowds] + [prim.GetPath() for prim in instanced_roots(made)]
         posing = _Posing(layers, when, _times_of(made, paths, loose, when, seen, diagnostics), diagnostics)
         for path in paths:
-            if root := UsdSkel.Root(made.GetPrimAtPath(path)):  # baking makes Xforms of it and of those below
+            if root := UsdSkel.Root(made.GetPrimAtPath(path)):  # baking turns it and nested SkelRoots into Xforms
                 _pose(root, posing)
         check_reach(made, dict.fromkeys([session, layers.held, layers.kept]))
     if layers.held != layers.kept:
@@ -68,22 +68,22 @@ def posed(stage: Usd.Stage, when: When, seen: Foreseen, diagnostics: Diagnostics
 
 @dataclass(frozen=True, eq=False)
 class _Layers:
-    """Below the session layer itself, in which there is then nothing but what baking wrote."""
+    """Sublayers of the session layer, which itself then contains only what baking writes."""
 
-    held: Sdf.Layer  # values as they are at the times of the poses
-    kept: Sdf.Layer  # what is as it is for the poses' sake; the same one where everything is seen at the frame
+    held: Sdf.Layer  # values authored at the times of the poses
+    kept: Sdf.Layer  # other authored values; the same layer if everything is seen at the frame
 
 
 @dataclass(frozen=True, eq=False)
 class _Posing:
     layers: _Layers
     when: When
-    times: Mapping[str, PoseTimes]  # by root; of what is posed at more than the frame
+    times: Mapping[str, PoseTimes]  # by root, for those posed at more times than the frame
     diagnostics: Diagnostics
 
 
 def _layers_below(stage: Usd.Stage, seen: Foreseen) -> _Layers:
-    """What moves while the shutter is open must not stay held."""
+    """Insert the layers for held values; values held for posing alone must not stay once meshes are posed at several times."""
     held = Sdf.Layer.CreateAnonymous("held.usda")
     kept = held if seen.timing.is_frame else Sdf.Layer.CreateAnonymous("kept.usda")
     for layer in dict.fromkeys([held, kept]):
@@ -92,7 +92,7 @@ def _layers_below(stage: Usd.Stage, seen: Foreseen) -> _Layers:
 
 
 def _looked_at(when: When, seen: Foreseen) -> list[When]:
-    """When poses must be alike to be one."""
+    """Return the times at which poses must be equal to be shared."""
     opens, closes = seen.timing.span
     return [when.after(offset) for offset in sorted({0.0, opens, 0.5 * (opens + closes), closes})]
 
@@ -100,7 +100,8 @@ def _looked_at(when: When, seen: Foreseen) -> list[When]:
 def _times_of(
     stage: Usd.Stage, roots: list[str], loose: list[Sdf.Path], when: When, seen: Foreseen, diagnostics: Diagnostics
 ) -> dict[str, PoseTimes]:
-    """Of all roots, before anything is held for one of them. `loose`: what also stands elsewhere than its path says."""
+    """Return the pose times of all roots, before values are held for any of them. `loose` are prims that are also drawn
+    elsewhere than at their path."""
     if seen.timing.is_frame:
         return {}
     from pxr import UsdSkel
@@ -111,7 +112,7 @@ def _times_of(
         try:
             bindings = bindings_below(UsdSkel.Root(stage.GetPrimAtPath(path)))
             times = pose_times(bindings, when, seen, is_placed)
-        except FAILURES:  # posing will tell
+        except FAILURES:  # posing reports the failure
             continue
         if times is not None:
             found[path] = times
@@ -138,7 +139,7 @@ def _pose(root: UsdSkel.Root, posing: _Posing) -> None:
 
 
 def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], posing: _Posing) -> str:
-    """What went wrong, if anything."""
+    """Bake the poses of one root; return what went wrong, or ""."""
     from pxr import UsdSkel
 
     if any(prim and prim.IsInstanceProxy() for binding in bindings for prim in (binding.skeleton, binding.animation)):
@@ -166,7 +167,7 @@ def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], posing: _Posing) 
 
 
 def _mark_baked(bindings: list[SkeletonBinding]) -> bool:
-    """Whether any mesh has been posed; baking leaves out without a word what it cannot pose."""
+    """Mark the posed meshes and return whether there are any; baking skips silently what it cannot pose."""
     is_any_posed = False
     for binding in bindings:
         reason = lacks_animation(binding)
@@ -178,7 +179,7 @@ def _mark_baked(bindings: list[SkeletonBinding]) -> bool:
 
 
 def _is_written(layer: Sdf.Layer, path: Sdf.Path) -> bool:
-    """With a value: USD makes the attributes before it finds that weights do not fit."""
+    """Return whether the attribute has a value: USD creates attributes before it finds that weights do not fit."""
     spec = layer.GetAttributeAtPath(path)
     return bool(spec and (spec.HasInfo("default") or layer.GetNumTimeSamplesForPath(path)))
 
@@ -195,4 +196,4 @@ def _why_not_baked(prim: Usd.Prim, bound: set[Sdf.Path]) -> str:
         return NOT_APPLIED
     if prim.GetPath() in bound:
         return "USD does not pose it with these weights, joint indices and points"
-    return "" if any(path.HasPrefix(prim.GetPath()) for path in bound) else UNBOUND  # weights may be for what is below
+    return "" if any(path.HasPrefix(prim.GetPath()) for path in bound) else UNBOUND  # weights may apply to descendants

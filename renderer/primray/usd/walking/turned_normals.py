@@ -1,7 +1,7 @@
-"""Normals that USD's baking leaves as they were authored, turned as UsdSkel turns the points that they belong to.
+"""Rotation of normals that USD's baking cannot handle, with the joints of their points (UsdSkel.SkinNormals).
 
-Baking turns one normal a point, and meshes' normals a corner. Values at the ends of curves' segments are fewer than the points,
-and a TetMesh may have several at a point: each of these is turned by the joints of its own point (UsdSkel.SkinNormals).
+Baking rotates one normal per point, and for meshes one per corner. Curves may have one per segment end, which are fewer than
+the points, and a TetMesh several at a point.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Numbers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class LooseNormals:
-    """Normals of one shape, and the number of the point that each belongs to."""
+    """Normals of one shape, each with the index of its point."""
 
     binding: SkeletonBinding
     query: UsdSkel.SkinningQuery
@@ -37,7 +37,7 @@ class LooseNormals:
     interpolation: str
 
     def at(self, time: Usd.TimeCode) -> Vt.Vec3fArray | None:
-        """Return the normals as the skeleton turns them at a time, in the shape's own space; None where USD has no pose."""
+        """Return the normals rotated by the skeleton at a time, in the shape's own space; None if USD has no pose."""
         from pxr import UsdSkel
 
         found = self.query.ComputeVaryingJointInfluences(self._count(), time)
@@ -75,7 +75,8 @@ class LooseNormals:
 
 
 def take_loose(binding: SkeletonBinding, query: UsdSkel.SkinningQuery) -> LooseNormals | None:
-    """Return what baking would leave or refuse of a shape's normals, which are blocked at the stage's edit target for it."""
+    """Return the normals that baking would ignore or reject, and block their attribute at the stage's edit target; None if
+    there are none."""
     prim = query.GetPrim()
     shape = UsdGeom.PointBased(prim)
     if not shape or prim.IsA(UsdGeom.Mesh) or not query.HasJointInfluences():
@@ -95,7 +96,7 @@ def take_loose(binding: SkeletonBinding, query: UsdSkel.SkinningQuery) -> LooseN
 
 @dataclass(frozen=True, eq=False)
 class TurnedNormals:
-    """Normals of one shape at the times of its poses."""
+    """Rotated normals of one shape at the times of its poses."""
 
     prim: Usd.Prim
     interpolation: str
@@ -103,14 +104,15 @@ class TurnedNormals:
 
 
 def turned_normals(loose: LooseNormals, times: Iterable[Usd.TimeCode]) -> TurnedNormals:
-    """Turn a shape's normals before baking takes away what poses it; they stay as authored where USD has no pose."""
+    """Return the rotated normals at all times, to be called before baking removes the skeleton binding; as authored where USD
+    has no pose."""
     as_authored = Vt.Vec3fArray.FromNumpy(loose.values)
     values = [(time, found if (found := loose.at(time)) is not None else as_authored) for time in times]
     return TurnedNormals(loose.query.GetPrim(), loose.interpolation, values)
 
 
 def author_turned(normals: TurnedNormals) -> None:
-    """Author them at the stage's edit target."""
+    """Author the rotated normals at the stage's edit target."""
     shape = UsdGeom.PointBased(normals.prim)
     attribute = shape.CreateNormalsAttr()
     shape.SetNormalsInterpolation(normals.interpolation)
@@ -123,18 +125,18 @@ def _turning(transform: Gf.Matrix4d) -> Gf.Matrix3d:
 
 
 def _turned(normals: Vt.Vec3fArray, transform: Gf.Matrix4d) -> Vt.Vec3fArray:
-    """Unit normals in another space."""
+    """Return unit normals transformed to another space."""
     found = np.asarray(normals, np.float64) @ np.array(_turning(transform))
     lengths = np.linalg.norm(found, axis=1, keepdims=True)
     return Vt.Vec3fArray.FromNumpy(np.divide(found, lengths, out=found, where=lengths > 0).astype(np.float32))
 
 
 def _points_of(prim: Usd.Prim, given: str) -> Numbers | None:
-    """Return the point that each normal belongs to; None where the schema has no such normals."""
+    """Return the index of each normal's point; None if the schema has no such normals."""
     if prim.IsA(UsdGeom.TetMesh):
         per_face = given in (UsdGeom.Tokens.uniform, UsdGeom.Tokens.faceVarying)
         return _faces(UsdGeom.TetMesh(prim)).ravel() if per_face else None
-    per_end = given in (UsdGeom.Tokens.varying, UsdGeom.Tokens.faceVarying)  # of a curve, both are values at ends of segments
+    per_end = given in (UsdGeom.Tokens.varying, UsdGeom.Tokens.faceVarying)  # for curves, both are per segment end
     if prim.IsA(UsdGeom.BasisCurves) and per_end:
         return _ends_of_basis(UsdGeom.BasisCurves(prim))
     if prim.IsA(UsdGeom.NurbsCurves) and per_end:
@@ -145,7 +147,7 @@ def _points_of(prim: Usd.Prim, given: str) -> Numbers | None:
 
 
 def _faces(mesh: UsdGeom.TetMesh) -> Numbers:
-    """(F, 3), as the surface is drawn."""
+    """Return the surface faces (F, 3), as they are drawn."""
     surface = integers(mesh.GetSurfaceFaceVertexIndicesAttr(), 3)
     if len(surface):
         return surface
@@ -155,7 +157,7 @@ def _faces(mesh: UsdGeom.TetMesh) -> Numbers:
 
 
 def _ends_of_basis(shape: UsdGeom.BasisCurves) -> Numbers:
-    """Return the vertex at, or nearest to, each end of a segment."""
+    """Return the vertex at, or nearest to, each segment end."""
     counts = np.maximum(integers(shape.GetCurveVertexCountsAttr()), 0)
     kind, basis, wrap = (str(default_value(a)) for a in (shape.GetTypeAttr(), shape.GetBasisAttr(), shape.GetWrapAttr()))
     curves = basis_curves(counts, int(counts.sum()), np.ones(len(counts), bool), kind, basis, wrap)
@@ -169,7 +171,7 @@ def _ends_of_basis(shape: UsdGeom.BasisCurves) -> Numbers:
 
 
 def _ends_of_nurbs(shape: UsdGeom.NurbsCurves) -> Numbers:
-    """Return the vertex at each knot: evenly among those of its curve."""
+    """Return the vertex at each knot, distributed evenly over those of its curve."""
     counts, orders = integers(shape.GetCurveVertexCountsAttr()), integers(shape.GetOrderAttr())
     if len(counts) != len(orders):
         return np.zeros(0, np.int64)

@@ -1,1 +1,1 @@
-"""UsdGeom: one file a kind of shape."""
+"""Adapters for UsdGeom shapes, one file for each kind of shape."""

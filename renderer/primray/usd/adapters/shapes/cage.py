@@ -1,6 +1,7 @@
-"""UsdGeomMesh with a subdivision scheme to a SubdivisionMesh: cage (usd/shapes/subdivision.py), colours, primvars and surfaces.
+"""Adapter from a UsdGeomMesh with a subdivision scheme to a SubdivisionMesh: cage (usd/shapes/subdivision.py), colours,
+primvars and surfaces.
 
-Authored normals do not count: the limit surface has its own.
+Authored normals are ignored: the limit surface has its own.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from .inside_out import fans, note_inside_out
 
 
 def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | None = None) -> SubdivisionMesh | None:
-    """One that some material displaces as a DisplacedMesh."""
+    """Return the subdivision cage with its surfaces and primvars: a DisplacedMesh where any of its materials has displacement.
+    None if no face is drawn."""
     whole = face_parts(prim, found.sizes.faces, ctx) if parts_of is None else parts_of
     parts, part_of_face = whole.appearances, whole.of_face[found.faces]
     colors = None
@@ -64,7 +66,8 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | No
 
 
 def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage, path: str, ctx: Context) -> dict[int, Surface]:
-    """By part, of those that are drawn."""
+    """Return the surface of each appearance that at least one face uses, keyed by its index in `parts`; hidden ones are left
+    out."""
     worn = [0] if len(parts) == 1 else np.unique(part_of_face).tolist()
     used = [part for part in worn if not is_hidden(parts[part])]
     is_body = cache(lambda: _is_body(found, path, ctx))
@@ -72,7 +75,7 @@ def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage, path: st
 
 
 def _is_body(found: Cage, path: str, ctx: Context) -> bool:
-    """Whether the cage is closed, so that light can enter it; reported where its inside is outside."""
+    """Return whether the cage is closed, so that light can enter it. Reports cages whose faces point inwards."""
     if not is_closed_cage(found):
         return False
     note_inside_out(found.points, fans(found.face_counts, found.face_points), path, ctx)
@@ -80,7 +83,7 @@ def _is_body(found: Cage, path: str, ctx: Context) -> bool:
 
 
 def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> int | Ints:
-    """One surface, or one a face with -1 where nothing is drawn."""
+    """Return the index of the surface, or one index per face (F,) with -1 for faces that are not drawn."""
     numbers = {part: ctx.surfaces.index_of(surface) for part, surface in surfaces.items()}
     last = int(part_of_face.max())
     if last == 0:
@@ -91,7 +94,8 @@ def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> 
 def _colors(
     prim: ResolvedPrim, found: Cage, varying: np.ndarray[tuple[int], np.dtype[np.bool_]], ctx: Context
 ) -> Primvar | None:
-    """displayColor on the faces whose surface takes it (`varying`, (F,)), 1 on those with a colour of their own."""
+    """Return displayColor for the faces whose surface reads it (`varying`, (F,)), and white for faces whose material has its
+    own colour."""
     read = read_display_color(found.sizes, prim, ctx)
     if read is None or read.values.shape[1] != 3:
         return None

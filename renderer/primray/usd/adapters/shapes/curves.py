@@ -1,5 +1,5 @@
-"""BasisCurves, HermiteCurves and NurbsCurves to tubes, or with normals to ribbons: points and widths to control points,
-primvars along, surfaces assigned."""
+"""Adapters for UsdGeomBasisCurves, HermiteCurves and NurbsCurves: tubes, or ribbons where normals are authored. Points and
+widths become Bezier control points, with primvars along the curve and surfaces per segment."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from .segment_parts import segment_parts
 
 @dataclass(frozen=True, eq=False)
 class CurveGeometry:
-    """What does not depend on materials."""
+    """Geometry of a curves prim, independent of its materials."""
 
     authored: AuthoredCurves
     curves: CurveSet
-    places: Callable[[Floats], Floats]  # (3 S + C, 3) of vertices (V, 3)
-    radii: Floats  # (3 S + C,) at the frame
-    normals: Floats | None = None  # (3 S + C, 3) of ribbons
+    places: Callable[[Floats], Floats]  # maps vertices (V, 3) to control points (3 S + C, 3)
+    radii: Floats  # (3 S + C,) at the frame's time
+    normals: Floats | None = None  # (3 S + C, 3), ribbons only
 
 
 def basis_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -141,7 +141,7 @@ def drawn(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Curves |
 
 
 def _colored(appearance: Appearance) -> Appearance:
-    """With displayColor read as any primvar, where it varies."""
+    """Return the appearance with displayColor read as an ordinary primvar, if it varies over the curves."""
     if not appearance.varying_color:
         return appearance
     inputs = (*appearance.inputs, ("diffuse_color", PrimvarInput(DISPLAY_COLOR, FALLBACK_COLOR)))

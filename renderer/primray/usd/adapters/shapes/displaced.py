@@ -1,4 +1,4 @@
-"""A polygonal mesh that some material displaces: a cage that keeps its corners, for the dicer."""
+"""Adapter for polygonal meshes with a displaced material: a bilinear cage that keeps the polygons' corners, for the dicer."""
 
 from __future__ import annotations
 

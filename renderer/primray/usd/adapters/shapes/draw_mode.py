@@ -1,8 +1,9 @@
-"""model:drawMode: what is drawn in place of a model: textured cards, the edges of its bounds, or its axes.
+"""Adapters for model:drawMode: textured cards, the edges of the bounding box, or the axes drawn instead of a model.
 
-Rules are UsdGeomModelAPI's (usdGeom's schema.usda). Where its text says how a card's texture lies, OpenUSD's own imaging
-and the assets made with it say otherwise, and are followed: upright as seen from outside, for Z- upside down (_ST below).
-Lines have no width in a path tracer: they are bars, BAR_WIDTH of the box's longest side or of a unit axis thick.
+The rules are those of UsdGeomModelAPI (usdGeom's schema.usda). For the orientation of card textures its text disagrees with
+OpenUSD's own imaging and with assets in use; we follow the imaging: upright when seen from outside, upside down for Z- (_ST
+below). Lines have no width in a path tracer, so edges and axes are bars, with a thickness of BAR_WIDTH times the longest side
+of the box or the unit axis.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ from ...resolving.stage_bounds import is_deep
 from ..materials.surface import camera_sight
 
 BAR_WIDTH = 0.01
-DEFAULT_COLOR = (0.18, 0.18, 0.18)  # model:drawModeColor's fallback
-OPACITY_THRESHOLD = 0.1  # as OpenUSD's imaging cuts cards out
-# Cards of a cross stand back to back, this part of the box apart, so that each is seen from its own side.
+DEFAULT_COLOR = (0.18, 0.18, 0.18)  # fallback of model:drawModeColor
+OPACITY_THRESHOLD = 0.1  # opacityThreshold that OpenUSD's imaging uses for cards
+# Distance between the two cards of a cross, relative to the box. They are back to back, so that each is seen from its own side.
 CROSS_GAP = 1e-4
 
 FACES = ("XPos", "XNeg", "YPos", "YNeg", "ZPos", "ZNeg")
-# Of each face's texture: which of the box's axes s and t run along, and whether against it.
+# Texture axes of each face: the box axes along which s and t run, and whether they run against it.
 _ST = {
     "XPos": ((1, False), (2, False)),
     "XNeg": ((1, True), (2, False)),
@@ -51,7 +52,7 @@ _ST = {
 
 
 def stand_in(prim: ResolvedPrim, ctx: Context) -> str:
-    """The draw mode that replaces this prim and all below it; "" where they are drawn themselves."""
+    """Return the draw mode that replaces this prim and its descendants, or "" if their geometry is drawn."""
     mode = prim.inherited.draw_mode
     if mode == "default" or not _applies(prim, ctx):
         return ""
@@ -64,7 +65,8 @@ def stand_in(prim: ResolvedPrim, ctx: Context) -> str:
 
 
 def _applies(prim: ResolvedPrim, ctx: Context) -> bool:
-    """Whether the prim is a model (a kind below kinds of groups) that says so, or a component that says nothing."""
+    """Return whether the draw mode applies: the prim is a model and either model:applyDrawMode is true, or it is not authored
+    and the prim's kind is component."""
     if not (prim.prim.IsModel() or MODEL in prim.names):
         return False
     if "model:applyDrawMode" in prim.names:
@@ -75,13 +77,13 @@ def _applies(prim: ResolvedPrim, ctx: Context) -> bool:
 
 
 def origin(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
-    """The model's axes, a unit long."""
+    """Return the model's axes as unit-length bars."""
     ctx.warn("draw-mode", prim.path, f"Its axes are drawn, as bars {BAR_WIDTH:g} thick.")
     return _bars(prim, [(np.zeros(3), axis) for axis in np.eye(3)], BAR_WIDTH, ctx)
 
 
 def bounds(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
-    """The edges of the model's box."""
+    """Return the edges of the model's bounding box as bars."""
     box = _box(prim, ctx)
     if box is None:
         return None
@@ -123,13 +125,14 @@ DRAW_MODES = {"cards": cards, "bounds": bounds, "origin": origin}
 @dataclass(frozen=True, eq=False)
 class _Card:
     face: str
-    corners: Doubles  # (4, 3), around its outside
+    corners: Doubles  # (4, 3), counter-clockwise seen from outside
     st: Doubles  # (4, 2)
     surface: Surface
 
 
 def _on_box(prim: ResolvedPrim, box_faces: bool, ctx: Context) -> list[_Card]:
-    """On the faces of the model's box, or through its middle. An axis with no texture is left out where others have one."""
+    """Return cards on the faces of the model's box, or through its centre. Faces of an axis without a texture are left out if
+    another axis has one."""
     box = _box(prim, ctx)
     if box is None:
         return []
@@ -148,7 +151,8 @@ def _on_box(prim: ResolvedPrim, box_faces: bool, ctx: Context) -> list[_Card]:
 
 
 def _unit_face(face: str, box_faces: bool) -> Doubles:
-    """Corners of a face of the unit box, or of the card within it, in the order that makes its outside front."""
+    """Return the corners (4, 3) of a face of the unit box, or of the card through its centre, wound so that the outside is in
+    front."""
     axis, positive = "XYZ".index(face[0]), face.endswith("Pos")
     u, v = (axis + 1) % 3, (axis + 2) % 3
     corners = np.empty((4, 3))
@@ -159,7 +163,8 @@ def _unit_face(face: str, box_faces: bool) -> Doubles:
 
 
 def _from_textures(prim: ResolvedPrim, ctx: Context) -> list[_Card]:
-    """Where the matrix in a texture's metadata puts it: the quad from (-1, -1, 0) to (1, 1, 0) of its clip space."""
+    """Return cards placed by the worldtoscreen matrices in their textures' metadata: the quad (-1, -1, 0) to (1, 1, 0) of that
+    clip space."""
     made = []
     quad = np.array([(-1, -1, 0, 1), (1, -1, 0, 1), (1, 1, 0, 1), (-1, 1, 0, 1)], np.float64)
     for face in FACES:
@@ -171,14 +176,14 @@ def _from_textures(prim: ResolvedPrim, ctx: Context) -> list[_Card]:
                     "draw-mode-input", prim.path, f"{path or face} has no usable worldtoscreen matrix: its card is not drawn."
                 )
             continue
-        placed = quad @ np.linalg.inv(matrix)  # row vectors, as the matrix is written
+        placed = quad @ np.linalg.inv(matrix)  # row vectors, as stored in the file
         if (placed[:, 3] != 0).all():
             made.append(_Card(face, placed[:, :3] / placed[:, 3:], (quad[:, :2] + 1) / 2, _surface(prim, path, ctx)))
     return made
 
 
 def _texture(prim: ResolvedPrim, face: str, ctx: Context) -> str | None:
-    """Its resolved path, "" where the file is missing; None where none is named."""
+    """Return the resolved path of a face's texture: "" if the file is missing, None if no texture is authored."""
     asset = read(prim.prim, f"model:cardTexture{face}", ctx.when)
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
         return None
@@ -208,7 +213,7 @@ def _color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
 
 
 def _hidden_axis(prim: ResolvedPrim, ctx: Context) -> str:
-    """The stage's up axis where the nearest model:cardVisibility is simple."""
+    """Return the stage's up axis if the nearest model:cardVisibility is simple, else ""."""
     return up_axis(ctx.stage) if prim.inherited.card_visibility == "simple" else ""
 
 
@@ -220,11 +225,12 @@ _PURPOSES = ("default", "render", "proxy")
 
 
 class _Copies(dict[str, Usd.Stage]):
-    """A copy of the stage that is translated, where one was needed."""
+    """Copy of the stage under translation, made on first use."""
 
 
 def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
-    """The model's bounds in its own space, of all purposes but guide, at its earliest time: authored, else computed."""
+    """Return the model's bounds in its own space at its earliest time, over all purposes except guide: extentsHint if authored,
+    else computed."""
     box = _extents_hint(prim.prim)
     if box is None:
         box = _computed_box(prim.prim) if stands_in_world(prim.prim) else _box_elsewhere(prim.prim, ctx)
@@ -235,7 +241,8 @@ def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
 
 
 def _box_elsewhere(prim: Usd.Prim, ctx: Context) -> tuple[Doubles, Doubles] | None:
-    """USD sees nothing below a model that does not stand in the world: in a copy of the stage it does."""
+    """Return the bounds of a model below a `class` or `over` prim, for which USD computes none, from a copy of the stage where
+    those prims are defined."""
     copies, path = ctx.kept.of(_Copies), str(prim.GetPath())
     if not copies:
         copies[""] = scratch_copy(ctx.stage)
@@ -244,7 +251,8 @@ def _box_elsewhere(prim: Usd.Prim, ctx: Context) -> tuple[Doubles, Doubles] | No
 
 
 def _computed_box(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
-    """Where splines have no end before their first knots, at the stage's first time."""
+    """Return the bounds computed by USD at the earliest time, or at the stage's start time if splines have no finite value
+    before their first knot."""
     if not prim or is_deep(drawn_in_instances(prim)):
         return None
     box = _box_at(prim, EARLIEST)
@@ -262,7 +270,8 @@ def _box_at(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Doubles, Doubles] | Non
 
 
 def _extents_hint(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
-    """The union of its boxes for default, render and proxy: two points a purpose; one without geometry has an empty box."""
+    """Return the union of extentsHint's boxes for purposes default, render and proxy (two points per purpose; empty boxes are
+    skipped)."""
     attribute = prim.GetAttribute("extentsHint")
     hint = earliest_value(attribute) if attribute else None
     try:
@@ -274,8 +283,8 @@ def _extents_hint(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
 
 
 def _bars(prim: ResolvedPrim, lines: list[tuple[Doubles, Doubles]], width: float, ctx: Context) -> Mesh:
-    """Boxes around lines along the axes."""
-    unit = np.array(list(itertools.product((0.0, 1.0), repeat=3)))[:, ::-1]  # x fastest
+    """Return boxes around axis-aligned lines."""
+    unit = np.array(list(itertools.product((0.0, 1.0), repeat=3)))[:, ::-1]  # x varies fastest
     quads = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     points = [low - width / 2 + unit * (high - low + width) for low, high in lines]

@@ -1,4 +1,4 @@
-"""Which appearance each face of a mesh has: that of the subset that holds it, else the mesh's own."""
+"""Materials of mesh faces: each face has the appearance of the subset that contains it, or that of the mesh."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..materials.surface import Appearance, appearance_of
 
 @dataclass(frozen=True)
 class FaceParts:
-    """`of_face` (F,), counted over the faces as authored, says which of `appearances` each has; the first is the mesh's own."""
+    """Appearances of a mesh. `of_face` (F,) gives the index of each authored face's appearance; index 0 is the mesh's own."""
 
     appearances: list[Appearance]
     of_face: Ints
@@ -26,7 +26,7 @@ class FaceParts:
 def face_parts(prim: ResolvedPrim, faces: int, ctx: Context, tets: Owned | None = None) -> FaceParts:
     parts = [appearance_of(prim, prim.material, ctx)]
     of_face = np.zeros(faces, np.int32)
-    families: list[str | None] = [None]  # of each part; the mesh's own is in none
+    families: list[str | None] = [None]  # of each appearance; None for the mesh's own
     for subset in prim.subsets:
         indices = _faces_of(subset, faces, tets, ctx)
         if indices is None:
@@ -45,7 +45,8 @@ def face_parts(prim: ResolvedPrim, faces: int, ctx: Context, tets: Owned | None 
 
 
 def _faces_of(subset: Subset, faces: int, tets: Owned | None, ctx: Context) -> Ints | None:
-    """The faces that it holds; None, noted, where it names others. What holds tetrahedra has their faces on the surface."""
+    """Return the faces in a subset, or None and report it if its indices are out of range. Subsets of tetrahedra give those
+    surface faces that belong to them."""
     indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
     by_tet = subset.element == TETRAHEDRON
     what, count = ("tetrahedra", 0 if tets is None else len(tets.points)) if by_tet else ("faces", faces)

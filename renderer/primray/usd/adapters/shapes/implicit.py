@@ -1,4 +1,4 @@
-"""UsdGeom's implicit shapes: spheres exactly, the others as fine meshes."""
+"""Adapters for UsdGeom's implicit shapes: exact spheres; other shapes as finely tessellated meshes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hi
 
 
 class _Shared(dict[Call, Tessellated | None]):
-    """By how it is made; None for what is of no use."""
+    """Tessellations by the call that makes them, since many prims are alike; None where sizes are not usable."""
 
 
 def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -33,13 +33,14 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
         return None
     surface = undisplaced(make_surface(appearance, lambda: True, prim.path, ctx), prim.path, ctx)
     of_surface, primvars = ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx)
-    if surface.transmits and not surface.thin and _is_left_handed(prim, ctx):  # which nothing else would show
+    if surface.transmits and not surface.thin and _is_left_handed(prim, ctx):  # elsewhere orientation is not visible
         return inward_sphere(prim.path, radius, of_surface, primvars)
     return Sphere(prim.path, radius, of_surface, primvars)
 
 
 def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
-    """A shape of any other kind."""
+    """Return a tessellated implicit shape (cube, plane, cone, cylinder or capsule), or None if it is hidden or its sizes are
+    not usable."""
 
     def how(when: When) -> Call:
         return _TESSELLATE[prim.type_name](prim, replace(ctx, when=when))
@@ -76,7 +77,7 @@ def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
 
 
 def _flipped(made: Tessellated) -> Tessellated:
-    """Facing the other way, as UsdGeomGprim's orientation has it."""
+    """Return the shape with its faces reversed (UsdGeomGprim's leftHanded orientation)."""
     return Tessellated(made.points, made.triangles[:, [0, 2, 1]], None if made.normals is None else _turned(made.normals))
 
 
@@ -85,7 +86,7 @@ def _flipped_motion(motion: PolygonMotion) -> PolygonMotion:
 
 
 def _turned(normals: Floats) -> Floats:
-    """(3T, 3) of triangles that go round the other way."""
+    """Return normals (3T, 3) for triangles with reversed winding."""
     return np.asarray(-normals.reshape(-1, 3, 3)[:, [0, 2, 1]].reshape(-1, 3))
 
 
@@ -134,7 +135,7 @@ def _axis(prim: ResolvedPrim, ctx: Context) -> str:
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
-    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)  # also if it is not authored: value clips may have it
+    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)  # unauthored ones, too: value clips may have it
 
 
 _TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], Call]] = {

@@ -1,6 +1,6 @@
-"""Closed shapes that light enters and whose faces look inwards: their inside is all that is outside.
+"""Detection of closed, light-transmitting shapes whose faces point inwards, so that their interior is everything outside.
 
-A transform that mirrors changes nothing: USD's orientation is that of the shape's own space, where the volume is measured.
+Mirroring transforms do not matter: USD defines orientation in the shape's own space, where the volume is measured.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from ...resolving.context import Context
 
 
 def note_inside_out(points: Floats, triangles: Ints, path: str, ctx: Context) -> None:
-    """Report closed triangles that run clockwise seen from outside: the volume that they enclose is negative."""
+    """Report closed triangles that run clockwise seen from outside, recognised by a negative enclosed volume."""
     corners = points[triangles].astype(np.float64) - points[triangles[0, 0]]
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum()
     if volume < 0:
@@ -21,7 +21,7 @@ def note_inside_out(points: Floats, triangles: Ints, path: str, ctx: Context) ->
 
 
 def fans(face_counts: Ints, face_points: Ints) -> Ints:
-    """(T, 3) triangles of polygons, from the first corner of each."""
+    """Return triangle fans (T, 3) of polygons, from the first corner of each."""
     start, count = np.cumsum(face_counts) - face_counts, np.maximum(face_counts - 2, 0)
     first = np.repeat(start, count)
     second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)

@@ -1,7 +1,7 @@
-"""UsdGeomMesh, and the surface of a TetMesh, to triangles: topology checked face by face, normals and colours brought to
-triangles, surfaces assigned.
+"""Adapter for UsdGeomMesh and the surface of UsdGeomTetMesh: topology checked face by face, polygons triangulated, normals and
+colours brought to triangles, surfaces assigned.
 
-`doubleSided` has no effect: both sides of every surface shade, as in other path tracers.
+`doubleSided` has no effect: both sides of every surface are shaded, as in other path tracers.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .tet_mesh import read_tet_mesh
 
 
 class _Shared(dict[tuple[str, float], Polygons | Cage]):
-    """What does not depend on materials, by prim path and blurScale, where several prototypes hold it."""
+    """Material-independent geometry by prim path and blurScale, for meshes that several prototypes contain."""
 
 
 def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
@@ -78,7 +78,7 @@ def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: 
 
 
 def _geometry(prim: ResolvedPrim, ctx: Context) -> Polygons | Cage | None:
-    """The prim is read once; the rest is made from that."""
+    """Read the mesh once and return its polygons or subdivision cage, with motion."""
     authored = read_tet_mesh(prim, ctx) if prim.type_name == "TetMesh" else read_mesh(prim, ctx.when)
     if authored is None:
         return None
@@ -107,7 +107,7 @@ def _colors(prim: ResolvedPrim, geometry: Polygons, ctx: Context) -> Values | No
 
 
 def _with_subsets(prim: ResolvedPrim, geometry: Polygons, found: FaceParts, ctx: Context) -> Mesh | None:
-    """A surface per triangle."""
+    """Return a mesh with one surface per triangle, from the prim's material-bind subsets."""
     parts = found.appearances
     of_triangle = found.of_face[geometry.triangles.faces]
     hidden = np.array([is_hidden(part) for part in parts])
@@ -140,7 +140,8 @@ def _subset_colors(
     visible: npt.NDArray[np.bool_],
     ctx: Context,
 ) -> Values | None:
-    """Per corner: displayColor on triangles whose surface takes it (`varying`, (T,)), 1 on those with a colour of their own."""
+    """Return a colour per corner: displayColor on triangles whose surface reads it (`varying`, (T,)), white on those whose
+    material has its own colour."""
     if not (varying & visible).any():
         return None
     primvar = read_display_vectors(geometry.sizes, prim, ctx)
@@ -152,7 +153,7 @@ def _subset_colors(
 
 
 def _is_body(geometry: Polygons, path: str, ctx: Context) -> bool:
-    """Whether the mesh is closed, so that light can enter it; reported where its inside is outside."""
+    """Return whether the mesh is closed, so that light can enter it. Reports meshes whose faces point inwards."""
     points, triangles = geometry.points, geometry.triangles.points
     if not is_closed(points, triangles):
         return False
@@ -161,9 +162,10 @@ def _is_body(geometry: Polygons, path: str, ctx: Context) -> bool:
 
 
 def is_closed(points: Floats, triangles: Ints) -> bool:
-    """Whether every edge is shared by exactly two triangles that run along it in opposite directions (a 2-manifold).
+    """Return whether every edge is shared by exactly two triangles that traverse it in opposite directions (a closed
+    2-manifold).
 
-    Points at the same place are one, so that meshes with split vertices count as closed.
+    Coincident points count as one, so that meshes with split vertices count as closed.
     """
     _, welded = np.unique(points, axis=0, return_inverse=True)
     t = welded.reshape(-1)[triangles].astype(np.int64)

@@ -1,8 +1,9 @@
-"""UsdGeomNurbsPatch to a NurbsPatch, which is diced as the camera sees it (refine/nurbs). Authored normals do not count.
+"""Adapter from UsdGeomNurbsPatch to a NurbsPatch, which is diced for the camera's view (refine/nurbs). Authored normals are
+ignored.
 
-Primvars are laid out as RenderMan's NuPatch has them, which the schema follows: uniform ones have a value a segment of the
-knots, varying and faceVarying ones one a crossing of theirs, vertex ones one a control point. Texture coordinates `st` that
-nobody authored are the parameters, from 0 to 1 over what is drawn.
+Primvars are laid out as in RenderMan's NuPatch, which the schema follows: uniform ones have a value per knot segment, varying
+and faceVarying ones per crossing of knots, vertex ones per control point. Unless authored, the texture coordinates `st` are the
+parameters, from 0 to 1 over the drawn range.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ def _sizes(patch: AuthoredPatch) -> Sizes:
 
 
 def _is_body(patch: NurbsPatch, path: str, ctx: Context) -> bool:
-    """Whether the patch is closed, so that light can enter it; reported where its inside is outside."""
+    """Return whether the patch is closed, so that light can enter it. Reports patches whose normals point inwards."""
     mesh = coarse_mesh(patch)
     if patch.loops or not is_closed(mesh.points, mesh.triangles):
         return False
@@ -90,7 +91,7 @@ def _primvars(
 
 
 def _parameters(patch: AuthoredPatch) -> Primvar:
-    """At the crossings of the knots; beyond the range less than 0 and more than 1."""
+    """Return the default `st` at the knots' crossings: 0 to 1 over the drawn range, beyond that outside the drawn range."""
     s, t = (_shares(direction) for direction in (patch.u, patch.v))
     st = np.stack(np.broadcast_arrays(s[None, :], t[:, None]), axis=2)
     return Primvar(st.reshape(-1, 2).astype(np.float32), "varying")

@@ -1,5 +1,5 @@
-"""UsdGeomPointInstancer: where it puts each prototype, for all its instances at once (UsdGeomPointInstancer,
-"Computing an Instance Transform"); the prototype root's own transform is left to the walk."""
+"""Adapter for UsdGeomPointInstancer: transforms of all instances of each prototype at once (UsdGeomPointInstancer, "Computing
+an Instance Transform"). The transform of the prototype root itself is applied by the traversal."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ from ...shapes.instance_primvars import instance_primvars
 
 
 def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointInstances | MovingLevel]]:
-    """(prototype root path, where it stands in the stage or the group) for each prototype with visible instances.
+    """Return (prototype root path, instances) for each prototype with visible instances, in the space of the stage or of the
+    enclosing prototype.
 
-    What belongs to one instance is kept in one PointInstances, so that masks take all of it along.
+    All per-instance data is kept in one PointInstances, so that masking applies to all of it.
     """
     roots = [str(path) for path in targets(prim.prim, "prototypes")]
     raw_proto, raw_positions = (read(prim.prim, name, ctx.when) for name in ("protoIndices", "positions"))
@@ -76,14 +77,14 @@ def _is_empty(raw: Any) -> bool:
 def _by_prototype(
     instances: PointInstances | MovingLevel, proto: npt.NDArray[Any], keep: npt.NDArray[np.bool_], roots: int
 ) -> Iterator[tuple[int, PointInstances | MovingLevel]]:
-    """The kept instances of each prototype that has any, in their order."""
+    """Yield the visible instances of each prototype that has any, in their authored order."""
     shown = np.flatnonzero(keep) if not keep.all() else None
     kept = proto if shown is None else proto[shown]
     counts = np.bincount(kept, minlength=roots)
     if np.count_nonzero(counts) == 1 and shown is None:
         yield int(kept[0]), instances
         return
-    # Few prototypes have small numbers, which numpy sorts in linear time.
+    # With few prototypes their indices fit 16 bits, which numpy sorts in linear time.
     order = np.argsort(kept.astype(np.uint16 if roots <= 1 << 16 else np.int32), kind="stable")
     ends = np.cumsum(counts)
     for k in np.flatnonzero(counts):
@@ -94,7 +95,7 @@ def _by_prototype(
 def _shown(
     prim: ResolvedPrim, roots: list[str], proto: npt.NDArray[Any], positions: npt.NDArray[Any], ctx: Context
 ) -> npt.NDArray[np.bool_]:
-    """Which instances are neither masked nor without a prototype."""
+    """Return the mask of instances that have a prototype and are not hidden by id."""
     keep = (proto >= 0) & (proto < len(roots))
     if not keep.all():
         ctx.warn(
@@ -111,9 +112,11 @@ def _shown(
 
 
 def _masked(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.bool_]:
-    """Which instances are hidden by their ids, by default their numbers (UsdGeomPointInstancer, "Masking Instances").
+    """Return the mask of instances hidden by their ids, or by their indices where no ids are authored (UsdGeomPointInstancer,
+    "Masking Instances").
 
-    Not USD's own ComputeMaskAtTime: it reads all at one time, and each of these may have values for times alone.
+    USD's own ComputeMaskAtTime is not used: it reads all attributes at one time, while each of these may have time samples
+    only, or a default only.
     """
     hidden = _inactive(prim, ctx)
     if "invisibleIds" in prim.names:
@@ -159,7 +162,7 @@ def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) ->
 
 
 def _finite(instances: PointInstances) -> npt.NDArray[np.bool_]:
-    """Which have a transform of finite numbers."""
+    """Return the mask of instances whose transform is finite."""
     finite = np.asarray(np.isfinite(instances.positions).all(axis=1))
     finite &= bool(np.isfinite(instances.outer).all())
     for values in (instances.orientations, instances.scales):

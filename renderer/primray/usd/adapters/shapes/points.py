@@ -1,4 +1,4 @@
-"""UsdGeomPoints as exact spheres: one sphere of radius 1, placed at every point with half its width as its scale."""
+"""Adapter from UsdGeomPoints to exact spheres: one unit sphere, instanced at each point and scaled by half its width."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from ...shapes.instance_primvars import instance_primvars
 from ...shapes.surface_primvars import constant_primvars
 from ..materials.surface import appearance_of, is_hidden, make_surface, undisplaced
 
-POINT = "Points: sphere"  # the adapter table's name for one of them
-DEFAULT_WIDTH = 1.0  # Hydra's, where none is authored
+POINT = "Points: sphere"  # name of the sphere's adapter in the table of adapters
+DEFAULT_WIDTH = 1.0  # Hydra's, if none is authored
 
 
 def point_sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -35,7 +35,7 @@ def point_sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
 
 
 def spheres(prim: ResolvedPrim, ctx: Context) -> MatrixInstances:
-    """prim_from_sphere of each, and what varies over the points, as an instancer's instances have it."""
+    """Return the instances (prim_from_sphere) of the points, with primvars that vary over points as instance primvars."""
     points = array(read(prim.prim, "points", ctx.when), 3, "f")
     if points is None or len(points) == 0:
         if points is None:
@@ -62,7 +62,7 @@ def spheres(prim: ResolvedPrim, ctx: Context) -> MatrixInstances:
 
 
 def _matrices(points: npt.NDArray[Any], widths: npt.NDArray[np.floating]) -> Doubles:
-    """(K, 3, 4)."""
+    """Return matrices (K, 3, 4) that scale the unit sphere by half the width and move it to the point."""
     matrices = np.zeros((len(points), 3, 4))
     matrices[:, [0, 1, 2], [0, 1, 2]] = widths[:, None] / 2
     matrices[:, :, 3] = points
@@ -70,7 +70,7 @@ def _matrices(points: npt.NDArray[Any], widths: npt.NDArray[np.floating]) -> Dou
 
 
 def _widening(prim: ResolvedPrim, count: int, ctx: Context) -> PointPath | None:
-    """Widths that change, one a point."""
+    """Return the motion of widths that change over the shutter, one value per point; None if they do not change."""
     name = _name_of_widths(prim)
     path = ArrayPath(prim.prim.GetAttribute(name), 1, ctx.when)
     if not moves(path.attribute, ctx.when, ctx.timing):
@@ -83,12 +83,12 @@ def _widening(prim: ResolvedPrim, count: int, ctx: Context) -> PointPath | None:
 
 
 def _name_of_widths(prim: ResolvedPrim) -> str:
-    """primvars:widths is stronger than widths."""
+    """Return the name of the attribute with the widths: primvars:widths takes precedence over widths."""
     return "primvars:widths" if "primvars:widths" in prim.names else "widths"
 
 
 def _widths(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.floating]:
-    """Of every point."""
+    """Return the width of every point (N,)."""
     name, authored = _name_of_widths(prim), read_widths(prim, ctx.when)
     if read(prim.prim, name, ctx.when) is None:
         return np.full(count, DEFAULT_WIDTH)

@@ -1,4 +1,4 @@
-"""Which appearance each segment of curves has: that of the subset that holds it, else the curves' own."""
+"""Materials of curve segments: each segment has the appearance of the subset that contains it, or that of the curves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..materials.surface import Appearance, appearance_of
 
 
 def segment_parts(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> tuple[list[Appearance], Ints]:
-    """Appearances, of which the first is the curves' own, and which of them each of the S segments has that are drawn."""
+    """Return the appearances, with the curves' own first, and for each of the S drawn segments the index of its appearance."""
     parts = [appearance_of(prim, prim.material, ctx)]
     of_segment = np.zeros(int(curves.segments.sum()), np.int64)
     families: list[str | None] = [None]
@@ -32,7 +32,8 @@ def segment_parts(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> tuple[l
 
 
 def _segments_of(subset: Subset, curves: CurveSet, ctx: Context) -> Ints | None:
-    """Those that are drawn, of pairs of a curve's number and a segment's within it; None, noted, where it names others."""
+    """Return the drawn segments in a subset, whose indices are pairs of curve and segment within it; None and reported if they
+    are out of range."""
     indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
     pairs = None if indices is None or len(indices) % 2 else indices.reshape(-1, 2).astype(np.int64)
     place = np.full(curves.sizes.faces, -1)

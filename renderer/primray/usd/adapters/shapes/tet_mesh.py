@@ -1,7 +1,7 @@
-"""UsdGeomTetMesh: its surface, which from there on is that of any polygonal mesh (mesh.py).
+"""Reader for UsdGeomTetMesh: its surface, which is then treated as any polygonal mesh (mesh.py).
 
-The surface is surfaceFaceVertexIndices. Where that is absent, it is what belongs to one tetrahedron alone, in the order of
-UsdGeomTetMesh::ComputeSurfaceFaces, so that subsets made with it name the same faces.
+The surface is surfaceFaceVertexIndices if authored. Otherwise it is those faces that belong to a single tetrahedron, in the
+order of UsdGeomTetMesh::ComputeSurfaceFaces, so that subsets made with that function name the same faces.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ TETS, SURFACE = "tetVertexIndices", "surfaceFaceVertexIndices"
 
 @dataclass(frozen=True, eq=False)
 class Tetrahedra:
-    """What a surface was taken from."""
+    """Tetrahedra together with the surface faces taken from them."""
 
     points: Ints  # (M, 4)
     surface: Ints  # (F, 3)
 
     def owners(self) -> Ints:
-        """(F,) the tetrahedron that has each face of the surface, the first of several; -1 where none has."""
+        """Return the tetrahedron (F,) that each surface face belongs to, the first of several, or -1."""
         faces = sorted_rows(self.points[:, FACES].reshape(-1, 3))
         both = np.concatenate([faces, sorted_rows(self.surface)])
         _, alike = np.unique(both, axis=0, return_inverse=True)
@@ -39,7 +39,7 @@ class Tetrahedra:
 
 
 def read_tet_mesh(prim: ResolvedPrim, ctx: Context) -> AuthoredMesh | None:
-    """Its surface as a mesh; None where there is none, noted."""
+    """Return the surface as an authored mesh; None, and reported, if there is none."""
     tets = _indices(prim, TETS, 4, ctx)
     surface = _indices(prim, SURFACE, 3, ctx)
     from_tets = surface is None or len(surface) == 0
