@@ -15,6 +15,7 @@ import yaml  # type: ignore[import-untyped]
 from .go_modules import ACTIONLINT, go
 
 ROOT = Path(__file__).resolve().parents[2]
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
 WORKFLOW = ROOT / ".github/workflows/release.yml"
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 RELEASE: dict[str, Any] = yaml.safe_load(WORKFLOW.read_text(encoding="utf-8"))
@@ -31,21 +32,36 @@ def checked_by(tool: str, *arguments: str | Path) -> str:
     return subprocess.run([command, *arguments], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
-def test_the_workflow_is_one() -> None:
-    """By GitHub's own schema, which check-jsonschema brings."""
-    checked_by("check-jsonschema", "--builtin-schema", "vendor.github-workflows", WORKFLOW)
+def test_workflows_are_valid() -> None:
+    """GitHub's own schema, which check-jsonschema brings, accepts each workflow."""
+    checked_by("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *WORKFLOWS)
 
 
-def test_nothing_in_the_workflow_is_unsafe() -> None:
-    """Rights, credentials that stay, actions whose tag could be moved, expressions that run what strangers write."""
-    checked_by("zizmor", "--offline", "--no-progress", WORKFLOW)
+def test_nothing_in_a_workflow_is_unsafe() -> None:
+    """zizmor finds no excess of rights, kept credentials, movable tags of actions, or expressions of strangers that are run."""
+    checked_by("zizmor", "--offline", "--no-progress", *WORKFLOWS)
 
 
 @pytest.mark.long
-def test_its_expressions_and_scripts_are_right() -> None:
-    """By actionlint, which Go compiles first."""
-    done = go("run", ACTIONLINT, str(WORKFLOW))
+def test_their_expressions_and_scripts_are_right() -> None:
+    """actionlint, which Go compiles first, has no complaint."""
+    done = go("run", ACTIONLINT, *map(str, WORKFLOWS))
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_pull_requests_are_checked() -> None:
+    """A pull request is linted and tested on one ISA class within ten minutes; the whole of .ci/run is the night's."""
+    checks, nightly = (yaml.safe_load((ROOT / f".github/workflows/{name}.yml").read_text()) for name in ("checks", "nightly"))
+    assert "pull_request" in checks[True]  # YAML 1.1 reads the key "on" as true
+    (job,) = checks["jobs"].values()
+    run = [step["run"] for step in job["steps"] if "run" in step]
+    assert job["timeout-minutes"] <= 10
+    assert "make lint" in run
+    assert checks["env"]["PRIMRAY_ISA"] in ("v2", "v3")
+    for folder in re.findall(r"tests/[\w/]+", " ".join(run)):
+        assert (ROOT / folder).is_dir(), folder
+    assert {"tests/unit", "tests/kernels"} <= set(re.findall(r"tests/[\w/]+", " ".join(run)))
+    assert any(step.get("run") == ".ci/run" for job in nightly["jobs"].values() for step in job["steps"])
 
 
 def test_nothing_is_published_but_by_a_tag_that_passed() -> None:
@@ -60,11 +76,12 @@ def test_nothing_is_published_but_by_a_tag_that_passed() -> None:
 
 
 def test_actions_are_commits_and_commands_are_there() -> None:
-    used = [step["uses"] for step in STEPS if "uses" in step]
-    assert used
-    assert [name for name in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", name)] == []
-    told = re.findall(r"uses: (\S+)  # v\d+\.\d+\.\d+$", WORKFLOW.read_text(encoding="utf-8"), re.MULTILINE)
-    assert told == used
+    for workflow in WORKFLOWS:
+        text = workflow.read_text(encoding="utf-8")
+        used = [step["uses"] for job in yaml.safe_load(text)["jobs"].values() for step in job["steps"] if "uses" in step]
+        assert used, workflow
+        assert [name for name in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", name)] == []
+        assert re.findall(r"uses: (\S+)  # v\d+\.\d+\.\d+$", text, re.MULTILINE) == used, workflow
     for step in STEPS:
         for command in re.findall(r"(?<![\w/])\.ci/[\w-]+", step.get("run", "")):
             assert (ROOT / command).stat().st_mode & 0o111, command
