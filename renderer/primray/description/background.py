@@ -1,7 +1,7 @@
-"""Whether a camera may see light behind all that covers the picture: what decides that views of it have no alpha.
+"""Test whether a camera may see light where nothing covers the picture; if so, display views of it are written without alpha.
 
-Light without coverage has no form in a PNG, whose alpha is straight. The answer follows from the lights and the camera, so that
-samples never decide about a file's channels.
+Light without coverage cannot be represented in a PNG, whose alpha is straight. The answer follows from lights and camera alone,
+so that samples never decide which channels a file has.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .scene import SceneDescription
 
 
 def is_lit_behind(description: SceneDescription) -> bool:
-    """Whether a dome, or the extent of another light that the camera sees, is in the frame."""
+    """Return whether a dome, or the extent of another light visible to the camera, is in the frame."""
     return any(_may_be_seen(light, description.camera) for light in description.lights)
 
 
@@ -34,7 +34,7 @@ def _may_be_seen(light: Light, camera: Camera) -> bool:
 
 
 def _corners(light: Light, camera: Camera) -> Doubles:
-    """(8, 3): of a box around the light, in the world."""
+    """Return the corners (8, 3) of a box around the light, in world space."""
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
     m = np.asarray(light.world_from_light, np.float64)
     if light.type is LightType.DISTANT:
@@ -46,7 +46,7 @@ def _corners(light: Light, camera: Camera) -> Doubles:
 
 
 def _may_be_in_frame(corners: Doubles, camera: Camera) -> bool:
-    """Whether not all corners are on the outer side of one plane of what the camera sees."""
+    """Return whether the corners are not all on the outer side of one plane of the view frustum."""
     camera_from_world = np.linalg.inv(camera.world_from_camera)
     x, y, z = (corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]).T
     left, right, bottom, top = camera.window

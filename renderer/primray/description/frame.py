@@ -1,4 +1,5 @@
-"""Where a picture's pixels lie: in the frame that the camera's window covers, in part, or beyond it (overscan)."""
+"""Position of a picture's pixels relative to the frame that the camera's window covers: all of it, a part, or beyond it
+(overscan)."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ Window = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class PixelWindow:
-    """Pixels from (x, y) on, counted right and down from the frame's upper left corner."""
+    """Rectangle of pixels whose first is (x, y), counted right and down from the frame's upper left corner."""
 
     x: int
     y: int
@@ -20,9 +21,9 @@ class PixelWindow:
 
 @dataclass(frozen=True)
 class Frame:
-    resolution: tuple[int, int]  # width and height of the whole: an EXR's display window
-    pixels: PixelWindow  # those that are rendered: its data window
-    pixel_aspect_ratio: float = 1.0  # width over height of a pixel
+    resolution: tuple[int, int]  # width and height of the whole frame: an EXR's display window
+    pixels: PixelWindow  # rendered pixels: an EXR's data window
+    pixel_aspect_ratio: float = 1.0  # width of a pixel over its height
 
     @property
     def size(self) -> tuple[int, int]:
@@ -38,11 +39,11 @@ def whole_frame(width: int, height: int, pixel_aspect_ratio: float = 1.0) -> Fra
 
 
 def pixels_within(window: Window, resolution: tuple[int, int]) -> PixelWindow:
-    """Pixels whose centre is within (left, bottom, right, top), where (0, 0) is the frame's lower left corner, (1, 1) its upper
-    right (UsdRenderSettingsBase, dataWindowNDC).
+    """Return the pixels whose centres are within (left, bottom, right, top), where (0, 0) is the frame's lower left corner and
+    (1, 1) its upper right (UsdRenderSettingsBase, dataWindowNDC).
 
-    A centre on the left or upper edge is within, one on the right or lower edge is not: windows side by side share no pixel
-    (the rasterizers' rule that the text refers to). May be empty.
+    A centre on the left or upper edge is inside, one on the right or lower edge is not, so adjacent windows share no pixel (the
+    rasterizers' rule that the schema refers to). The result may be empty.
     """
     left, bottom, right, top = window
     width, height = resolution
@@ -52,7 +53,7 @@ def pixels_within(window: Window, resolution: tuple[int, int]) -> PixelWindow:
 
 
 def _first_centre(edge: float, count: int) -> int:
-    """The first pixel whose centre is not before `edge`; within the rounding of the edge, which is a float, on it."""
+    """Return the first pixel whose centre is at or after `edge`, to within the rounding of the edge as a float."""
     at = edge * count - 0.5
     nearest = round(at)
     return nearest if abs(at - nearest) <= max(abs(edge), 1.0) * count * 2.0**-23 else math.ceil(at)

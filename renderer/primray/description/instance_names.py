@@ -1,7 +1,8 @@
-"""What instances are called: the path of a native one, INSTANCER[n] of a point instancer's; nested ones one after the other.
+"""Names of instances: the path of a native instance, INSTANCER[n] of a point instancer's; names of nested instances are
+concatenated.
 
-Kept only where an AOV asks for instances. Names of a level are relative to what holds it, so that a nested instance's name is
-all levels' names together.
+They are kept only if an AOV shows instances. Names of a level are relative to its parent, so that a nested instance's name is
+the concatenation over all levels.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 @dataclass(frozen=True, eq=False)
 class Names:
-    """`prefix` and each one's text, or its number in brackets."""
+    """Names that consist of `prefix` and a text or a bracketed number per instance."""
 
     prefix: str
     texts: npt.NDArray[np.object_] | None = None
@@ -43,12 +44,12 @@ def texts(names: Sequence[str]) -> Names:
     return Names("", np.array(names, dtype=object))
 
 
-# Of each level of a placement, outermost first: its number of instances and their names.
+# Number of instances and their names for each level of a placement, outermost first.
 Levels = Sequence[tuple[int, Names | None]]
 
 
 def name_of(levels: Levels, row: int) -> str:
-    """Of one instance of a placement: the last level counts fastest."""
+    """Return the name of one instance (row) of a placement; the last level varies fastest."""
     parts = []
     for count, names in reversed(levels):
         row, own = divmod(row, count)
@@ -57,7 +58,7 @@ def name_of(levels: Levels, row: int) -> str:
 
 
 def all_names(levels: Levels) -> Names | None:
-    """Of all instances, in order; None where none has any."""
+    """Return the names of all instances, in order; None if none has a name."""
     if all(names is None for _, names in levels):
         return None
     return texts([name_of(levels, row) for row in range(math.prod(count for count, _ in levels))])

@@ -1,4 +1,4 @@
-"""The seam's lights: what UsdLux lights emit, how that is shaped, what it reaches. Part of description.py."""
+"""Lights of a scene description: what UsdLux lights emit, how that is shaped, and which shapes it reaches."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ class LightType(Enum):
     CYLINDER = "cylinder"
     DOME = "dome"
     LINE = "line"
-    GEOMETRY = "geometry"  # worn by a shape (Mesh.light), never in SceneDescription.lights
+    GEOMETRY = "geometry"  # a shape that emits (Mesh.light); never in SceneDescription.lights
 
 
 @dataclass(frozen=True, eq=False)
 class IesProfile:
-    """A photometric file as luminous intensity over directions of the light, ready to be read bilinearly.
+    """Luminous intensity over the directions of a light from a photometric file, tabulated for bilinear lookup.
 
-    Angles ascend; outside `vertical_deg` there is no light. `horizontal_deg` spans 0 to 360, one value means all round; an
-    angle that stands twice is a step. Horizontal angle 0 is the light's -X, 90 its -Y (ies.py says why).
+    Angles ascend; outside `vertical_deg` there is no light. `horizontal_deg` spans 0 to 360, or has one value for rotational
+    symmetry; an angle given twice is a step. Horizontal angle 0 is the light's -X, 90 its -Y (ies.py says why).
 
     With `horizontal_pole` (photometric type B) a direction has vertical angle v about the light's Y, from its -Z towards its
-    -X, and leans by h from there towards its +Y; outside the angles of either kind there is no light.
+    -X, and horizontal angle h from there towards its +Y; outside the range of either angle there is no light.
     """
 
-    vertical_deg: Floats  # (V,), from -Z of the light
-    horizontal_deg: Floats  # (H,), about it
-    candela: Floats  # (H, V), with all of the file's multipliers
-    power: float  # what normalize divides by
+    vertical_deg: Floats  # (V,), from the light's -Z
+    horizontal_deg: Floats  # (H,), about that axis
+    candela: Floats  # (H, V), including all multipliers in the file
+    power: float  # total power, by which ies:normalize divides
     horizontal_pole: bool = False
 
 
 @dataclass(frozen=True)
 class Shaping:
-    """UsdLux ShapingAPI; these defaults change nothing. Of all lights but distant ones and domes."""
+    """UsdLux ShapingAPI, with defaults that have no effect. Applies to all lights except distant lights and domes."""
 
     focus: float = 0.0
     focus_tint: Color = (0.0, 0.0, 0.0)
@@ -61,7 +61,7 @@ class Shaping:
 
 @dataclass(frozen=True)
 class Shadow:
-    """UsdLux ShadowAPI; these defaults change nothing. Lengths are scene units, negative: no limit."""
+    """UsdLux ShadowAPI, with defaults that have no effect. Lengths are in scene units; negative ones mean no limit."""
 
     enabled: bool = True
     color: Color = (0.0, 0.0, 0.0)
@@ -72,12 +72,12 @@ class Shadow:
 
 @dataclass(frozen=True, eq=False)
 class Linked:
-    """Which shapes are in which collections: by a shape's `link_row` and the number that a light has for whom it reaches.
+    """Light and shadow linking: membership of shapes (by their `link_row`) in collections (by the numbers that lights have).
 
-    Row 0 is in every collection, and collection 0 holds every row. Empty where nothing is linked.
+    Row 0 is in every collection, and collection 0 contains every row. Empty if nothing is linked.
     """
 
-    collections: tuple[str, ...] = ()  # paths of those from number 1 on, each of the first light that has it
+    collections: tuple[str, ...] = ()  # paths of collections from number 1 on; equal ones have the path of the first light's
     members: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), np.bool_))  # (rows, 1 + collections)
 
 
@@ -86,20 +86,21 @@ NO_LINKS = Linked()
 
 @dataclass(frozen=True, eq=False)
 class Portal:
-    """A rectangle in its XY plane that guides a dome's samples to where light comes through it, along -Z."""
+    """Rectangle in its XY plane through which a dome's light enters, along -Z; it guides the dome's samples."""
 
     world_from_portal: Doubles  # (4, 4)
     width: float = 1.0
     height: float = 1.0
-    motion: MatrixMotion | None = None  # as Light's
+    motion: MatrixMotion | None = None  # like Light.motion
 
 
 @dataclass(frozen=True)
 class Photometric:
-    """How much of its light there is to be, where that takes its image: photometry.scaled makes its emission so.
+    """Photometric amount of a textured light, from which photometry.scaled computes its emission once the image is read.
 
-    `amount` is of luminance by `weights`: lumens over the metres squared in a scene unit squared, of all that an area light
-    emits; lux `distance` scene units ahead of its origin, along -Z, on what faces it; of a dome, lux on what faces `up`.
+    `amount` is of luminance by `weights`. For area lights it is lumens over the square metres per squared scene unit; with
+    `distance`, lux on a surface that faces the light `distance` scene units along -Z from its origin; for domes, lux on a
+    surface that faces `up`.
     """
 
     amount: float
@@ -110,23 +111,23 @@ class Photometric:
 
 @dataclass(frozen=True)
 class Light:
-    """One UsdLux light, already reduced to what it emits.
+    """UsdLux light, reduced to what it emits.
 
-    Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
-    dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
-    `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
-    squared; LINE (along X, without a radius): radiant intensity per length at a right angle to it, in scene units; all others:
-    radiance (with a texture the factor of that). A RECT's texture has its first row and column at +Y and +X: upright and
-    unmirrored for whom it shines at.
+    Local frames are those of UsdLux: rect and disk are in the XY plane and emit along -Z; cylinder is along X; distant emits
+    along -Z; a dome's pole is +Y, the centre of its image +Z, the left edge of the image at +Z rotated by pi, s = 0.5 -
+    atan2(x, z) / 2 pi. `emission` is, for DISTANT with angle 0, irradiance at normal incidence; for POINT, radiant intensity in
+    scene units squared; for LINE (along X, without a radius), radiant intensity per length, perpendicular to it, in scene
+    units; for all others, radiance (with a texture, a factor on it). A RECT's texture has its first row and column at +Y and
+    +X, so that it is upright and unmirrored seen from the lit side.
 
-    GEOMETRY is a shape that gives light: the glow of its surface times `emission` at every point, or `emission` alone
-    (`own_color`). The camera, mirrors and refractions see the glow as it is, or what is given (`shows_own`). `normalize`:
-    divided by the area of the shape where it stands. Its matrix is the shape's.
+    GEOMETRY is a shape that emits: its surface's emission times `emission` at every point, or `emission` alone (`own_color`).
+    The camera, mirrors and refractions see the surface's emission, or with `shows_own` that of the light. `normalize` divides
+    by the area of the shape in the world. Its matrix is that of the shape.
     """
 
     path: str
     type: LightType
-    world_from_light: Doubles  # (4, 4), with all scaling
+    world_from_light: Doubles  # (4, 4), including scale
     emission: Color
     width: float = 1.0
     height: float = 1.0
@@ -139,18 +140,19 @@ class Light:
     image: Floats | None = None  # dome, in place of a texture: (H, W, 3) linear values, lat-long
     shaping: Shaping | None = None
     shadow: Shadow | None = None
-    # Numbers of SceneDescription.linked: whom the light reaches and who casts its shadows; 0 is everybody.
+    # Numbers of collections in SceneDescription.linked: shapes that the light reaches, and those that cast its shadows; 0 is
+    # all.
     light_link: int = 0
     shadow_link: int = 0
-    group: str = ""  # of lights that light path expressions may name together
+    group: str = ""  # for light path expressions: a name that lights may share
     visible_to_camera: bool = True
-    texture_format: str = "automatic"  # dome: as UsdLux names it; automatic ones are settled when the file is read
+    texture_format: str = "automatic"  # dome: UsdLux token; "automatic" is resolved when the file is read
     portals: tuple[Portal, ...] = ()  # dome
-    normalize: bool = False  # geometry: this and the next two
+    normalize: bool = False  # geometry only, like the next two
     own_color: bool = False
     shows_own: bool = False
-    motion: MatrixMotion | None = None  # of world_from_light, which is that at the frame: rigid, so that sizes stay
-    photometric: Photometric | None = None  # rect and dome with a texture, until that is read; its emission is relative then
+    motion: MatrixMotion | None = None  # of world_from_light, which is that at the frame; rigid, so sizes do not change
+    photometric: Photometric | None = None  # rect and dome with a texture, until it is read; emission is relative till then
 
 
 def half_extent(light: Light) -> tuple[float, float, float]:

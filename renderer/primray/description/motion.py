@@ -1,7 +1,7 @@
-"""The seam's motion: how shapes, instances, lights and the camera stand at times of an exposure. Part of description.py.
+"""Motion in a scene description: shapes, instances, lights and the camera at times of an exposure.
 
-Times are fractions of the exposure's span, which ascend from 0 to 1; what is given at S + 1 of them has S segments. Between two
-times points are linear, and so are matrices, unless they turn: then their rotations go the shorter way at constant speed.
+Times are fractions of the exposure's span, ascending from 0 to 1; S + 1 of them make S segments. Between two times points are
+linear, and so are matrices, unless they turn: then rotations take the shorter way at constant speed.
 """
 
 from __future__ import annotations
@@ -19,87 +19,89 @@ SAME_TIME = 1e-7  # of the span
 
 @dataclass(frozen=True)
 class Exposure:
-    """When rays see the scene, in time codes from the frame on: uniformly from `opens` to `closes`, within the span."""
+    """Interval in which rays see the scene, in time codes from the frame: uniformly from `opens` to `closes`, within the
+    span."""
 
     opens: float
     closes: float
-    span: tuple[float, float]  # what motion is given for: the shutter, and the frame (0) where AOVs are asked for
-    # How much later it is for each column and row of the frame, from the upper left: of a shutter that rolls.
+    span: tuple[float, float]  # interval for which motion is given: the shutter, and the frame (0) if AOVs need it
+    # Delay for each column and row of the frame, from the upper left, of a rolling shutter.
     per_column: float = 0.0
     per_row: float = 0.0
 
     def fraction(self, offset: float) -> float:
-        """Of the span, of a time in time codes from the frame on."""
+        """Return the fraction of the span for a time in time codes from the frame."""
         first, last = self.span
         return (offset - first) / (last - first)
 
     @property
     def shutter(self) -> tuple[float, float]:
-        """Fractions of the span."""
+        """Opening and closing time as fractions of the span."""
         return self.fraction(self.opens), self.fraction(self.closes)
 
     @property
     def rolling(self) -> tuple[float, float]:
-        """The same for each column and row."""
+        """Delay per column and per row as fractions of the span."""
         first, last = self.span
         return self.per_column / (last - first), self.per_row / (last - first)
 
     @property
     def frame(self) -> float:
-        """The frame's fraction of the span, or the nearest that is within."""
+        """Fraction of the span at the frame, clamped to [0, 1]."""
         return min(max(self.fraction(0.0), 0.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """A mesh's points at other times than the frame."""
+    """Points of a shape at times of the exposure."""
 
     times: Doubles  # (S + 1,)
     points: Floats  # (S + 1, N, 3), as Mesh.points
-    normals: Floats | None = None  # (S + 1, M, 3), as Mesh.normals; None: they stay as they are, or there are none
+    normals: Floats | None = None  # (S + 1, M, 3), as Mesh.normals; None: unchanged, or there are none
 
 
 @dataclass(frozen=True, eq=False)
 class MatrixMotion:
-    """Matrices at times."""
+    """Matrices at times of the exposure."""
 
     times: Doubles  # (S + 1,)
     matrices: Doubles  # (S + 1, 4, 4)
-    turns: bool = False  # between times rotations go the shorter way at constant speed, the rest is linear; else all is linear
+    turns: bool = False  # rotations take the shorter way at constant speed, the rest is linear; else everything is linear
 
 
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
-    """A camera at times: its rotation turns at constant speed, the rest is linear between them."""
+    """Cameras at times of the exposure: rotations turn at constant speed, the rest is linear in between."""
 
     times: Doubles  # (S + 1,)
-    cameras: tuple[Camera, ...]  # S + 1, alike in projection, blades and clipping planes
+    cameras: tuple[Camera, ...]  # S + 1, equal in projection, blades and clipping planes
 
 
 @dataclass(frozen=True)
 class MotionSteps:
-    """For reports: at how many times the path of one thing is given, and why."""
+    """Report entry: the number of times at which one path is sampled, and why."""
 
     path: str
     kind: str  # instances, meshes, lights or camera
     segments: int
-    by_error: bool  # they are more than the stage's own samples ask for, for the sake of the error
-    error: float  # pixels: the largest that is left
+    by_error: bool  # more than the stage's own samples require, because of the error
+    error: float  # pixels: the largest remaining
 
 
 def segment_of(times: Doubles, fraction: float) -> tuple[int, float]:
-    """The segment that a fraction of the span is in, and how much of it lies before."""
+    """Return the segment that contains a fraction of the span, and the position within it (0 to 1)."""
     k = int(np.clip(np.searchsorted(times, fraction, side="right") - 1, 0, len(times) - 2))
     return k, float((fraction - times[k]) / (times[k + 1] - times[k]))
 
 
 def is_uniform(times: Sequence[float] | Doubles) -> bool:
-    """Whether all segments are of one length, but for rounding. Decided here alone: the core is given `handed_over`."""
+    """Return whether all segments have the same length, up to rounding. This is decided here alone: the core gets the times
+    from `handed_over`."""
     return bool(np.abs(np.asarray(times, np.float64) - _even(len(times))).max() < SAME_TIME) if len(times) > 1 else False
 
 
 def handed_over(times: Sequence[float] | Doubles) -> Floats:
-    """In single precision, as the core takes times: even ones exactly so, by which it knows them."""
+    """Return the times in single precision for the core; even ones exactly even, by which the core recognises them."""
     return np.asarray(_even(len(times)) if is_uniform(times) else times).astype(np.float32)
 
 

@@ -1,4 +1,4 @@
-"""What a NurbsPatch is made of beside its points: one direction of its basis, and the curves that trim it."""
+"""Parts of a NurbsPatch: one direction of its basis, and its trim curves."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from ..arrays import Doubles
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A B-spline basis of `order` (2 or more: degree + 1) over `count` control points."""
+    """B-spline basis of `order` (at least 2: degree + 1) over `count` control points."""
 
     count: int
     order: int
-    knots: Doubles  # (count + order,), never falling
-    low: float  # of the part of [knots[order - 1], knots[count]] that is drawn
+    knots: Doubles  # (count + order,), not decreasing
+    low: float  # start of the drawn part of [knots[order - 1], knots[count]]
     high: float
 
 
 @dataclass(frozen=True, eq=False)
 class TrimCurve:
-    """A curve in the patch's parameters."""
+    """Curve in the parameters of a patch."""
 
     basis: Direction
     points: Doubles  # (count, 3), homogeneous: (u w, v w, w)
 
 
-# Each loop's curves follow one another; its end is joined to its beginning.
+# Loop of curves, each of which begins where the last one ends; its end is joined to its beginning.
 TrimLoop = tuple[TrimCurve, ...]

@@ -1,14 +1,14 @@
-"""Triangles of a mesh that stand in pairs, (a, c, d) and (a, b, c), as the core's bvh/pairs.hpp wants them."""
+"""Test for triangles in pairs (a, c, d) and (a, b, c), which the core's bvh/pairs.hpp intersects as quads."""
 
 from __future__ import annotations
 
 from ..arrays import Ints
 
-FEWEST = 512  # triangles; below, nothing is to be won
+FEWEST = 512  # triangles; fewer do not gain from pairing
 
 
 def is_paired(triangles: Ints) -> bool:
-    """Whether triangles (T, 3) of points are many and all stand in pairs."""
+    """Return whether triangles (T, 3) are enough to be worth it and all in pairs."""
     if len(triangles) < FEWEST or len(triangles) % 2:
         return False
     first, second = triangles[::2], triangles[1::2]

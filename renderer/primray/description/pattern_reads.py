@@ -1,4 +1,4 @@
-"""What a pattern reads from outside of itself: primvars of shapes, files of texels."""
+"""Data that a pattern reads from outside: primvars of shapes and texture files."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from .patterns import UV_TEXTURE, NodeOutput, Pattern, PatternNode
 from .shading import PrimvarInput, TextureInput
 from .texture_file import TextureFile
 
-COLOR_PRIMVAR = "displayColor"  # what geomcolor means
-# Names of geometry that an input may have in place of a value, as MaterialX calls them: category and space.
+COLOR_PRIMVAR = "displayColor"  # the primvar that geomcolor reads
+# MaterialX's names of geometric properties that an input may have as its default: node category and space.
 GEOMPROPS = {
     "UV0": ("texcoord", ""), "Pobject": ("position", "object"), "Pworld": ("position", "world"),
     "Nobject": ("normal", "object"), "Nworld": ("normal", "world"), "Tobject": ("tangent", "object"),
     "Tworld": ("tangent", "world"), "Bobject": ("bitangent", "object"), "Bworld": ("bitangent", "world"),
     "Vworld": ("viewdirection", "world"),
 }  # fmt: skip
-_BY_SET = {"texcoord": 2, "tangent": 2, "bitangent": 2}  # nodes that read a set of texture coordinates, and its numbers
+_BY_SET = {"texcoord": 2, "tangent": 2, "bitangent": 2}  # number of components, of nodes that read a set of texture coordinates
 _READS_PRIMVARS = frozenset({*_BY_SET, "geomcolor", "geompropvalue"})
 _CHANNELS = {"float": "r", "color4": "rgba", "vector4": "rgba"}
 
 
 def primvar_of_set(index: int) -> str:
-    """The primvar of a numbered set of texture coordinates."""
+    """Return the primvar of a numbered set of texture coordinates."""
     return "st" if index == 0 else f"st{index}"
 
 
 def pattern_primvars(pattern: Pattern) -> dict[str, int]:
-    """The primvars that it reads, and how many numbers of each."""
+    """Return the primvars that the pattern reads, with the number of components of each."""
     found: dict[str, int] = {}
     for node in pattern.nodes:
         for name, width in _primvars_of(node):
@@ -36,7 +36,7 @@ def pattern_primvars(pattern: Pattern) -> dict[str, int]:
 
 
 def pattern_fallbacks(pattern: Pattern, name: str) -> set[tuple[float, ...] | None]:
-    """Return what its nodes take where a primvar is missing; None for a value that another node computes."""
+    """Return the values that nodes use if the primvar is missing; None for one computed by another node."""
     found: set[tuple[float, ...] | None] = set()
     for node in pattern.nodes:
         for width in (width for read, width in _primvars_of(node) if read == name):
@@ -62,7 +62,7 @@ def _primvars_of(node: PatternNode) -> list[tuple[str, int]]:
 
 
 def pattern_files(pattern: Pattern) -> dict[TextureFile, set[str]]:
-    """The files that it reads, and which channels of each, in order of use."""
+    """Return the files that the pattern reads, with the channels of each, in order of use."""
     found: dict[TextureFile, set[str]] = {}
     for node in pattern.nodes:
         for _, value in node.inputs:
@@ -74,7 +74,7 @@ def pattern_files(pattern: Pattern) -> dict[TextureFile, set[str]]:
 
 
 def plain_images(pattern: Pattern | None) -> Iterator[TextureInput]:
-    """Yield the images of a pattern that are laid on by a primvar as it is; coordinates that are computed are not followed."""
+    """Yield the pattern's images whose coordinates are a primvar, not computed."""
     for node in pattern.nodes if pattern is not None else ():
         inputs = dict(node.inputs)
         file, name = inputs.get("file"), _coordinates_of(pattern, inputs)
@@ -83,7 +83,7 @@ def plain_images(pattern: Pattern | None) -> Iterator[TextureInput]:
 
 
 def _coordinates_of(pattern: Pattern | None, inputs: Mapping[str, object]) -> str:
-    """Return the primvar that an image's coordinates are, "" where they are computed."""
+    """Return the primvar with an image's coordinates, or "" if they are computed."""
     given = inputs.get("texcoord", inputs.get("st", "UV0"))
     if isinstance(given, NodeOutput) and pattern is not None:
         node = pattern.nodes[given.node]
@@ -93,7 +93,7 @@ def _coordinates_of(pattern: Pattern | None, inputs: Mapping[str, object]) -> st
 
 
 def reads_world_space(pattern: Pattern, node: int) -> bool:
-    """Whether a node's outputs depend on where in the world a shape stands, or how."""
+    """Return whether a node's outputs depend on the shape's placement in the world."""
     return any(
         type(value) is str and (value == "world" or GEOMPROPS.get(value, ("", ""))[1] == "world")
         for above in nodes_above(pattern, node)
@@ -102,7 +102,7 @@ def reads_world_space(pattern: Pattern, node: int) -> bool:
 
 
 def reads_view(pattern: Pattern, node: int) -> bool:
-    """Whether a node's outputs depend on where they are seen from."""
+    """Return whether a node's outputs depend on the direction from which they are seen."""
     return any(
         above.category == "viewdirection"
         or any(type(v) is str and GEOMPROPS.get(v, ("", ""))[0] == "viewdirection" for _, v in above.inputs)
@@ -111,7 +111,7 @@ def reads_view(pattern: Pattern, node: int) -> bool:
 
 
 def nodes_above(pattern: Pattern, node: int) -> list[PatternNode]:
-    """It, and what it reads."""
+    """Return the node and all nodes upstream of it."""
     found: set[int] = set()
     left = [node]
     while left:

@@ -1,4 +1,4 @@
-"""The seam's patterns: a graph of MaterialX's primitive nodes, whose outputs drive a surface's inputs."""
+"""Patterns of a scene description: graphs of MaterialX's primitive nodes, whose outputs drive a surface's inputs."""
 
 from __future__ import annotations
 
@@ -6,46 +6,48 @@ from dataclasses import dataclass
 
 from .texture_file import TextureFile
 
-UV_TEXTURE, TRANSFORM_2D = "UsdUVTexture", "UsdTransform2d"  # categories of nodes that are USD's own
+UV_TEXTURE, TRANSFORM_2D = "UsdUVTexture", "UsdTransform2d"  # USD's own node categories
 
-Value = tuple[float, ...]  # one number for float, integer and boolean; as many as vectors and colours have; matrices by rows
+Value = tuple[
+    float, ...
+]  # one number for float, integer and boolean; one per component of vectors and colours; matrices by rows
 
 
 @dataclass(frozen=True)
 class NodeOutput:
-    node: int  # its place in Pattern.nodes, before the one that reads it
-    output: str = "out"  # as the node's definition calls it
+    node: int  # index in Pattern.nodes, less than that of its reader
+    output: str = "out"  # name in the node's definition
 
 
-Operand = Value | NodeOutput | TextureFile | str  # a str: an enumerated choice, a space, the name of a primvar
+Operand = Value | NodeOutput | TextureFile | str  # a str is an enumerated choice, a space or the name of a primvar
 
 
 @dataclass(frozen=True)
 class PatternNode:
-    """A primitive node of MaterialX's standard library, none that a node graph implements, or one of USD's own: UsdUVTexture's
-    `channels` of its texels times scale plus bias (of a file that cannot be read: of its fallback), UsdTransform2d.
+    """Primitive node of MaterialX's standard library (not implemented by a node graph), or one of USD's own: UsdTransform2d, or
+    UsdUVTexture (`channels` of texels times scale plus bias; of its fallback if the file cannot be read).
 
-    `inputs` has all inputs that its definition has, defaults filled in. Constant colours are in the rendering space.
+    `inputs` has all inputs of its definition, with defaults filled in. Constant colours are in the rendering space.
     """
 
     category: str  # "multiply", "noise2d", "image" ...
     type: str  # of its first output: "float", "color3", "vector2" ...
-    signature: str  # its definition, which tells nodes of mixed types apart: "ND_multiply_vector3FA"
+    signature: str  # name of its definition, for nodes with mixed types: "ND_multiply_vector3FA"
     inputs: tuple[tuple[str, Operand], ...]
     path: str = ""  # of the prim or element that it comes from, for diagnostics
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """Nodes in an order in which each reads only those before it. None is constant: what can be known has been computed."""
+    """Nodes in topological order: each reads only earlier ones. Constant nodes have been folded."""
 
     nodes: tuple[PatternNode, ...]
 
 
 @dataclass(frozen=True)
 class PatternInput:
-    """An input of a surface, given by an output of the surface's own pattern; `fallback` where a single number or colour must
-    stand for it."""
+    """Surface input driven by an output of the surface's own pattern; `fallback` is used where a single number or colour is
+    needed."""
 
     source: NodeOutput
     fallback: tuple[float, ...]

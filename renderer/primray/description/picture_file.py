@@ -1,4 +1,4 @@
-"""What a stage's product asks of the EXR that holds the picture: how numbers are stored, and what its header says besides."""
+"""Options of the EXR file that a stage's render product asks for: pixel encoding and header attributes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 COMPRESSIONS = ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
-OTHER_EXTENSIONS = (".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")  # of files that are written and are no EXRs
+OTHER_EXTENSIONS = (".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")  # extensions of files other than EXR that can be written
 LOSSY = frozenset({"pxr24", "b44", "b44a", "dwaa", "dwab"})
-# Of a header: what OpenEXR itself decides by (ImfStandardAttributes.h, "Required"), and what is said here.
+# Header attributes that OpenEXR itself interprets (ImfStandardAttributes.h, "Required"), and those written here.
 _RESERVED = """channels compression datawindow displaywindow lineorder pixelaspectratio screenwindowcenter screenwindowwidth
     tiles type name view multiview version chunkcount maxsamplesperpixel chromaticities colorinteropid worldtocamera
     worldtondc"""
@@ -21,15 +21,16 @@ HeaderValue = str | int | float | tuple[int, ...] | tuple[float, ...]
 
 
 def is_free_in_header(name: str) -> bool:
-    """Whether an attribute of an EXR's header may be called so: it is a name, and says nothing that the file itself says."""
+    """Return whether an EXR header attribute may have this name: it is well-formed, and neither OpenEXR nor this file uses
+    it."""
     is_said = name.replace(":", "").lower() in RESERVED or name.lower().startswith(("primray:", "cryptomatte"))
     return _NAME.fullmatch(name) is not None and not is_said
 
 
 @dataclass(frozen=True)
 class Contents:
-    """What a file holds where a product orders it: channels of the picture ("R" to "A"; "stderr": its standard errors), and
-    the outputs beside it, the name of each part before the name that the image has the output under."""
+    """Contents of a file as a product orders them: channels of the picture ("R" to "A"; "stderr": its standard errors), and the
+    other outputs as pairs of part name and the name of the output in the image."""
 
     picture: tuple[str, ...] = ()
     parts: tuple[tuple[str, str], ...] = ()
@@ -40,7 +41,7 @@ class Contents:
 
 @dataclass(frozen=True)
 class PictureView:
-    """How files of display values show the picture; None is OpenColorIO's default."""
+    """OpenColorIO view for files of display values; None means OpenColorIO's default."""
 
     view: str | None = None
     display: str | None = None
@@ -54,19 +55,19 @@ class PictureView:
 
 @dataclass(frozen=True)
 class PictureFile:
-    """`half` names channels, layers and parts as files.encoding.Encoding does; `header` has attributes by their names."""
+    """EXR options. `half` names channels, layers and parts as files.encoding.Encoding does; `header` has attributes by name."""
 
     half: tuple[str, ...] = ()
-    compression: str = ""  # OpenEXR's name of it; "": zip
-    level: float | None = None  # of zip and DWA
+    compression: str = ""  # OpenEXR's name; "": zip
+    level: float | None = None  # for zip and DWA
     header: tuple[tuple[str, HeaderValue], ...] = ()
-    contents: Contents | None = None  # None: all that the image has
-    products: tuple[tuple[str, PictureFile], ...] = ()  # files of the products that the image is for, by path
-    lit_behind: bool = False  # there may be light behind what covers the picture, so views of it have no alpha
+    contents: Contents | None = None  # None: everything in the image
+    products: tuple[tuple[str, PictureFile], ...] = ()  # by path: files of the products that the image is for
+    lit_behind: bool = False  # there may be light where nothing covers the picture, so views of it have no alpha
     view: PictureView = PictureView()
 
     def beside(self) -> PictureFile:
-        """Return what holds of another picture of the same view, such as a denoised one: what is behind it alone."""
+        """Return the options that also apply to another picture of the same view, such as a denoised one."""
         return PictureFile(lit_behind=self.lit_behind, view=self.view)
 
     def as_json(self) -> dict[str, Any]:
@@ -87,7 +88,7 @@ PLAIN = PictureFile()
 
 
 def picture_file_of_json(values: Mapping[str, Any]) -> PictureFile:
-    """What `as_json` made; TypeError or ValueError for anything else."""
+    """Return the options from the JSON made by `as_json`; raises TypeError or ValueError for anything else."""
     level, compression, half = values["level"], values["compression"], tuple(values["half"])
     if compression not in ("", *COMPRESSIONS) or not all(isinstance(name, str) for name in half):
         raise ValueError

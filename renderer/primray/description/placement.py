@@ -1,7 +1,7 @@
-"""The seam's instances: where prototypes stand, as data that yields matrices in chunks. Part of description.py.
+"""Instances in a scene description: placements of prototypes, as data that yields matrices in chunks.
 
-Millions of instances stay what USD authors, positions, quaternions and scales in float, nested ones a product of levels;
-double matrices of all of them never exist at once.
+Millions of instances stay in USD's form (positions, quaternions and scales in single precision, nested ones as a product of
+levels); double matrices of all of them never exist at once.
 """
 
 from __future__ import annotations
@@ -29,42 +29,42 @@ Box = tuple[Doubles, Doubles]
 class MatrixInstances:
     """Instances given by their matrices."""
 
-    matrices: Doubles  # (K, 3, 4): the upper three rows
-    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
-    names: Names | None = None  # where an AOV asks for instances
+    matrices: Doubles  # (K, 3, 4), without the last row
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE, K rows
+    names: Names | None = None  # if an AOV shows instances
 
     def __len__(self) -> int:
         return len(self.matrices)
 
     def rows(self, start: int, stop: int) -> Doubles:
-        """(stop - start, 3, 4)."""
+        """Return the matrices (stop - start, 3, 4)."""
         return self.matrices[start:stop]
 
     def take(self, chosen: npt.NDArray[Any]) -> MatrixInstances:
-        """Those that a mask or an array of indices chooses."""
+        """Return the instances chosen by a mask or an array of indices."""
         return MatrixInstances(self.matrices[chosen], _take(self.primvars, chosen), _take_names(self.names, chosen))
 
     def placed(self, outer: Doubles, name: str = "") -> MatrixInstances:
-        """The same after one more matrix (3, 4), of an instance of that name."""
+        """Return the instances transformed by a further matrix (3, 4), below an instance called `name`."""
         return replace(self, matrices=compose(outer[None], self.matrices), names=_below(self.names, name))
 
 
 @dataclass(frozen=True, eq=False)
 class PointInstances:
-    """Instances as a point instancer has them: `outer` * translation * rotation * scaling, composed in double."""
+    """Instances as in a point instancer: `outer` * translation * rotation * scale, composed in double precision."""
 
     outer: Doubles  # (3, 4)
     positions: Numbers  # (K, 3)
     orientations: Numbers | None = None  # (K, 4): x, y, z, w, of any length; half, float or double
     scales: Numbers | None = None  # (K, 3)
-    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
-    names: Names | None = None  # where an AOV asks for instances
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE, K rows
+    names: Names | None = None  # if an AOV shows instances
 
     def __len__(self) -> int:
         return len(self.positions)
 
     def rows(self, start: int, stop: int) -> Doubles:
-        """(stop - start, 3, 4)."""
+        """Return the matrices (stop - start, 3, 4)."""
         local = np.zeros((stop - start, 3, 4))
         if self.orientations is None:
             local[:, [0, 1, 2], [0, 1, 2]] = 1.0
@@ -76,42 +76,42 @@ class PointInstances:
         return local if np.array_equal(self.outer, IDENTITY) else compose(self.outer[None], local)
 
     def take(self, chosen: npt.NDArray[Any]) -> PointInstances:
-        """Those that a mask or an array of indices chooses."""
+        """Return the instances chosen by a mask or an array of indices."""
         orientations = None if self.orientations is None else self.orientations[chosen]
         scales = None if self.scales is None else self.scales[chosen]
         primvars, names = _take(self.primvars, chosen), _take_names(self.names, chosen)
         return PointInstances(self.outer, self.positions[chosen], orientations, scales, primvars, names)
 
     def placed(self, outer: Doubles, name: str = "") -> PointInstances:
-        """The same after one more matrix (3, 4), of an instance of that name."""
+        """Return the instances transformed by a further matrix (3, 4), below an instance called `name`."""
         return replace(self, outer=compose(outer[None], self.outer[None])[0], names=_below(self.names, name))
 
 
 @dataclass(frozen=True, eq=False)
 class MovingInstances:
-    """Instances that move: a placement's only level. How they stand between times: motion.py."""
+    """Moving instances, the only level of their placement; motion.py defines the interpolation between times."""
 
     times: Doubles  # (S + 1,) fractions of the exposure's span
     matrices: Doubles  # (S + 1, K, 3, 4)
     frame: Doubles  # (K, 3, 4), at the frame
     turns: bool = False
-    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
-    names: Names | None = None  # where an AOV asks for instances
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE, K rows
+    names: Names | None = None  # if an AOV shows instances
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def rows(self, start: int, stop: int) -> Doubles:
-        """(stop - start, 3, 4), as they stand at the frame."""
+        """Return the matrices (stop - start, 3, 4) at the frame."""
         return self.frame[start:stop]
 
     def take(self, chosen: npt.NDArray[Any]) -> MovingInstances:
-        """Those that a mask or an array of indices chooses."""
+        """Return the instances chosen by a mask or an array of indices."""
         primvars, names = _take(self.primvars, chosen), _take_names(self.names, chosen)
         return replace(self, matrices=self.matrices[:, chosen], frame=self.frame[chosen], primvars=primvars, names=names)
 
     def placed(self, outer: Doubles, name: str = "") -> MovingInstances:
-        """The same after one more matrix (3, 4), of an instance of that name."""
+        """Return the instances transformed by a further matrix (3, 4), below an instance called `name`."""
         moved = np.stack([compose(outer[None], step) for step in self.matrices])
         return replace(self, matrices=moved, frame=compose(outer[None], self.frame), names=_below(self.names, name))
 
@@ -121,17 +121,17 @@ Instances = MatrixInstances | PointInstances | MovingInstances
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Instances of a prototype: one for every combination of one instance of each level, the last level fastest."""
+    """Instances of a prototype: one for every combination of one instance from each level, the last level varying fastest."""
 
     prototype: int
     levels: tuple[Instances, ...]  # outermost first
-    primvars: tuple[Primvar, ...] = ()  # INSTANCE: a row an instance
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE, one row per instance
 
     def __len__(self) -> int:
         return math.prod(len(level) for level in self.levels)
 
     def chunks(self) -> Iterator[Doubles]:
-        """(n, 3, 4) world_from_prototype, in order, at most CHUNK at a time."""
+        """Yield world_from_prototype (n, 3, 4) of all instances in order, at most CHUNK at a time."""
         return chunks(self.levels)
 
     @property
@@ -140,7 +140,7 @@ class Placement:
 
 
 def chunks(levels: Sequence[Instances], size: int = CHUNK) -> Iterator[Doubles]:
-    """The products of the levels' matrices, (n, 3, 4) with n <= `size`, the last level fastest."""
+    """Yield the products (n, 3, 4) of the levels' matrices, n <= `size`, the last level varying fastest."""
     if not levels:
         yield IDENTITY[None]
         return
@@ -157,7 +157,8 @@ def chunks(levels: Sequence[Instances], size: int = CHUNK) -> Iterator[Doubles]:
 
 
 def compose(outer: Doubles, inner: Doubles) -> Doubles:
-    """(N * K, 3, 4): every outer (N, 3, 4) after every inner (K, 3, 4), outer slowest."""
+    """Return the products (N * K, 3, 4) of every outer (N, 3, 4) and every inner (K, 3, 4) matrix, the inner one varying
+    fastest."""
     n, k = len(outer), len(inner)
     columns = inner.transpose(1, 0, 2).reshape(3, k * 4)
     product = (outer[:, :, :3].reshape(-1, 3) @ columns).reshape(n, 3, k, 4)
@@ -167,21 +168,21 @@ def compose(outer: Doubles, inner: Doubles) -> Doubles:
 
 
 def placed_box(levels: Sequence[Instances], box: Box) -> Box:
-    """A box around all images of a box; for several levels, or turned and scaled instances, not the smallest one."""
+    """Return a box around all images of a box; not the tightest one for several levels, or for rotated and scaled instances."""
     for level in reversed(levels):
         box = _level_box(level, box)
     return box
 
 
 def transformed_box(m: Doubles, box: Box) -> Box:
-    """Box around a box's image: Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"."""
+    """Return the box around the image of a box (Arvo 1990, "Transforming Axis-Aligned Bounding Boxes")."""
     center, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
     c, h = m[..., :3, :3] @ center + m[..., :3, 3], np.abs(m[..., :3, :3]) @ half
     return c - h, c + h
 
 
 def transformed_boxes(m: Doubles, low: Doubles, high: Doubles) -> Box:
-    """Boxes around the images of as many boxes (N, 3), each by its own matrix (N, 4, 4)."""
+    """Return the boxes around the images of boxes (N, 3), each under its own matrix (N, 4, 4)."""
     center, half = ((low + high) / 2)[..., None], ((high - low) / 2)[..., None]
     c, h = (m[:, :3, :3] @ center)[..., 0] + m[:, :3, 3], (np.abs(m[:, :3, :3]) @ half)[..., 0]
     return c - h, c + h
@@ -223,12 +224,13 @@ def _below(names: Names | None, outer: str) -> Names | None:
 
 
 def named_levels(levels: Sequence[Instances]) -> Levels:
-    """Their numbers of instances and names, without the rest."""
+    """Return the number of instances and names of each level."""
     return tuple((len(level), level.names) for level in levels)
 
 
 def rows_of_levels(levels: Sequence[Instances]) -> tuple[Primvar, ...]:
-    """The primvars of a placement of these levels, a row an instance; of equal names the innermost level's."""
+    """Return the primvars of a placement of these levels, one row per instance; of equal names the innermost level's is
+    used."""
     found: dict[str, Primvar] = {}
     counts = [len(level) for level in levels]
     for i, level in enumerate(levels):
@@ -240,7 +242,8 @@ def rows_of_levels(levels: Sequence[Instances]) -> tuple[Primvar, ...]:
 
 
 def put_rotations(out: Doubles, quaternions: Doubles, scales: Doubles | float) -> None:
-    """Rotation matrices into out (K, 3, :3) of (K, 4) quaternions x, y, z, w; `scales`: 2 over their squared lengths."""
+    """Write the rotation matrices of quaternions (K, 4) x, y, z, w into out (K, 3, :3); `scales` are 2 over their squared
+    lengths."""
     x, y, z, w = quaternions.T
     xs, ys, zs = x * scales, y * scales, z * scales
     out[:, 0, 0], out[:, 0, 1], out[:, 0, 2] = 1 - (y * ys + z * zs), x * ys - w * zs, x * zs + w * ys
@@ -249,7 +252,7 @@ def put_rotations(out: Doubles, quaternions: Doubles, scales: Doubles | float) -
 
 
 def _rotate(out: Doubles, quaternions: Numbers) -> None:
-    """The same of those of any length; zero ones turn nothing."""
+    """Write the rotation matrices of quaternions of any length; those of length 0 give the identity."""
     q = quaternions.astype(np.float64)
     x, y, z, w = q.T
     square = x * x + y * y + z * z + w * w

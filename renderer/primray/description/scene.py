@@ -1,4 +1,4 @@
-"""The scene as one value: shapes, where they stand, lights and the camera."""
+"""SceneDescription: shapes, their placement, lights, the camera and the frame as one value."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .shading import Surface
 
 @dataclass(frozen=True, slots=True)  # there may be millions
 class Placed:
-    """One shape with its matrix: to the world when static, to the prototype's space inside a Prototype."""
+    """Shape with its matrix: world_from_object in SceneDescription.static, prototype_from_object inside a Prototype."""
 
     shape: int
     matrix: Doubles  # (4, 4)
-    instance: str = ""  # what the instance is called that it is the only one of; where an AOV asks for instances
+    instance: str = ""  # name of the instance that consists of this shape alone; if an AOV shows instances
 
 
 @dataclass(frozen=True)
 class Prototype:
-    """What is stored once and placed many times: shapes, or placements of prototypes that have shapes (two levels at most).
+    """Geometry stored once and placed many times: shapes, or placements of prototypes that have shapes (at most two levels).
 
-    Nested instancing is multiplied out by translation, up to a budget (usd/walking/instances.py).
+    Deeper nesting is multiplied out by translation, up to a budget (usd/walking/instances.py).
     """
 
     path: str
@@ -53,17 +53,18 @@ class SceneDescription:
     meters_per_unit: float
     time_code: float | None  # None: USD's default time
     aovs: tuple[AovRequest, ...] = ()
-    pixels: PixelWindow | None = None  # those that are rendered; None: the whole of `resolution`
+    pixels: PixelWindow | None = None  # rendered pixels; None: all of `resolution`
     pixel_aspect_ratio: float = 1.0
     linked: Linked = NO_LINKS
     rendering_space: ColorSpace = REC709
-    exposure: Exposure | None = None  # None: an instant, at which nothing moves
+    exposure: Exposure | None = None  # None: an instant, without motion
     camera_motion: CameraMotion | None = None
-    motion_steps: tuple[MotionSteps, ...] = ()  # of all that moves
-    instances: tuple[str, ...] = ()  # those that shapes in native prototypes are named by, where AOVs are asked for
-    file: PictureFile = PLAIN  # what the stage's product asks of the EXR
-    asked: StageSettings = NOTHING_ASKED  # settings of the render that the stage asks for
-    # There are no lights and surfaces glow: a small picture decides whether a studio light is added (staging/judged_light.py).
+    motion_steps: tuple[MotionSteps, ...] = ()  # report entries of all moving things
+    instances: tuple[str, ...] = ()  # names of instances with shapes of native prototypes, if an AOV shows instances
+    file: PictureFile = PLAIN  # EXR options of the stage's render product
+    asked: StageSettings = NOTHING_ASKED  # render settings from the stage
+    # Surfaces emit and there are no lights: a small test render decides whether a studio light is added
+    # (staging/judged_light.py).
     may_need_light: bool = False
 
     @property

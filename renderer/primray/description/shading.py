@@ -1,4 +1,5 @@
-"""The seam's surfaces: UsdPreviewSurface's inputs, or OpenPBR's, each a constant, a primvar, a texture or a pattern."""
+"""Surfaces of a scene description: inputs of UsdPreviewSurface, OpenPBR or hair, each a constant, a primvar, a texture or a
+pattern."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from .texture_file import TextureFile
 
 
 class Wrap(Enum):
-    """UsdUVTexture's wrapS and wrapT; USE_METADATA: as the file says, black where it says nothing."""
+    """Wrap modes (UsdUVTexture's wrapS and wrapT). USE_METADATA: as the file says, black if it does not."""
 
     USE_METADATA = "useMetadata"
     BLACK = "black"
@@ -26,7 +27,7 @@ class Wrap(Enum):
 
 @dataclass(frozen=True)
 class PrimvarInput:
-    """The shape's or its instance's primvar of that name; `fallback` (1 to 4 floats) where there is none."""
+    """Input that reads the primvar `name` of the shape or its instance; `fallback` (1 to 4 floats) if there is none."""
 
     name: str
     fallback: tuple[float, ...]
@@ -34,11 +35,10 @@ class PrimvarInput:
 
 @dataclass(frozen=True)
 class TextureInput:
-    """A UsdUVTexture's output: `channels` of texture(st') * scale + bias, where st' = st_transform * (st, 1).
+    """Input that reads a UsdUVTexture: `channels` of texture(st') * scale + bias, where st' = st_transform * (st, 1).
 
-    A file that cannot be read, or a tile of a set that is not there, gives `fallback` (scale and bias do not apply to it: the
-    text multiplies texture values).
-    (0, 0) is the image's lower left corner.
+    If the file cannot be read, or a tile of a set is missing, the value is `fallback` (without scale and bias: by the
+    specification these apply to texture values). (0, 0) is the image's lower left corner.
     """
 
     file: TextureFile
@@ -54,32 +54,31 @@ class TextureInput:
 
 Input = PrimvarInput | TextureInput | PatternInput
 
-# What moves a surface before it is seen, in the units of the shape's own space: one number along the normal; three along the
-# tangent of the primvar st, across it and along the normal; three along the axes of that space.
+# Displacement inputs, in units of the shape's own space: one number along the normal; three along the tangent of the primvar
+# st, the bitangent and the normal; three along the object axes.
 DISPLACEMENTS = ("displacement", "displacement_tangent", "displacement_object")
 
 
 class CameraSight(Enum):
-    """What the camera sees of a shape, straight or through what is see-through; anything else sees it in any case."""
+    """Visibility of a shape to the camera, directly or through transparent surfaces; all other rays see it in any case."""
 
     SEEN = "seen"
-    HIDDEN = "hidden"  # what lies behind it
-    MATTE = "matte"  # a hole in the picture: black, of alpha 0
+    HIDDEN = "hidden"  # what is behind it is seen
+    MATTE = "matte"  # holdout: black, with alpha 0
 
 
 @dataclass(frozen=True)
 class Surface:
-    """UsdPreviewSurface's inputs, a Lambert surface of `diffuse_color` (exactly albedo / pi), or the lobes of `open_pbr` or
-    `hair`.
+    """Surface with UsdPreviewSurface's inputs, a Lambert surface of `diffuse_color` (exactly albedo / pi), or the lobes of
+    `open_pbr` or `hair`.
 
-    The fields are constants. `inputs` names those that vary, by field name ("open_pbr_" or "hair_" and its name for one
-    of theirs),
-    "normal" (tangent space, -1 to 1; a pattern's is in world space) or "tangent" (of anisotropy: a pattern's, in world space);
-    their constants then stand where nothing else is known. One of DISPLACEMENTS has none: it is there, or is not. `thin`: what
-    is not opaque lets light straight through (else it refracts by its index; needs closed geometry).
+    The fields are constants. `inputs` names those that vary, by field name ("open_pbr_" or "hair_" and the name for one of
+    these), "normal" (tangent space, -1 to 1; from a pattern in world space) or "tangent" (for anisotropy, from a pattern, in
+    world space); their constants are used where no other value is known. DISPLACEMENTS have no constant. `thin`: transmitted
+    light is not refracted (else it refracts by the index of refraction, which needs closed geometry).
     """
 
-    path: str  # the material's prim path, "" for one made from displayColor
+    path: str  # of the material prim; "" for surfaces made from displayColor
     lambert: bool = False
     diffuse_color: tuple[float, float, float] = (0.18, 0.18, 0.18)
     emissive_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -90,29 +89,31 @@ class Surface:
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.01
     opacity: float = 1.0
-    opacity_threshold: float = 0.0  # above 0: opacity below it is a hole, else a whole surface (a cut-out)
-    presence: bool = False  # opacityMode "presence": opacity scales everything, else it scales the diffuse part only
+    opacity_threshold: float = 0.0  # above 0: cut-out, which is a hole where opacity is below it and opaque elsewhere
+    presence: bool = False  # opacityMode "presence": opacity scales everything, else only the diffuse part
     ior: float = 1.5
     thin: bool = False
-    dielectric_priority: float = 0.0  # of OpenPBR's bodies that overlap the higher one is there, of equals that entered last
-    open_pbr: OpenPbr | None = None  # of a surface's other fields, emission, opacity and thin then have an effect
-    hair: Hair | None = None  # likewise
+    dielectric_priority: float = (
+        0.0  # of overlapping OpenPBR interiors the one with the higher priority applies; if equal, the last one entered
+    )
+    open_pbr: OpenPbr | None = None  # if set, of the other fields only emission, opacity and thin have an effect
+    hair: Hair | None = None  # if set, of the other fields only emission, opacity and thin have an effect
     camera: CameraSight = CameraSight.SEEN
     inputs: tuple[tuple[str, Input], ...] = ()
-    pattern: Pattern | None = None  # what its PatternInputs read
+    pattern: Pattern | None = None  # graph that its PatternInputs read
 
     @property
     def varying(self) -> frozenset[str]:
-        """Names of inputs that are no constants."""
+        """Names of the inputs that are not constant."""
         return frozenset(name for name, _ in self.inputs)
 
     @property
     def displacement(self) -> tuple[str, Input] | None:
-        """Which of DISPLACEMENTS moves it, and by what."""
+        """Displacement input (one of DISPLACEMENTS) and its value, if any."""
         return next((item for item in self.inputs if item[0] in DISPLACEMENTS), None)
 
     def without_displacement(self) -> Surface:
-        """What is left once shapes that wear it have been moved."""
+        """Return the surface for shapes that have already been displaced."""
         if self.displacement is None:
             return self
         left = tuple(item for item in self.inputs if item[0] not in DISPLACEMENTS)
@@ -121,16 +122,16 @@ class Surface:
 
     @property
     def transmits(self) -> bool:
-        """Whether light goes through what is there of it."""
+        """Whether light passes through the surface where it is present."""
         if self.hair is not None:
-            return False  # what passes comes out of the same fibre: no body is entered
+            return False  # transmitted light leaves the same fibre: no interior is entered
         if self.open_pbr is not None:
             return self.open_pbr.transmission_weight > 0 or f"{PREFIX}transmission_weight" in self.varying
         return self.opacity < 1 or ("opacity" in self.varying and self.opacity_threshold == 0)
 
     @property
     def bends_nothing(self) -> bool:
-        """Whether what it lets through goes straight on, and its two sides are as one."""
+        """Whether transmitted light continues straight on, and both sides behave the same."""
         lobes = self.open_pbr
         if lobes is None:
             return self.ior == 1 and "ior" not in self.varying
@@ -139,9 +140,9 @@ class Surface:
         return at_rest and not any(PREFIX + name in self.varying for name in names)
 
     def constant(self, name: str) -> float | tuple[float, float, float]:
-        """What stands for an input, by the name that it has among those that vary.
+        """Return the constant of an input, by its name in `inputs`.
 
-        Raises AttributeError for a surface that has no such input.
+        Raises AttributeError if the surface has no such input.
         """
         prefix, holder = next(((p, h) for p, h in self._lobes if name.startswith(p)), ("", self))
         value: float | tuple[float, float, float] = getattr(holder, name.removeprefix(prefix))
@@ -149,11 +150,11 @@ class Surface:
 
     @property
     def _lobes(self) -> tuple[tuple[str, Any], ...]:
-        """Holders of inputs, by the prefixes of their names here."""
+        """Input holders with the prefixes of their names."""
         return (PREFIX, self.open_pbr), (HAIR_PREFIX, self.hair)
 
     def with_constants(self, values: Mapping[str, float | tuple[float, float, float]]) -> Surface:
-        """With these, by names as `constant` takes them."""
+        """Return the surface with these constants, by the names that `constant` takes."""
         own: dict[str, Any] = {name: v for name, v in values.items() if not name.startswith((PREFIX, HAIR_PREFIX))}
         for prefix, holder in self._lobes:
             lobes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}

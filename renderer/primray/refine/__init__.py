@@ -1,1 +1,2 @@
-"""What becomes of a description before the core sees it: cages diced, geometry that floats cannot hold made in double."""
+"""Preparation of a description for the core: dicing, and geometry that single precision cannot hold made in double
+precision."""

@@ -1,6 +1,6 @@
-"""A camera's way in a few pieces, on each of which it looks one way and goes straight: how footprints see a camera that moves.
+"""Approximation of a moving camera for footprints by a few pieces with fixed orientation and linear translation.
 
-What the camera turns on a piece is made up for by a wider window.
+The rotation within a piece is accounted for by a wider window.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from ..arrays import Doubles
 Window = tuple[float, float, float, float]  # left, right, bottom, top at unit distance
 
 MOST_POSES = 16
-TURN = 0.05  # radians from a piece's middle to its ends that need no more pieces
+TURN = 0.05  # radians from a piece's middle to its ends, small enough not to need more pieces
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    camera_from_world: Doubles  # (4, 4) where the piece begins, turned as in its middle
-    sweep: Doubles  # (3,) how far the camera goes, in its own space
+    camera_from_world: Doubles  # (4, 4) at the start of the piece, with the orientation at its middle
+    sweep: Doubles  # (3,) translation of the camera, in its own space
 
     def distances(self, points: Doubles) -> Doubles:
-        """(K,) how near the camera comes to points (K, 3) of its own space."""
+        """Return the smallest distance (K,) of the camera to points (K, 3) in its own space."""
         return _distances(points, self.sweep)
 
     def distances_in_world(self, points: Doubles) -> Doubles:
-        """The same of points of the world."""
+        """Return the smallest distance (K,) of the camera to points (K, 3) in world space."""
         world_from_camera = np.linalg.inv(self.camera_from_world)
         return _distances(points - world_from_camera[:3, 3], world_from_camera[:3, :3] @ self.sweep)
 
 
 def _distances(points: Doubles, sweep: Doubles) -> Doubles:
-    """(K,) of points to the line from the origin to `sweep`."""
+    """Return the distance (K,) of points to the segment from the origin to `sweep`."""
     if not sweep.any():
         return np.asarray(np.linalg.norm(points, axis=1))
     along = np.clip(points @ sweep / (sweep @ sweep), 0.0, 1.0)
@@ -43,7 +43,8 @@ def _distances(points: Doubles, sweep: Doubles) -> Doubles:
 
 
 def camera_poses(cameras: Sequence[Doubles]) -> tuple[tuple[Pose, ...], float]:
-    """Of a way by its (4, 4) world_from_camera; and by how many radians the camera turns to either side on a piece at most."""
+    """Return the pieces of a path given by its world_from_camera (4, 4) at several times, and the largest rotation to either
+    side within a piece, in radians."""
     first = cameras[0]
     if all(np.array_equal(first, other) for other in cameras):
         return (Pose(np.asarray(np.linalg.inv(first), np.float64), np.zeros(3)),), 0.0
@@ -62,7 +63,7 @@ def _pose(start: Doubles, end: Doubles) -> Pose:
 
 
 def _middle(a: Doubles, b: Doubles) -> Doubles:
-    """Half way: the rotation nearest to the mean of two is that between them."""
+    """Return the pose halfway between two: the rotation nearest to the mean of two rotations is the one between them."""
     mean = (a + b) / 2
     u, _, v = np.linalg.svd(mean[:3, :3])
     mean[:3, :3] = u @ v
@@ -70,15 +71,15 @@ def _middle(a: Doubles, b: Doubles) -> Doubles:
 
 
 def _angle(a: Doubles, b: Doubles) -> float:
-    """By how much they are turned from each other, in radians."""
+    """Return the angle between two orientations, in radians."""
     apart = float(np.linalg.norm(a[:3, :3] - b[:3, :3]))
     return 2.0 * float(np.arcsin(min(apart / np.sqrt(8.0), 1.0)))
 
 
 def widened(window: Window, angle: float) -> Window:
-    """So that it holds all that the window does while the camera turns so far to any side."""
+    """Return a window that contains everything the given one sees while the camera turns by up to `angle` in any direction."""
     left, right, bottom, top = window
-    # A turn about the way that the camera looks moves corners by as much more as they are away from the axis.
+    # Rotation about the view direction moves corners in proportion to their distance from the axis.
     across = angle * float(np.hypot(1.0, max(abs(bottom), abs(top))))
     up = angle * float(np.hypot(1.0, max(abs(left), abs(right))))
     return _turned(left, -across), _turned(right, across), _turned(bottom, -up), _turned(top, up)

@@ -1,7 +1,7 @@
-"""Instances that stand exactly where another does, left out: a ray there would have to be tested against each of them.
+"""Removal of instances that exactly coincide with another one: each of them would have to be tested by rays through that place.
 
-Ten thousand in one place cost Embree a millisecond a ray. What is left shows the same: of surfaces in one place a ray meets
-one, and goes on beyond all of them.
+Ten thousand coincident instances cost Embree a millisecond per ray. The image is the same: a ray hits one of several coincident
+surfaces and continues beyond all of them.
 """
 
 from __future__ import annotations
@@ -13,23 +13,24 @@ import numpy.typing as npt
 
 from ..description.placement import Instances, PointInstances
 
-# A few instances in one place cost nothing, looking for them in many small placements would.
+# A few coincident instances cost nothing, while looking for them in many small placements would.
 FEWEST = 32
-# Of more instances only as many are looked at first, at random: crowds that matter (some 1000 of 10 million) show in them.
+# Larger placements are first tested by this many random instances, which reveal crowds that matter (some 1000 of 10 million).
 SAMPLE = 1 << 16
 
 Words = npt.NDArray[np.uint64]
 
 
 def distinct(level: Instances) -> Instances:
-    """Without exact repetitions of matrix (or position, orientation and scale) and primvars; the first of each stays."""
+    """Return the instances without exact duplicates in matrix (or position, orientation and scale) and primvars; the first of
+    each is kept."""
     count = len(level)
     if count < FEWEST:
         return level
     columns = _columns(level)
     if count > SAMPLE:
         chosen = np.random.default_rng(0).integers(0, count, SAMPLE)
-        chosen = np.unique(chosen)  # with repetitions, as chance has it
+        chosen = np.unique(chosen)  # drawn with replacement
         if len(_repeated([c[chosen] for c in columns])) == 0:
             return level
     repeated = _repeated(columns)
@@ -41,7 +42,7 @@ def distinct(level: Instances) -> Instances:
 
 
 def _columns(level: Instances) -> list[npt.NDArray[Any]]:
-    """(K, n) arrays whose rows together say all of an instance."""
+    """Return arrays (K, n) whose rows together identify an instance."""
     if isinstance(level, PointInstances):
         own = [level.positions, level.orientations, level.scales]
     else:
@@ -50,7 +51,7 @@ def _columns(level: Instances) -> list[npt.NDArray[Any]]:
 
 
 def _repeated(columns: list[npt.NDArray[Any]]) -> npt.NDArray[np.int64]:
-    """Rows that say the same as an earlier one. Where two different ones have one hash, some may stay."""
+    """Return the rows equal to an earlier one; some may be missed if different rows have the same hash."""
     hashes = _hashes(columns)
     order = np.argsort(hashes, kind="stable")
     again = np.flatnonzero(hashes[order[1:]] == hashes[order[:-1]])
@@ -62,11 +63,11 @@ def _repeated(columns: list[npt.NDArray[Any]]) -> npt.NDArray[np.int64]:
 
 
 def _hashes(columns: list[npt.NDArray[Any]]) -> Words:
-    """64 bits a row, the same for equal rows (also for 0 and -0)."""
+    """Return a 64-bit hash per row, equal for equal rows (0 and -0 count as equal)."""
     total = np.zeros(len(columns[0]), np.uint64)
     for column in columns:
         for k in range(column.shape[1]):
-            # The finalizer of MurmurHash3's 64 bit mix, half of it, after each number.
+            # Half of the finalizer of MurmurHash3's 64-bit mix, after each number.
             total ^= (column[:, k].astype(np.float64) + 0.0).view(np.uint64)
             total *= np.uint64(0xFF51AFD7ED558CCD)
             total ^= total >> np.uint64(33)

@@ -1,6 +1,6 @@
-"""Every SubdivisionMesh of a description becomes a Mesh on its limit surface, as fine as the camera asks.
+"""Dicing of every SubdivisionMesh to a Mesh on its limit surface, as finely as the camera's view requires.
 
-The refinement itself is the core's (core/subdivision/dicing/dice.hpp).
+The refinement itself is in the core (core/subdivision/dicing/dice.hpp).
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
 from .nurbs.grid import Fineness
 from .nurbs.patches import triangles_of
 
-# In the order of the core's enumerations (topology.hpp, face_varying.hpp).
+# Tokens in the order of the core's enumerations (topology.hpp, face_varying.hpp).
 SCHEMES = ("catmullClark", "loop", "bilinear")
 BOUNDARIES = ("none", "edgeOnly", "edgeAndCorner")
 FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all")
 
 MAX_TRIANGLES = 1 << 24
 FLATNESS = 0.1
-BYTES_PER_TRIANGLE = 300  # at the peak of dicing and building: 170 measured without primvars
-# Of what is displaced, edges are so many times as long, and faces of the cage in more parts: it has no other detail than its
-# vertices, and often is one face.
+BYTES_PER_TRIANGLE = 300  # peak of dicing and building: 170 measured without primvars
+# Displaced cages get shorter edges (factor) and deeper subdivision (levels): they have no detail except their vertices, and
+# often are one face.
 DISPLACED_EDGES, DISPLACED_LEVELS = 0.5, 2
 MAX_BATCH = 64  # cages that a thread takes at a time
 NO_INTS = np.zeros(0, np.int32)
@@ -48,18 +48,18 @@ Warnings = list[tuple[str, str, str]]  # code, prim path, message
 
 
 class Displacements(Protocol):
-    """What displaces shapes."""
+    """Source of displacements for diced shapes."""
 
     warnings: Warnings
 
     def of(self, number: int, shape: DisplacedMesh) -> dict[str, Any]:
-        """What the core's dice() reads of it, of the description's shape of that number."""
+        """Return the displacement data of the shape with this index in the description, for the core's dice()."""
 
 
 @dataclass(frozen=True)
 class Dicing:
-    """How finely: edges at most `pixels` long, between two levels; one level for all makes cages uniform. Faces that are flat
-    to within `flatness` pixels are not split, however long; with 0, all are."""
+    """Dicing rate: edges at most `pixels` long, between two levels; equal levels make it uniform. Faces flat to within
+    `flatness` pixels are not split, however long they are; 0 splits all."""
 
     pixels: float
     min_level: int = 0
@@ -69,7 +69,7 @@ class Dicing:
 
 
 def dicing_for(cage: SubdivisionMesh, dicing: Dicing) -> Dicing:
-    """Of this cage."""
+    """Return the dicing rate for a cage, finer if it is displaced."""
     if not isinstance(cage, DisplacedMesh):
         return dicing
     further = DISPLACED_LEVELS if dicing.min_level < dicing.max_level else 0
@@ -77,7 +77,7 @@ def dicing_for(cage: SubdivisionMesh, dicing: Dicing) -> Dicing:
 
 
 def dicing_of(settings: RenderSettings) -> Dicing:
-    """Within half of the memory that is allowed, where a limit is set."""
+    """Return the dicing rate by the render settings; triangles may take half of the memory limit, if one is set."""
     limit = MAX_TRIANGLES
     if settings.max_memory_bytes is not None:
         limit = max(1, min(limit, settings.max_memory_bytes // 2 // BYTES_PER_TRIANGLE))
@@ -87,7 +87,8 @@ def dicing_of(settings: RenderSettings) -> Dicing:
 def dice(
     core: Any, description: SceneDescription, dicing: Dicing, threads: int, displaced: Displacements | None = None
 ) -> tuple[SceneDescription, Warnings]:
-    """The description with triangles for cages, and what had to be approximated. Edges are longer where there is no room."""
+    """Return the description with cages diced to triangles, and warnings. Edges are longer than asked if there would be too
+    many triangles."""
     prints = footprints(description)
     if not prints:
         return description, []
@@ -118,10 +119,11 @@ def _within_limit(
     dicing: Dicing,
     threads: int,
 ) -> tuple[dict[int, dict[str, Any]], float]:
-    """The core's results and the pixels that it took: doubled until all cages together have few enough triangles."""
+    """Return the core's results and the edge length in pixels, which is doubled until all cages together have few enough
+    triangles."""
     pixels = dicing.pixels
     numbers = list(cages)
-    size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # small ones take less than handing them over
+    size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # handing over single small cages is slow
     batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
     with ThreadPoolExecutor(max(threads, 1)) as pool:
         while True:
@@ -154,7 +156,7 @@ def _warnings(cage: SubdivisionMesh, made: dict[str, Any], dicing: Dicing) -> Wa
 
 
 def estimated_triangles(core: Any, cage: SubdivisionMesh | NurbsPatch, footprint: Footprint, pixels: float) -> int:
-    """Triangles that dicing to edges of so many pixels makes, roughly."""
+    """Return an estimate of the number of triangles with edges of `pixels`."""
     if isinstance(cage, NurbsPatch):
         return triangles_of(cage, footprint, Fineness(pixels, FLATNESS, MAX_LEVEL))
     return int(core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels))))
@@ -163,7 +165,7 @@ def estimated_triangles(core: Any, cage: SubdivisionMesh | NurbsPatch, footprint
 def core_arrays(
     cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing, displacement: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """What the core's dice() reads; `displacement`: of a DisplacedMesh."""
+    """Return the arrays for the core's dice(); `displacement` is that of a DisplacedMesh."""
     dicing = dicing_for(cage, dicing)
     channels = primvars_of(cage, Interpolation.CORNER)
     if isinstance(cage, DisplacedMesh) and cage.normals is not None:
@@ -206,7 +208,7 @@ def core_arrays(
 
 
 def primvars_of(cage: SubdivisionMesh, interpolation: Interpolation) -> list[Primvar]:
-    """The colours and primvars that vary so, in the order in which the core gives them back."""
+    """Return the colours and primvars of this interpolation, in the order in which the core returns them."""
     if cage.colors is None and not cage.primvars:
         return []
     every = [*([cage.colors] if cage.colors is not None else []), *cage.primvars]
@@ -246,7 +248,7 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
     surface = cage.surface if isinstance(cage.surface, int) else np.asarray(cage.surface)[made["faces"]]
     points = len(made["points"])
     rows = made["normal_indices"].ravel() if len(made["normal_indices"]) else None
-    if points == 3 * len(triangles) == len(normals) and rows is None:  # lengths must not be mistaken: description.Mesh
+    if points == 3 * len(triangles) == len(normals) and rows is None:  # lengths must be unambiguous (description.Mesh)
         normals, rows = normals[triangles.ravel()], triangles.ravel()
     return Mesh(
         cage.path,
@@ -263,13 +265,13 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
 
 
 def _motion(motion: PointMotion, made: dict[str, Any], rows: Ints | None) -> PointMotion:
-    """Of the triangles; `rows`: which normals they have in order, None: all."""
+    """Return the motion of the triangles; `rows` are the normals to take, in order (None: all)."""
     normals = np.stack(made["step_normals"])
     return PointMotion(motion.times, np.stack(made["step_points"]), normals if rows is None else normals[:, rows])
 
 
 def numbered(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
-    """Colours and primvars with their place: the first column of those by point, the channel of those by corner."""
+    """Return colours and primvars with their place: the first column of POINT and VARYING ones, the channel of CORNER ones."""
     out: list[tuple[Primvar, int]] = []
     if cage.colors is None and not cage.primvars:
         return out
@@ -282,7 +284,7 @@ def numbered(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
 
 
 def _diced(primvar: Primvar, place: int, cage: SubdivisionMesh, made: dict[str, Any]) -> Primvar:
-    """The primvar on the triangles."""
+    """Return the primvar on the diced triangles."""
     kind, width = primvar.interpolation, primvar.values.shape[1]
     if kind is Interpolation.CONSTANT:
         return primvar
@@ -291,14 +293,15 @@ def _diced(primvar: Primvar, place: int, cage: SubdivisionMesh, made: dict[str, 
     if kind is Interpolation.CORNER:
         indices, values = made["face_varying"][place]
         if len(values) == len(made["points"]) and np.array_equal(indices, made["triangles"]):
-            return Primvar(primvar.name, Interpolation.POINT, values)  # without a seam
+            return Primvar(primvar.name, Interpolation.POINT, values)  # no seams
         return Primvar(primvar.name, kind, values[indices.ravel()])
     columns = made["vertex_values" if kind is Interpolation.POINT else "varying_values"]
     return Primvar(primvar.name, Interpolation.POINT, np.ascontiguousarray(columns[:, place : place + width]))
 
 
 def _colors(colors: Primvar, triangles: Ints, points: int) -> Floats:
-    """With a length that says what they belong to, as description.Mesh reads it: by corners where two numbers are equal."""
+    """Return the colours with a length that tells what they belong to (description.Mesh): per corner if two counts are
+    equal."""
     values, kind = colors.values, colors.interpolation
     distinct = len({points, len(triangles), 3 * len(triangles)}) == 3
     if kind is Interpolation.CONSTANT:

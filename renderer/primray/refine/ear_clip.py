@@ -1,4 +1,4 @@
-"""Triangulation of one polygon that is not convex, by clipping ears (Meisters 1975, "Polygons have ears")."""
+"""Triangulation of a polygon that is not convex by ear clipping (Meisters 1975, "Polygons have ears")."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from ..arrays import Doubles, Ints
 
 
 def ear_clip(polygon: Doubles) -> Ints:
-    """(n - 2, 3) vertex numbers of a polygon (n, 3), in its own winding. Simple planar polygons keep their area exactly;
-    others get triangles all the same."""
+    """Return triangles (n - 2, 3) of vertex indices of a polygon (n, 3), in its winding. Simple planar polygons keep their area
+    exactly; others are triangulated, too."""
     n = len(polygon)
     xy = _project(polygon)
     x, y = xy[:, 0].tolist(), xy[:, 1].tolist()
@@ -26,12 +26,12 @@ def ear_clip(polygon: Doubles) -> Ints:
             ear = True
         else:
             misses += 1
-            ear = misses > m  # no ear: the polygon crosses itself or is flat; clip what is here and go on
+            ear = misses > m  # no ear: the polygon intersects itself or is flat; clip this corner anyway
         if ear:
             triangles.append((a, b, c))
             del ring[at]
             misses = 0
-            _drop_flat(x, y, ring, triangles, at - 1, 2)  # and go on after them, so that ears do not all share one
+            _drop_flat(x, y, ring, triangles, at - 1, 2)  # continue after them, so that ears do not all share a vertex
         else:
             at += 1
     triangles.append((ring[0], ring[1], ring[2]))
@@ -45,8 +45,8 @@ def _turn(x: list[float], y: list[float], a: int, b: int, c: int) -> float:
 def _drop_flat(
     x: list[float], y: list[float], ring: list[int], triangles: list[tuple[int, int, int]], at: int, count: int
 ) -> None:
-    """Clip repeated vertices and tips of spikes among the `count` corners from `at` on, and what becomes such: ears beside
-    them would reach outside the polygon."""
+    """Clip repeated vertices and tips of spikes among the `count` corners from `at` on, and any that result: ears next to them
+    would reach outside the polygon."""
     while count > 0 and len(ring) > 3:
         m = len(ring)
         a, b, c = ring[(at - 1) % m], ring[at % m], ring[(at + 1) % m]
@@ -61,12 +61,14 @@ def _drop_flat(
 
 
 def _goes_back(x: list[float], y: list[float], a: int, b: int, c: int) -> bool:
-    """Whether b, in line with a and c, is where one of them is or the tip of a spike: no area is cut off with it."""
+    """Return whether b, collinear with a and c, coincides with one of them or is the tip of a spike, so that no area is cut
+    off."""
     return (x[b] - x[a]) * (x[c] - x[b]) + (y[b] - y[a]) * (y[c] - y[b]) <= 0
 
 
 def _holds_a_vertex(x: list[float], y: list[float], ring: list[int], a: int, b: int, c: int) -> bool:
-    """Whether another vertex lies inside the triangle or on its edges; vertices at its own corners' places do not count."""
+    """Return whether another vertex is inside the triangle or on its edges; vertices that coincide with its corners do not
+    count."""
     ax, ay, bx, by, cx, cy = x[a], y[a], x[b], y[b], x[c], y[c]
     left, right = min(ax, bx, cx), max(ax, bx, cx)
     low, high = min(ay, by, cy), max(ay, by, cy)
@@ -86,7 +88,7 @@ def _holds_a_vertex(x: list[float], y: list[float], ring: list[int], a: int, b: 
 
 
 def _project(polygon: Doubles) -> Doubles:
-    """(n, 2) coordinates in the plane of the polygon's Newell normal, right-handed about it, scaled to about 1."""
+    """Return coordinates (n, 2) in the plane of the polygon's Newell normal, right-handed about it, scaled to about 1."""
     p = polygon - polygon[0]
     p = p / (np.abs(p).max() or 1.0)
     normal = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)

@@ -1,6 +1,7 @@
-"""Geometry so far away that floats beside it fail: what the scale of all leaves aside, and what is left out with a word.
+"""Geometry too far away for single precision: outliers excluded from the scene's scale, and distant geometry left out with a
+diagnostic.
 
-Embree leaves out, without a word, what reaches beyond 1.844e18; shading squares a triangle's cross product.
+Embree silently ignores what reaches beyond 1.844e18; shading squares a triangle's cross product.
 """
 
 from __future__ import annotations
@@ -15,17 +16,17 @@ from ..arrays import Doubles
 from ..description import Mesh, Shape
 from ..description.placement import Box, Placement, transformed_boxes
 
-# What lies further from the camera than the nearest shape, or the usual instance, by this does not count for the scale of all:
-# in floats the rest would be too small to be hit (products of three lengths below 1e-38).
+# Geometry farther from the camera than the nearest shape or the median instance by this factor is excluded from the scene's
+# scale: otherwise the rest would be too small to be hit in single precision (products of three lengths below 1e-38).
 OUTLYING = 2.0**24
 
-FARTHEST = 1e18  # in the core's lengths
+FARTHEST = 1e18  # in the core's length unit
 
 Flags = npt.NDArray[np.bool_]
 
 
 def usual_boxes(boxes: Doubles, shapes: Sequence[Shape]) -> Doubles:
-    """(S, 2, 3), without the few points of a mesh that lie absurdly far from its others."""
+    """Return the boxes (S, 2, 3) without the few points of a mesh that are extremely far from its others."""
     far = np.flatnonzero(np.abs(boxes).max(axis=(1, 2), initial=0.0) > OUTLYING)
     if len(far) == 0:
         return boxes
@@ -45,7 +46,7 @@ def _box_of_most(points: Doubles) -> Doubles:
 
 
 def usual_union(boxes: Doubles) -> Box:
-    """Of boxes (S, 2, 3), without those that lie absurdly far from the others."""
+    """Return the union of boxes (S, 2, 3) without those that are extremely far from the others."""
     if len(boxes) == 0:
         return np.zeros(3), np.zeros(3)
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
@@ -58,7 +59,8 @@ def usual_union(boxes: Doubles) -> Box:
 
 
 def near_triangles(mesh: Mesh, core_from_object: Doubles) -> tuple[Flags, int]:
-    """(T,): which triangles floats can hold; and how many of these reach so far that their edges are off by a unit or more."""
+    """Return the mask (T,) of triangles that single precision can hold, and the number of these that reach so far that their
+    edges are off by a unit or more."""
     with np.errstate(over="ignore", invalid="ignore"):
         points = mesh.points.astype(np.float64) @ core_from_object[:3, :3].T + core_from_object[:3, 3]
         p = points[mesh.triangles]
@@ -70,7 +72,7 @@ def near_triangles(mesh: Mesh, core_from_object: Doubles) -> tuple[Flags, int]:
 
 @dataclass(frozen=True)
 class FarInstances:
-    """Those whose `box` reaches `limit` or further from `center`."""
+    """Instances whose `box` reaches `limit` or farther from `center`."""
 
     box: Box
     center: Doubles
@@ -83,7 +85,7 @@ class FarInstances:
         return np.asarray(np.isfinite(rows).all(axis=(1, 2)) & ~(reach < self.limit))
 
     def removed(self, rows: Doubles) -> Doubles:
-        """Rows (K, 3, 4) with NaN for these, which the core leaves out."""
+        """Return rows (K, 3, 4) with NaN for far instances, which the core leaves out."""
         kept = rows.copy()
         kept[self._are_far(rows)] = np.nan
         return kept

@@ -1,7 +1,8 @@
-"""How large the cages of a description are on the image: what dice.py asks the core for.
+"""Size of cages on the image, from which dice.py derives how finely the core dices them.
 
-A cage that stands once is looked at face by face. Of instances, the few that ask for most are; the rest count by the most
-pixels that any of them gives to a unit of the cage's space. Cameras that move are looked through on all of their way.
+A cage that is placed once is examined face by face. Of several instances, the few largest on the image are examined; for the
+others only the largest number of pixels per unit of the cage's space counts. Moving cameras are examined along their whole
+path.
 """
 
 from __future__ import annotations
@@ -33,36 +34,36 @@ from .camera_poses import Pose, Window, camera_poses, widened
 
 Diced = SubdivisionMesh | Ribbons | NurbsPatch
 
-# Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
+# Factor on edge lengths outside the view, where shapes are seen in mirrors and by their shadows only.
 OUTSIDE = 4.0
-EVERYWHERE = (-1e30, 1e30, -1e30, 1e30)  # the window of a lens that may see anything
-MARGIN = 0.05  # of the image's size, on each side: filters and lenses look past the edge
+EVERYWHERE = (-1e30, 1e30, -1e30, 1e30)  # window of a lens that may see anything
+MARGIN = 0.05  # of the image's size, on each side: filters and lenses reach beyond the edge
 MAX_VIEWS = 4
-MAX_LEVEL = 10  # a face of the cage in 2^20 parts
-WIDEST = 1.0  # radians that a camera may turn between two poses and count as looking one way
+MAX_LEVEL = 10  # at most 2^20 parts of a cage face
+WIDEST = 1.0  # radians that a camera may turn between two poses to have one view
 
 
 @dataclass(frozen=True)
 class Projected:
-    """The camera as footprints see it."""
+    """Camera as footprints see it: poses, scale and window."""
 
     poses: tuple[Pose, ...]
     orthographic: bool
-    pixels_per_unit: float  # at unit distance, or everywhere
-    window: Window  # with its margin
-    sees_around: bool = False  # through a lens that distorts: nothing counts as beside the view
+    pixels_per_unit: float  # at unit distance, or anywhere for orthographic cameras
+    window: Window  # including MARGIN
+    sees_around: bool = False  # lens with distortion: nothing is outside the view
 
 
 @dataclass(frozen=True)
 class Footprint:
     projected: Projected
     views: Doubles  # (V, 3, 4) camera_from_object
-    density: float  # pixels that a unit of the cage covers in all other placements
-    sweeps: Doubles  # (V, 3) how far the camera goes, in its own space
+    density: float  # largest number of pixels per unit of the cage, in all other placements
+    sweeps: Doubles  # (V, 3) translation of the camera during the pose, in its own space
 
 
 def projected(camera: Camera, frame: Frame, motion: CameraMotion | None = None) -> Projected:
-    """Of a camera, or of all of its way: as fine as it is anywhere, and wide enough for where it turns."""
+    """Return the projection of a camera, or of its whole path: the finest scale, and a window wide enough for its rotation."""
     cameras = (camera,) if motion is None else motion.cameras
     scales, windows = zip(*(_scale_and_window(each, frame) for each in cameras), strict=True)
     parallel = camera.projection is Projection.ORTHOGRAPHIC
@@ -76,12 +77,13 @@ def projected(camera: Camera, frame: Frame, motion: CameraMotion | None = None) 
 
 
 def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
-    """What the whole frame shows, and what is rendered beyond it: a part of a picture has the triangles of the whole."""
+    """Return the scale and window of the whole frame and anything rendered beyond it, so that a crop has the triangles of the
+    whole."""
     left, right, bottom, top = camera.window
     width, height = frame.resolution
     x, y = MARGIN * (right - left), MARGIN * (top - bottom)
     scale = max(width / abs(right - left), height / abs(top - bottom))
-    across, down = (right - left) / width, (top - bottom) / height  # of a pixel
+    across, down = (right - left) / width, (top - bottom) / height  # per pixel
     pixels = frame.pixels
     beyond_right = max(0, pixels.x + pixels.width - width) * across
     beyond_bottom = max(0, pixels.y + pixels.height - height) * down
@@ -95,7 +97,7 @@ def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
 
 
 def footprints(description: SceneDescription, kind: type[Diced] = SubdivisionMesh) -> dict[int, Footprint]:
-    """Of every cage, ribbon or patch, by its index in `shapes`."""
+    """Return the footprint of every cage, ribbon or patch, by its index in `shapes`."""
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, kind)}
     if not cages:
         return {}
@@ -116,7 +118,7 @@ def footprints(description: SceneDescription, kind: type[Diced] = SubdivisionMes
 
 
 def _seen_once(static: list[Placed], camera: Projected) -> dict[int, Footprint]:
-    """What _footprint says of cages that stand in the world once, and nowhere else: of all of them in one go."""
+    """Return the footprints of cages that are placed in the world exactly once, computed together."""
     if not static:
         return {}
     matrices = np.array([placed.matrix[:3] for placed in static])
@@ -130,7 +132,8 @@ def _seen_once(static: list[Placed], camera: Projected) -> dict[int, Footprint]:
 
 
 def _through(pose: Pose, world: Doubles, matrices: Doubles) -> Doubles:
-    """(K, 3, 4) camera_from_object: of every matrix (3, 4) after every (3, 4) of the world; one of both is one."""
+    """Return camera_from_object (K, 3, 4) for every combination of a matrix (3, 4) and a world matrix (3, 4); one of both is
+    single."""
     rows = pose.camera_from_world[:3, :3] @ world
     rows[:, :, 3] += pose.camera_from_world[:3, 3]
     made = rows[:, :, :3] @ matrices
@@ -153,13 +156,13 @@ def _see(
 
 
 def _stands(placement: Placement) -> Iterator[Doubles]:
-    """(K, 3, 4) world_from_prototype, in order; of what moves at all of its times: edges are as the worst asks."""
+    """Yield world_from_prototype (K, 3, 4) in order; for moving instances at all their times, since the worst decides."""
     moving = placement.levels[0]
     yield from moving.matrices if isinstance(moving, MovingInstances) else placement.chunks()
 
 
 def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[], Iterator[Doubles]]:
-    """Two levels of instances are too many to look at: the inner ones in the few outer ones that are nearest to the camera."""
+    """Return the products of two levels, limited to the few outer instances nearest to the camera, as all would be too many."""
     nearest = np.zeros((0, 3, 4))
     for rows in _stands(outer):
         nearest = np.concatenate([nearest, rows])
@@ -169,7 +172,7 @@ def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[
 
 
 def _footprint(cage: Diced, seen: Sequence[_Seen], camera: Projected) -> Footprint:
-    """The placements that give a unit of the cage most pixels become views, as many for each pose of the camera."""
+    """Return a footprint with the placements that have the most pixels per unit as views, equally many for each camera pose."""
     center, radius = _bounding_sphere(cage)
     found, rest = [], 0.0
     for pose in camera.poses:
@@ -181,7 +184,7 @@ def _footprint(cage: Diced, seen: Sequence[_Seen], camera: Projected) -> Footpri
 
 
 def _views(seen: Sequence[_Seen], center: Doubles, radius: float, camera: Projected, pose: Pose) -> tuple[Doubles, float]:
-    """(V, 3, 4) through one pose, and the density of the others."""
+    """Return the views (V, 3, 4) of one pose, and the density of the other placements."""
     views, densities, rest = np.zeros((0, 3, 4)), np.zeros(0), 0.0
     for matrices in _chunks(seen, pose):
         views = np.concatenate([views, matrices])
@@ -194,7 +197,7 @@ def _views(seen: Sequence[_Seen], center: Doubles, radius: float, camera: Projec
 
 
 def _chunks(seen: Sequence[_Seen], pose: Pose) -> Iterator[Doubles]:
-    """camera_from_object of all placements, (K, 3, 4)."""
+    """Yield camera_from_object (K, 3, 4) of all placements."""
     for each in seen:
         for world in each.chunks():
             made = _through(pose, world, each.matrix[:3])
@@ -217,7 +220,7 @@ def _bounding_sphere(cage: Diced) -> tuple[Doubles, float]:
 
 
 def _densities(matrices: Doubles, center: Doubles, radius: float, camera: Projected, pose: Pose) -> Doubles:
-    """Pixels that a unit of the object covers where the placement is nearest; at its centre where the camera is inside."""
+    """Return the pixels per unit of the object where each placement is nearest, or at its centre if the camera is inside."""
     scale = np.sqrt(np.square(matrices[:, :, :3]).sum(axis=1)).max(axis=1)
     if camera.orthographic:
         return np.asarray(scale * camera.pixels_per_unit)
@@ -234,7 +237,7 @@ def _densities(matrices: Doubles, center: Doubles, radius: float, camera: Projec
 
 
 def _beyond(at: Doubles, extent: Doubles, window: Window) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """(5, K) spheres wholly beyond each side of the view."""
+    """Return the masks (5, K) of spheres entirely beyond each side of the view."""
     left, right, bottom, top = window
     x, y, depth = at[:, 0], at[:, 1], -at[:, 2]
     return np.stack(

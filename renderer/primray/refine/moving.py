@@ -1,8 +1,8 @@
-"""Shapes whose vertices move, by their times: the core moves those of one group by one clock, and the world's by an even one.
+"""Motion sample times of shapes: within a group the core uses one set of times, which must be uniform in the world.
 
-In the world the clock of most points stays; shapes of others become prototypes that stand once. In a prototype all take the
-times of all: points between two times lie on the line, so nothing is changed by more of them. Beyond MOST_SEGMENTS, as many as
-Embree takes, the path is given at even times.
+In the world, the uniform times of most points are kept; shapes with others become prototypes placed once. In a prototype, all
+shapes get the union of all times: points are linear between times, so additional ones change nothing. Motions of more than
+MOST_SEGMENTS, Embree's limit, are resampled uniformly.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ FEWER: Doubles = np.linspace(0.0, 1.0, MOST_SEGMENTS + 1)
 
 
 def by_clock(d: SceneDescription, shapes: list[Shape], warnings: Warnings) -> SceneDescription:
-    """The description with one clock a group. Shapes that get other times are replaced in `shapes`; what is lost is told."""
+    """Return the description with one set of times per group. Shapes with new times are replaced in `shapes`; lost detail is
+    reported."""
     if not any(_moves(shape) for shape in shapes):
         return d
     for k, shape in enumerate(shapes):
@@ -85,7 +86,7 @@ def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape], warnings
     if len(clocks) < 2:
         return placed
     times = np.array(sorted(set().union(*clocks)), np.float64)
-    times = times[np.append(np.diff(times.astype(np.float32)) > 0, True)]  # as the core takes them
+    times = times[np.append(np.diff(times.astype(np.float32)) > 0, True)]  # distinct in single precision, as in the core
     if len(times) > len(FEWER):
         message = f"{_MANY} {len(times) - 1} steps beside others: it has {MOST_SEGMENTS} even ones."
         warnings.append(("motion", shapes[moving[0].shape].path, message))
@@ -100,7 +101,7 @@ def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape], warnings
 
 
 def at_times(motion: PointMotion, times: Doubles) -> PointMotion:
-    """The same motion, known at other times that hold all of its own."""
+    """Return the motion at other times, which include all of its own."""
 
     def values(steps: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         found = []

@@ -1,4 +1,4 @@
-"""From where the core measures lengths: near the camera, on a grid that cameras close to each other share."""
+"""Origin of the core's coordinates: near the camera, on a grid, so that cameras near each other share it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import numpy as np
 from ..arrays import Doubles
 from ..camera import Camera
 
-# Cells are at most so many times the distance of the near plane. Whatever is seen is beyond that plane, so that single
-# precision moves it by less than 4e-7 of its distance, a thousandth of a pixel, in place of 6e-8.
+# Cell size relative to the near plane's distance, at most. Everything visible is beyond that plane, so that single precision
+# moves it by less than 4e-7 of its distance (a thousandth of a pixel) instead of 6e-8.
 CELLS = 8.0
 
 
 def rebasing_origin(camera: Camera) -> Doubles:
-    """(3,) world point. The size of cells is a power of two, so that a grid point is exact however far away the world is.
+    """Return the origin (3,) in world space. Cell sizes are powers of two, so that grid points are exact however far from the
+    world's origin.
 
-    A function of the camera alone: what else is in the world does not change the bits of what is seen of it.
+    It depends on the camera alone: other geometry never changes the bits of what is visible.
     """
     eye: Doubles = camera.world_from_camera[:3, 3]
     near = camera.clipping_range[0]

@@ -1,6 +1,6 @@
-"""Every Ribbons of a description becomes a Mesh: a strip of quads along each curve, whose edges are as long as the camera asks.
+"""Dicing of every Ribbons to a Mesh: a strip of quads along each curve, with edges as long as the camera's view allows.
 
-Neighbouring quads share their vertices, so a strip has no cracks, whatever the segments' numbers of quads are.
+Adjacent quads share vertices, so a strip has no cracks, whatever the numbers of quads in its segments.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from .footprint import Footprint, footprints
 
 Ints = npt.NDArray[np.integer[Any]]
 
-MAX_QUADS = 1024  # of a segment
-STRAIGHT = 1e-5  # how far a segment is off its chord, in parts of its size, and counts as straight
+MAX_QUADS = 1024  # per segment
+STRAIGHT = 1e-5  # largest distance of a straight segment from its chord, relative to its size
 TINY = 1e-12
-BEND = 1e-3  # between the sides of two segments that meet, from which on their edges are mitred
-LEAST_COSINE = 0.5  # mitres are no longer than twice the width
+BEND = 1e-3  # smallest change of side direction between segments for which their edges are mitred
+LEAST_COSINE = 0.5  # limits mitres to twice the width
 
 
 def dice_ribbons(description: SceneDescription, pixels: float) -> SceneDescription:
-    """With edges of so many pixels along."""
+    """Return the description with ribbons diced to edges of `pixels` along the curve."""
     prints = footprints(description, Ribbons)
     if not prints:
         return description
@@ -37,13 +37,13 @@ def dice_ribbons(description: SceneDescription, pixels: float) -> SceneDescripti
 
 
 def first_controls(ribbons: Ribbons) -> Ints:
-    """(S,) the first control point of each segment."""
+    """Return the first control point (S,) of each segment."""
     count = int(ribbons.segments.sum())
     return 3 * np.arange(count) + np.repeat(np.arange(len(ribbons.segments)), ribbons.segments)
 
 
 def quads_of(ribbons: Ribbons, footprint: Footprint, pixels: float) -> Ints:
-    """(S,) how many each segment has: one where it is straight and not turned."""
+    """Return the number of quads (S,) of each segment: one if it is straight and does not twist."""
     first = first_controls(ribbons)
     four = np.arange(4)
     points = ribbons.controls[first[:, None] + four].astype(np.float64)
@@ -70,17 +70,17 @@ def quads_of(ribbons: Ribbons, footprint: Footprint, pixels: float) -> Ints:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Places on curves, two vertices each: the segment that each is on, and where."""
+    """Points on curves with two vertices each: the segment that each is on, and its parameter."""
 
     segment: Ints  # (R,)
     u: Doubles  # (R,)
     first: Ints  # (R,) first control point of the segment
     curve: Ints  # (R,)
-    quad_row: Ints  # (Q,) the row that each quad begins at, and ends at the next
+    quad_row: Ints  # (Q,) row at which each quad begins; it ends at the next
     quad_segment: Ints  # (Q,)
 
     def bezier(self, values: npt.NDArray[np.floating]) -> Doubles:
-        """(R, k) of values at control points."""
+        """Return values (R, k) interpolated from those at control points."""
         u, v = self.u[:, None], 1 - self.u[:, None]
         p = [values[self.first + k].astype(np.float64) for k in range(4)]
         return np.asarray(p[0] * v**3 + p[1] * (3 * u * v * v) + p[2] * (3 * u * u * v) + p[3] * u**3)
@@ -92,7 +92,7 @@ class _Rows:
 
 
 def _rows(ribbons: Ribbons, quads: Ints) -> _Rows:
-    """Each segment's first row of each of its quads, and a last row of each curve."""
+    """Return the rows: the start of each quad in every segment, and a last row for each curve."""
     run = np.repeat(np.arange(len(ribbons.segments)), ribbons.segments)
     is_last = np.append(run[1:] != run[:-1], True)
     rows = quads + is_last
@@ -109,7 +109,7 @@ def strip(ribbons: Ribbons, quads: Ints) -> Mesh:
     drawn = np.ones(len(rows.quad_row), bool) if isinstance(worn, int) else np.asarray(worn)[rows.quad_segment] >= 0
     quad_row, quad_segment = rows.quad_row[drawn], rows.quad_segment[drawn]
     left, right = 2 * quad_row, 2 * quad_row + 1
-    # Counter-clockwise around the normal: from the left edge to the right one, then on along the curve.
+    # Counter-clockwise about the normal: from the left edge to the right one, then along the curve.
     triangles = np.stack([left, right + 2, left + 2, left, right, right + 2], axis=1).reshape(-1, 3).astype(np.int32)
     points, normals = _edges(rows, ribbons.controls, ribbons.normals)
     per_triangle = np.repeat(quad_segment, 2)
@@ -117,7 +117,7 @@ def strip(ribbons: Ribbons, quads: Ints) -> Mesh:
     if ribbons.motion is not None:
         steps = [_edges(rows, step[:, :4], step[:, 4:]) for step in ribbons.motion.points]
         motion = PointMotion(ribbons.motion.times, np.stack([p for p, _ in steps]), np.stack([n for _, n in steps]))
-    if len(points) == 3 * len(triangles):  # lengths must not be mistaken: description.Mesh
+    if len(points) == 3 * len(triangles):  # lengths must be unambiguous (description.Mesh)
         normals = normals[triangles.ravel()]
         motion = motion and replace(motion, normals=motion.normals[:, triangles.ravel()])  # type: ignore[index]
     return Mesh(
@@ -135,14 +135,14 @@ def strip(ribbons: Ribbons, quads: Ints) -> Mesh:
 
 
 def _edges(rows: _Rows, controls: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """(2 R, 3) points and unit normals of the strips' vertices, left and right of each row."""
+    """Return points and unit normals (2 R, 3) of the strips' vertices, left and right of each row."""
     here, along = rows.bezier(controls), rows.derivative(controls)
     asked = rows.bezier(normals)
     tangent = along[:, :3]
     side = _across(tangent, asked)
     out = side * _mitred(rows, controls, asked, side)
     left, right = here[:, :3] - here[:, 3:] * out, here[:, :3] + here[:, 3:] * out
-    # What the strip does along the curve, at its left and right edges.
+    # Derivative of the surface along the curve, at its left and right edges.
     turning = _turning(rows, side)
     found = []
     for sign in (-1.0, 1.0):
@@ -153,7 +153,8 @@ def _edges(rows: _Rows, controls: Floats, normals: Floats) -> tuple[Floats, Floa
 
 
 def _mitred(rows: _Rows, controls: Floats, normals: Doubles, side: Doubles) -> Doubles:
-    """(R, 1) how much further out edges meet where two segments meet at an angle; `side` is turned half way there."""
+    """Return the factors (R, 1) by which mitred edges are longer where two segments meet at an angle; rotates `side` to the
+    bisector there."""
     starts = np.flatnonzero((rows.u == 0) & (np.append(-1, rows.curve[:-1]) == rows.curve))
     at = rows.first[starts]
     before = controls[at, :3].astype(np.float64) - controls[at - 1, :3]
@@ -168,8 +169,7 @@ def _mitred(rows: _Rows, controls: Floats, normals: Doubles, side: Doubles) -> D
 
 
 def _across(tangent: Doubles, normals: Doubles) -> Doubles:
-    """Unit vectors to the right, of which the normal is to the left's left: tangent x normal. Where the two are parallel, any
-    across the tangent."""
+    """Return unit vectors to the right, tangent x normal; where these are parallel, any vector perpendicular to the tangent."""
     size = np.linalg.norm(tangent, axis=1, keepdims=True) * np.linalg.norm(normals, axis=1, keepdims=True)
     side = np.cross(tangent, normals)
     length = np.linalg.norm(side, axis=1, keepdims=True)
@@ -179,7 +179,7 @@ def _across(tangent: Doubles, normals: Doubles) -> Doubles:
 
 
 def _turning(rows: _Rows, side: Doubles) -> Doubles:
-    """How `side` changes with u, by differences to the next row of the same segment, or from the one before."""
+    """Return the derivative of `side` by u, from differences to the next row of the same segment, or the previous one."""
     same = np.append(rows.segment[1:] == rows.segment[:-1], False)
     step = np.append(np.diff(rows.u), 1.0)
     change = np.append(np.diff(side, axis=0), np.zeros((1, 3)), axis=0)

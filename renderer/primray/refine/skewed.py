@@ -1,7 +1,8 @@
-"""Instances whose matrix floats cannot invert, flattening ones among them, become geometry of their own, made in double.
+"""Conversion of instances whose matrices cannot be inverted in single precision, including flattening ones, to geometry
+computed in double precision.
 
-Embree takes rays through the inverse of a float matrix. That is accurate while the images of the axes are near to
-perpendicular, whatever their lengths, and lost where they nearly lie in one plane.
+Embree transforms rays by the inverse of a single-precision matrix. That is accurate while the images of the axes are nearly
+perpendicular, whatever their lengths, and fails if they nearly lie in one plane.
 """
 
 from __future__ import annotations
@@ -18,17 +19,18 @@ from ..description import Mesh, Placed, Placement, Prototype, SceneDescription, 
 from ..description.instance_names import all_names
 from ..description.placement import Instances, MatrixInstances, MovingInstances, PointInstances, chunks, named_levels
 
-# The volume that the images of the axes span, in that of a box of their lengths: below, an instance is skewed.
+# Volume spanned by the images of the axes, relative to a box of their lengths: instances below this are skewed.
 SKEWED = 0.02
-# Where the levels' matrices stretch no direction this much more than another, no instance can be.
+# If no level stretches one direction this much more than another, no instance can be skewed.
 STRETCH = 6.0
-# Copies are made of so many triangles in all; what is beyond stays an instance.
+# Limit on the triangles in all copies; skewed instances beyond it remain instances.
 MAX_TRIANGLES = 1 << 22
 MAX_COPIES = 1 << 12
 
 
 def bake_skewed(d: SceneDescription, shapes: Sequence[Shape]) -> SceneDescription:
-    """With a prototype of its own for each skewed instance of shapes; those that span no area stay as they are."""
+    """Return the description with a prototype of its own for each skewed instance of shapes; those that span no area are left
+    unchanged."""
     baking = _Baking(list(d.prototypes), shapes)
     top = baking.without_skewed(d.placements)
     for i, proto in enumerate(d.prototypes):
@@ -50,7 +52,7 @@ class _Baking:
 
     def _parts(self, placement: Placement) -> list[Placement]:
         proto = self.prototypes[placement.prototype]
-        # Matrices of moving instances are inverted in double, for each ray.
+        # Matrices of moving instances are inverted in double precision for each ray.
         if proto.placements or any(isinstance(level, MovingInstances) for level in placement.levels):
             return [placement]
         skewed = _skewed(placement.levels)
@@ -90,10 +92,10 @@ def _some(
 
 
 def _skewed(levels: Sequence[Instances]) -> npt.NDArray[np.int64]:
-    """Numbers of the skewed instances; most placements are known to have none without a look at each of theirs."""
+    """Return the indices of skewed instances; most placements can be excluded without examining each instance."""
     *outer, last = levels
     if isinstance(last, PointInstances) and math.prod(map(_stretch, outer)) * _condition(last.outer) <= STRETCH:
-        # Rotated and scaled axes are perpendicular, so only a scale of 0 takes their volume.
+        # Rotated and scaled axes are perpendicular, so only a scale of 0 can remove their volume.
         if last.scales is None or last.scales.all() or outer:
             return np.zeros(0, np.int64)
         flat = np.flatnonzero((last.scales == 0).sum(axis=1) == 1)
@@ -102,7 +104,7 @@ def _skewed(levels: Sequence[Instances]) -> npt.NDArray[np.int64]:
 
 
 def _stretch(level: Instances) -> float:
-    """A bound on how much more the level's matrices stretch one direction than another."""
+    """Return an upper bound on how much more the level's matrices stretch one direction than another."""
     if not isinstance(level, PointInstances):
         with np.errstate(all="ignore"):
             return float(np.linalg.cond(level.rows(0, len(level))[:, :, :3]).max(initial=1.0))
@@ -116,7 +118,8 @@ def _condition(m: Doubles) -> float:
 
 
 def _is_skewed(rows: Doubles) -> npt.NDArray[np.bool_]:
-    """Of matrices (n, 3, 4): finite, an image of the axes that spans area, but next to no volume."""
+    """Return the mask of matrices (n, 3, 4) that are finite, and map the axes to vectors spanning an area but almost no
+    volume."""
     with np.errstate(all="ignore"):
         finite = np.isfinite(rows).all(axis=(1, 2))
         size = np.abs(rows[:, :, :3]).max(axis=(1, 2), keepdims=True)

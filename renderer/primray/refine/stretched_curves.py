@@ -1,5 +1,5 @@
-"""Curves under a matrix that is no similarity become a prototype of their own: there rays are brought to the space in which
-their tubes are round, so that they are elliptic in the world, exactly."""
+"""Conversion of curves under non-similarity matrices to prototypes of their own, so that rays are transformed to the space in
+which their tubes are round; the tubes are then exactly elliptic in the world."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from ..description import (
 from ..description.instance_names import texts
 from ..description.placement import Instances, compose
 
-ROUND = 1e-5  # how far a matrix may be off a similarity, in parts of its size
+ROUND = 1e-5  # largest deviation from a similarity, relative to the matrix's size
 
 
 def stretched_apart(d: SceneDescription, shapes: Sequence[Shape]) -> SceneDescription:
-    """With a prototype for each place of such curves, where that of others was: beside it, and as often."""
+    """Return the description with a separate prototype for every placement of such curves, placed wherever the original was."""
     if not any(isinstance(shape, Curves) for shape in shapes):
         return d
     prototypes, placements = list(d.prototypes), list(d.placements)
@@ -52,7 +52,7 @@ def stretched_apart(d: SceneDescription, shapes: Sequence[Shape]) -> SceneDescri
 
 
 def is_similar(m: Doubles) -> bool:
-    """Whether a matrix scales alike in all directions."""
+    """Return whether a matrix scales equally in all directions."""
     linear = m[:3, :3]
     square = linear.T @ linear
     size = np.trace(square) / 3
@@ -70,7 +70,7 @@ def _alone(placed: Placed, shapes: Sequence[Shape]) -> Prototype:
 
 
 def _again(placements: Sequence[Placement], prototype: int, number: int, placed: Placed) -> list[Placement]:
-    """Where the prototype stands, the other one after one more matrix."""
+    """Return placements of the new prototype wherever the original is, with one more matrix."""
     return [
         replace(p, prototype=number, levels=_followed(p.levels, placed.matrix[:3]))
         for p in placements

@@ -1,4 +1,4 @@
-"""NURBS patches to triangles, in numpy: bases, a grid of parameters, the exact surface over it, and what trims cut out.
+"""Tessellation of NURBS patches in numpy: bases, a grid of parameters, the exact surface over it, and trimming.
 
-A patch is a product of two directions, and so is its grid: every edge has the same two ends on both sides.
+A patch is a tensor product, and so is its grid: every edge has the same two ends on both sides.
 """

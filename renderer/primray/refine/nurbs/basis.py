@@ -1,5 +1,5 @@
-"""B-spline bases and their derivatives at many parameters at once, in double precision (Piegl and Tiller, "The NURBS Book", 2.2
-and 2.3)."""
+"""B-spline bases and their derivatives at many parameters in double precision (Piegl and Tiller, "The NURBS Book", 2.2 and
+2.3)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Bases:
-    """Of M parameters, which all lie in spans that are given: at a knot, one side's or the other's."""
+    """Basis functions at M parameters in given knot spans; at a knot the span selects one of the two sides."""
 
-    first: Indices  # (M,) the first control point that counts
+    first: Indices  # (M,) index of the first control point with a non-zero basis function
     values: Doubles  # (M, order)
-    slopes: Doubles  # (M, order), by the parameter
+    slopes: Doubles  # (M, order), derivatives by the parameter
 
 
 def bases(direction: Direction, spans: Indices, at: Doubles) -> Bases:
-    """`spans`: k of [knots[k], knots[k + 1]], none of them empty."""
+    """Return the bases; `spans` are indices k of non-empty [knots[k], knots[k + 1]]."""
     knots, degree = direction.knots, direction.order - 1
     values = np.ones((len(at), 1))
     lower = values
@@ -39,7 +39,7 @@ def bases(direction: Direction, spans: Indices, at: Doubles) -> Bases:
 
 
 def _raised(values: Doubles, knots: Doubles, spans: Indices, at: Doubles, degree: int) -> Doubles:
-    """From the bases of one degree less."""
+    """Return the bases of degree `degree` from those of one degree less."""
     out = np.zeros((len(at), degree + 1))
     for r in range(degree):
         right, left = knots[spans + r + 1], knots[spans + r + 1 - degree]
@@ -50,7 +50,7 @@ def _raised(values: Doubles, knots: Doubles, spans: Indices, at: Doubles, degree
 
 
 def spans_of(direction: Direction) -> Indices:
-    """Those that are drawn and not empty, in order."""
+    """Return the knot spans that are drawn and not empty, ascending."""
     knots = direction.knots
     k = np.arange(direction.order - 1, direction.count)
     low, high = np.maximum(knots[k], direction.low), np.minimum(knots[k + 1], direction.high)

@@ -1,4 +1,4 @@
-"""Closed lines cut where they cross a grid: nodes along them, and the chains of nodes that run through one cell each."""
+"""Intersection of closed polylines with a grid: nodes along them, and chains of nodes within one cell."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from .lines import Lines
 
 
 class Kind(IntEnum):
-    CORNER = 0  # of the loop
-    ON_U = 1  # a line of one parameter u
+    CORNER = 0  # vertex of the loop
+    ON_U = 1  # crossing of a line of constant u
     ON_V = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """Of all loops, one loop after another."""
+    """Nodes of all loops, one loop after another."""
 
     at: Doubles  # (K, 2)
     kind: Indices  # (K,)
-    line: Indices  # (K,) the number of the line that is crossed
-    cell: Indices  # (K, 2) u, v: that of the piece after each; -1 where nothing is drawn
+    line: Indices  # (K,) index of the crossed line
+    cell: Indices  # (K, 2) u, v: cell of the piece after each node; -1 if not drawn
     following: Indices  # (K,)
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Through a cell, from a crossing to the next one."""
+    """Part of a loop within one cell, from one crossing to the next."""
 
     cell: tuple[int, int]
     nodes: tuple[int, ...]
@@ -53,7 +53,7 @@ def nodes_of(loops: Sequence[Doubles], u: Lines, v: Lines) -> Nodes:
     middle = (at + at[following]) / 2
     cell = np.stack([_cell(u, middle[:, 0]), _cell(v, middle[:, 1])], axis=1)
     for axis, (crossing, lines) in enumerate(((Kind.ON_U, u), (Kind.ON_V, v))):
-        # Between two lines at one parameter there is nothing.
+        # Nothing is between two lines at the same parameter.
         both = (kind == crossing) & (kind[following] == crossing) & (line != line[following])
         both &= lines.at[line.clip(max=len(lines.at) - 1)] == lines.at[line[following].clip(max=len(lines.at) - 1)]
         cell[both, axis] = -1
@@ -68,7 +68,7 @@ def _corners(a: Doubles) -> tuple[Indices, Doubles, Indices, Indices, Indices, D
 
 
 def _on(lines: Doubles, axis: int, a: Doubles, b: Doubles) -> tuple[Indices, Doubles, Indices, Indices, Indices, Doubles]:
-    """Where segments cross lines of one parameter."""
+    """Return the nodes where segments cross lines of constant u or v (`axis`)."""
     low, high = np.minimum(a[:, axis], b[:, axis]), np.maximum(a[:, axis], b[:, axis])
     first, last = np.searchsorted(lines, low, "right"), np.searchsorted(lines, high, "left")
     count = np.maximum(last - first, 0)
@@ -91,7 +91,7 @@ def _cell(lines: Lines, at: Doubles) -> Indices:
 
 
 def chains_of(nodes: Nodes) -> Iterator[Chain]:
-    """Those through cells that are drawn."""
+    """Yield the chains in cells that are drawn."""
     starts = np.flatnonzero((nodes.kind != Kind.CORNER) & (nodes.cell[:, 0] >= 0))
     following, kind = nodes.following.tolist(), nodes.kind.tolist()
     for start, (i, j) in zip(starts.tolist(), nodes.cell[starts].tolist(), strict=True):
@@ -102,7 +102,7 @@ def chains_of(nodes: Nodes) -> Iterator[Chain]:
 
 
 def is_inside(nodes: Nodes, u: Lines, v: Lines) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """(Mv, Mu) whether an odd number of loops encloses each crossing of the grid's lines."""
+    """Return whether an odd number of loops encloses each crossing of the grid's lines, (Mv, Mu)."""
     found = np.zeros((len(v.at), len(u.at)), bool)
     on_v = nodes.kind == Kind.ON_V
     rows, places = nodes.line[on_v], nodes.at[on_v, 0]

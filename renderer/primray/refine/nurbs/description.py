@@ -1,4 +1,4 @@
-"""A description's patches, diced."""
+"""Dicing of all NURBS patches in a scene description."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from .patches import dice_patches
 
 
 def with_patches_diced(description: SceneDescription, dicing: Dicing) -> tuple[SceneDescription, Warnings]:
-    """With triangles for every NurbsPatch, and what had to be coarser, or trims nothing."""
+    """Return the description with every NurbsPatch diced to triangles, and warnings about coarser edges and trim loops without
+    effect."""
     patches = {k: s for k, s in enumerate(description.shapes) if isinstance(s, NurbsPatch)}
     if not patches:
         return description, []

@@ -1,4 +1,4 @@
-"""How fine a patch's grid is: intervals are halved while an edge across them covers too many pixels and they are not flat."""
+"""Choice of a patch's grid: intervals are halved while an edge across them covers too many pixels and is not flat."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from .lines import Flags, Lines
 from .pixels import pixels
 from .surface import Control, grid_normals, points_of
 
-MOST_POINTS = 1 << 24  # of a patch that are looked at: four million cells or so
+MOST_POINTS = 1 << 24  # examined per patch: about four million cells
 AT_ONCE = 1 << 20
-STRAIGHT = float(np.cos(np.radians(1.0)))  # of normals of what is flat
+STRAIGHT = float(np.cos(np.radians(1.0)))  # cosine between normals of what counts as flat
 
 
 @dataclass(frozen=True)
 class Fineness:
-    pixels: float  # the longest that edges may be
-    flatness: float  # pixels that flat intervals may be off; 0: none are
-    levels: int  # times that an interval may be halved
+    pixels: float  # largest edge length
+    flatness: float  # largest deviation of flat intervals, in pixels; 0: none count as flat
+    levels: int  # number of times an interval may be halved
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
     u: Lines
     v: Lines
-    per_u: float  # pixels that a unit of each parameter covers at most
+    per_u: float  # largest number of pixels per unit of each parameter
     per_v: float
-    is_limited: bool  # edges are longer than they should be
+    is_limited: bool  # edges are longer than requested
 
 
 def grid_of(controls: Sequence[Control], u: Lines, v: Lines, footprint: Footprint, fine: Fineness) -> Grid | None:
-    """`controls`: at each time. None where there would be too many points."""
+    """Return the grid for `controls`, the control points at each time; None if it would have too many points."""
     for level in range(fine.levels + 1):
         if 4 * len(u.at) * len(v.at) > MOST_POINTS:
             return None
@@ -59,7 +59,7 @@ def _rate(lengths: Doubles, lines: Lines) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Of each interval: how long edges across it are, and whether it is bent anywhere."""
+    """Largest edge length across each interval, and whether the surface bends there."""
 
     u: Doubles
     v: Doubles
@@ -68,7 +68,7 @@ class _Seen:
 
     @staticmethod
     def of(control: Control, u: Lines, v: Lines, footprint: Footprint, fine: Fineness) -> _Seen:
-        """By a look at the grid and at what lies halfway, between its lines too."""
+        """Return the measures from the grid's points and those halfway between its lines."""
         rows = max(1, AT_ONCE // (4 * len(u.at)))
         cuts = [*range(0, len(v.at) - 1, rows), len(v.at) - 1]
         parts = [_Seen._of_rows(control, u, v.part(a, b + 1), footprint, fine) for a, b in pairwise(cuts)]
@@ -101,13 +101,13 @@ class _Seen:
 
 
 def _doubled(lines: Lines) -> Lines:
-    """With a line in every interval, also where nothing is drawn."""
+    """Return the lines with one more in every interval, drawn or not."""
     where = np.arange(len(lines.at) - 1)
     return lines.with_lines(where, (lines.at[:-1] + lines.at[1:]) / 2)
 
 
 def _bends(points: Doubles, normals: Doubles, footprint: Footprint, fine: Fineness) -> Flags:
-    """(M - 1,) along the second axis, of which every other is a line."""
+    """Return the mask (M - 1,) of bent intervals along the second axis, where every other column is a line."""
     a, b, middle = points[:, :-1:2], points[:, 2::2], points[:, 1::2]
     off = pixels(footprint, middle, (a + b) / 2) > fine.flatness
     m, n = normals[:, 1::2], (normals[:, :-1:2], normals[:, 2::2])

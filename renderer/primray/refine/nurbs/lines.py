@@ -1,7 +1,7 @@
-"""The parameters of a patch's grid in one direction.
+"""Parameter lines of a patch's grid in one direction.
 
-Where the surface may have an edge (a knot so often that tangents need not agree) the lines before and after it are two, at one
-parameter, each with its own side's tangents. Between them nothing is drawn.
+At a possible edge of the surface (a knot of full multiplicity, where tangents may differ) there are two lines at one parameter,
+each with its own side's tangents; nothing is drawn between them.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ Flags = npt.NDArray[np.bool_]
 class Lines:
     direction: Direction
     at: Doubles  # (M,)
-    spans: Indices  # (M,) that a line and the interval after it lie in
-    starts: Flags  # (M,) the first line of a smooth piece
-    joined: Flags  # (M,) that is, where the surface goes on from the line before
+    spans: Indices  # (M,) span of a line and of the interval after it
+    starts: Flags  # (M,) first line of a smooth piece
+    joined: Flags  # (M,) first line of a piece that is connected to the line before
 
     @property
     def is_drawn(self) -> Flags:
-        """(M - 1,) of intervals."""
+        """Mask of drawn intervals (M - 1,)."""
         return ~self.starts[1:]
 
     def split(self, intervals: Flags) -> Lines:
-        """With a line in the middle of each of these (M - 1,)."""
+        """Return the lines with one more in the middle of each of the intervals (M - 1,)."""
         where = np.flatnonzero(intervals)
         return self.with_lines(where, (self.at[where] + self.at[where + 1]) / 2)
 
     def with_lines(self, intervals: Indices, at: Doubles) -> Lines:
-        """`intervals` never fall, nor does `at`."""
+        """Return the lines with further ones `at` parameters in `intervals`; both ascend."""
         place = intervals + 1
         return Lines(
             self.direction,
@@ -55,7 +55,7 @@ class Lines:
         return bases(self.direction, self.spans, self.at)
 
     def inward(self, share: float) -> Doubles:
-        """The parameters moved off the ends of pieces, by this share of the interval there."""
+        """Return the parameters, with those at ends of pieces moved inwards by a share of the adjacent interval."""
         moved = self.at.copy()
         ends = np.append(self.starts[1:], True)
         first, last = np.flatnonzero(self.starts[:-1]), np.flatnonzero(ends)
@@ -65,7 +65,7 @@ class Lines:
 
 
 def first_lines(direction: Direction) -> Lines:
-    """As many as it takes to see how the surface bends."""
+    """Return the initial lines, enough to detect how the surface bends."""
     spans, knots = spans_of(direction), direction.knots
     parts = max(1, 2 * (direction.order - 2))
     at, span_of, starts, joined = list[float](), list[int](), list[bool](), list[bool]()
@@ -73,7 +73,7 @@ def first_lines(direction: Direction) -> Lines:
         low, high = max(float(knots[k]), direction.low), min(float(knots[k + 1]), direction.high)
         times = int(np.count_nonzero(knots == knots[k]))
         is_edge = not at or times >= direction.order - 1
-        if is_edge and at:  # the end of what was before, seen from there
+        if is_edge and at:  # end of the previous piece, with its tangents
             at.append(low)
             span_of.append(span_of[-1])
             starts.append(False)

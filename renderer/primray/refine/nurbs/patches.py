@@ -1,4 +1,4 @@
-"""Every NurbsPatch of a description becomes a Mesh on its exact surface, as fine as the camera asks."""
+"""Dicing of every NurbsPatch to a Mesh on its exact surface, as finely as the camera's view requires."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .surface import Control, across, grid_normals, points_of
 from .trim_curves import Tolerance, are_holes, flattened, has_area, off_the_grid
 from .trimming import Trimmed, trimmed, with_lines_through
 
-FLAT = 1e-7  # of the farthest coordinate: points so near to each other are one, where a patch closes or has a pole
-CURVE_PIXELS = 0.001  # how far a trim's pieces may be off it, for each pixel that edges may cover
+FLAT = 1e-7  # of the largest coordinate: closer points are merged where a patch closes or has a pole
+CURVE_PIXELS = 0.001  # largest error of trim polylines, per pixel of edge length
 
 
 @dataclass(frozen=True, eq=False)
 class DicedPatch:
-    mesh: Mesh  # without triangles where nothing is left of it
+    mesh: Mesh  # without triangles if everything is trimmed away
     is_limited: bool
     empty_loops: int
 
@@ -31,7 +31,8 @@ class DicedPatch:
 def dice_patches(
     patches: Mapping[int, NurbsPatch], prints: Mapping[int, Footprint], fine: Fineness, most: int
 ) -> tuple[dict[int, DicedPatch], float]:
-    """And the pixels that it took: doubled until all have at most so many triangles together."""
+    """Return the diced patches and the edge length in pixels, which is doubled until all have at most `most` triangles
+    together."""
     pixels = fine.pixels
     while True:
         now, made, total = replace(fine, pixels=pixels), dict[int, DicedPatch](), 0
@@ -49,13 +50,13 @@ def dice_patches(
 
 
 def coarse_mesh(patch: NurbsPatch) -> Mesh:
-    """Not finer than its spans ask."""
+    """Return the patch tessellated only as finely as its knot spans require."""
     u, v = first_lines(patch.u), first_lines(patch.v)
     return _mesh(patch, [Control.of(patch, patch.points)], u, v, None)
 
 
 def dice_patch(patch: NurbsPatch, footprint: Footprint, fine: Fineness) -> DicedPatch | None:
-    """None where it would be too many points."""
+    """Return the diced patch, or None if it would have too many points."""
     steps = [patch.points] if patch.motion is None else [patch.points, *patch.motion.points]
     controls = [Control.of(patch, points) for points in steps]
     grid = _grid(patch, controls, footprint, fine)
@@ -75,7 +76,7 @@ def dice_patch(patch: NurbsPatch, footprint: Footprint, fine: Fineness) -> Diced
 
 
 def triangles_of(patch: NurbsPatch, footprint: Footprint, fine: Fineness) -> int:
-    """That dicing makes, before anything is trimmed."""
+    """Return the number of triangles from dicing, before trimming."""
     while True:
         grid = _grid(patch, [Control.of(patch, patch.points)], footprint, fine)
         if grid is not None:
@@ -84,14 +85,14 @@ def triangles_of(patch: NurbsPatch, footprint: Footprint, fine: Fineness) -> int
 
 
 def _grid(patch: NurbsPatch, controls: Sequence[Control], footprint: Footprint, fine: Fineness) -> Grid | None:
-    """Flat parts are cut as others are where values vary over them, or loops make polygons of them."""
+    """Return the grid; flat parts are split as well if values vary over them or trim loops cut them."""
     if patch.loops or any(_varies(p) for p in _all(patch)):
         fine = replace(fine, flatness=0.0)
     return grid_of(controls, first_lines(patch.u), first_lines(patch.v), footprint, fine)
 
 
 def _varies(primvar: Primvar) -> bool:
-    """Other than from segment to segment."""
+    """Return whether the primvar varies within segments."""
     return primvar.interpolation in (Interpolation.POINT, Interpolation.VARYING)
 
 
@@ -101,7 +102,7 @@ def _all(patch: NurbsPatch) -> list[Primvar]:
 
 @dataclass(frozen=True, eq=False)
 class _Vertices:
-    """Those of a grid, row by row, then those on loops."""
+    """Vertices of a grid, row by row, followed by those on trim loops."""
 
     u: Lines
     v: Lines
@@ -120,7 +121,7 @@ class _Vertices:
         return _Vertices(u, v, u.bases(), v.bases(), spans, at, single)
 
     def surface(self, control: Control) -> tuple[Doubles, Doubles]:
-        """Points and unit normals (N, 3)."""
+        """Return points and unit normals (N, 3)."""
         found = control.grid(self.u_bases, self.v_bases)
         points = _joined(points_of(found[0]), self.u, self.v)
         normals = grid_normals(control, self.u, self.v, found)
@@ -135,7 +136,7 @@ class _Vertices:
         return _stacked(control.values(self.u_bases, self.v_bases), points_of(control.single(*self.loop_bases)[0]))
 
     def linear(self, rows: Doubles) -> Doubles:
-        """Of values (V, U, C) at the crossings of the knots."""
+        """Return values (V, U, C) at knot crossings, interpolated bilinearly."""
         (i, s), (j, t) = (_shares(lines, lines.spans, lines.at) for lines in (self.u, self.v))
         grid = _mixed(rows, i[None, :], j[:, None], s[None, :, None], t[:, None, None])
         (i, s), (j, t) = (_shares(lines, self.loop_spans[:, k], self.loop_at[:, k]) for k, lines in enumerate((self.u, self.v)))
@@ -159,7 +160,8 @@ def _mixed(rows: Doubles, i: Indices, j: Indices, s: Doubles, t: Doubles) -> Dou
 
 
 def _joined(points: Doubles, u: Lines, v: Lines) -> Doubles:
-    """With one place for what is one point: at edges inside, poles, and where the patch closes."""
+    """Return the points with identical positions where they are one point: at inner edges, poles, and where the patch
+    closes."""
     first_u, first_v = np.flatnonzero(u.joined), np.flatnonzero(v.joined)
     points[:, first_u] = points[:, first_u - 1]
     points[first_v] = points[first_v - 1]
@@ -219,7 +221,7 @@ def _empty(patch: NurbsPatch) -> Mesh:
 
 
 def _triangles(u: Lines, v: Lines, cut: Trimmed | None) -> tuple[Ints, Ints]:
-    """And the cell (u, v) of each."""
+    """Return the triangles and the cell (u, v) of each."""
     whole = (u.is_drawn & v.is_drawn[:, None]) if cut is None else cut.whole
     j, i = np.nonzero(whole)
     columns = len(u.at)
@@ -234,8 +236,8 @@ def _triangles(u: Lines, v: Lines, cut: Trimmed | None) -> tuple[Ints, Ints]:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """What the mesh has of all vertices and cells. `alike`: it has as many points as corners, which description.Mesh would
-    mistake for each other."""
+    """Subset of vertices and cells used by the mesh. `alike`: it has as many points as corners, which description.Mesh could
+    not tell apart."""
 
     used: Indices
     triangles: Ints

@@ -1,5 +1,4 @@
-"""How many pixels lines between points of an object cover, as the core's dicing of cages counts them
-(core/subdivision/dicing/footprint.hpp)."""
+"""Screen size of line segments in pixels, as the core's dicing of cages measures it (core/subdivision/dicing/footprint.hpp)."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ LEAST = 1e-300
 
 
 def pixels(footprint: Footprint, a: Doubles, b: Doubles) -> Doubles:
-    """(...,) of lines from a to b (..., 3), at most in any placement."""
+    """Return the largest number of pixels (...,) that segments from a to b (..., 3) cover in any placement."""
     longest = footprint.density * np.linalg.norm(b - a, axis=-1)
     for view, sweep in zip(footprint.views, footprint.sweeps, strict=True):
         here, there = (points @ view[:, :3].T + view[:, 3] for points in (a, b))
@@ -46,7 +45,7 @@ def _seen(footprint: Footprint, a: Doubles, b: Doubles, sweep: Doubles) -> Doubl
 
 
 def _distance(a: Doubles, b: Doubles) -> Doubles:
-    """Of lines from the origin."""
+    """Return the distance of segments from the origin."""
     d = b - a
     dd = (d * d).sum(axis=-1)
     t = np.clip(-(a * d).sum(axis=-1) / np.where(dd > 0, dd, 1.0), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The exact surface: points, normals and values of control points, over a grid or at single parameters."""
+"""Exact evaluation of a patch: points, normals and control-point values, over a grid or at single parameters."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from ...description import NurbsPatch
 from .basis import Bases, bases
 from .lines import Lines
 
-# How far parameters are moved off where the surface has no tangent plane, in shares of an interval: what is lost is of this
-# size times the surface's turn over an interval, what rounding adds of 1e-16 over it.
+# Offsets for points without a tangent plane, as shares of an interval: the error is of this size times the surface's curvature
+# over an interval, plus rounding of 1e-16 divided by it.
 INWARD = (2.0**-26, 2.0**-13, 2.0**-5)
-LITTLE = 1e-4  # likewise, in such shares
-NOTHING = 1e-11  # of the product of the tangents' greatest lengths, up to which their cross product is none
+LITTLE = 1e-4  # smallest cross product, in units of such a share
+NOTHING = 1e-11  # of the product of the largest tangents: smaller cross products count as zero
 
 
 @dataclass(frozen=True, eq=False)
 class Control:
-    """Homogeneous rows of a patch's control points: (V, U, C), the last column the weight."""
+    """Control points of a patch in homogeneous coordinates (V, U, C), with the weight in the last column."""
 
     rows: Doubles
 
     @staticmethod
     def of(patch: NurbsPatch, points: Floats | Doubles) -> Control:
-        """`points` (N, C): whatever is given for each control point."""
+        """Return homogeneous rows of `points` (N, C), any values per control point."""
         w = np.ones(len(points)) if patch.weights is None else patch.weights
         rows = np.concatenate([points.astype(np.float64) * w[:, None], w[:, None]], axis=1)
         return Control(rows.reshape(patch.v.count, patch.u.count, -1))
 
     def grid(self, u: Bases, v: Bases) -> tuple[Doubles, Doubles, Doubles]:
-        """(Mv, Mu, C): values, not divided by their weights, and their derivatives by u and v."""
+        """Return homogeneous values (Mv, Mu, C) and their derivatives by u and v over a grid."""
         along, along_u = (_sum(self.rows, u.first, b, axis=1) for b in (u.values, u.slopes))
         return (
             _sum(along, v.first, v.values, axis=0),
@@ -42,12 +42,12 @@ class Control:
         )
 
     def values(self, u: Bases, v: Bases) -> Doubles:
-        """(Mv, Mu, C - 1) over a grid."""
+        """Return values (Mv, Mu, C - 1) over a grid."""
         found = _sum(_sum(self.rows, u.first, u.values, axis=1), v.first, v.values, axis=0)
         return np.asarray(found[..., :-1] / found[..., -1:])
 
     def single(self, u: Bases, v: Bases) -> tuple[Doubles, Doubles, Doubles]:
-        """(M, C) likewise at pairs of parameters."""
+        """Return homogeneous values (M, C) and their derivatives by u and v at pairs of parameters."""
         shape = len(u.first), self.rows.shape[2]
         found, by_u, by_v = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         for j in range(v.values.shape[1]):
@@ -60,7 +60,7 @@ class Control:
 
 
 def _sum(rows: Doubles, first: np.ndarray[tuple[int], np.dtype[np.intp]], weights: Doubles, axis: int) -> Doubles:
-    """Over the control points that count, along an axis."""
+    """Return the sum over non-zero basis functions along an axis."""
     shape = [1, 1, 1]
     shape[axis] = len(first)
     terms = (np.take(rows, first + k, axis=axis) * weights[:, k].reshape(shape) for k in range(weights.shape[1]))
@@ -80,7 +80,7 @@ def points_of(found: Doubles) -> Doubles:
 
 
 def across(found: Doubles, by_u: Doubles, by_v: Doubles) -> tuple[Doubles, Doubles]:
-    """The cross product of the tangents, and of their lengths."""
+    """Return the cross product of the tangents, and that of their largest lengths."""
     w = found[..., -1:]
     p = found[..., :-1] / w
     along_u = (by_u[..., :-1] - by_u[..., -1:] * p) / w
@@ -90,7 +90,8 @@ def across(found: Doubles, by_u: Doubles, by_v: Doubles) -> tuple[Doubles, Doubl
 
 
 def grid_normals(control: Control, u: Lines, v: Lines, found: tuple[Doubles, Doubles, Doubles]) -> Doubles:
-    """(Mv, Mu, 3), unit; at poles the limit along each line, which a cone's tip has many of. `found`: of `control.grid`."""
+    """Return unit normals (Mv, Mu, 3); at poles the limit along each line, of which a cone's tip has many. `found` is the
+    result of `control.grid`."""
     normals, scale = across(*found)
     length = np.linalg.norm(normals, axis=-1)
     bad = length <= NOTHING * scale
@@ -103,5 +104,5 @@ def grid_normals(control: Control, u: Lines, v: Lines, found: tuple[Doubles, Dou
         normals[bad], _ = across(*control.single(near_u, near_v))
         length[bad] = np.linalg.norm(normals[bad], axis=-1)
         bad = length <= LITTLE * share * scale
-    normals[length == 0] = 0, 0, 1  # of what is a line or a point, of which nothing is drawn
+    normals[length == 0] = 0, 0, 1  # degenerate to a line or point, where nothing is drawn
     return np.asarray(normals / np.where(length > 0, length, 1.0)[..., None])

@@ -1,4 +1,4 @@
-"""Trim curves as closed lines of straight pieces in a patch's parameters."""
+"""Trim curves as closed polylines in a patch's parameters."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ...description import Direction, TrimCurve
 from ...description.nurbs import TrimLoop
 from .basis import Indices, bases, spans_of
 
-MOST_PARTS = 1 << 12  # of a span of a curve
-# Shares of the patch, which differ so that a diagonal through the grid's crossings stays off them.
+MOST_PARTS = 1 << 12  # per span of a curve
+# Shares of the patch, different for u and v so that a diagonal through the grid's crossings stays off them.
 EDGE, AWAY = 1e-9, (1.37e-11, 0.83e-11)
 BELOW, ABOVE = (1.0, 0.71), (0.83, 0.59)  # of EDGE
 NO_AREA = 1e-12
@@ -21,7 +21,7 @@ NO_AREA = 1e-12
 
 @dataclass(frozen=True)
 class Tolerance:
-    """In pixels: how far a line may be off its curve, and what a unit of each parameter covers."""
+    """Allowed error of a polyline in pixels, and pixels per unit of each parameter."""
 
     pixels: float
     per_u: float
@@ -29,7 +29,7 @@ class Tolerance:
 
 
 def flattened(loop: TrimLoop, tolerance: Tolerance) -> Doubles:
-    """(K, 2) points on the curves, without the one that closes the loop."""
+    """Return points (K, 2) on the curves of a loop, without a repeated last one."""
     found = np.concatenate([_flat(curve, tolerance) for curve in loop])
     return np.asarray(found[(found != np.roll(found, 1, axis=0)).any(axis=1)])
 
@@ -50,7 +50,7 @@ def _flat(curve: TrimCurve, tolerance: Tolerance) -> Doubles:
 
 
 def _sampled(curve: TrimCurve, spans: Indices, low: Doubles, high: Doubles, parts: Indices) -> tuple[Doubles, Indices]:
-    """Each span in so many parts, and the last point of all; with the number of the span that each is in."""
+    """Return each span divided into `parts` plus the last point, with the index of each point's span."""
     of = np.repeat(np.arange(len(spans)), parts)
     within = np.arange(len(of)) - np.repeat(np.cumsum(parts) - parts, parts)
     at = low[of] + (high[of] - low[of]) * within / parts[of]
@@ -61,7 +61,7 @@ def _sampled(curve: TrimCurve, spans: Indices, low: Doubles, high: Doubles, part
 
 
 def _off(points: Doubles, of: Indices, parts: Indices, tolerance: Tolerance) -> Doubles:
-    """By span, in pixels: how far every second point is off the line between its neighbours."""
+    """Return the largest distance in pixels, by span, of every second point from the line between its neighbours."""
     scale = np.array([tolerance.per_u, tolerance.per_v])
     off = np.linalg.norm((points[1::2] - (points[:-1:2] + points[2::2]) / 2) * scale, axis=1)
     found = np.zeros(len(parts))
@@ -78,20 +78,21 @@ def end_of(curve: TrimCurve) -> Doubles:
 
 
 def _at(curve: TrimCurve, parameter: float, span: int) -> Doubles:
-    """(2,) at the beginning or the end."""
+    """Return the point (2,) at the curve's beginning or end."""
     b = bases(curve.basis, spans_of(curve.basis)[[span]], np.array([parameter]))
     found = b.values[0] @ curve.points[b.first[0] : b.first[0] + curve.basis.order]
     return np.asarray(found[:2] / found[2])
 
 
 def area(loop: Doubles) -> float:
-    """Signed: positive where it runs counter-clockwise."""
+    """Return the signed area, positive for counter-clockwise loops."""
     x, y = (loop - loop[:1]).T
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2
 
 
 def off_the_grid(loop: Doubles, u: Direction, v: Direction) -> Doubles:
-    """Moved by less than shows, so that it meets no crossing of the grid's lines; what runs along the edge is beyond it."""
+    """Return the loop moved imperceptibly, so that it passes through no crossing of the grid's lines; what runs along the
+    patch's edge is moved beyond it."""
     out = loop.copy()
     for axis, direction in enumerate((u, v)):
         size = direction.high - direction.low
@@ -111,7 +112,7 @@ def encloses(loop: Doubles, point: Doubles) -> bool:
 
 
 def are_holes(loops: Sequence[Doubles]) -> bool:
-    """Whether all loops that none encloses run clockwise: then they are holes in the whole patch, for what is kept lies to the
+    """Return whether all outermost loops run clockwise; then they are holes in the whole patch, since the kept part is on the
     left of curves."""
     outer = [
         loop

@@ -1,7 +1,7 @@
-"""What trim loops leave of a grid: whole cells, and polygons of the cells that loops run through, cut on them.
+"""Trimming of a grid: whole cells, and polygons of the cells that trim loops run through.
 
-A loop that runs through a cell enters and leaves it, for a line of the grid is laid through the middle of each: so what is kept
-of a cell has no holes of its own.
+A loop enters and leaves every cell that it runs through, since a grid line is inserted through the middle of each loop; so the
+kept part of a cell has no holes.
 """
 
 from __future__ import annotations
@@ -18,22 +18,23 @@ from .basis import Indices
 from .crossings import Chain, Kind, Nodes, chains_of, is_inside, nodes_of
 from .lines import Flags, Lines
 
-MIDDLE = 0.4871231  # of a loop: not where a symmetrical one has corners
+MIDDLE = 0.4871231  # relative position within a loop: symmetrical loops have no corner there
 
 
 @dataclass(frozen=True, eq=False)
 class Trimmed:
-    """Vertices are the grid's, row by row, then `at`."""
+    """Result of trimming. Vertices are the grid's, row by row, followed by those `at` parameters."""
 
     whole: Flags  # (Mv - 1, Mu - 1) cells
-    triangles: Ints  # (T, 3) of cells that are cut
-    cells: Ints  # (T, 2) u, v of each of them
+    triangles: Ints  # (T, 3) in cells that are cut
+    cells: Ints  # (T, 2) u, v of each triangle's cell
     at: Doubles  # (K, 2) parameters of vertices on loops
-    inside: Indices  # (K, 2) u, v: a cell that each lies in or at
+    inside: Indices  # (K, 2) u, v of a cell that each is in or next to
 
 
 def with_lines_through(loops: Sequence[Doubles], u: Lines, v: Lines) -> tuple[Lines, Lines]:
-    """Of either direction at least one line through each loop, well inside it and through none of its corners."""
+    """Return the lines of both directions with at least one through each loop, well inside it and through none of its
+    corners."""
     low = np.array([loop.min(axis=0) for loop in loops])
     size = np.array([loop.max(axis=0) for loop in loops]) - low
     return _with(u, low[:, 0], size[:, 0]), _with(v, low[:, 1], size[:, 1])
@@ -48,7 +49,7 @@ def _with(lines: Lines, low: Doubles, size: Doubles) -> Lines:
 
 
 def trimmed(loops: Sequence[Doubles], u: Lines, v: Lines, *, holes: bool) -> Trimmed:
-    """`holes`: what an odd number of loops encloses is not drawn, else it is what is."""
+    """Return the trimmed grid. `holes`: what an odd number of loops encloses is removed, else it is what is kept."""
     nodes = nodes_of(loops, u, v)
     kept = is_inside(nodes, u, v) ^ holes
     by_cell: dict[tuple[int, int], list[Chain]] = defaultdict(list)
@@ -63,14 +64,14 @@ def trimmed(loops: Sequence[Doubles], u: Lines, v: Lines, *, holes: bool) -> Tri
     inside = np.maximum(nodes.cell, 0)
     before = np.empty_like(nodes.following)
     before[nodes.following] = np.arange(len(before))
-    from_before = (nodes.cell[:, 0] < 0)[:, None]  # it leaves the patch here
+    from_before = (nodes.cell[:, 0] < 0)[:, None]  # the loop leaves the patch here
     return Trimmed(
         whole, triangles, np.array(cut.cells, np.int32).reshape(-1, 2), nodes.at, np.where(from_before, inside[before], inside)
     )
 
 
 class _Cut:
-    """Triangles of cells that loops run through."""
+    """Triangulation of cells that loops run through."""
 
     def __init__(self, nodes: Nodes, u: Lines, v: Lines, kept: Flags) -> None:
         self._nodes, self._u, self._v, self._kept = nodes, u.at, v.at, kept
@@ -88,7 +89,7 @@ class _Cut:
                 self.cells.append(cell)
 
     def _polygons(self, cell: tuple[int, int], chains: list[Chain]) -> list[list[int]]:
-        """Counter-clockwise: along the cell's outline where it is kept, then along a chain, and so on."""
+        """Return the kept polygons of a cell, counter-clockwise: along its outline, then along a chain, and so on."""
         i, j = cell
         corners = [(j, i), (j, i + 1), (j + 1, i + 1), (j + 1, i)]
         events = sorted((self._around(cell, chain.nodes[end]), k, end) for k, chain in enumerate(chains) for end in (0, -1))
@@ -116,7 +117,7 @@ class _Cut:
         return [polygon for polygon in found if len(polygon) > 2]
 
     def _around(self, cell: tuple[int, int], node: int) -> float:
-        """Where on the cell's outline: 0 to 4, counter-clockwise from its first corner."""
+        """Return the position on the cell's outline, 0 to 4, counter-clockwise from its first corner."""
         (i, j), (x, y), line = cell, self._at[node], self._line[node]
         if self._kind[node] == Kind.ON_V:
             share = (x - self._u[i]) / (self._u[i + 1] - self._u[i])
@@ -125,7 +126,7 @@ class _Cut:
         return float(1 + share if line == i + 1 else 4 - share)
 
     def _place(self, cell: tuple[int, int], vertex: int) -> tuple[float, float, float]:
-        """In shares of the cell, so that it is neither thin nor small."""
+        """Return a vertex's position relative to the cell, so that cells are neither thin nor small."""
         i, j = cell
         if vertex < self._grid:
             x, y = self._u[vertex % self._columns], self._v[vertex // self._columns]
