@@ -1,6 +1,6 @@
-"""Have two pictures changed, beyond their noise? Differences, tests of them, a verdict, and the pytest fixture.
+"""Comparison of pictures beyond their noise: differences, statistical tests, a verdict, and a pytest fixture.
 
-The package shares its name with the function `primray.compare`. Importing it costs nothing.
+The package shares its name with the function `primray.compare`. Importing it imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def compare(
     aovs: Iterable[str] = (),
     allow_bias: bool = False,
 ) -> Comparison | SequenceComparison:
-    """Whether picture `b` has changed from `a` beyond their noise, each an image, an array or the path of a file.
+    """Return whether picture `b` has changed from `a` beyond noise; each is an image, an array or the path of a file.
 
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=8)
     >>> image.save("before.exr").name
@@ -76,15 +76,15 @@ def compare(
     >>> primray.compare("before.exr", image).verdict
     <Verdict.UNCHANGED: 'unchanged'>
 
-    `alpha` is the rate of false alarms, over all tiles together; `tolerance` the smallest relative difference that matters;
-    tiles are `tile` pixels across. `aovs` names outputs beside the pictures that are judged as well, ["all"] all that both
-    have: means of samples by their errors (`aov_errors`), ids by names, what is exact by its values. SettingsError if the two
-    cannot be compared: unless `allow_bias`, both must have the same `clamp_indirect` and `caustics`.
+    `alpha` is the false-alarm rate over all tiles together; `tolerance` the smallest relative difference that matters; tiles
+    are `tile` pixels across. `aovs` names AOVs to compare as well, ["all"] all that both have: means of samples by their
+    errors (`aov_errors`), ids by names, exact values by value. SettingsError if the two cannot be compared: unless
+    `allow_bias`, both must have the same `clamp_indirect` and `caustics`.
 
-    Where neither has standard errors (arrays, .npy files, PNGs, EXRs of others) values alone are judged: `Comparison.by` is
-    "values", or "display" for display values (PNG, JPEG, TIFF; arrays of uint8 and uint16), whose differences are shares of
-    white. Two folders, or two names with a place for the frame's number ("a/shot.####.exr", "b/shot.%04d.exr"), are compared
-    pair by pair; the result is a SequenceComparison then.
+    If neither has standard errors (arrays, .npy files, PNGs, EXRs of other programs), only values are compared:
+    `Comparison.by` is "values", or "display" for display values (PNG, JPEG, TIFF; arrays of uint8 and uint16), whose
+    differences are fractions of white. Two folders, or two names with a frame number placeholder ("a/shot.####.exr",
+    "b/shot.%04d.exr"), are compared pair by pair, and the result is a SequenceComparison.
     """
     from .aov_tests import compare_with_aovs
     from .comparison import compare as compare_measured

@@ -1,7 +1,7 @@
-"""Have the outputs beside two pictures (AOVs) changed? Each is judged by what it holds, tile by tile as the picture is.
+"""Comparison of AOVs, tile by tile like the picture.
 
-Means of samples by their standard errors, as the picture; Cryptomattes by the coverage of each name and the most noise that a
-coverage of so many samples can have; ids by what they stand for; all others are exact, and every difference is one.
+Means of samples are tested with their standard errors, like the picture; Cryptomattes by the coverage of each name, with the
+largest noise possible for its number of samples; ids by their names. All others are exact, so every difference counts.
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ from .comparison import AovComparison, AovTile, Comparison, Tile, Verdict, compa
 from .difference_tests import Grid, threshold, tiles
 
 ALL = "all"
-OF_THE_RENDER = frozenset({"samples"})  # how much was spent, no property of the scene
+OF_THE_RENDER = frozenset({"samples"})  # cost of the render, not a property of the scene
 UNMEASURED = "is as noisy as the picture, and has no standard errors: render it with --aov-errors"
-_FLOOR = 0.1  # of the median size of values: smaller ones' differences count in proportion to this
+_FLOOR = 0.1  # times the median magnitude: the smallest value that differences are taken relative to
 
 
 @dataclass(frozen=True)
 class Judging:
+    """Criteria of a comparison."""
+
     alpha: float
     tolerance: float
     tile: int
@@ -41,12 +43,12 @@ Pictures = tuple[MeasuredImage, MeasuredImage]
 
 
 def aovs_in(path: str | os.PathLike[str]) -> dict[str, Aov]:
-    """Those of an EXR, without pictures that are made of the record."""
+    """Return the AOVs of an EXR, without pictures derived from the record."""
     return {name: aov for name, aov in read_aovs(path).items() if aov.source not in MADE_OF_PICTURE}
 
 
 def names_in(both: Both, asked: Iterable[str]) -> tuple[list[str], list[str]]:
-    """What is to be judged, and what there is to say of the rest; SettingsError for a name that one of them lacks."""
+    """Return the names to compare, and notes on the rest. SettingsError for a requested name that one picture lacks."""
     asked = list(dict.fromkeys(asked))
     common = [name for name in both[0] if name in both[1] and both[0][name].source not in OF_THE_RENDER]
     if asked != [ALL]:
@@ -73,8 +75,11 @@ def _is_unmeasured(aov: Aov) -> bool:
 def compare_with_aovs(
     pictures: Pictures, both: Both, asked: Iterable[str], *, alpha: float, tolerance: float, tile: int, allow_bias: bool = False
 ) -> Comparison:
-    """Of the pictures and of AOVs: changed if one of them has, undecided if one of them is. Those that noise is in share the
-    false alarms with the picture. SettingsError if they cannot be compared."""
+    """Compare pictures and AOVs.
+
+    The verdict is changed if any of them has changed, undecided if any is undecided. Noisy AOVs share the false-alarm rate with
+    the picture. SettingsError if they cannot be compared.
+    """
     names, notes = names_in(both, asked)
     noisy = sum(1 for name in names if _is_noisy(both[0][name]) or _is_noisy(both[1][name]))
     judging = Judging(alpha / (1 + noisy), tolerance, tile)
@@ -108,7 +113,7 @@ def _compared(name: str, pair: tuple[Aov, Aov], pictures: Pictures, judging: Jud
 
 
 def _are_same(a: Aov, b: Aov) -> bool:
-    """Bit for bit, and of the same names."""
+    """Return whether values and names are identical, bit for bit."""
     if a.values.shape != b.values.shape or dict(a.ids) != dict(b.ids):
         return False
     return bool(np.array_equal(a.values, b.values, equal_nan=a.values.dtype.kind == "f"))
@@ -120,7 +125,7 @@ def _tile(tile: Tile) -> AovTile:
 
 
 def _measured(name: str, aov: Aov, picture: MeasuredImage) -> MeasuredImage:
-    """As a picture of three channels; what has fewer shows some of them twice."""
+    """Return an AOV as a picture of three channels; channels are repeated if it has fewer."""
     chosen = (0, min(1, len(aov.channels) - 1), min(2, len(aov.channels) - 1))
     own = {"samples_per_pixel": f"{aov.samples} {aov.samples}", "settings.seed": "of AOVs"}
     return MeasuredImage(
@@ -135,7 +140,10 @@ def _measured(name: str, aov: Aov, picture: MeasuredImage) -> MeasuredImage:
 
 
 def _by_values(a: Aov, b: Aov, judging: Judging) -> tuple[Verdict, tuple[AovTile, ...]]:
-    """By the root mean square of the difference over that of the values; what is finite in one alone differs wholly."""
+    """Compare exact values by the RMS of the difference over the RMS of the values.
+
+    Values finite in only one picture count as fully different.
+    """
     one, two = a.values.astype(np.float64), b.values.astype(np.float64)
     finite = np.isfinite(one) & np.isfinite(two)
     with np.errstate(invalid="ignore"):
@@ -152,7 +160,7 @@ def _by_values(a: Aov, b: Aov, judging: Judging) -> tuple[Verdict, tuple[AovTile
 
 
 def _by_names(a: Aov, b: Aov, judging: Judging) -> tuple[Verdict, tuple[AovTile, ...]]:
-    """By the share of pixels that show something else."""
+    """Compare ids by the share of pixels that show something else."""
     both = np.stack([a.values[..., 0].astype(np.int64), b.values[..., 0].astype(np.int64)], axis=2)
     pairs, place = np.unique(both.reshape(-1, 2), axis=0, return_inverse=True)
     differ = np.array([_name(a, one) != _name(b, two) for one, two in pairs.tolist()])
@@ -166,7 +174,7 @@ def _name(aov: Aov, number: int) -> str:
 
 
 def _by_size(grid: Grid, relative: Doubles, judging: Judging) -> tuple[Verdict, tuple[AovTile, ...]]:
-    """Of exact values: no difference is noise."""
+    """Return the verdicts of exact values, where no difference is noise."""
     changed = (relative > 0) & (relative >= judging.tolerance)
     return _told(grid, changed, np.zeros(changed.shape, bool), relative)
 
@@ -183,8 +191,11 @@ def _told(
 
 
 def _by_coverage(a: Aov, b: Aov, pictures: Pictures, judging: Judging) -> tuple[Verdict, tuple[AovTile, ...]]:
-    """By each name's mean coverage of a tile. A coverage of n samples that are drawn apart has a variance of c (1 - c) / n,
-    c drawn a little from 0 and 1 as Agresti and Coull (1998) do; stratified ones have less."""
+    """Compare Cryptomattes by each name's mean coverage of a tile.
+
+    The coverage by n independent samples has variance c (1 - c) / n, with c moved slightly away from 0 and 1 as by Agresti and
+    Coull (1998); stratified samples have less.
+    """
     shape = a.values.shape[:2]
     grid = tiles(shape, judging.tile)
     rows = np.searchsorted(grid.rows, np.arange(shape[0]), side="right") - 1
@@ -211,7 +222,7 @@ def _by_coverage(a: Aov, b: Aov, pictures: Pictures, judging: Judging) -> tuple[
 
 
 def _entries(aov: Aov, tile: npt.NDArray[np.intp], samples: float | None) -> tuple[npt.NDArray[np.int64], Doubles, Doubles]:
-    """(N, 2) tile and id, (N) coverage and its variance."""
+    """Return tile and id (N, 2) of Cryptomatte entries, their coverage (N) and its variance (N)."""
     pairs = np.ascontiguousarray(aov.values, np.float32).reshape(*tile.shape, -1, 2)
     coverage = pairs[..., 1].astype(np.float64)
     kept = coverage > 0
@@ -224,7 +235,7 @@ def _entries(aov: Aov, tile: npt.NDArray[np.intp], samples: float | None) -> tup
 
 
 def _sums(keys: npt.NDArray[np.int64], at: npt.NDArray[np.int64], *values: Values) -> list[Doubles]:
-    """Of values by the rows of `keys` that they are at."""
+    """Return sums of values by the rows of `keys` that they belong to."""
     both = np.concatenate([keys, at], axis=0)
     _, place = np.unique(both, axis=0, return_inverse=True)
     place = place.ravel()

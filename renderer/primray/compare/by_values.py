@@ -1,7 +1,7 @@
-"""How far two pictures without standard errors are apart, tile by tile: by values alone, since nothing says what is noise.
+"""Comparison of pictures without standard errors, tile by tile and by values only, since their noise is unknown.
 
-Scene-linear pictures by the root mean square of their difference relative to that of the pictures, display values (PNG, JPEG,
-TIFF) by the root mean square of their difference itself, white being 1.
+Scene-linear pictures are compared by the RMS of their difference relative to the RMS of the pictures, display values (PNG,
+JPEG, TIFF) by the RMS of the difference itself, with white at 1.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ DISPLAY_NOTE = "both have display values, without standard errors: differences a
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """What regions of two pictures differ by, (h, w) each."""
+    """Differences of regions of two pictures, (h, w) each."""
 
     size: Doubles  # root mean square of the difference over all channels
     signed: Doubles  # mean difference over R, G, B: B - A
 
 
 def apart(of: Difference, grid: Grid, display: bool) -> Apart:
-    """Compute the differences of a grid's regions; relative to the picture unless the values are displayed ones."""
+    """Compute the differences of a grid's regions, relative to the picture unless the values are display values."""
     pixels = np.maximum(grid.sum(of.judged.astype(np.float64)), 1.0)
     square = grid.sum((of.d**2).mean(axis=0)) / pixels
     signed = grid.sum(of.d[:3].mean(axis=0)) / pixels

@@ -1,9 +1,9 @@
-"""Has the picture changed? Two images with their error channels to a verdict for the whole and for every tile.
+"""Comparison of two images with error channels: a verdict for the whole picture and for every tile.
 
-`changed`: a difference of at least `tolerance` (relative) that noise explains with a probability below `alpha`, over all tiles
-and statistics together. `undecided`: no such difference, but the noise of a tile is so large that one of that size could hide.
-`unchanged`: neither. The tests are difference_tests.py's, what they rest on is in difference.py. Where neither picture has
-error channels, by_values.py judges by size alone, and nothing is undecided.
+`changed`: there is a difference of at least `tolerance` (relative) that noise explains with probability below `alpha`, over all
+tiles and statistics together. `undecided`: there is no such difference, but a tile is noisy enough to hide one. `unchanged`:
+neither. The tests are in difference_tests.py, their inputs in difference.py. If neither picture has error channels,
+by_values.py compares by size only, and nothing is undecided.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ DEFAULT_ALPHA = 0.001
 DEFAULT_TOLERANCE = 0.01
 DEFAULT_TILE = 32
 SMALLEST_TILE = 8
-_MARGIN = 1.15  # more samples than the estimate says: the worst tile of many is not the same one the next time
-_ABOUT_AS_UNLIKELY = 0.7  # of the logarithm of a probability: a statistic within 16 % of the best
-LIKELY = 1.2816  # standard errors beyond the threshold: a change of the tolerance's size would be found 9 times in 10
+_MARGIN = 1.15  # factor on the estimated samples, because the worst of many tiles is a different one next time
+_ABOUT_AS_UNLIKELY = 0.7  # factor on log p: a statistic within 16 % of the best
+LIKELY = 1.2816  # standard errors beyond the threshold at which a change of the tolerance's size is found 9 times in 10
 
 
 class Verdict(Enum):
-    """What a comparison came to; undecided where noise could hide a difference of the tolerance's size.
+    """Result of a comparison; undecided if noise could hide a difference of the tolerance's size.
 
     >>> primray.Verdict("changed") is primray.Verdict.CHANGED
     True
@@ -53,8 +53,8 @@ class Finding:
     kind: str
     channel: str
     box: tuple[int, int, int, int]  # x0, y0, x1, y1 in pixels from the upper left, the end not included
-    log_p: float  # of the probability of such a difference without a change, corrected for all tests of the comparison
-    relative: float  # root mean square of the difference over that of the picture in the box
+    log_p: float  # log probability of such a difference without a change, corrected for all tests of the comparison
+    relative: float  # RMS of the difference over that of the picture in the box
     signed: float  # B - A, relative; for moved-x and moved-y pixels to the right and down
 
     @property
@@ -64,34 +64,38 @@ class Finding:
 
 @dataclass(frozen=True)
 class Tile:
+    """The result for one tile."""
+
     box: tuple[int, int, int, int]
     verdict: Verdict
     relative: float  # mean difference over R, G, B, B - A, relative
-    resolution: float  # relative mean difference that would have been found, 9 times in 10
-    finding: Finding | None  # the strongest; significant, though not of the tolerance's size unless the tile has changed
+    resolution: float  # relative mean difference that would be found 9 times in 10
+    finding: Finding | None  # the strongest; significant, but below the tolerance unless the tile has changed
 
 
 @dataclass(frozen=True)
 class Needs:
-    """Further samples a pixel that would decide every tile; None: no number does, or the image does not say what it has."""
+    """Further samples per pixel that would decide every tile; None if no number does, or the image does not state its own."""
 
-    factor: float | None  # times the samples that both have
-    a: int | None  # with this and the next: further samples of A and of B
+    factor: float | None  # factor on the samples of both
+    a: int | None  # further samples of A, together with those of B
     b: int | None
-    a_alone: int | None  # further samples of A if B stays as it is
+    a_alone: int | None  # further samples of A if B gets none
     b_alone: int | None
 
 
 @dataclass(frozen=True)
 class AovTile:
+    """The result for one tile of an AOV."""
+
     box: tuple[int, int, int, int]
     verdict: Verdict
-    differs: float  # relative to the values; of ids a share of pixels, of a Cryptomatte the largest change of a coverage
+    differs: float  # relative to the values; for ids a share of pixels, for Cryptomattes the largest change of coverage
 
 
 @dataclass(frozen=True)
 class AovComparison:
-    """Of an output beside the picture, judged as `by` says: errors, coverage, names, or values where it is exact."""
+    """The result for an AOV, compared by `by`: errors, coverage, names, or values if it is exact."""
 
     name: str
     by: str
@@ -105,7 +109,7 @@ class AovComparison:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """What `primray.compare` found. Differences are B - A, relative to the picture; boxes are pixels from the upper left.
+    """Result of `primray.compare`. Differences are B - A, relative to the picture; boxes are pixels from the upper left.
 
     >>> a = primray.render("shot.usda", resolution=(32, 18), spp=8)
     >>> b = primray.render("shot.usda", resolution=(32, 18), spp=8, seed=1)
@@ -118,18 +122,18 @@ class Comparison:
     alpha: float
     tolerance: float
     tiles: tuple[Tile, ...]
-    finding: Finding | None  # of the image as a whole
-    relative: float  # mean difference of the image, relative (of display values: white is 1), with its standard error
+    finding: Finding | None  # for the image as a whole
+    relative: float  # relative mean difference of the image (for display values, white is 1), with its standard error
     relative_error: float | None  # None: neither picture has errors
-    needs: Needs | None  # of an undecided comparison
-    unjudged_pixels: int  # without an estimate of their error, or finite in neither picture
+    needs: Needs | None  # for an undecided comparison
+    unjudged_pixels: int  # pixels without an error estimate, or finite in neither picture
     identical: bool  # bit for bit
     of: Difference
     notes: tuple[str, ...]
     tile: int = DEFAULT_TILE  # pixels across
-    aovs: tuple[AovComparison, ...] = ()  # those that were asked for; the verdict is of them as well
-    by: str = "errors"  # what judged: standard errors, "values" of scene-linear pictures without them, or "display" values
-    flip: Flip | None = None  # of display values, where its package is installed
+    aovs: tuple[AovComparison, ...] = ()  # the requested AOVs, which the verdict includes
+    by: str = "errors"  # standard errors, or else scene-linear "values" or "display" values
+    flip: Flip | None = None  # for display values, if the package is installed
 
     def __repr__(self) -> str:
         tiles = ", ".join(f"{self.count(verdict)} {verdict.value}" for verdict in Verdict if self.count(verdict))
@@ -138,7 +142,7 @@ class Comparison:
         return f"<Comparison {self.verdict.value}; tiles: {tiles}; mean difference {mean}>"
 
     def __bool__(self) -> bool:
-        """TypeError: whether that would mean "changed" or "the same" nobody could tell."""
+        """Raise TypeError, because it would be unclear whether true means "changed" or "the same"."""
         raise TypeError("a Comparison is neither true nor false; ask for its verdict")
 
     def count(self, verdict: Verdict) -> int:
@@ -154,9 +158,9 @@ def compare(
     tile: int = DEFAULT_TILE,
     allow_bias: bool = False,
 ) -> Comparison:
-    """Judge by standard errors, or by values where neither has any; SettingsError if the two cannot be compared.
+    """Compare by standard errors, or by values if neither picture has any; SettingsError if the two cannot be compared.
 
-    `allow_bias`: even if they were asked to leave out different light.
+    `allow_bias`: compare even if different light was left out by `clamp_indirect` or `caustics`.
     """
     check_criteria(alpha, tolerance, tile)
     if not allow_bias:
@@ -198,7 +202,7 @@ def compare(
 def _compared_by_values(
     of: Difference, alpha: float, tolerance: float, tile: int, display: bool, seen: Flip | None
 ) -> Comparison:
-    """Call a region changed that differs by the tolerance; a change that is spread thinly may show in the whole alone."""
+    """Return regions as changed if they differ by the tolerance. A change that is spread thinly may show only in the whole."""
     shape = of.judged.shape
     finest, image = tiles_of(shape, tile), whole_of(shape)
     tiles = tuple(_tiles_by_values(of, finest, tolerance, display))
@@ -240,7 +244,7 @@ def _tiles_by_values(of: Difference, grid: Grid, tolerance: float, display: bool
 
 
 def check_criteria(alpha: float, tolerance: float, tile: int) -> None:
-    """SettingsError for criteria that no comparison can have."""
+    """Raise SettingsError for invalid criteria."""
     if not 0 < alpha < 1:
         raise SettingsError(f"the false-alarm rate must be between 0 and 1, not {alpha}", code="alpha")
     if not (math.isfinite(tolerance) and tolerance >= 0):
@@ -250,8 +254,10 @@ def check_criteria(alpha: float, tolerance: float, tile: int) -> None:
 
 
 def _require_same_bias(a: MeasuredImage, b: MeasuredImage) -> None:
-    """Raise SettingsError where one picture is clamped, or has no caustics, and the other is not alike; a header that says
-    nothing of a bias has none."""
+    """Raise SettingsError if the pictures differ in `clamp_indirect` or `caustics`.
+
+    A header that does not mention a bias has none.
+    """
     for name, none in BIAS.items():
         values = [_bias_of(picture, name, none) for picture in (a, b)]
         if values[0] != values[1]:
@@ -268,7 +274,10 @@ def _bias_of(picture: MeasuredImage, name: str, none: object) -> str:
 
 
 def _tests_for_one(family: Family, families: list[Family]) -> int:
-    """How many tests share alpha with one of this family: families have equal parts of it, whatever their size."""
+    """Return the number of tests that share alpha with one of this family.
+
+    Families have equal parts of alpha, whatever their size.
+    """
     return family.log_p.size * len(families)
 
 
@@ -295,7 +304,7 @@ def _matters(finding: Finding, tolerance: float) -> bool:
 
 
 def _strongest(findings: list[Finding], tolerance: float) -> Finding | None:
-    """Of those that matter, else of all: the largest of those that are about as unlikely as the least likely one."""
+    """Return the largest of the findings that are about as unlikely as the least likely one, preferring those that matter."""
     chosen = [f for f in findings if _matters(f, tolerance)] or findings
     if not chosen:
         return None
@@ -304,9 +313,9 @@ def _strongest(findings: list[Finding], tolerance: float) -> Finding | None:
 
 
 def _reach(resolution: Resolution, families: list[Family], alpha: float, of: Difference) -> tuple[Doubles, Doubles]:
-    """(C, h, w): the relative mean difference of a tile that is found 9 times in 10, and how noise counts towards it.
+    """Return the relative mean difference (C, h, w) of a tile that is found 9 times in 10, and the factor of noise in it.
 
-    A difference D adds D^2 / 3 a pixel to V, so that few pixels never reach the threshold: infinite there.
+    A difference D adds D^2 / 3 per pixel to V, so small tiles never reach the threshold; the result is infinite there.
     """
     family = next(f for f in families if f.kind == "shift" and f.grid is resolution.grid)
     needed = threshold(alpha, _tests_for_one(family, families)) + LIKELY
@@ -315,7 +324,7 @@ def _reach(resolution: Resolution, families: list[Family], alpha: float, of: Dif
     factor = np.broadcast_to(factor, resolution.noise.shape)
     same = resolution.grid.sum((of.d != 0).any(axis=0).astype(np.float64)) == 0
     all_known = resolution.grid.sum((~of.judged).astype(np.float64)) == 0
-    # Tiles with the same bits have nothing to hide: independent noise would show.
+    # Identical tiles hide nothing, because independent noise would differ.
     quiet = np.broadcast_to(same & all_known, resolution.noise.shape)
     with np.errstate(invalid="ignore"):
         reach = np.where(resolution.noise > 0, resolution.noise * factor, np.where(np.isfinite(factor), 0.0, np.inf))
@@ -357,7 +366,10 @@ def tile_means(of: Difference, tests: Tests) -> Doubles:
 
 
 def _mean_difference(of: Difference, tests: Tests) -> tuple[float, float]:
-    """Of the image over R, G, B. Its error takes channels as fully correlated, which is their most."""
+    """Return the mean difference of the image over R, G, B and its error.
+
+    Channels are assumed fully correlated, the worst case.
+    """
     count = max(int(np.count_nonzero(of.judged)), 1)
     mean = of.d[:3].mean() * of.judged.size / count
     deviation = np.sqrt((of.d[:3] ** 2 + 2 * (of.variance_a + of.variance_b)[:3]).sum(axis=(1, 2)) / 3).mean() / count
@@ -366,7 +378,10 @@ def _mean_difference(of: Difference, tests: Tests) -> tuple[float, float]:
 
 
 def _needs(reach: Doubles, factor: Doubles, resolution: Resolution, tolerance: float, of: Difference) -> Needs:
-    """By variance proportional to 1 / samples; quasi-random points may well need fewer, rare bright paths more."""
+    """Return the samples that decide the comparison, for variance proportional to 1 / samples.
+
+    Quasi-random points may need fewer, rare bright paths more.
+    """
     na, nb = of.samples
     if not np.isfinite(reach).all() or tolerance == 0:
         return Needs(None, None, None, None, None)

@@ -1,4 +1,4 @@
-"""A comparison as JSON and in plain words."""
+"""A comparison as JSON and as text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .difference import ALPHA
 
 TILES_SHOWN = 10
 AOV_TILES_SHOWN = 3
-_NEWS = 0.1  # of the tolerance
+_NEWS = 0.1  # times the tolerance: smaller findings are not printed
 _ORDER = (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED)
 _CHANNELS = {"R": "red", "G": "green", "B": "blue", ALPHA: "alpha"}
 
@@ -64,19 +64,19 @@ def _finding_json(finding: Finding | None) -> dict[str, Any] | None:
         "kind": finding.kind,
         "channel": finding.channel,
         "box": list(finding.box),
-        "p": finding.p if finding.kind != "values" else None,  # without errors, nothing is known of chance
+        "p": finding.p if finding.kind != "values" else None,  # without errors there is no probability
         "relative": _number(finding.relative),
         "signed": _number(finding.signed),
     }
 
 
 def _number(value: float) -> float | None:
-    """JSON knows no infinity."""
+    """Return the value, or None for an infinity or NaN, which JSON lacks."""
     return value if math.isfinite(value) else None
 
 
 def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
-    """What a person needs to know, the verdict first and then the worst tiles."""
+    """Yield the comparison as text, the verdict first and then the worst tiles."""
     height, width = comparison.of.judged.shape
     yield f"{comparison.verdict.value}: {name_a} (A) and {name_b} (B), {width} x {height}"
     if comparison.identical:
@@ -121,7 +121,7 @@ def _tile_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def _value_lines(comparison: Comparison) -> Iterator[str]:
-    """Describe a comparison without standard errors: by how much, in which measure, and no probabilities."""
+    """Yield a comparison without standard errors as text: sizes and their measure, but no probabilities."""
     white = " of white" if comparison.by == "display" else ""
     if comparison.finding is not None and comparison.finding.kind == "values":
         size = _percent(comparison.finding.relative)
@@ -155,12 +155,15 @@ def _aov_lines(aov: AovComparison) -> Iterator[str]:
 
 
 def _worth_telling(finding: Finding, tolerance: float) -> bool:
-    """Another processor's rounding is significant where random numbers are repeated, and no news."""
+    """Return whether a finding is large enough to print.
+
+    Rounding of another processor is significant if random numbers are repeated, but irrelevant.
+    """
     return finding.relative >= _NEWS * tolerance
 
 
 def worst_tiles(comparison: Comparison) -> list[Tile]:
-    """Changed ones by how much, undecided ones by how badly they can be seen, then the rest."""
+    """Return tiles by severity: changed ones by difference, undecided ones by resolution, then the rest."""
 
     def key(tile: Tile) -> tuple[int, float]:
         by_finding = tile.finding is not None and (tile.verdict is Verdict.CHANGED or tile.finding.kind == "values")
@@ -170,7 +173,7 @@ def worst_tiles(comparison: Comparison) -> list[Tile]:
 
 
 def tile_line(tile: Tile, tolerance: float, by: str) -> str:
-    """Describe what a tile's verdict rests on, and where the tile is."""
+    """Return the position of a tile and the reason for its verdict."""
     x0, y0, x1, y1 = tile.box
     place = f"x {x0} to {x1 - 1}, y {y0} to {y1 - 1}"
     if tile.verdict is Verdict.UNDECIDED:

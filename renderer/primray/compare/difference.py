@@ -1,8 +1,9 @@
-"""The difference of two images and what their error channels say about its noise: what the tests of a comparison work on.
+"""The difference of two images and the noise of that difference, from their error channels: the input of the tests.
 
-A pixel's four replicate means are known as two unordered pairs, mean +- stderr of either image. With as many samples in both
-and nothing changed the four are exchangeable: each of the three ways to pair them, with either sign, is as likely as the one
-that is seen. The mean square of the difference over those six is (d^2 + 2 (sA^2 + sB^2)) / 3, whatever the noise is like.
+A pixel's four replicate means are known as two unordered pairs, mean +- stderr of either image. If both images have the same
+number of samples and nothing has changed, the four are exchangeable: each of the three ways to pair them, with either sign, is
+as likely as the observed one. The mean square of the difference over these six is (d^2 + 2 (sA^2 + sB^2)) / 3, whatever the
+distribution of the noise.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ from ..errors import SettingsError
 from ..images.image_file import MeasuredImage, same_color_space
 
 ALPHA = "A"
-WINDOW = 3  # radius in pixels of the neighbourhoods that local means are taken over
-_FLOOR = 0.1  # of the image's median brightness: darker differences count in proportion to this
-_FINEST = 0.003  # relative noise of a pixel below which precision gives it no more weight
-_HALF_ULP = 2.0**-24  # of a float channel: noise that the error channels do not hold
-_HALF_ULP_OF_HALF = 2.0**-11  # of a channel of halves, which have 10 bits of mantissa
+WINDOW = 3  # radius in pixels of the neighbourhoods of local means
+_FLOOR = 0.1  # times the median brightness: the smallest brightness that differences are taken relative to
+_FINEST = 0.003  # relative noise of a pixel below which its weight does not increase further
+_HALF_ULP = 2.0**-24  # rounding of a float channel, which the error channels do not include
+_HALF_ULP_OF_HALF = 2.0**-11  # rounding of a half channel, which has 10 bits of mantissa
 
 
 class Relation(Enum):
-    """How the noise of the two images is related, and so what is known of their difference when nothing has changed."""
+    """How the noise of the two images is related, which determines the distribution of their difference without a change."""
 
     EXCHANGEABLE = "as many samples in both, independent"
     UNEQUAL = "different numbers of samples, or one image without error"
@@ -36,27 +37,27 @@ class Relation(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """B - A by channel. Pixels that cannot be judged are 0 in every array."""
+    """The difference B - A by channel. Pixels that cannot be judged are 0 in every array."""
 
     channels: tuple[str, ...]
     d: Doubles  # (C, H, W)
     variance_a: Doubles  # (C, H, W), unbiased estimates with one degree of freedom
     variance_b: Doubles
-    mean: Doubles  # (C, H, W), of both images, weighted by their samples, so that its noise is uncorrelated with d's
-    brightness: Doubles  # (H, W): product of the two images, averaged over R, G, B: unbiased for the square of their mean
+    mean: Doubles  # (C, H, W), of both images, weighted by samples, so that its noise is uncorrelated with that of d
+    brightness: Doubles  # (H, W): product of the images averaged over R, G, B, an unbiased estimate of their squared mean
     judged: npt.NDArray[np.bool_]  # (H, W)
     broken: npt.NDArray[np.bool_]  # (H, W): finite in one image only
-    floor: float  # brightness below which differences count in proportion to this
+    floor: float  # the smallest brightness that differences are taken relative to
     relation: Relation
     samples: tuple[float | None, float | None]
-    notes: tuple[str, ...]  # what the comparison takes for granted
+    notes: tuple[str, ...]  # assumptions of the comparison
     frame: Frame | None = None  # of both pictures
 
     def local_mean(self, field: Doubles) -> Doubles:
-        """Mean of (H, W) over each pixel's neighbourhood; without what its own noise could reach, unless that is no matter.
+        """Return means of (H, W) over each pixel's neighbourhood, independent of the pixel's own noise if that matters.
 
-        With unequal samples a weight that knows a pixel's own noise would favour one image over the other (a bright spike
-        is in one and lowers its own weight), so a pixel sees only those of the other colour of a checkerboard.
+        With unequal samples, a weight correlated with a pixel's own noise would favour one image over the other (a bright
+        spike in one image lowers its own weight), so each pixel uses only those of the other colour of a checkerboard.
         """
         if self.relation is Relation.UNEQUAL:
             white = checkerboard(self.judged.shape)
@@ -76,7 +77,7 @@ def checkerboard(shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
 
 
 def shifted_sum(field: Doubles, offsets: list[tuple[int, int]]) -> Doubles:
-    """Sum of `field` at the given (y, x) offsets from each pixel, 0 outside."""
+    """Return sums of `field` at the given (y, x) offsets from each pixel, taking 0 outside."""
     height, width = field.shape
     out = np.zeros_like(field)
     for dy, dx in offsets:
@@ -89,7 +90,7 @@ def shifted_sum(field: Doubles, offsets: list[tuple[int, int]]) -> Doubles:
 
 
 def box_sum(field: Doubles, radius: int = WINDOW) -> Doubles:
-    """Not by running sums: one bright spike would cost its whole row the precision."""
+    """Return box sums. Running sums are not used, because one bright spike would cost its whole row the precision."""
     along = range(-radius, radius + 1)
     return shifted_sum(shifted_sum(field, [(0, x) for x in along]), [(y, 0) for y in along])
 
@@ -101,7 +102,7 @@ def _shown(frame: Frame) -> str:
 
 
 def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
-    """SettingsError where the two cannot be compared."""
+    """Return the difference of two pictures; SettingsError if they cannot be compared."""
     if a.is_display != b.is_display:
         shown, linear = (a, b) if a.is_display else (b, a)
         sentence = (
@@ -163,14 +164,14 @@ def _called(picture: MeasuredImage) -> str:
 
 
 def _rounding(picture: MeasuredImage, largest: Doubles) -> Doubles:
-    """The variance of what storing has rounded; 0 of pictures that are taken as exact."""
+    """Return the variance of rounding in the file, which is 0 for pictures that are assumed exact."""
     half_ulp = _HALF_ULP_OF_HALF if picture.stored == "half" else _HALF_ULP
     found: Doubles = (half_ulp * largest) ** 2 * (picture.stderr is not None)
     return found
 
 
 def _channels(a: MeasuredImage, b: MeasuredImage, notes: list[str]) -> tuple[tuple[str, ...], Doubles, Doubles]:
-    """R, G, B and, where it can be judged, alpha; (C, H, W) of either image."""
+    """Return channel names and values (C, H, W) of either image: R, G, B and, if it can be judged, alpha."""
     names: tuple[str, ...] = ("R", "G", "B")
     planes = [np.moveaxis(image.pixels.astype(np.float64), 2, 0) for image in (a, b)]
     if a.alpha is None and b.alpha is None:
@@ -199,7 +200,10 @@ def _weighted_mean(a: Doubles, b: Doubles, samples: tuple[float | None, float | 
 
 
 def _variance(image: MeasuredImage, judged: npt.NDArray[np.bool_], mean: Doubles, channels: tuple[str, ...]) -> Doubles:
-    """(C, H, W): the error channels' squares; for alpha, which has none, what a coverage in [0, 1] can have at most."""
+    """Return variances (C, H, W): the squared error channels.
+
+    Alpha, which has none, gets the maximum for a coverage in [0, 1].
+    """
     out = np.zeros(mean.shape)
     if image.stderr is None:
         return out
@@ -216,7 +220,7 @@ def _relation(a: MeasuredImage, b: MeasuredImage, d: Doubles, variance: Doubles)
         return Relation.UNEQUAL
     seed = a.metadata.get("settings.seed")
     noisy = variance > 0
-    # Independent differences are about as large as their noise; those of repeated random numbers mostly are 0.
+    # Independent differences are about as large as their noise; with repeated random numbers most are 0.
     if seed is not None and seed == b.metadata.get("settings.seed") and noisy.any():
         ratio = d[noisy] ** 2 / variance[noisy]
         if float(np.median(ratio)) < 0.1:
@@ -225,9 +229,9 @@ def _relation(a: MeasuredImage, b: MeasuredImage, d: Doubles, variance: Doubles)
 
 
 def local_deviation(of: Difference, channel: int) -> Doubles:
-    """(H, W): the standard deviation of the difference by the error channels alone, over every pixel's neighbourhood.
+    """Return the standard deviation (H, W) of the difference by the error channels alone, over each pixel's neighbourhood.
 
-    Where the noise is shared it says nothing of the difference, and only the finest counts.
+    If both images share their noise, the error channels do not describe the difference, and only the floor is used.
     """
     around = of.local_mean(of.mean[channel])
     variance = of.local_mean(of.variance_a[channel] + of.variance_b[channel])
@@ -236,7 +240,7 @@ def local_deviation(of: Difference, channel: int) -> Doubles:
 
 
 def local_precision(of: Difference, channel: int) -> tuple[Doubles, Doubles]:
-    """(H, W) each: the channel's mean around every pixel, and one over the variance of the difference there."""
+    """Return the channel's mean (H, W) around every pixel, and the inverse variance (H, W) of the difference there."""
     around = of.local_mean(of.mean[channel])
     variance = of.local_mean(of.d[channel] ** 2 / 3 + (of.variance_a[channel] + of.variance_b[channel]) * 2 / 3)
     finest = (_FINEST**2) * (around**2 + of.floor**2)

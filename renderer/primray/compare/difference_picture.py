@@ -1,6 +1,6 @@
-"""The picture of a comparison: every pixel's difference in units of its noise, blue where B is darker, red where brighter.
+"""Difference picture of a comparison: each pixel's difference in units of its noise, blue if B is darker, red if brighter.
 
-Tiles that have changed are framed in yellow, undecided ones have grey corners. Plain numbers to 8 bits, no colour management.
+Changed tiles have yellow frames, undecided ones grey corners. Values are plain 8-bit, without colour management.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..images.image import Image, check_output_path, write_png
 from .comparison import Comparison, Verdict
 from .difference import Difference, local_deviation
 
-FULL = 4.0  # standard deviations at which the colour is full
+FULL = 4.0  # standard deviations at which the colour saturates
 _DARKER, _SAME, _BRIGHTER = np.array([40.0, 90, 255]), np.array([24.0, 24, 24]), np.array([255.0, 60, 30])
 _UNJUDGED = np.array([90.0, 0, 90])
 _FRAMES = {Verdict.CHANGED: (255, 220, 0), Verdict.UNDECIDED: (130, 130, 130)}
@@ -32,7 +32,10 @@ def check_difference_path(path: str | os.PathLike[str]) -> Path:
 
 
 def save_difference(comparison: Comparison, path: str | os.PathLike[str]) -> Path:
-    """PNG: the picture. EXR: B - A in R, G, B, and that over its noise in z.R, z.G, z.B."""
+    """Write the difference.
+
+    A PNG holds the difference picture; an EXR holds B - A in R, G, B, and that over its noise in z.R, z.G, z.B.
+    """
     path = check_difference_path(path)
     of = comparison.of
     if path.suffix.lower() == ".png":
@@ -43,13 +46,13 @@ def save_difference(comparison: Comparison, path: str | os.PathLike[str]) -> Pat
 
 
 def z_scores(of: Difference) -> Doubles:
-    """(3, H, W): the difference in standard deviations, as its neighbourhood has them."""
+    """Return the difference (3, H, W) in standard deviations, estimated in each pixel's neighbourhood."""
     noise = np.stack([local_deviation(of, channel) for channel in range(3)])
     return np.divide(of.d[:3], noise, out=np.zeros_like(noise), where=noise > 0)
 
 
 def picture(comparison: Comparison) -> np.ndarray[Any, Any]:
-    """(H, W, 3) 8-bit."""
+    """Return the 8-bit difference picture (H, W, 3)."""
     of = comparison.of
     z = z_scores(of)
     strongest = np.take_along_axis(z, np.abs(z).argmax(axis=0)[None], axis=0)[0]
@@ -58,7 +61,7 @@ def picture(comparison: Comparison) -> np.ndarray[Any, Any]:
     colors[~of.judged] = _UNJUDGED
     colors[of.broken] = 255
     out: np.ndarray[Any, Any] = (colors + 0.5).astype(np.uint8)
-    for verdict in (Verdict.UNDECIDED, Verdict.CHANGED):  # a changed tile's frame is over its neighbours'
+    for verdict in (Verdict.UNDECIDED, Verdict.CHANGED):  # frames of changed tiles cover those of their neighbours
         for tile in comparison.tiles:
             if tile.verdict is verdict:
                 _frame(out, tile.box, verdict)

@@ -1,9 +1,9 @@
-"""Statistical tests of a difference: is there a change in this region, beyond what noise of any kind makes now and then?
+"""Statistical tests for a change in a region, beyond what noise of any distribution explains.
 
-Every statistic but the last is a sum of t(p) d(p) over the pixels p of a region, whose template t does not know d(p)'s noise.
+Every statistic but the last is a sum of t(p) d(p) over the pixels p of a region, with a template t independent of d(p)'s noise.
 With V = sum of t^2 (d^2 + 2 (sA^2 + sB^2)) / 3, an unchanged scene has |sum| > x sqrt(V) with a probability of at most
-2 exp(-x^2 / 2), with no assumption on how the noise is distributed: for exchangeable replicates because the six equally likely
-values of each pixel are strictly sub-Gaussian; for independent noise of known variance by Delyon 2009
+2 exp(-x^2 / 2), without an assumption on the distribution of the noise: for exchangeable replicates because the six equally
+likely values of each pixel are strictly sub-Gaussian; for independent noise of known variance by Delyon 2009
 ("Exponential inequalities for sums of weakly dependent variables": e^(x - x^2/6) <= 1 + x + x^2/3); for repeated random numbers
 V is the sum of t^2 d^2 (Efron 1969, "Student's t-test under symmetry conditions"). Heavy tails raise V, not the false alarms.
 """
@@ -21,29 +21,29 @@ from ..arrays import Doubles
 from .difference import ALPHA, Difference, Relation, box_sum, checkerboard, local_precision, shifted_sum
 
 BLOCKS = (4, 8, 16)  # pixels across, aligned to the picture's upper left corner
-_BEYOND = 2.0  # times the largest noise of the tile: what a pixel's difference must exceed to stand out
-_FEWEST = 3  # such pixels in a block
+_BEYOND = 2.0  # factor on the tile's largest noise that a pixel's difference must exceed to be an outlier
+_FEWEST = 3  # outliers in a block from which it is tested
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The picture cut into regions: where rows and columns begin."""
+    """A picture cut into regions: the first row and column of each."""
 
     rows: npt.NDArray[np.intp]
     columns: npt.NDArray[np.intp]
-    shape: tuple[int, int]  # of the picture
+    shape: tuple[int, int]  # height and width of the picture
 
     def sum(self, field: Doubles) -> Doubles:
         return np.add.reduceat(np.add.reduceat(field, self.rows, axis=0), self.columns, axis=1)
 
     def box(self, y: int, x: int) -> tuple[int, int, int, int]:
-        """x0, y0, x1, y1 of a region, the end not included."""
+        """Return x0, y0, x1, y1 of a region, ends excluded."""
         ends_y, ends_x = [*self.rows[1:], self.shape[0]], [*self.columns[1:], self.shape[1]]
         return int(self.columns[x]), int(self.rows[y]), int(ends_x[x]), int(ends_y[y])
 
 
 def tiles(shape: tuple[int, int], size: int) -> Grid:
-    """Tiles of at most `size` pixels across, with no slivers at the border, that no block lies across where that can be."""
+    """Return tiles of at most `size` pixels across, of similar size, aligned to blocks where possible."""
     step = max((block for block in BLOCKS if block < size and size % block == 0), default=1)
 
     def starts(length: int) -> npt.NDArray[np.intp]:
@@ -70,36 +70,36 @@ class Family:
     grid: Grid
     log_p: Doubles  # (C, h, w): logarithm of the probability without a change, at most
     size: Doubles  # (C, h, w): relative difference found
-    signed: Doubles  # (C, h, w): the same with its direction where it has one: B - A, or pixels to the right or down
+    signed: Doubles  # (C, h, w): the difference with its sign, if any: B - A, or pixels to the right or down
 
 
 @dataclass(frozen=True, eq=False)
 class Resolution:
-    """How small a uniform change of every tile could be seen, in its terms: noise over signal, before the threshold."""
+    """The smallest uniform change of every tile that could be seen, as noise over signal, before the threshold."""
 
     grid: Grid
     noise: Doubles  # (C, h, w): standard error of the relative mean difference
-    share_a: Doubles  # (C, h, w): the part of its square that is A's
-    pixels: Doubles  # (h, w) judged
+    share_a: Doubles  # (C, h, w): the share of A in its square
+    pixels: Doubles  # (h, w): number of judged pixels
 
 
 def log_p_of(total: Doubles, variance: Doubles) -> Doubles:
-    """At most log(2 exp(-x^2/2)), 0 where that says nothing."""
+    """Return the bound log(2 exp(-x^2/2)) on the log probability, or 0 where it is above 0."""
     square = np.divide(total**2, variance, out=np.zeros_like(total), where=variance > 0)
     return np.minimum(math.log(2.0) - square / 2, 0.0)
 
 
 def threshold(alpha: float, tests: int) -> float:
-    """x such that `tests` sums exceed it with a probability of alpha in all."""
+    """Return x such that `tests` sums exceed it with a total probability of alpha."""
     return math.sqrt(2 * math.log(2 * tests / alpha))
 
 
-# Kind, scale and grid of a family, and of one channel of it log_p, size and signed (h, w).
+# Kind, scale and grid of a family, with log_p, size and signed (h, w) of one channel.
 Row = tuple[str, str, Grid, Doubles, Doubles, Doubles]
 
 
 class Tests:
-    """All families of a difference. `tile` is the size of the largest regions below the image."""
+    """All test families of a difference. `tile` is the size of the largest regions below the image."""
 
     def __init__(self, of: Difference, tile: int) -> None:
         shape = (of.judged.shape[0], of.judged.shape[1])
@@ -110,7 +110,7 @@ class Tests:
         self._count = {id(grid): grid.sum(of.judged.astype(np.float64)) for grid in (self.image, self.tiles, *self.blocks)}
 
     def _level(self, grid: Grid) -> Doubles:
-        """Root mean square brightness of regions, with the floor: what makes differences relative."""
+        """Return the RMS brightness of regions, with the floor: the denominator of relative differences."""
         count = grid.sum(self.of.judged.astype(np.float64))
         mean = grid.sum(np.where(self.of.judged, self.of.brightness, 0.0)) / np.maximum(count, 1)
         return np.sqrt(np.maximum(mean, 0.0) + self.of.floor**2)
@@ -138,12 +138,12 @@ class Tests:
         return families, Resolution(self.tiles, np.stack(noise), np.stack(share), self._count[id(self.tiles)])
 
     def _parts(self, template: Doubles, channel: int, grid: Grid) -> list[Doubles]:
-        """What V is made of, by region: sums of t^2 d^2, t^2 sA^2 and t^2 sB^2."""
+        """Return the terms of V by region: sums of t^2 d^2, t^2 sA^2 and t^2 sB^2."""
         of, square = self.of, template**2
         return [grid.sum(square * part) for part in (of.d[channel] ** 2, of.variance_a[channel], of.variance_b[channel])]
 
     def _variance(self, d2: Doubles, va: Doubles, vb: Doubles) -> tuple[Doubles, Doubles]:
-        """V, and the part of it that is A's."""
+        """Return V, and the share of A in it."""
         of = self.of
         if of.relation is Relation.UNEQUAL:
             va, vb = _known_by_the_better(va, vb, of.samples)
@@ -166,7 +166,7 @@ class Tests:
             yield self._spots(channel)
 
     def _shifts(self, channel: int) -> Iterator[Row]:
-        """The mean difference, plain, of regions of every size."""
+        """Yield tests of the plain mean difference of regions of every size."""
         d, flat = self.of.d[channel], self.of.judged.astype(np.float64)
         levels = [("tile", self.tiles, [self.tiles.sum(d), *self._parts(flat, channel, self.tiles)])]
         for finer, grid in zip([None, *self.blocks], self.blocks, strict=False):
@@ -180,7 +180,7 @@ class Tests:
             yield "shift", scale, grid, log_p_of(total, self._variance(*parts)[0]), np.abs(shift), shift
 
     def _multiples(self, kind: str, pattern: Doubles, precision: Doubles, channel: int) -> Iterator[Row]:
-        """The difference as a multiple of a pattern: of the picture itself, or of its gradient (motion in pixels)."""
+        """Yield tests for a difference that is a multiple of a pattern: the picture, or its gradient (motion in pixels)."""
         template = pattern * precision
         sums = [
             self.tiles.sum(part) for part in (template * self.of.d[channel], template * pattern, pattern**2 * self.of.judged)
@@ -195,7 +195,7 @@ class Tests:
             yield kind, scale, grid, log_p_of(total, self._variance(*parts)[0]), size, signed
 
     def _textures(self, precision: Doubles, channel: int) -> Iterator[Row]:
-        """What the black pixels of a checkerboard have in common with the white ones near them: changes of any pattern."""
+        """Yield tests of the correlation between black checkerboard pixels and nearby white ones: changes of any pattern."""
         d, judged = self.of.d[channel], self.of.judged
         white = checkerboard(d.shape)
         seen = (white & judged).astype(np.float64)
@@ -209,16 +209,16 @@ class Tests:
             for scale, grid, (total, unit, *parts) in self._tiles_and_image(sums):
                 power = np.divide(np.maximum(total, 0), unit, out=np.zeros_like(total), where=unit > 0)
                 size = self.relative(np.sqrt(power), grid, channel)
-                # Only what goes along with its neighbourhood counts as a change.
+                # Only a positive correlation with the neighbourhood counts as a change.
                 log_p = np.where(total > 0, log_p_of(total, self._variance(*parts)[0]), 0.0)
                 yield kind, scale, grid, log_p, size, size
 
     def _spots(self, channel: int) -> Row:
-        """A few pixels of a block, of one sign, far beyond any noise of their tile.
+        """Test for a few pixels of a block, of one sign, far beyond any noise of their tile.
 
-        A rank test: were differences and noise drawn alike, the k largest of N + k would be those k with probability
-        1 / C(N + k, k). It is the one test that takes a tile's noise to be of one kind, in its largest values; the factor
-        _BEYOND is its margin.
+        This is a rank test: if differences and noise had the same distribution, the k largest of N + k would be these k with
+        probability 1 / C(N + k, k). It is the only test that assumes the largest noise values of a tile to be identically
+        distributed; the factor _BEYOND is its margin.
         """
         of, grid = self.of, self.blocks[0]
         d, va, vb = of.d[channel], of.variance_a[channel], of.variance_b[channel]
@@ -242,7 +242,7 @@ class Tests:
         return "spot", "block", grid, np.minimum(log_p, 0), size, np.where(up >= down, size, -size)
 
     def _noise(self, channel: int) -> tuple[Doubles, Doubles]:
-        """The standard error of every tile's relative mean difference, and the part of its square that is A's."""
+        """Return the standard error of every tile's relative mean difference, and the share of A in its square."""
         variance, share = self._variance(*self._parts(self.of.judged.astype(np.float64), channel, self.tiles))
         mean = np.sqrt(variance) / np.maximum(self._count[id(self.tiles)], 1)
         return self.relative(mean, self.tiles, channel), share
@@ -253,7 +253,10 @@ def _next_to(field: Doubles) -> Doubles:
 
 
 def _known_by_the_better(va: Doubles, vb: Doubles, samples: tuple[float | None, float | None]) -> tuple[Doubles, Doubles]:
-    """The image with more samples has seen rare bright paths that the other may have missed: its noise, scaled, is a floor."""
+    """Return variances with a floor for the image with fewer samples.
+
+    The image with more samples has seen rare bright paths that the other may have missed, so its scaled variance is that floor.
+    """
     na, nb = samples
     if na and nb and na < nb:
         return np.maximum(va, vb * (nb / na)), vb
@@ -263,7 +266,7 @@ def _known_by_the_better(va: Doubles, vb: Doubles, samples: tuple[float | None, 
 
 
 def _gradient(mean: Doubles, judged: npt.NDArray[np.bool_], step: tuple[int, int]) -> Doubles:
-    """Change of (H, W) a pixel along `step`, from both neighbours and not from the pixel; 0 where one is missing."""
+    """Return the change of (H, W) per pixel along `step`, by central differences; 0 where a neighbour is missing."""
     dy, dx = step
     both = shifted_sum(judged.astype(np.float64), [(dy, dx), (-dy, -dx)]) == 2
     return np.where(both & judged, (shifted_sum(mean, [(dy, dx)]) - shifted_sum(mean, [(-dy, -dx)])) / 2, 0.0)

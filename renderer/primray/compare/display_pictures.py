@@ -1,7 +1,7 @@
-"""References that are views (PNG, JPEG, TIFF): compared with the view of the picture rendered now, as display values.
+"""Comparison with references that are views (PNG, JPEG, TIFF), as display values of the picture rendered now.
 
-A view has no error channels. What noise it has is that of the picture behind it, brought through the view, and that of its
-steps; a reference is taken to have as much, by its number of samples.
+A view has no error channels. Its noise is that of the picture, propagated through the view, plus quantization; the reference is
+assumed to have the same, scaled by its number of samples.
 """
 
 from __future__ import annotations
@@ -22,20 +22,25 @@ STEPS = {"uint8": 255, "uint16": 65535}
 def with_noise(
     reference: MeasuredImage, shown: MeasuredImage, record: MeasuredImage, of_reference: float
 ) -> tuple[MeasuredImage, MeasuredImage]:
-    """The reference and the view `shown` of `record`, with standard errors; `of_reference`: how much larger the reference's
-    are. Pictures of the same bits need none."""
+    """Return the reference and the view `shown` of `record`, with standard errors.
+
+    `of_reference` scales the errors of the reference. Identical pictures need none.
+    """
     if record.stderr is None or (reference.pixels.shape == shown.pixels.shape and (reference.pixels == shown.pixels).all()):
         return reference, shown
     noise = _through_view(record, shown)
     made = []
     for picture, scale in ((reference, of_reference), (shown, 1.0)):
-        step = 1.0 / STEPS.get(picture.stored, 255) / 12**0.5  # of a uniform distribution over a step
+        step = 1.0 / STEPS.get(picture.stored, 255) / 12**0.5  # standard deviation of uniform quantization
         made.append(replace(picture, stderr=np.sqrt((scale * noise) ** 2 + step**2).astype(np.float32)))
     return made[0], made[1]
 
 
 def _through_view(record: MeasuredImage, shown: MeasuredImage) -> Floats:
-    """(H, W, 3): half of what the view makes of a standard error to either side; infinite where there is none."""
+    """Return standard errors (H, W, 3) of display values, infinite where unknown.
+
+    Each is half the difference of the view at plus and minus one error.
+    """
     assert record.stderr is not None
     view = View(space=space_of(record.chromaticities))
     alpha = np.ones_like(record.pixels[..., :1])

@@ -1,6 +1,6 @@
-"""The failed picture comparisons of a test run as one HTML page: nothing but the file itself is needed to read it.
+"""Self-contained HTML page of the failed picture comparisons of a test run.
 
-Made of the evidence that ImageCheck keeps: reference.exr, render.exr, difference.png and report.json of each.
+It is made from the evidence that ImageCheck keeps: reference.exr, render.exr, difference.png and report.json of each.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from ..version import __version__
 from .difference import difference
 from .flip import Flip, flip, has_flip
 
-MOST_PIXELS = 1600  # across; larger pictures are shown as means of their pixels
+MOST_PIXELS = 1600  # pixels across; larger pictures are averaged down
 NOISE_CAPTION = "difference in its noise: blue darker, red brighter; yellow frames: changed tiles"
-FULL_DIFFERENCE = 0.5  # relative, of the map's brightest colour
+FULL_DIFFERENCE = 0.5  # relative difference of the map's brightest colour
 Bytes = npt.NDArray[np.uint8]
 
 STYLE = """
@@ -59,7 +59,7 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 @dataclass(frozen=True)
 class Failure:
-    """Of one comparison in a test: what is shown of it, as HTML."""
+    """A failed comparison of a test, with its HTML."""
 
     test: str
     verdict: str
@@ -68,7 +68,7 @@ class Failure:
 
 
 def failure_of(test: str, evidence: Path) -> Failure:
-    """What its folder has to show; where something is gone or damaged, that is said in its place."""
+    """Return the page's entry for an evidence folder; missing or damaged evidence is mentioned instead."""
     try:
         facts = json.loads((evidence / "report.json").read_text(encoding="utf-8"))
         shown = _pictures(evidence)
@@ -113,7 +113,7 @@ def _percent(value: float) -> str:
 
 
 def _pictures(evidence: Path) -> tuple[str, Flip | None]:
-    """The figures of a comparison, and FLIP where its package is there."""
+    """Return the figures of a comparison, and FLIP if the package is installed."""
     shown = next(evidence.glob("reference.*"), evidence / "reference.exr")
     if shown.suffix != ".exr":
         return _views(evidence, shown.suffix), None
@@ -135,7 +135,7 @@ def _pictures(evidence: Path) -> tuple[str, Flip | None]:
 
 
 def _views(evidence: Path, suffix: str) -> str:
-    """The figures of a comparison of display pictures, as they are."""
+    """Return the figures of a comparison of display pictures, which are shown unchanged."""
     reference, made = (read_image(next(evidence.glob(f"{name}{suffix}"))) for name in ("reference", "render"))
     before, after = (_png((np.clip(i.pixels, 0, 1) * 255 + 0.5).astype(np.uint8)) for i in (reference, made))
     return "".join(
@@ -148,7 +148,7 @@ def _views(evidence: Path, suffix: str) -> str:
 
 
 def _shown(reference: MeasuredImage, made: MeasuredImage) -> tuple[str, str]:
-    """Both at the exposure that serves the reference."""
+    """Return both pictures at the automatic exposure of the reference."""
     space = space_of(reference.chromaticities)
     whole = [np.concatenate([i.pixels, np.ones((*i.pixels.shape[:2], 1), np.float32)], axis=2) for i in (reference, made)]
     stops = exposure_that_serves(whole[0], View(space=space))
@@ -157,7 +157,7 @@ def _shown(reference: MeasuredImage, made: MeasuredImage) -> tuple[str, str]:
 
 
 def _relative(reference: MeasuredImage, made: MeasuredImage) -> Floats:
-    """(H, W): the largest channel's difference over the brightness there, as comparisons have it."""
+    """Return the largest channel's difference (H, W) relative to the brightness, as in comparisons."""
     of = difference(reference, made)
     level = np.abs(of.mean[:3]).mean(axis=0) + of.floor
     size = np.abs(of.d[:3]).max(axis=0)
@@ -166,7 +166,7 @@ def _relative(reference: MeasuredImage, made: MeasuredImage) -> Floats:
 
 
 def _heat(values: Floats) -> Bytes:
-    """(H, W, 3): black, red, yellow, white for 0 to 1."""
+    """Return colours (H, W, 3) from black over red and yellow to white for values in 0 to 1."""
     share = np.clip(np.nan_to_num(values), 0, 1)[..., None] * 3
     made: Bytes = (np.clip(share - np.arange(3), 0, 1) * 255 + 0.5).astype(np.uint8)
     return made
@@ -193,7 +193,7 @@ def _file(png: Path) -> str:
 
 
 def write_page(failures: Sequence[Failure], path: Path) -> None:
-    """Whole or not at all; without failures it says so."""
+    """Write the page atomically; it says so if there are no failures."""
     count = len(failures)
     title = f"{count} failed comparison{'' if count == 1 else 's'} of pictures" if count else "No comparison of pictures failed"
     links = "".join(

@@ -1,7 +1,7 @@
-"""How different two pictures look when one is shown after the other: FLIP, by its authors' package (extra primray[flip]).
+"""FLIP, the perceived difference when alternating between two pictures, by its authors' package (extra primray[flip]).
 
-HDR-FLIP (Andersson et al. 2021), over the exposures that it chooses for the first picture; of display values LDR-FLIP
-(Andersson et al. 2020), which takes them to be sRGB. It knows nothing of noise: beside the verdict, it changes none.
+Scene-linear pictures use HDR-FLIP (Andersson et al. 2021), over the exposures that it chooses for the first picture; display
+values use LDR-FLIP (Andersson et al. 2020), which assumes sRGB. FLIP does not model noise and does not affect the verdict.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ PACKAGE = "flip_evaluator"
 
 @dataclass(frozen=True)
 class Flip:
-    """0 where nobody sees a difference, 1 at the most; `errors` (H, W)."""
+    """FLIP errors (H, W), from 0 (no visible difference) to 1."""
 
     errors: Floats
     pixels_per_degree: float
-    exposures: tuple[float, float, int] | None  # the first and the last, in stops, and how many; None: of display values
+    exposures: tuple[float, float, int] | None  # first and last, in stops, and their number; None: display values
 
     @property
     def mean(self) -> float:
@@ -57,13 +57,13 @@ def has_flip() -> bool:
 
 
 def check_flip() -> None:
-    """SettingsError ("flip-missing") unless the package is there."""
+    """Raise SettingsError ("flip-missing") unless the package is installed."""
     if not has_flip():
         raise SettingsError("FLIP takes its package: pip install 'primray[flip]'", where="--metric", code="flip-missing")
 
 
 def flip(a: MeasuredImage, b: MeasuredImage) -> Flip:
-    """Of pictures of one size, the first as the reference."""
+    """Return FLIP of two pictures of the same size, the first being the reference."""
     check_flip()
     if a.resolution != b.resolution:
         raise SettingsError(f"pictures of {a.resolution} and {b.resolution} cannot be compared", code="compare-size")
@@ -76,7 +76,7 @@ def flip(a: MeasuredImage, b: MeasuredImage) -> Flip:
 
 
 def _shown(image: MeasuredImage) -> Floats:
-    """In Rec.709, as FLIP takes pictures; nothing below 0."""
+    """Return the picture in Rec.709, which FLIP expects, without negative values."""
     rgb = np.where(np.isfinite(image.pixels), image.pixels, np.float32(0))
     rgb = transformed(rgb, matrix(space_of(image.chromaticities), REC709))
     made: Floats = np.ascontiguousarray(np.maximum(rgb, 0), np.float32)

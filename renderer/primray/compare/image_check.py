@@ -1,4 +1,4 @@
-"""What the fixture `primray_image` does: renders a stage, compares it with its reference, keeps the evidence of a failure."""
+"""The fixture `primray_image`: renders a stage, compares it with its reference, and keeps evidence of a failure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .display_pictures import NOTE, with_noise
 
 
 def render_file(stage: Any, settings: RenderSettings, *paths: Path) -> int:
-    """Render a stage to files, EXRs with error channels; its samples a pixel, rounded up."""
+    """Render a stage to files, EXRs with error channels; return its samples per pixel, rounded up."""
     from ..render import render
 
     image = render(stage, settings)
@@ -33,8 +33,11 @@ def render_file(stage: Any, settings: RenderSettings, *paths: Path) -> int:
 
 
 class ImageCheck:
-    """`folder`: where relative paths start. `written`: collects references that are written (--primray-update), else None.
-    `failed` hears of folders with the evidence of failures."""
+    """Picture check of one test.
+
+    `folder`: base of relative paths. `written`: collects references that are updated (--primray-update), else None. `failed` is
+    called with folders of evidence.
+    """
 
     def __init__(
         self, folder: Path, evidence: Path, written: list[str] | None, failed: Callable[[Path], None] = lambda kept: None
@@ -64,10 +67,10 @@ class ImageCheck:
     ) -> Comparison:
         """Fail the test if the picture has changed, or if noise could hide a change of `tolerance` (relative).
 
-        `spp`, `resolution` and `camera` replace those of `settings`. A picture that `spp` samples leave undecided is rendered
-        again, with as many as it needs up to `max_spp` (None: 4 times `spp`). References are rendered with `reference_spp`
-        (None: as the picture; an unchanged scene then gives the same bits, and nothing needs to be judged). `aovs` of the
-        settings that are named are rendered with their errors, and judged too.
+        `spp`, `resolution` and `camera` replace those of `settings`. A picture that is undecided with `spp` samples is
+        rendered again with as many as it needs, up to `max_spp` (None: 4 times `spp`). References are rendered with
+        `reference_spp` (None: like the picture; an unchanged scene then gives identical pixels). `aovs` named here are
+        rendered with their errors, and compared as well.
         """
         __tracebackhide__ = True
         asked: dict[str, Any] = {"spp": spp, "resolution": resolution, "camera": camera}
@@ -81,7 +84,7 @@ class ImageCheck:
                 return self._update(stage, path, replace(settings, spp=reference_spp or settings.spp))
             if not path.is_file():
                 pytest.fail(f"there is no reference {path}; `pytest --primray-update` renders it", pytrace=False)
-            # Two looks share the false alarms.
+            # Two comparisons share the false-alarm rate.
             criteria: dict[str, Any] = {"alpha": alpha / 2, "tolerance": tolerance, "tile": tile, "aovs": list(aovs)}
             return self._check(stage, path, settings, max_spp, criteria, allow_undecided, reference_spp)
         except PrimrayError as error:
@@ -124,7 +127,10 @@ class ImageCheck:
         return self._judged(result, path, kept, cap, allow_undecided)
 
     def _folder_of(self, path: Path) -> Path:
-        """One for each reference of the test: two may have one name in different folders, or as another format."""
+        """Return the evidence folder of a reference.
+
+        Two references of a test may have the same name in different folders or formats.
+        """
         taken = set(self._folders.values())
         named = [self.evidence / path.stem, *(self.evidence / f"{path.stem}-{n}" for n in range(2, len(taken) + 3))]
         return self._folders.setdefault(str(path), next(folder for folder in named if folder not in taken))
@@ -168,14 +174,14 @@ def _compared_as_shown(
 
 
 def _spp_that_decides(result: Comparison, spp: int, cap: int) -> int:
-    """Samples to render with again, the reference staying as it is; `spp` if that would not help."""
+    """Return the samples for a second render, with the reference unchanged; `spp` if more would not help."""
     if result.verdict is not Verdict.UNDECIDED or result.needs is None or result.needs.b_alone is None:
         return spp
     return min(cap, 2 * ((spp + result.needs.b_alone * 5 // 4 + 1) // 2))
 
 
 def _message(result: Comparison, path: Path, kept: Path, cap: int) -> str:
-    """What has happened, where, and what to do."""
+    """Return what happened, where, and what to do."""
     said = "\n".join(lines(result, path.name, "the picture rendered now"))
     if result.verdict is Verdict.CHANGED:
         advice = "if the change is meant: pytest --primray-update"

@@ -1,4 +1,4 @@
-"""Arrays as pictures to compare: numpy's own, and those of .npy files. Floats are scene-linear, integers display values."""
+"""NumPy arrays and .npy files as pictures to compare. Floats are scene-linear, integers are display values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _STORED = {"float16": "half", "float32": "float", "float64": "double", "uint8": 
 
 
 def read_array(path: str | os.PathLike[str]) -> MeasuredImage:
-    """Read the array of a .npy file; SettingsError where it holds none, or none that is a picture."""
+    """Read the array of a .npy file; SettingsError if it has none, or one that is not a picture."""
     name = os.fspath(path)
     try:
         array = np.load(name, allow_pickle=False)
@@ -27,7 +27,7 @@ def read_array(path: str | os.PathLike[str]) -> MeasuredImage:
 
 
 def measured_array(array: np.ndarray[Any, Any], name: str = "") -> MeasuredImage:
-    """Return an array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) as a picture that is taken as exact."""
+    """Return an array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) as a picture that is assumed exact."""
     array = array[..., None] if array.ndim == 2 else array
     if array.ndim != 3 or array.shape[2] not in (1, 3, 4) or 0 in array.shape:
         sentence = f"an array of the shape {array.shape} is no picture: (H, W), (H, W, 1), (H, W, 3) and (H, W, 4) are"

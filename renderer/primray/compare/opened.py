@@ -1,4 +1,4 @@
-"""Whatever can be compared, as a picture: files, images, arrays."""
+"""Conversion of files, images and arrays to pictures that can be compared."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def read_picture(path: str | os.PathLike[str]) -> MeasuredImage:
 
 
 def opened(picture: object) -> MeasuredImage:
-    """Return what is to be compared as a picture; SettingsError for what is none."""
+    """Return any comparable object as a picture; SettingsError for other types."""
     if isinstance(picture, str | os.PathLike):
         return read_picture(picture)
     if isinstance(picture, Image):
@@ -40,7 +40,7 @@ def opened(picture: object) -> MeasuredImage:
 
 
 def aovs_of(picture: Comparable) -> Mapping[str, Aov]:
-    """Return the outputs beside a picture; arrays have none."""
+    """Return the AOVs of a picture; arrays have none."""
     if isinstance(picture, str | os.PathLike):
         return {} if _is_array_file(picture) else aovs_in(picture)
     return picture.aovs if isinstance(picture, Image) else {}

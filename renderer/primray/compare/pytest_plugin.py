@@ -3,7 +3,7 @@
     def test_shot(primray_image):
         primray_image("shot.usda", reference="shot.ref.exr", spp=64)
 
-Registered as an entry point, so it is imported in every pytest run: whatever works is imported when the fixture is called.
+The module is an entry point and imported in every pytest run, so everything else is imported only when the fixture is called.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _WRITTEN = pytest.StashKey[list[str]]()
 _PAGE = "--primray-html"
 _PLAIN = re.compile(r"[a-z0-9_.-]{1,80}\.py::[a-z0-9_]{1,80}")
 _LONGEST = 120
-_EVIDENCE = "primray-evidence"  # a test's property: where the evidence of a failure is
+_EVIDENCE = "primray-evidence"  # test property with the folder of a failure's evidence
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -34,12 +34,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     page = config.getoption(_PAGE)
-    if page and not hasattr(config, "workerinput"):  # pytest-xdist: who runs tests for another writes none
+    if page and not hasattr(config, "workerinput"):  # workers of pytest-xdist write no page
         config.pluginmanager.register(_Page(Path(page).absolute()), "primray-page")
 
 
 class _Page:
-    """Collects failures as they are reported, while their evidence is there, and writes the page at the end."""
+    """Collector of failures, which writes the page at the end.
+
+    Failures are read as they are reported, while their evidence exists.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -67,8 +70,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 
 def _folder_of(test: str, config: pytest.Config) -> str:
-    """A folder's name for a test and for no other: what names of tests may hold and folders not is replaced, upper and lower
-    case are one on some systems, and names end after 255 bytes. So all but the plainest end in a digest of the test's name."""
+    """Return a folder name unique to a test.
+
+    Characters not allowed in folder names are replaced; some systems ignore case, and names are limited to 255 bytes, so all
+    but the plainest names end in a digest of the test's name.
+    """
     name = re.sub(r"[^\w.-]+", "_", test).strip("_")
     if not _PLAIN.fullmatch(test):
         import hashlib
@@ -82,7 +88,7 @@ def _folder_of(test: str, config: pytest.Config) -> str:
 
 @pytest.fixture
 def primray_image(request: pytest.FixtureRequest, tmp_path: Path) -> ImageCheck:
-    """Called with a stage and a reference, fails the test if the rendered picture has changed. See ImageCheck.__call__."""
+    """Return a callable that fails the test if the picture of a stage differs from its reference. See ImageCheck.__call__."""
     from .image_check import ImageCheck
 
     config = request.config

@@ -1,6 +1,6 @@
-"""Two sequences or two folders of pictures, compared pair by pair: frames by their numbers, files by their names.
+"""Comparison of two sequences or folders of pictures, pair by pair: frames by number, files by name.
 
-The false alarms that are allowed are shared by all pairs. A picture that is on one side alone is a change, and is named.
+All pairs share the false-alarm rate. A picture that exists on one side only is a change, and is listed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ORDER = (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED)
 
 @dataclass(frozen=True)
 class Pair:
-    """Two files to compare: `name` is the frame's number or the file's name below both folders."""
+    """Two files to compare. `name` is the frame number, or the file's path below both folders."""
 
     name: str
     a: Path
@@ -33,31 +33,31 @@ class Pair:
 
 @dataclass(frozen=True)
 class Pairing:
-    """The pairs of two sequences or folders, and the names that one side alone has."""
+    """The pairs of two sequences or folders, and the names that exist on one side only."""
 
     pairs: tuple[Pair, ...]
     only_a: tuple[str, ...]
     only_b: tuple[str, ...]
-    kind: str  # "frame" or "file": what a name is of
+    kind: str  # "frame" or "file": what names refer to
 
 
 @dataclass(frozen=True)
 class PairComparison:
-    """What came of one pair. It has no pixels: a sequence may have thousands of frames."""
+    """The result of one pair. It has no pixels, because a sequence may have thousands of frames."""
 
     name: str
     a: str
     b: str
     verdict: Verdict
-    error: PrimrayError | None  # why the two cannot be compared; their verdict is undecided then
-    size: float  # relative difference of the worst tile that has changed, else the largest that there is
-    line: str  # where and by how much, in words
+    error: PrimrayError | None  # why the two cannot be compared; the verdict is then undecided
+    size: float  # relative difference of the worst changed tile, else the largest difference
+    line: str  # location and size of the difference as text
     facts: Mapping[str, Any]  # as `primray compare --json` prints them, without tiles
 
 
 @dataclass(frozen=True, repr=False)
 class SequenceComparison:
-    """What `primray.compare` found of two sequences or folders: changed if a pair is, or if one side lacks a picture.
+    """Result of `primray.compare` for two sequences or folders: changed if a pair is, or if one side lacks a picture.
 
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=8)
     >>> names = [image.save(name).name for name in ("a.0001.exr", "a.0002.exr", "b.01.exr")]
@@ -83,7 +83,7 @@ class SequenceComparison:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the comparisons take for granted, each once."""
+        """Assumptions of the comparisons, each once."""
         return tuple(dict.fromkeys(note for pair in self.pairs for note in pair.facts.get("notes", ())))
 
     @property
@@ -92,7 +92,7 @@ class SequenceComparison:
 
     @property
     def worst(self) -> PairComparison | None:
-        """The pair that differs most among those of the gravest verdict; None where no two pictures could be compared."""
+        """The pair of the worst verdict that differs most; None if no pair could be compared."""
         compared = [pair for pair in self.pairs if pair.error is None]
         return min(compared, key=lambda pair: (_ORDER.index(pair.verdict), -pair.size), default=None)
 
@@ -104,12 +104,12 @@ class SequenceComparison:
         return f"<SequenceComparison {self.verdict.value}; pairs: {counts or 'none'}>"
 
     def __bool__(self) -> bool:
-        """TypeError: whether that would mean "changed" or "the same" nobody could tell."""
+        """Raise TypeError, because it would be unclear whether true means "changed" or "the same"."""
         raise TypeError("a SequenceComparison is neither true nor false; ask for its verdict")
 
 
 def pairing(a: str, b: str) -> Pairing | None:
-    """Pair two sequences by frame number or two folders by file name; None where both are single pictures."""
+    """Pair two sequences by frame number or two folders by file name; None if both are single pictures."""
     kinds = _kind(a), _kind(b)
     if kinds == ("picture", "picture"):
         return None
@@ -150,7 +150,7 @@ def _sequence_files(text: str) -> dict[str, Path]:
 
 
 def _folder_files(text: str) -> dict[str, Path]:
-    """Pictures below a folder by their names there, without hidden ones."""
+    """Return pictures below a folder by their relative paths, without hidden ones."""
     folder = Path(text)
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in PICTURES and path.is_file())
     names = {path.relative_to(folder): path for path in paths}
@@ -167,7 +167,7 @@ def compare_pairs(
     allow_bias: bool = False,
     each: Callable[[Pair, PairComparison, Comparison | None], None] | None = None,
 ) -> SequenceComparison:
-    """Compare all pairs; `each` is called with every pair's result as it is found, while its pixels are there."""
+    """Compare all pairs. `each` is called with every pair's result as it is found, while its pixels are in memory."""
     check_criteria(alpha, tolerance, tile)
     share, asked, results = alpha / len(found.pairs), list(aovs), []
     for pair in found.pairs:

@@ -1,1 +1,1 @@
-"""A picture and its files: the image, the outputs beside it, EXR parts and the names of products."""
+"""Pictures and their files: the image, the outputs beside it, EXR parts and product names."""

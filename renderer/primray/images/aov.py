@@ -1,4 +1,4 @@
-"""An output beside the picture: its values, its channels, and what the numbers in it stand for."""
+"""An output beside the picture (AOV): its values, its channels, and the meaning of its ids."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..aov_data_types import Stored, data_type_of
 from ..aov_names import RGB, UV, AovRequest, kind_of, occlusion_distance, primvar_of
 
 Values = npt.NDArray[Any]
-STDERR = "stderr"  # of a channel's standard errors: NAME.stderr.X
+STDERR = "stderr"  # layer of a channel's standard errors: NAME.stderr.X
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Aov:
     """`values` (H, W, C): float32, float64 (positions) or uint32 (`stored` as whole numbers), read-only.
 
-    docs/aovs.md has each one's unit and space. `ids` is what whole numbers stand for, 0 being nothing.
+    docs/aovs.md has each one's unit and space. `ids` names what each id stands for; 0 is nothing.
 
     >>> image = primray.render("shot.usda", aovs=["depth", "prim"], resolution=(32, 18), spp=2)
     >>> image.aovs["depth"].values.shape, image.aovs["depth"].meaning != ""
@@ -28,8 +28,8 @@ class Aov:
     >>> sorted(image.aovs)
     ['depth', 'prim']
 
-    `errors` (H, W, C) are standard errors of values that are means of samples, where they were asked for. One degree of freedom
-    each, as those of an Image: their squares are to be averaged over pixels.
+    `errors` (H, W, C) are standard errors of values that are means of samples, if requested. Like those of an Image they have
+    one degree of freedom each: average their squares over pixels.
 
     >>> image = primray.render("shot.usda", aovs=["albedo"], aov_errors=True, resolution=(32, 18), spp=2)
     >>> image.aovs["albedo"].errors.shape
@@ -40,11 +40,11 @@ class Aov:
     channels: tuple[str, ...]
     source: str
     meaning: str
-    stored: Stored = "float"  # what a file holds of it
-    ids: Mapping[int, str] = field(default_factory=dict)  # what the numbers in `values` stand for
-    metadata: Mapping[str, str] = field(default_factory=dict)  # of a file's header, by names of its own
-    errors: Values | None = None  # float32; None: exact, or not asked for
-    samples: int | None = None  # a pixel, of values that have samples of their own, the same in every render
+    stored: Stored = "float"  # data type in a file
+    ids: Mapping[int, str] = field(default_factory=dict)  # names of the ids in `values`
+    metadata: Mapping[str, str] = field(default_factory=dict)  # further attributes of the file's header
+    errors: Values | None = None  # float32; None: exact, or not requested
+    samples: int | None = None  # samples per pixel of values with their own samples, the same in every render
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values)
@@ -64,19 +64,19 @@ class Aov:
         return f"<Aov {self.source}, {width} x {height}, {' '.join(self.channels)}, {self.values.dtype}>"
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Values:
-        """`values`; read-only where NumPy need not copy."""
+        """Return `values`, read-only if NumPy need not copy."""
         if copy is False and dtype is not None and np.dtype(dtype) != self.values.dtype:
             raise ValueError(f"values of {self.values.dtype} cannot be {np.dtype(dtype)} without a copy")
         return np.array(self.values, dtype) if copy else np.asarray(self.values, dtype)
 
     def as_json(self) -> dict[str, Any]:
-        """What a report says of it: the values and what numbers mean are in the image and its file."""
+        """Return the report's entry on this output, without values and ids, which are in the image and its file."""
         found = {"source": self.source, "channels": list(self.channels), "stored": self.stored, "meaning": self.meaning}
         return found | ({"ids": len(self.ids)} if self.ids else {}) | ({"errors": True} if self.errors is not None else {})
 
     @property
     def error_channels(self) -> tuple[str, ...]:
-        """Of a file, for `errors`: "albedo.stderr.R" beside "albedo.R"."""
+        """Channel names of `errors` in a file: "albedo.stderr.R" for "albedo.R"."""
         parted = [channel.rpartition(".") for channel in self.channels]
         return tuple(f"{layer}.{STDERR}.{letter}" if layer else f"{letter}.{STDERR}" for layer, _, letter in parted)
 
@@ -88,8 +88,10 @@ def make_aov(
     errors: Values | None = None,
     samples: int | None = None,
 ) -> Aov:
-    """The values of its source as the request wants them: as many components, of its type, its name on the channels; `errors`
-    and `samples` as Aov has them, for the source's components."""
+    """Return an AOV with the components, data type and channel names of its request.
+
+    `errors` and `samples` are as in Aov, for the components of the source.
+    """
     kind, wanted = kind_of(request.source), data_type_of(request.data_type)
     primvar = primvar_of(request.source)
     meaning = kind.meaning if kind is not None else f"the primvar {primvar}; 0 where nothing has it"
@@ -112,14 +114,14 @@ def make_aov(
 
 
 def channel_names(name: str, letters: tuple[str, ...], alone: str = "") -> tuple[str, ...]:
-    """Layers as OpenEXR has them, NAME.X; a channel alone bears its own name, or `alone` where that is empty."""
+    """Return channel names in OpenEXR's form NAME.X. A single channel has the plain name, or `alone` if that is empty."""
     if len(letters) == 1:
         return (letters[0] or name or alone,)
     return tuple(f"{name}.{letter}" if name else letter for letter in letters)
 
 
 def _with_components(values: Values, count: int) -> Values:
-    """The first `count`; one alone stands in all of them, else 0 in what is missing."""
+    """Return the first `count` components. One component is repeated; other missing ones are 0."""
     have = values.shape[2]
     if have >= count:
         return values[..., :count]

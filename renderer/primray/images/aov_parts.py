@@ -1,4 +1,4 @@
-"""AOVs as parts of a multi-part EXR, beside the picture in the first part: written here, and read back."""
+"""AOVs as parts of a multi-part EXR, after the picture in the first part: writing and reading."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     import OpenImageIO as oiio
 
 PICTURE_PART = "rgba"
-MADE_OF_PICTURE = ("denoised", "diffused")  # sources of parts with errors that are no AOVs
-VIEW = "view"  # of a stereo pair
-# Of what a part says of its numbers: this many entries and this much text at most; the rest is counted.
+MADE_OF_PICTURE = ("denoised", "diffused")  # sources of parts that are derived from the picture and are not AOVs
+VIEW = "view"  # header attribute of a stereo pair's parts
+# Limits of a part's table of ids, in entries and in characters; the rest is only counted.
 MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
 CRYPTOMATTE = "cryptomatte/"
-COLORS = ("albedo", "emission", "guide_albedo")  # and light path expressions
+COLORS = ("albedo", "emission", "guide_albedo")  # colour AOVs, besides light path expressions
 IDS, SOURCE, MEANING, SAMPLES = "primray:ids", "primray:source", "primray:meaning", "primray:aov_samples"
 
 
@@ -34,7 +34,10 @@ Parts = list[tuple[Any, Values]]  # an OIIO ImageSpec and the values of each
 
 
 def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
-    """An OIIO ImageSpec and values for each; `picture` is the first part's spec, whose windows they share. It gets a name."""
+    """Return an OIIO ImageSpec and values for each AOV.
+
+    `picture` is the spec of the first part, whose windows the others share; it is given a part name.
+    """
     import OpenImageIO as oiio
 
     if not aovs:
@@ -70,7 +73,7 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
 
 
 def ids_text(ids: Mapping[int, str]) -> str:
-    """JSON, {"1": "/World/a"}; "" counts what would be too much."""
+    """Return ids as JSON, {"1": "/World/a"}; the entry "" counts those beyond the limits."""
     kept: dict[str, str] = {}
     size = 0
     for number, path in ids.items():
@@ -83,8 +86,10 @@ def ids_text(ids: Mapping[int, str]) -> str:
 
 
 def record_part(file: oiio.ImageInput, view: str = "") -> int | None:
-    """The number of the part that holds the picture as it was rendered, of one `view` of a stereo pair where that is given;
-    None where no part does, as in the file of a product that orders other outputs alone."""
+    """Return the number of the part with the rendered picture, or None.
+
+    `view` selects one view of a stereo pair. The file of a product without colour outputs has no such part.
+    """
     for number in count():
         if not file.seek_subimage(number, 0):
             return None
@@ -95,7 +100,7 @@ def record_part(file: oiio.ImageInput, view: str = "") -> int | None:
 
 
 def read_aovs(path: str | os.PathLike[str], picture: int | None = None) -> dict[str, Aov]:
-    """The AOVs of an EXR that `Image.save` wrote, by name: those of the view of the picture in that part, else of the record.
+    """Return the AOVs of an EXR written by `Image.save`, by name, for the view of part `picture` (None: of the record).
 
     SettingsError if there is no such file, or it is damaged.
     """

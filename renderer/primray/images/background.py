@@ -1,8 +1,8 @@
-"""What is behind a picture: a colour or a file that is composited under it, after it is rendered.
+"""Backgrounds: a colour or an image file, composited under the picture after rendering.
 
-Colours and files with display values are as displayed: they are brought back through the default view, so that a picture saved
-with that view shows them as they were given. An exposure is of the picture before them (`Image.foreground`), and of files with
-scene-linear values, which are taken as Rec.709.
+Colours and files with display values are display-referred: they are converted by the inverse of the default view, so that a
+picture saved with that view shows them unchanged. Exposure applies to the picture in front of them (`Image.foreground`) and to
+scene-linear files, which are assumed to be in Rec.709.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ LINEAR = (".exr", ".hdr")
 
 @dataclass(frozen=True)
 class Background:
-    """A colour as displayed, or a file."""
+    """A display-referred colour, or a file."""
 
     color: tuple[float, float, float] | None = None
     file: str | None = None
 
     def behind(self, pixels: Floats, frame: Frame, space: ColorSpace, scale: float = 1.0) -> Floats:
-        """Return (H, W, 4) premultiplied over this, opaque; `scale` multiplies a file of scene-linear values."""
+        """Return (H, W, 4) premultiplied pixels over this background, opaque. `scale` multiplies scene-linear files."""
         if self.color is not None:
             rgb = _over_shown(pixels, np.array([[self.color]], np.float32), space)
         else:
@@ -51,7 +51,7 @@ class Background:
 def _over_shown(pixels: Floats, under: Floats, space: ColorSpace) -> Floats:
     """Return (H, W, 3) that shows the picture over display values (H, W, 3) or (1, 1, 3), mixed as light of the display.
 
-    The radiance that a view shows as white may be a hundred times that of what is lit: mixed as radiance, it would swallow
+    The radiance that a view shows as white may be a hundred times that of lit surfaces; mixed as radiance, it would swallow
     edges and shadows.
     """
     alpha = np.clip(pixels[..., 3:], 0, 1)
@@ -59,12 +59,12 @@ def _over_shown(pixels: Floats, under: Floats, space: ColorSpace) -> Floats:
     shown = np.clip(ocio.to_display(straight, space=space), 0, 1)
     mixed = _encoded(alpha * _light(shown) + (1 - alpha) * _light(under))
     rgb = ocio.from_display(mixed.astype(np.float32), space)
-    # What covers all of a pixel stays as it is, and light from what covers nothing is added.
+    # Fully covered pixels are kept, and light without coverage is added to the background.
     return np.where(alpha == 1, pixels[..., :3], np.where(alpha == 0, rgb + pixels[..., :3], rgb))
 
 
 def _light(shown: Floats) -> Floats:
-    """Display values to light in 0 to 1 (IEC 61966-2-1)."""
+    """Return display values decoded to linear light in 0 to 1 (IEC 61966-2-1, sRGB)."""
     return np.where(shown <= 0.04045, shown / 12.92, ((np.maximum(shown, 0) + 0.055) / 1.055) ** 2.4)
 
 
@@ -74,35 +74,37 @@ def _encoded(light: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """What is under a render's picture: the shadow (H, W) that a ground receives, and a background. The shadow below a denoised
-    picture is denoised as well."""
+    """Everything under a render's picture: the shadow (H, W) received by a ground, and a background.
+
+    A denoised picture has a denoised shadow.
+    """
 
     shadow: Floats | None
     background: Background | None
     frame: Frame
     space: ColorSpace
     denoised_shadow: Floats | None = None
-    lit_behind: bool = False  # light of the stage is behind what covers the picture, and the shadow is before it
+    lit_behind: bool = False  # a visible dome is behind the picture's surfaces, and the shadow is in front of it
 
     def behind(self, pixels: Floats, scale: float = 1.0) -> Floats:
-        """Return (H, W, 4) premultiplied with all of it behind; `scale` is that of `Background.behind`."""
+        """Return (H, W, 4) premultiplied pixels with the backdrop behind them; `scale` as in `Background.behind`."""
         if self.shadow is not None:
             alpha = np.clip(pixels[..., 3:], 0, 1)
             opacity, rgb = (1 - alpha) * self.shadow[..., None], pixels[..., :3]
-            # The light in a pixel that is covered in part is not known apart: what is behind is taken for all of it.
+            # In partly covered pixels the light of surface and dome is not known separately: all is taken as the dome's.
             rgb = rgb * (1 - opacity) if self.lit_behind else rgb
             pixels = np.concatenate([rgb, alpha + opacity], axis=2)
         return pixels if self.background is None else self.background.behind(pixels, self.frame, self.space, scale)
 
     def exposed(self, pixels: Floats, stops: float) -> Floats:
-        """Return the pixels brightened by so many stops, with all of it behind: colours as displayed stay as they are."""
+        """Return the pixels brightened by `stops`, with the backdrop behind them; display-referred colours do not change."""
         scale = 2.0**stops
         with np.errstate(over="ignore"):
             lit = np.minimum(pixels[..., :3] * np.float32(scale), np.finfo(np.float32).max)
         return self.behind(np.concatenate([lit, pixels[..., 3:]], axis=2), scale)
 
     def behind_denoised(self, image: Image, coverage: Floats) -> Image:
-        """Return the picture with this behind its denoised form, which has the film's coverage (H, W, 1)."""
+        """Return the image with this backdrop behind its denoised picture, which has the film's coverage (H, W, 1)."""
         if image.denoised is None:
             return image
         under = self if self.denoised_shadow is None else replace(self, shadow=self.denoised_shadow)
@@ -112,14 +114,19 @@ class Backdrop:
 
 
 def behind_previews(text: str | None, frame: Frame, space: ColorSpace) -> Backdrop | None:
-    """Return what previews show behind a picture that is still sampled: the background, without the shadow of a ground, whose
-    render comes last. None where no background is asked for."""
+    """Return the backdrop of progressive previews, or None if no background is set.
+
+    It lacks the shadow of a ground, which is rendered last.
+    """
     background = background_of(text)
     return None if background is None else Backdrop(None, background, frame, space)
 
 
 def background_of(text: str | None) -> Background | None:
-    """Return what is to be composited; None for none and for `transparent`. SettingsError for neither a colour nor a file."""
+    """Return the background that a setting describes; None for no background and for `transparent`.
+
+    SettingsError if it is neither a colour nor a file.
+    """
     if text is None or text == TRANSPARENT:
         return None
     if _HEX.fullmatch(text):
@@ -146,7 +153,7 @@ def _numbers(text: str) -> tuple[float, float, float] | None:
 
 
 def _covering(file: str, resolution: tuple[int, int]) -> Floats:
-    """The picture scaled so that it covers the frame, and cut at its longer sides."""
+    """Return the image scaled to cover the frame, and cropped at its longer sides."""
     import OpenImageIO as oiio
 
     image = oiio.ImageBuf(file)

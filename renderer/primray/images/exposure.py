@@ -1,6 +1,6 @@
-"""How bright a picture is to a view: whether it shows almost only white or black, and the exposure that would serve.
+"""Brightness of a picture in a view: detection of nearly white or black results, and automatic exposure.
 
-What is looked at is what there is to see: pixels with coverage or light, of large pictures every so many.
+Only pixels with coverage or light are considered, and a regular subset of them in large pictures.
 """
 
 from __future__ import annotations
@@ -20,44 +20,44 @@ AUTO = "auto"
 CODE, ASSUMED = "view-exposure", "view-space-assumed"
 WEAK = " Where the stage's lights are too weak, --studio-light on adds one."
 MOST_PIXELS = 1 << 14
-# As display values, nominally 0 to 1, of a pixel's darkest (or brightest) channel.
+# Display values, nominally 0 to 1, of a pixel's darkest (or brightest) channel.
 WHITE, BLACK = 0.95, 0.05
-ALMOST = 0.8  # of what there is to see
-# The exposure that serves shows the brightest twentieth so, and no median darker than this many stops below mid-grey.
+ALMOST = 0.8  # share of the visible pixels
+# Automatic exposure shows the brightest twentieth at BRIGHT, with the median at most DARKEST_STOPS below mid-grey.
 BRIGHT, BRIGHTEST_SHARE = 0.82, 0.95
 GREY, DARKEST_STOPS = 0.35, 1.0
-SAME_STOPS = 0.05  # advice is given in tenths of stops
-BLOCK = 8  # pixels: a block in which no sample of the record has light is black
+SAME_STOPS = 0.05  # advice is rounded to tenths of stops
+BLOCK = 8  # pixels across; a block in which no sample of the record has light is black
 
 
 @dataclass(frozen=True)
 class View:
-    """How a picture is looked at; None is OpenColorIO's default."""
+    """How a picture is converted for display; None selects OpenColorIO's default."""
 
     view: str | None = None
     display: str | None = None
     look: str | None = None
-    space: ColorSpace = REC709  # what the pixels are in
+    space: ColorSpace = REC709  # colour space of the pixels
 
     def shown(self, rgb: Floats, exposure: float = 0.0) -> Floats:
-        """(H, W, 3) to display values, nominally 0 to 1; `exposure` in stops."""
+        """Return display values, nominally 0 to 1, of scene-linear (H, W, 3); `exposure` in stops."""
         return color.to_display(rgb, self.view, self.display, exposure, look=self.look, space=self.space)
 
     def check(self) -> None:
-        """SettingsError where the OpenColorIO configuration cannot make it: ask before sampling."""
+        """Raise SettingsError if the OpenColorIO configuration cannot make the view. Called before sampling."""
         color.check_display(self.view, self.display, self.look, self.space)
 
     def assumption(self) -> Diagnostic | None:
-        """What it rests on that the configuration does not say."""
+        """Return a diagnostic if the view rests on an assumption about the configuration, else None."""
         assumed = color.assumed_space(self.space)
         return None if assumed is None else Diagnostic(CODES[ASSUMED].severity, ASSUMED, "", assumed)
 
 
 def as_viewed(pixels: Floats, *, keep_alpha: bool | None = None) -> tuple[Floats, Floats | None]:
-    """Return the colours (H, W, 3) that a view is made of and the alpha (H, W, 1) beside them, from (H, W, 4) premultiplied.
+    """Return the colours (H, W, 3) that a view converts and the alpha (H, W, 1) beside them, from (H, W, 4) premultiplied.
 
-    Without alpha (None) the picture is over black. `keep_alpha` None is for pixels of which nothing else is known: they have
-    alpha unless all is covered, or light comes from what covers nothing.
+    Without alpha (None) the picture is over black. `keep_alpha=None` is for pixels of unknown origin: they have alpha unless
+    everything is covered, or there is light without coverage.
     """
     finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
     rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
@@ -67,7 +67,7 @@ def as_viewed(pixels: Floats, *, keep_alpha: bool | None = None) -> tuple[Floats
 
 
 def needs_alpha(pixels: Floats) -> bool:
-    """Whether (H, W, 4) finite premultiplied pixels look as if their alpha were for compositing."""
+    """Return whether (H, W, 4) finite premultiplied pixels look as if their alpha were for compositing."""
     alpha = np.clip(pixels[..., 3], 0, 1)
     background_shines = bool(np.any(pixels[alpha == 0, :3] > 0))
     return not background_shines and not bool(np.all(alpha == 1))
@@ -76,8 +76,10 @@ def needs_alpha(pixels: Floats) -> bool:
 def view_fault(
     pixels: Floats, view: View, exposure: float = 0.0, *, is_auto: bool = False, lacks_textures: bool = False
 ) -> Diagnostic | None:
-    """Return what to report of (H, W, 4) premultiplied; None where the view shows more than white or black, or there is nothing
-    to see. `is_auto`: the exposure was chosen for the picture, or for the first of its sequence."""
+    """Return a diagnostic if the view shows (H, W, 4) premultiplied pixels as almost only white or black, else None.
+
+    `is_auto`: the exposure was chosen for this picture, or for the first of its sequence.
+    """
     seen = _seen(pixels)
     if not len(seen) or not seen.any():
         return None
@@ -99,7 +101,10 @@ def view_fault(
 
 
 def exposure_that_serves(pixels: Floats, view: View) -> float:
-    """Stops, to a hundredth: the view shows the brightest parts near its top, unless the rest would drown in black."""
+    """Return the automatic exposure in stops, to a hundredth.
+
+    The brightest parts are near the top of the view's range, unless the rest would be too dark.
+    """
     seen = _seen(pixels)
     level: Doubles = seen.astype(np.float64) @ np.array(LUMINANCE_WEIGHTS)
     level = level[level > 0]
@@ -112,8 +117,10 @@ def exposure_that_serves(pixels: Floats, view: View) -> float:
 
 
 def where_lit(pixels: Floats, record: Floats) -> Floats:
-    """Return a denoised picture (H, W, 4), black in the blocks where its record has no light at all: a denoiser leaves a
-    millionth there, which would be taken for what is seen."""
+    """Return a denoised picture (H, W, 4), made black in blocks where its record has no light at all.
+
+    A denoiser leaves about a millionth there, which would count as visible.
+    """
     height, width = record.shape[:2]
     lit = np.zeros((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK), bool)
     lit[:height, :width] = (record[..., :3] > 0).any(axis=2)
@@ -125,7 +132,7 @@ def where_lit(pixels: Floats, record: Floats) -> Floats:
 
 
 def _seen(pixels: Floats) -> Floats:
-    """(N, 3) straight colours of pixels that have light or coverage."""
+    """Return the straight colours (N, 3) of pixels that have light or coverage."""
     flat = pixels.reshape(-1, pixels.shape[-1])
     rgb = np.where(np.isfinite(flat[:, :3]), flat[:, :3], np.float32(0))
     alpha = flat[:, 3:] if flat.shape[1] > 3 else np.ones((len(flat), 1), np.float32)
@@ -136,7 +143,7 @@ def _seen(pixels: Floats) -> Floats:
 
 
 def _levels_shown_as(view: View, wanted: tuple[float, ...]) -> Doubles:
-    """Of grey, by a table of what the view makes of it; views rise from black to white."""
+    """Return the grey levels that the view shows as the `wanted` values, by a table; views increase from black to white."""
     levels = np.exp2(np.linspace(-14, 10, 193))
     shown = view.shown(np.repeat(levels[:, None], 3, axis=1)[None].astype(np.float32))[0].mean(axis=1)
     rising = np.maximum.accumulate(np.nan_to_num(shown).astype(np.float64))

@@ -1,4 +1,4 @@
-"""The outputs beside the picture (AOVs), from what the core says is seen first at every pixel."""
+"""First-hit AOVs: outputs beside the picture, made from the core's data of what each pixel sees first."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ..settings import RenderSettings
 from .aov import Aov, Values, make_aov
 
 MOST_NUMBERS = 2**32 - 1
-FILTERED_SAMPLES = 16  # a pixel: kFilteredSamples of the core's aov/first_hit.hpp
-# The core's planes are called as the AOVs; these are made of others, or of none.
+FILTERED_SAMPLES = 16  # samples per pixel: kFilteredSamples of the core's aov/first_hit.hpp
+# The core's planes have the names of the AOVs; these AOVs are derived from other planes, or from none.
 _MADE_OF: dict[str, tuple[str, ...]] = {"camera_normal": ("normal",), "samples": (), "instance": ("instance", "prim")}
 
 
@@ -29,7 +29,7 @@ def aovs_of(
     counts: npt.NDArray[np.uint32],
     settings: RenderSettings,
 ) -> dict[str, Aov]:
-    """By name, in the order of the requests; `counts` (R, H, W) are the film's."""
+    """Return AOVs by name, in the order of the requests; `counts` (R, H, W) are the film's."""
     record = scene.record
     assert record is not None
     primvars = [name for name in primvars_of(requests) if record.width_of(name)]
@@ -46,7 +46,7 @@ def aovs_of(
 
 
 def _planes_of(sources: Iterable[str]) -> dict[str, None]:
-    """The core's planes that sources are made of, but for occlusion, of which each distance takes samples of its own."""
+    """Return the core's planes that the sources need. Occlusion is excluded, because each distance has its own samples."""
     plain = (s for s in sources if primvar_of(s) is None and occlusion_distance(s) is None)
     return dict.fromkeys(plane for source in plain for plane in _MADE_OF.get(source, (source,)))
 
@@ -59,7 +59,7 @@ def _is_filtered(source: str) -> bool:
 def _occlusion(
     scene: core.CoreScene, requests: Sequence[AovRequest], settings: RenderSettings, replicate: int = 0
 ) -> dict[str, Values]:
-    """(H, W, 1) by source."""
+    """Return ambient occlusion (H, W, 1) by source."""
     found = {}
     for source in dict.fromkeys(r.source for r in requests):
         if (distance := occlusion_distance(source)) is not None:
@@ -71,7 +71,10 @@ def _occlusion(
 def _errors(
     scene: core.CoreScene, requests: Sequence[AovRequest], found: dict[str, Any], settings: RenderSettings
 ) -> dict[str, Values]:
-    """Standard errors (H, W, C) of filtered planes, by two independent sets of samples: |a - b| / sqrt(2) is a's."""
+    """Return standard errors (H, W, C) of filtered planes.
+
+    Two independent sets of samples are compared: |a - b| / sqrt(2) is the error of a.
+    """
     asked = [r for r in requests if r.errors and _is_filtered(r.source)]
     if not asked:
         return {}
@@ -117,9 +120,9 @@ def _two(values: Values) -> Values:
 
 
 class Ids:
-    """Numbers from 1 on in place of the core's own, in the order of names; and what each number that is seen stands for.
+    """Ids from 1 on, in name order, in place of the core's numbers, with the names of the ids that occur.
 
-    `names`: what prims and materials in native instances are called in place of their path in one of these.
+    `names` maps prim and material paths inside native prototypes to the names shown for them.
     """
 
     def __init__(self, scene: core.CoreScene, record: SceneRecord, names: Mapping[str, str]) -> None:
@@ -144,7 +147,10 @@ class Ids:
         return [self._names.get(path, path) for path in paths] if self._names else paths
 
     def instance(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
-        """After those that the core has: instances of which there is one alone, whose shapes stand in the world themselves."""
+        """Return instance ids.
+
+        Single instances, whose shapes are placed in the world directly, are numbered after the core's.
+        """
         instances, record = self._scene.instance_numbers, self._record
         most = instances.most
         alone, names = _numbered([name for rows in (record.meshes, record.curved) for _, name in rows])
@@ -159,7 +165,7 @@ class Ids:
 
 
 def _of_rows(rows: Values, meshes: Sequence[int] | Values, curved: Sequence[int] | Values) -> Values:
-    """The numbers of the core's rows of meshes and curved shapes, 0 where it saw none."""
+    """Return ids for the core's rows of meshes and curved shapes, 0 where nothing was hit."""
     ids = np.zeros(rows.shape, np.uint32)
     ids[rows >= 0] = np.asarray(meshes, np.uint32)[rows[rows >= 0]]
     ids[rows <= -2] = np.asarray(curved, np.uint32)[-2 - rows[rows <= -2]]
@@ -167,7 +173,7 @@ def _of_rows(rows: Values, meshes: Sequence[int] | Values, curved: Sequence[int]
 
 
 def _numbered(paths: Sequence[str]) -> tuple[npt.NDArray[np.uint32], list[str]]:
-    """A number from 1 on for each, 0 for "", the same for the same paths; and the paths by number."""
+    """Return a number from 1 on for each path (0 for "", equal numbers for equal paths), and the paths by number."""
     different = sorted(set(paths) - {""})
     number = {path: n for n, path in enumerate(different, start=1)} | {"": 0}
     return np.array([number[path] for path in paths], np.uint32), different

@@ -37,17 +37,19 @@ CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = tuple(extension for extension in OTHER_EXTENSIONS if extension != ".hdr")
 WITH_ALPHA = (".png", ".tif", ".tiff")
-BACKGROUND, LIT = "primray:background", "light"  # of a header: what is behind what covers the picture
+BACKGROUND, LIT = "primray:background", "light"  # header attribute for what is behind the picture's surfaces
 MISSING_TEXTURES = ("asset-missing", "texture-unreadable", "tile-missing")
 WHITE = (1.0, 1.0, 1.0)
-EYE = "settings.eye"  # in metadata: of a stereo pair
+EYE = "settings.eye"  # metadata key of the eye in a stereo pair
 EXTENSIONS = (".exr", *OTHER_EXTENSIONS)
 
 
 @dataclass(frozen=True, eq=False)
 class Foreground:
-    """A picture (H, W, 4) premultiplied as it was rendered, and `exposed`, which brightens such pixels by stops and puts behind
-    them what was asked for."""
+    """Premultiplied pixels (H, W, 4) as rendered.
+
+    `exposed` brightens such pixels by stops and composites them over the background.
+    """
 
     pixels: Floats
     exposed: Callable[[Floats, float], Floats]
@@ -55,7 +57,7 @@ class Foreground:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Image:
-    """Scene-linear premultiplied RGBA, alpha = coverage, with the report of its render. Row 0 is the top.
+    """A scene-linear premultiplied RGBA picture, alpha = coverage, with the report of its render. Row 0 is the top.
 
     Values are radiance in nits times the camera's exposure, in the rendering colour space (`color_space`, Rec.709 unless said).
 
@@ -67,25 +69,25 @@ class Image:
     >>> [image.save(f"shot.{kind}").name for kind in ("exr", "png")]
     ['shot.exr', 'shot.png']
 
-    A notebook shows it, with what its render has to tell under it. ValueError where arrays do not fit one another.
+    A notebook shows it with the diagnostics of its render. ValueError if the shapes of arrays do not match.
     """
 
     pixels: Floats  # (H, W, 4), read-only
     report: Mapping[str, Any] = field(default_factory=dict)
-    metadata: Mapping[str, str | int | float] = field(default_factory=dict)  # goes into an EXR's header as primray:<name>
+    metadata: Mapping[str, str | int | float] = field(default_factory=dict)  # written to an EXR's header as primray:<name>
     camera: Camera | None = None
     channels: tuple[str, ...] = CHANNELS
-    # (H, W, 3) standard errors of R, G, B, read-only; inf where a pixel has too few samples to tell. One degree of freedom
-    # each: their squares are to be averaged over pixels before they are relied on.
+    # (H, W, 3) standard errors of R, G, B, read-only; inf where a pixel has too few samples for an estimate. Each has one
+    # degree of freedom: average their squares over pixels before relying on them.
     errors: Floats | None = None
     color_space: ColorSpace = REC709  # linear
-    frame: Frame | None = None  # where the pixels lie; None: they are the whole
-    aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
-    denoised: Image | None = None  # without errors of its own: a part of an EXR, and what is shown
-    # As the camera's lens diffuses it, with the errors of that, where it does: a part of an EXR as well, and what is shown.
+    frame: Frame | None = None  # position of the pixels in the frame; None: they are the whole frame
+    aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; each is a part of an EXR
+    denoised: Image | None = None  # the denoised picture, without errors: a part of an EXR, and shown by views
+    # The picture with lens diffusion and its errors, if the lens diffuses: a part of an EXR, and shown by views.
     diffused: Image | None = None
-    file: PictureFile = PLAIN  # what the stage's product asks of an EXR
-    foreground: Foreground | None = None  # what was rendered, where a background or a ground's shadow is behind it
+    file: PictureFile = PLAIN  # EXR settings of the stage's product
+    foreground: Foreground | None = None  # the rendered pixels, if a background or a ground's shadow is behind them
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -110,32 +112,32 @@ class Image:
 
     @property
     def resolution(self) -> tuple[int, int]:
-        """Of the pixels that are there; `frame` says of which whole."""
+        """Width and height of the pixels present; `frame` locates them in the whole."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
     @property
     def values(self) -> Floats:
-        """(H, W, C): pixels, and after them errors where there are any."""
+        """Pixels followed by errors, if any: (H, W, C)."""
         return self.pixels if self.errors is None else np.concatenate([self.pixels, self.errors], axis=2)
 
     def as_product(self, path: str) -> Image:
-        """The image as one of the products that its render was for: `save` writes what the product orders, and no more.
+        """Return the image as one of its render products: `save` then writes exactly what the product orders.
 
-        KeyError where its render was not for that product.
+        KeyError if the render was not for that product.
         """
-        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)  # known of the render alone
+        file = replace(dict(self.file.products)[path], lit_behind=self.file.lit_behind)  # known only to the render
         assert file.contents is not None
         aovs = {name: self.aovs[key] for name, key in file.contents.parts if key in self.aovs}
         return replace(self, aovs=aovs, file=file)
 
     @property
     def shown(self) -> Image:
-        """What views and notebooks show: the denoised picture or the diffused one, where there is one; else this."""
+        """The picture that views and notebooks show: the denoised or the diffused one, if there is one, else this."""
         return self.denoised or self.diffused or self
 
     @property
     def seen(self) -> Floats:
-        """Return what views show of the stage, (H, W, 4) premultiplied: an exposure is judged by it, not by a background."""
+        """The premultiplied pixels (H, W, 4) by which an exposure is judged: as views show them, without a background."""
         record = self.pixels if self.foreground is None else self.foreground.pixels
         if self.denoised is None:
             return record if self.diffused is None or self.foreground is not None else self.diffused.pixels
@@ -157,16 +159,18 @@ class Image:
         header: Mapping[str, HeaderValue] | None = None,
         flatten_over: tuple[float, float, float] | None = None,
     ) -> Path:
-        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops, or "auto": as the view needs them) and `look`
-        are for PNG, JPEG and TIFF, which show the picture alone, diffused if it is; None is what the stage's product asks for,
-        or the default. RenderWarning where that is almost only white, or only black.
+        """Write the image to `path`, atomically.
 
-        `bit_depth` is a PNG's (8 or 16) or a TIFF's (16, 8, or 32: scene-linear floats). `half` names what an EXR stores as
-        halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; else all are floats. RenderWarning where
-        nothing is called so, or values are beyond what a half holds. `compression` of an EXR is none, rle, zips, zip, piz,
+        `view`, `display`, `exposure` (stops, or "auto") and `look` are for PNG, JPEG and TIFF, which show only the picture,
+        diffused if it is; None selects what the stage's product specifies, or the default. RenderWarning if the result is
+        almost only white or black.
+
+        `bit_depth` is for PNG (8 or 16) and TIFF (16, 8, or 32: scene-linear floats). `half` names what an EXR stores as
+        halves: channels ("R"), layers ("stderr"), parts ("rgba", "normal") or "all"; the rest are floats. RenderWarning if a
+        name matches nothing, or values exceed the range of halves. `compression` of an EXR is none, rle, zips, zip, piz,
         pxr24, b44, b44a, dwaa or dwab, with the `level` of zip and DWA; `header` adds attributes to its header. `flatten_over`
-        is the colour, as displayed in 0 to 1, that the picture is put over in files without alpha (JPEG); None: black, or white
-        where the shadow on a ground is to be seen.
+        is the display colour, in 0 to 1, under the picture in files without alpha (JPEG); None: black, or white if a ground
+        shows its shadow.
         """
         path = check_output_path(path)
         chosen, encoding = (
@@ -183,19 +187,22 @@ class Image:
         return self.write(path, chosen, stops, encoding)
 
     def view_of(self, view: str | None = None, display: str | None = None, look: str | None = None) -> View:
-        """Return the view of these names; where none is given, the one that the stage's product asks for, else the default."""
+        """Return the view with these names. If none is given, it is that of the stage's product, else the default."""
         if view is None and display is None and look is None:
             asked = self.file.view
             view, display, look = asked.view, asked.display, asked.look
         return View(view, display, look, self.color_space)
 
     def view_fault(self, view: View, exposure: float, *, is_auto: bool = False) -> Diagnostic | None:
-        """Return what to report of a view of the picture; where textures are missing, which are black, they come first."""
+        """Return the diagnostic of a view that shows almost only white or black, else None.
+
+        Missing textures are mentioned first, since they render black.
+        """
         missing = any(row["code"] in MISSING_TEXTURES for row in self.report.get("diagnostics", ()))
         return view_fault(self.seen, view, exposure, is_auto=is_auto, lacks_textures=missing)
 
     def write(self, path: Path, view: View, exposure: float, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
-        """`save`, to a path that has been checked and without a word about what the file does not show."""
+        """Write to a path that has been checked, without diagnostics; otherwise as `save`."""
         suffix = path.suffix.lower()
         with _replacing(path) as temporary:
             if suffix == ".exr":
@@ -219,7 +226,7 @@ class Image:
 
     @property
     def _has_alpha(self) -> bool:
-        """Whether views have alpha, by what is asked for and by what the stage has behind the picture: never by its samples."""
+        """Whether views have alpha. It depends on the product and on whether a dome is behind the picture, never on samples."""
         is_ordered = self.file.contents is None or "A" in self.file.contents.picture
         return is_ordered and not self.file.lit_behind
 
@@ -231,10 +238,10 @@ class Image:
         exposure: float | Literal["auto"] | None = None,
         look: str | None = None,
     ) -> npt.NDArray[np.uint8]:
-        """(H, W, 4) display values 0 to 255 with straight alpha: what `save` writes as PNG, with 255 where that has no alpha.
+        """Return (H, W, 4) display values 0 to 255 with straight alpha: the PNG that `save` writes, opaque if it has no alpha.
 
-        `exposure` is in stops, or "auto": as the view needs them; `view`, `display` and `look` are names of the OpenColorIO
-        config, SettingsError where it has no such. What is None is as the stage's product asks, else the default.
+        `exposure` is in stops, or "auto"; `view`, `display` and `look` are names in the OpenColorIO configuration (else
+        SettingsError). None selects what the stage's product specifies, else the default.
         """
         chosen = self.view_of(view, display, look)
         pixels, stops = self._exposed(self._stops(chosen, exposure))
@@ -248,24 +255,26 @@ class Image:
         return exposure_that_serves(self.seen, view) if exposure == "auto" else check_stops(exposure, "exposure")
 
     def _exposed(self, stops: float) -> tuple[Floats, float]:
-        """Return the pixels that a view is made of and the stops that are left to it: a background given as displayed is shown
-        as it was given, whatever the exposure of what is before it."""
+        """Return the pixels to convert by a view, and the stops still to apply.
+
+        A display-referred background does not change with the exposure of the picture in front of it.
+        """
         shown = self.shown
         if shown.foreground is None or stops == 0:
             return shown.pixels, stops
         return shown.foreground.exposed(shown.foreground.pixels, stops), 0.0
 
     def show(self) -> None:
-        """Show it: under the cell in a notebook, else a PNG of it in the desktop's viewer.
+        """Show the image: under the cell in a notebook, else as a PNG in the desktop's viewer.
 
-        PrimrayError where there is no desktop.
+        PrimrayError if there is no desktop.
         """
         from .showing import show
 
         show(self)
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
-        """`pixels`; read-only where NumPy need not copy."""
+        """Return `pixels`, read-only if NumPy need not copy."""
         if copy is False and dtype is not None and np.dtype(dtype) != self.pixels.dtype:
             raise ValueError(f"float32 pixels cannot be {np.dtype(dtype)} without a copy")
         return np.array(self.pixels, dtype) if copy else np.asarray(self.pixels, dtype)
@@ -305,12 +314,12 @@ class Image:
 
 
 def pixels_sha256(pixels: Floats) -> str:
-    """Of the decoded float channels: little-endian float32 RGBA, row by row from the top."""
+    """Return the SHA-256 of the decoded float channels: little-endian float32 RGBA, row by row from the top."""
     return hashlib.sha256(np.ascontiguousarray(pixels, "<f4").tobytes()).hexdigest()
 
 
 def check_output_path(path: str | os.PathLike[str]) -> Path:
-    """The path, if its format is known and its folder can be written to; else SettingsError. Ask before rendering."""
+    """Return the path if its format is known and its folder is writable; else raise SettingsError. Called before rendering."""
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
         known = ", ".join(EXTENSIONS)
@@ -330,7 +339,7 @@ def encode(
     look: str | None = None,
     space: ColorSpace = REC709,
 ) -> npt.NDArray[np.uint8]:
-    """8-bit display values: (H, W, 4) with straight alpha, or (H, W, 3) where the picture is opaque.
+    """Return 8-bit display values: (H, W, 4) with straight alpha, or (H, W, 3) if the picture is opaque.
 
     Light without coverage (a visible dome behind everything) has no straight-alpha form: such a picture is opaque,
     composited over the black it was rendered on.
@@ -339,19 +348,22 @@ def encode(
 
 
 def shows_view(path: Path, encoding: Encoding) -> bool:
-    """Whether a file of this name is what a view makes of the picture."""
+    """Return whether a file of this name stores the picture through a view."""
     return path.suffix.lower() in VIEW_EXTENSIONS and encoding.bits_of(path.suffix) != LINEAR_BITS
 
 
 def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool | None = None, bits: int = 8) -> npt.NDArray[Any]:
-    """Without alpha the picture is over black; `keep_alpha` as for `as_viewed`."""
+    """Return display values as integers of `bits` bits.
+
+    Without alpha the picture is over black; `keep_alpha` as in `as_viewed`.
+    """
     rgb, alpha = as_viewed(pixels, keep_alpha=keep_alpha)
     shown = view.shown(rgb, exposure)
     return _whole(shown if alpha is None else np.concatenate([shown, alpha], axis=2), bits)
 
 
 def _flattened(pixels: Floats, view: View, exposure: float, over: tuple[float, float, float]) -> Floats:
-    """(H, W, 3) display values over a colour as displayed, as programs show pictures with alpha."""
+    """Return display values (H, W, 3) composited over a display colour, as programs show pictures with alpha."""
     rgb, alpha = as_viewed(pixels, keep_alpha=True)
     assert alpha is not None
     flat: Floats = view.shown(rgb, exposure) * alpha + np.asarray(over, np.float32) * (1 - alpha)
@@ -365,14 +377,14 @@ def _whole(shown: Floats, bits: int) -> npt.NDArray[Any]:
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[str]:
-    """A temporary name beside the file that `path` leads to; it takes that file's place when the block ends well."""
+    """Yield a temporary name beside the target of `path`; rename it to the target if the block succeeds."""
     target = through_links(path)
     temporary = target.with_name(f".{name_beside(path.stem)}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
     try:
         yield str(temporary)
         os.replace(temporary, target)
     except PrimrayError as error:
-        if error.where == str(temporary):  # nobody knows that name
+        if error.where == str(temporary):  # a name that the user does not know
             error.where, error.message = str(path), error.message.replace(str(temporary), str(path))
         raise
     except OSError as error:
@@ -382,14 +394,14 @@ def _replacing(path: Path) -> Iterator[str]:
 
 
 def write_png(encoded: np.ndarray[Any, Any], path: Path) -> Path:
-    """Write 8-bit values (H, W, 3 or 4) as they are, whole or not at all."""
+    """Write 8-bit values (H, W, 3 or 4) unchanged, atomically."""
     with _replacing(path) as temporary:
         write_view(encoded, temporary)
     return path
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file atomically."""
     with _replacing(path) as temporary:
         Path(temporary).write_text(text, encoding="utf-8")
 
@@ -399,7 +411,7 @@ def _write_exr(image: Image, path: str, encoding: Encoding) -> None:
 
 
 def stored_parts(image: Image, encoding: Encoding) -> Parts:
-    """The parts of its EXR as they are stored: halves as the product and `encoding` ask, compression and header likewise."""
+    """Return the parts of the image's EXR as stored, with the halves, compression and header of product and `encoding`."""
     parts = exr_parts(image)
     store_halves(parts, _with_halves_of_product(image, encoding))
     file = _with_choices(image.file, encoding)
@@ -409,7 +421,7 @@ def stored_parts(image: Image, encoding: Encoding) -> Parts:
 
 
 def _with_choices(file: PictureFile, encoding: Encoding) -> PictureFile:
-    """What a product asks of the file, with what the user chooses in its place."""
+    """Return the product's EXR settings with the user's choices in their place."""
     if encoding.compression:
         file = replace(file, compression=encoding.compression, level=encoding.level)
     if encoding.header:
@@ -418,7 +430,7 @@ def _with_choices(file: PictureFile, encoding: Encoding) -> PictureFile:
 
 
 def faults_of_exr(image: Image, encoding: Encoding) -> list[Diagnostic]:
-    """What an EXR loses of its numbers; nothing is looked at where nothing is stored as halves."""
+    """Return diagnostics of values that an EXR cannot store exactly; nothing is examined if nothing is stored as halves."""
     asked = _with_halves_of_product(image, encoding)
     if not asked.half and all(aov.stored != "half" for aov in image.aovs.values()):
         return []
@@ -432,7 +444,7 @@ def _with_halves_of_product(image: Image, encoding: Encoding) -> Encoding:
 
 
 def exr_parts(image: Image) -> Parts:
-    """Specs and values of its picture, and of what stands beside that."""
+    """Return specs and values of the picture and of the outputs beside it."""
     spec, values = _picture_part(image)
     beside = parts_of(spec, image.aovs)
     for name, made in ((DENOISED, image.denoised), (DIFFUSED, image.diffused)):
@@ -448,7 +460,10 @@ def exr_parts(image: Image) -> Parts:
 
 
 def _name_view(parts: Parts, view: str) -> None:
-    """As OpenEXR's "Storing Multi-View Images" has it of files with one of several views; a part alone says it twice."""
+    """Set the view of each part as OpenEXR's "Storing Multi-View Images" specifies for a file with one of several views.
+
+    A single part needs `multiView` as well.
+    """
     for spec, _ in parts:
         spec.attribute(VIEW, view)
     if len(parts) == 1:
@@ -456,7 +471,7 @@ def _name_view(parts: Parts, view: str) -> None:
 
 
 def write_parts(path: Path, parts: Parts) -> Path:
-    """An EXR of these, whole or not at all."""
+    """Write an EXR of these parts, atomically."""
     with _replacing(path) as temporary:
         write_parts_of(temporary, parts)
     return path
@@ -479,6 +494,6 @@ def _picture_part(image: Image) -> tuple[Any, Values]:
     if image.camera is not None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
         spec.attribute("worldtocamera", oiio.TypeMatrix, row_vector_floats(camera_matrix))
-        if image.camera.distortion is None:  # else no matrix has it
+        if image.camera.distortion is None:  # no matrix describes a distorted projection
             spec.attribute("worldtoNDC", oiio.TypeMatrix, row_vector_floats(ndc_matrix))
     return spec, values

@@ -1,4 +1,4 @@
-"""Reads what `Image.save` wrote as EXR: the picture, the standard error of every pixel, and what its header says."""
+"""Reader of EXRs written by `Image.save`: the picture, the standard error of every pixel, and the header."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ class MeasuredImage:
 
     pixels: Floats  # (H, W, 3), scene-linear R, G, B
     alpha: Floats | None  # (H, W)
-    stderr: Floats | None  # (H, W, 3); +inf: no estimate. None: the picture is taken as exact
-    metadata: Mapping[str, Any] = field(default_factory=dict)  # the header's primray:<name>, by name
+    stderr: Floats | None  # (H, W, 3); +inf: no estimate. None: the picture is assumed exact
+    metadata: Mapping[str, Any] = field(default_factory=dict)  # header attributes primray:<name>, by name
     name: str = ""
     chromaticities: tuple[float, ...] | None = None  # x, y of red, green, blue and white; None: the file does not say
-    frame: Frame | None = None  # where the pixels lie; None: they are the whole
-    stored: str = "float"  # OpenImageIO's name of the numbers' type in the file
+    frame: Frame | None = None  # position of the pixels in the frame; None: they are the whole frame
+    stored: str = "float"  # OpenImageIO's name of the data type in the file
 
     @property
     def is_display(self) -> bool:
-        """Whether its numbers are display values: whole numbers, as PNG and JPEG hold them."""
+        """Whether the values are display values: integers, as in PNG and JPEG."""
         return self.stored not in FLOATS
 
     @property
@@ -46,7 +46,7 @@ class MeasuredImage:
 
     @property
     def samples(self) -> float | None:
-        """Samples of a pixel, the mean where pixels differ; None where the header does not say."""
+        """Samples per pixel, the mean if pixels differ; None if the header does not say."""
         span = self.sample_span
         if span is None:
             return None
@@ -55,7 +55,7 @@ class MeasuredImage:
 
     @property
     def sample_span(self) -> tuple[float, float] | None:
-        """The fewest and the most samples of a pixel."""
+        """The fewest and the most samples of a pixel, or None if the header does not say."""
         numbers = [_number(word) for word in str(self.metadata.get("samples_per_pixel", "")).split()]
         if len(numbers) != 2 or numbers[0] is None or numbers[1] is None or not 0 < numbers[0] <= numbers[1]:
             return None
@@ -63,7 +63,7 @@ class MeasuredImage:
 
 
 def same_color_space(a: MeasuredImage, b: MeasuredImage) -> bool:
-    """Whether nothing says that they differ: a picture without chromaticities may be anything."""
+    """Return whether two pictures may share a colour space; one without chromaticities may be in any."""
     if a.chromaticities is None or b.chromaticities is None:
         return True
     return bool(np.allclose(a.chromaticities, b.chromaticities, atol=1e-4))
@@ -78,9 +78,9 @@ def _number(value: object) -> float | None:
 
 
 def read_image(path: str | os.PathLike[str], part: int | None = None) -> MeasuredImage:
-    """The picture at `path`, in its first part that is neither denoised nor diffused, or in another part.
+    """Return the picture at `path`, from its first part that is neither denoised nor diffused, or from `part`.
 
-    SettingsError if there is none that can be read, or if its channels do not fit.
+    SettingsError if it cannot be read, or if its channels do not match.
     """
     import OpenImageIO as oiio
 
@@ -110,14 +110,14 @@ def read_image(path: str | os.PathLike[str], part: int | None = None) -> Measure
         primaries = tuple(map(float, said)) if said is not None and len(said) == 8 else None
     finally:
         file.close()
-    if str(spec.getattribute("compression") or "").startswith("dwa"):  # which rings about 0
+    if str(spec.getattribute("compression") or "").startswith("dwa"):  # DWA compression rings around 0
         errors = [channels.index(channel) for channel in ERROR_CHANNELS if channel in channels]
         values[..., errors] = np.maximum(values[..., errors], 0)
     return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries, stored=stored)
 
 
 def _frame(spec: Any) -> Frame:
-    """The display window's corner need not be at 0, as those written here are."""
+    """Return the frame of the file. Unlike in files written by primray, the display window's corner may be anywhere."""
     pixels = PixelWindow(spec.x - spec.full_x, spec.y - spec.full_y, spec.width, spec.height)
     return Frame((spec.full_width, spec.full_height), pixels, spec.get_float_attribute("PixelAspectRatio", 1.0))
 

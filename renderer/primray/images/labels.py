@@ -1,4 +1,4 @@
-"""Semantic labels of what is seen first, as ids with a table; and where each labelled thing lies in the picture."""
+"""Semantic labels of what each pixel sees first, as ids with a table, and bounding boxes of labelled objects."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .aov import Aov, channel_names
 from .files.exr_header import exr_matrices
 from .first_hit import Ids
 
-# labels(prim, instance, taxonomy): those of a prim in an instance, inherited ones too.
+# labels(prim, instance, taxonomy): labels of a prim in an instance, including inherited ones.
 LabelsOf = Callable[[str, str, str], tuple[str, ...]]
 
 
 def labels_of_view(
     scene: core.CoreScene, requests: Sequence[AovRequest], camera: Camera, settings: RenderSettings, labels: LabelsOf
 ) -> tuple[dict[str, Aov], dict[str, Any]]:
-    """Label AOVs by name, and what a report says: the camera's matrices, and the boxes of labelled things."""
+    """Return label AOVs by name, and the report's entries: the camera's matrices, and the boxes of labelled objects."""
     assert scene.record is not None
     found = core.first_hits(scene, ["prim", "instance"], [], settings)
-    ids = Ids(scene, scene.record, {})  # by their paths, which labels are looked up by
+    ids = Ids(scene, scene.record, {})  # by path, the key of labels
     prims, instances = ids.prim(found), ids.instance(found)
     both = np.stack([prims[0][..., 0].astype(np.int64), instances[0][..., 0].astype(np.int64)], axis=2)
     things, thing = np.unique(both.reshape(-1, 2), axis=0, return_inverse=True)
@@ -60,7 +60,7 @@ def labels_of_view(
 
 
 def _boxes(thing: Any, names: Sequence[tuple[str, str]], texts: Sequence[str]) -> list[dict[str, Any]]:
-    """Of every labelled instance, else prim: x0, y0, x1, y1 in pixels, the far sides not in it; larger ones first."""
+    """Return the box of every labelled instance or prim as x0, y0, x1, y1 in pixels, ends excluded; larger objects first."""
     groups: dict[tuple[str, str], list[int]] = {}
     for number, ((prim, instance), text) in enumerate(zip(names, texts, strict=True)):
         if text:

@@ -1,4 +1,4 @@
-"""A rendered picture as it would be read from its EXR: what comparisons judge."""
+"""A rendered picture as it would be read back from its EXR, for comparisons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .image_file import COLORS, MeasuredImage
 
 
 def measured(image: Image) -> MeasuredImage:
-    """Its colours, alpha (if it has one) and errors, and what a file's header would say of it."""
+    """Return the image's colours, alpha (if any), errors and header entries."""
     colors = [image.channels.index(name) for name in COLORS]
     alpha = image.pixels[..., image.channels.index("A")] if "A" in image.channels else None
     return MeasuredImage(

@@ -1,4 +1,4 @@
-"""A picture that is there to be read, or why it is not."""
+"""Opening of picture files, with an error that says why one cannot be read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def open_picture(name: str) -> oiio.ImageInput:
-    """SettingsError if there is no such file, or no picture in it."""
+    """Open a picture file; SettingsError if there is no such file, or it is not a picture."""
     import OpenImageIO as oiio
 
     if not Path(name).is_file():

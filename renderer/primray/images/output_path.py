@@ -1,4 +1,4 @@
-"""Where an output is written: through symbolic links, so that a link stays one and its target gets the file."""
+"""Output paths: checks before rendering, folders, and symbolic links, which are kept while their target is replaced."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ..errors import SettingsError
 
 
 def through_links(path: Path) -> Path:
-    """The path that `path` leads to; it need not exist."""
+    """Return the target of `path` if it is a symbolic link; it need not exist."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
-LONGEST_BESIDE = 200  # bytes of a name in the name of the temporary file beside it: file systems hold 255 in all
+LONGEST_BESIDE = 200  # bytes of a file's name used in the name of its temporary file; file systems allow 255 in all
 
 
 def name_beside(name: str) -> str:
-    """Return a file's name for use in the name of a temporary file beside it: as it is, or cut with a checksum of the whole."""
+    """Return a file's name for use in the name of a temporary file beside it, truncated with a checksum if it is long."""
     text = os.fsencode(name)
     if len(text) <= LONGEST_BESIDE:
         return name
@@ -29,7 +29,7 @@ def name_beside(name: str) -> str:
 
 
 def too_long(error: OSError, where: str) -> SettingsError | None:
-    """Return the error of a name that no file here can have, where the system's error says so."""
+    """Return a SettingsError if the system's error says that a file name is too long, else None."""
     if error.errno != errno.ENAMETOOLONG:
         return None
     return SettingsError("the name is longer than file systems hold", where=where, code="name-too-long")
@@ -37,7 +37,7 @@ def too_long(error: OSError, where: str) -> SettingsError | None:
 
 @contextmanager
 def refusing_long_names(path: Path) -> Iterator[None]:
-    """SettingsError where the system finds the name too long."""
+    """Raise SettingsError if the system rejects a file name in the block as too long."""
     try:
         yield
     except OSError as error:
@@ -45,7 +45,10 @@ def refusing_long_names(path: Path) -> Iterator[None]:
 
 
 def check_folder(path: Path) -> None:
-    """SettingsError unless a file can be put at `path`, or where it leads as a link: nothing else is replaced by one."""
+    """Raise SettingsError unless a file can be written at `path`, or at the target of the link there.
+
+    Anything else that exists there is not replaced.
+    """
     with refusing_long_names(path):
         _check_folder(path)
 
@@ -54,13 +57,13 @@ def _check_folder(path: Path) -> None:
     target = through_links(path)
     if not target.parent.is_dir():
         raise SettingsError(f"the folder {target.parent} does not exist", where=str(path), code="output-folder")
-    replaceable = target.is_file() or not (target.exists() or target.is_symlink())  # no folder, device, or link in a circle
+    replaceable = target.is_file() or not (target.exists() or target.is_symlink())  # not a folder, device or cyclic link
     if not replaceable or not os.access(target.parent, os.W_OK | os.X_OK):
         raise SettingsError("a file cannot be written there", where=str(path), code="output-folder")
 
 
 def make_folder(path: Path) -> None:
-    """The folder of a file that is to be written, and those above it; SettingsError where that cannot be made."""
+    """Create the folder of an output file, and those above it; SettingsError if that fails."""
     folder = path.parent
     try:
         folder = through_links(path).parent

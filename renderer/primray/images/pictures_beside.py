@@ -1,4 +1,4 @@
-"""Pictures made of the record, as parts of an EXR beside it: diffused as its lens would, or denoised."""
+"""Pictures derived from the record, as parts of an EXR beside it: with lens diffusion, or denoised."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ SAYS = {
 def picture_beside(
     name: str, picture: Any, values: Values, metadata: Mapping[str, str | int | float], taken: Container[str]
 ) -> tuple[Any, Values]:
-    """An OIIO ImageSpec and its values, "diffused.R" to "diffused.stderr.B" as many as there are; `picture` is the record's
-    spec. It gets a name."""
+    """Return an OIIO ImageSpec and values with channels "diffused.R" to "diffused.stderr.B", as many as there are.
+
+    `picture` is the spec of the record, which is given a part name.
+    """
     import OpenImageIO as oiio
 
     part = oiio.ImageSpec(picture)

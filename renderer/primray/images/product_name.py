@@ -1,4 +1,4 @@
-"""Paths of products' files: a productName says where its picture is written, in names that any file system holds."""
+"""File paths of render products: productName made safe for any file system."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 
 from .image import EXTENSIONS
 
-# Extensions of pictures that are not written here: .exr takes their place. Others are part of the name ("shot.0001", "key.v2").
+# Picture extensions that are not supported and become .exr. Any other suffix is part of the name ("shot.0001", "key.v2").
 OTHER_PICTURES = frozenset(
     f".{name}"
     for name in (
@@ -17,18 +17,17 @@ OTHER_PICTURES = frozenset(
         *("rat", "rgbe", "sgi", "tga", "tx", "webp"),
     )
 )
-# Names that Windows keeps for devices, whatever their extension.
+# Device names reserved by Windows, whatever their extension.
 RESERVED = frozenset(["con", "prn", "aux", "nul", *(f"{device}{n}" for device in ("com", "lpt") for n in "0123456789¹²³")])
 _SCHEME = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]+):/+(?P<rest>.*)", re.DOTALL)
 _DRIVE = re.compile(r"[A-Za-z]:")
-LONGEST = 180  # bytes of the stem in UTF-8; file systems hold 255, and temporary names and frame numbers need some
+LONGEST = 180  # bytes of the stem in UTF-8; file systems allow 255, less temporary suffixes and frame numbers
 
 
 def product_path(name: str, default: str) -> str:
-    """The path of a productName's file: its folders, as they are but for letters that file systems refuse, and
-    `safe_product_name`. A relative one is below the folder that its caller chooses.
+    """Return the path of a productName's file: safe folders and `safe_product_name`.
 
-    Drives of Windows and places that are no files' (`place_left_out`) are left out of it.
+    A relative path is below the folder that the caller chooses. Windows drives and URL schemes (`place_left_out`) are dropped.
     """
     text = _folders_of(name)
     folder, slash, own = text.rpartition("/")
@@ -38,7 +37,7 @@ def product_path(name: str, default: str) -> str:
 
 
 def changes_of(name: str) -> list[str]:
-    """Return what `product_path` makes other than a productName says, in clauses; spelling such as \\ and <F4> is none."""
+    """Return how `product_path` differs from a productName, in clauses; spelling such as \\ and <F4> does not count."""
     found = []
     if place := place_left_out(name):
         found.append(f"{place} is no folder here and is left out; the rest is a relative path")
@@ -61,7 +60,7 @@ def changes_of(name: str) -> list[str]:
 
 
 def place_left_out(name: str) -> str:
-    """The drive of Windows, or the scheme of a URL, that `product_path` leaves out of a productName; "": none."""
+    """Return the Windows drive or URL scheme that `product_path` drops from a productName, or ""."""
     name = name.strip()
     if (scheme := _SCHEME.match(name)) is not None and len(scheme["scheme"]) > 1:
         return "" if scheme["scheme"].lower() == "file" else f"{scheme['scheme']}:"
@@ -69,7 +68,7 @@ def place_left_out(name: str) -> str:
 
 
 def _folders_of(name: str) -> str:
-    """With / between folders. What is below a drive or another place becomes relative."""
+    """Return the name with / between folders; a path below a drive or scheme becomes relative."""
     text = name.strip().replace("\\", "/")
     left_out = place_left_out(name)
     if left_out:
@@ -87,9 +86,9 @@ def _safe_folder(part: str) -> str:
 
 
 def safe_product_name(name: str, default: str) -> str:
-    """A file name without folders for a productName, ending in an extension that can be written.
+    """Return a file name without folders for a productName, with an extension that can be written.
 
-    `default`: a stem for where nothing is left of the name; it is made safe as well.
+    `default` is the stem if nothing is left of the name; it is made safe as well.
     """
     for text in (name, default):
         stem, extension = _split(_last_part(text))
@@ -100,16 +99,16 @@ def safe_product_name(name: str, default: str) -> str:
 
 
 def _last_part(text: str) -> str:
-    """Without the folders of Unix and Windows, without what no file system shows."""
+    """Return the last part of a Unix or Windows path, without control and reserved characters."""
     part = re.sub(r"^[A-Za-z]:", "", re.split(r"[/\\]", text)[-1])
     part = _spelled(part)
     return "".join("_" if unicodedata.category(c)[0] == "C" or c in '<>:"|?*' else c for c in part)
 
 
 def _spelled(text: str) -> str:
-    """Return the text in the spelling that parts of a path have here: composed letters, $F4 for <F4>."""
+    """Return the text in normalized spelling: composed characters, $F4 for <F4>."""
     composed = unicodedata.normalize("NFC", text.encode("utf-8", "replace").decode("utf-8"))
-    return re.sub(r"<F(F|\d*)>", r"$F\1", composed)  # needs no brackets
+    return re.sub(r"<F(F|\d*)>", r"$F\1", composed)  # no reserved characters
 
 
 def _cut(text: str) -> str:
@@ -126,7 +125,7 @@ def _split(part: str) -> tuple[str, str]:
 
 
 def _safe_stem(stem: str) -> str:
-    """No hidden file, no option of a command, no device; "" where nothing is left."""
+    """Return a stem that is not a hidden file, a command option or a device; "" if nothing is left."""
     stem = stem.lstrip(" .-~").rstrip(". ")
     stem = _cut(stem).strip(". ")
     return f"_{stem}" if stem.split(".")[0].strip().lower() in RESERVED else stem

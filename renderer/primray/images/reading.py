@@ -1,4 +1,4 @@
-"""A picture with its errors and the outputs beside it, back from the EXR that `Image.save` wrote."""
+"""Reader of an Image with errors and AOVs from the EXR that `Image.save` wrote."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from .image_file import read_image as read_measured
 from .opened_picture import open_picture
 from .pictures_beside import DENOISED, DIFFUSED
 
-SAME = 1e-4  # files have floats, and some programs write few digits
+SAME = 1e-4  # tolerance of chromaticities: files have floats, and some programs write few digits
 
 
 def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"] | None = None) -> Image:
-    """The image in a scene-linear file, or one `eye` of a stereo pair's.
+    """Return the image in a scene-linear file, or one `eye` of a stereo pair.
 
     It has pixels (H, W, 4), errors, AOVs, frame, colour space, and the header as `metadata`.
 
@@ -37,8 +37,8 @@ def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"]
     >>> bool((again.pixels == image.pixels).all()), bool((again.errors == image.errors).all()), list(again.aovs)
     (True, True, ['depth'])
 
-    The report and the camera are not in a file. Without an alpha channel a picture is opaque; where a file says nothing of its
-    colours, they are taken as Rec.709. SettingsError for a file that is missing, damaged, or has display values (a PNG).
+    The report and the camera are not in a file. Without an alpha channel a picture is opaque; colours of a file that names no
+    colour space are assumed to be Rec.709. SettingsError for a file that is missing, damaged, or has display values (a PNG).
     """
     name = os.fspath(path)
     _check_linear(name)
@@ -64,7 +64,7 @@ def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"]
 
 def _picture_of(part: Aov, record: Image) -> Image:
     values = part.values
-    if len(part.channels) == 3:  # where the product orders no alpha
+    if len(part.channels) == 3:  # the product orders no alpha
         values = np.concatenate([values, record.pixels[..., 3:]], axis=2)
     pixels, errors = np.split(values, [len(CHANNELS)], axis=2)
     told = errors if errors.shape[2] else None

@@ -1,4 +1,4 @@
-"""A picture shown to a person: under a notebook's cell, or in the desktop's viewer."""
+"""Display of a picture: under a notebook's cell, or in the desktop's viewer."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 def show(image: Image) -> None:
-    """PrimrayError where there is neither a notebook nor a desktop."""
+    """Show the image; PrimrayError if there is neither a notebook nor a desktop."""
     if in_notebook():
         display(image)
         return
     viewer = _viewer()
     if viewer is None:
         raise PrimrayError("there is no desktop to show a picture on; image.save('picture.png') writes it", code="no-display")
-    # The viewer reads it after this process may have ended: it stays, until the system clears its temporary files.
+    # The viewer may read the file after this process has ended, so it is left to the system's cleanup of temporary files.
     path = image.save(Path(tempfile.mkdtemp(prefix="primray-"), "picture.png"))
     try:
         subprocess.Popen([viewer, path], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
@@ -34,7 +34,7 @@ def show(image: Image) -> None:
 
 
 def _viewer() -> str | None:
-    """The command that opens a file with what the desktop has for it."""
+    """Return the command that opens a file in the desktop's viewer, or None."""
     if sys.platform == "darwin":
         return shutil.which("open")
     has_desktop = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

@@ -1,7 +1,7 @@
 """A stereo pair of pictures, and its files: two views of one EXR, or a file for each eye.
 
-As OpenEXR's "Storing Multi-View Images" has it for files of several parts: each part's `view` says whose it is, channels are
-named alike in both, the first part is the left eye's, and no part has `multiView`.
+The layout follows OpenEXR's "Storing Multi-View Images" for multi-part files: each part's `view` names its eye, both eyes have
+the same channel names, the first part is the left eye's, and no part has `multiView`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _END = re.compile(r"(?P<frame>\.\d+)?(?P<extension>\.\w+)$")
 
 @dataclass(frozen=True, eq=False)
 class StereoImage:
-    """What the eyes of a pair of cameras see. SettingsError where they differ in size: one file could not hold both.
+    """Pictures of the left and right eye. SettingsError if they differ in size, because one file could not hold both.
 
     >>> pair = primray.render_stereo("stereo.usda", resolution=(32, 18), spp=2)
     >>> pair.left.camera.path, pair.right.camera.path
@@ -50,12 +50,14 @@ class StereoImage:
 
     @property
     def report(self) -> Mapping[str, Any]:
-        """Both reports, by eye."""
+        """The reports of both eyes."""
         return {"views": {eye.value: image.report for eye, image in self.views.items()}}
 
     def save(self, path: str | os.PathLike[str], *, view: View | None = None, exposure: float = 0.0) -> list[Path]:
-        """Write an EXR that holds both; or a file for each eye, where a name has %V (left, right) or %v (l, r), or is that of a
-        PNG or JPEG. `exposure` in stops."""
+        """Write one EXR with both eyes, or a file for each eye.
+
+        Names with %V (left, right) or %v (l, r), and those of PNG and JPEG, are a file for each eye. `exposure` in stops.
+        """
         if is_joint(os.fspath(path)):
             return [self.write(check_output_path(path))]
         files = {eye: check_output_path(name_of_eye(os.fspath(path), eye)) for eye in Eye}
@@ -63,7 +65,7 @@ class StereoImage:
         return [self.views[eye].write(file, shown, exposure) for eye, file in files.items()]
 
     def write(self, path: Path, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
-        """Both as one EXR, to a path that has been checked."""
+        """Write both eyes as one EXR, to a path that has been checked."""
         parts = []
         for eye, image in self.views.items():
             parts += named_by_view(stored_parts(image, encoding), eye)
@@ -71,12 +73,12 @@ class StereoImage:
 
 
 def is_joint(name: str) -> bool:
-    """Whether a file of this name holds both eyes."""
+    """Return whether a file of this name holds both eyes."""
     return name.lower().endswith(".exr") and not _PLACE.search(os.path.basename(name))
 
 
 def name_of_eye(name: str, eye: Eye) -> str:
-    """With the eye in place of %V or %v, else before the extension and the frame's number."""
+    """Return the name with the eye in place of %V or %v, else before the extension and the frame number."""
     folder, slash, own = name.rpartition("/")
     if _PLACE.search(own):
         return folder + slash + _PLACE.sub(lambda place: eye.value if place[0] == "%V" else eye.value[0], own)
@@ -84,7 +86,7 @@ def name_of_eye(name: str, eye: Eye) -> str:
 
 
 def named_by_view(parts: Parts, eye: Eye) -> Parts:
-    """The parts of an eye's picture, as those of one view among others."""
+    """Return the parts of one eye, named as one of several views."""
     for spec, _ in parts:
         spec.attribute(NAME, f"{spec.get_string_attribute(NAME, PICTURE_PART)}.{eye.value}")
         spec.attribute(VIEW, eye.value)

@@ -1,7 +1,7 @@
-"""Pictures in tev, a viewer of high dynamic range: outputs named tev://HOST:PORT/NAME, sent over TCP while they refine.
+"""Pictures in tev, a high dynamic range viewer: outputs named tev://HOST:PORT/NAME, sent over TCP while they refine.
 
-Packets are as tev's README ("Over a network") and src/Ipc.cpp have them: little-endian, a length that counts itself, a type,
-then fields without padding; text ends with a zero byte. tev answers nothing.
+The packet format is that of tev's README ("Over a network") and src/Ipc.cpp: little-endian, a length that includes itself, a
+type, then fields without padding; text ends with a zero byte. tev does not answer.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from .image import Image
 
 SCHEME = "tev://"
-PORT = 14158  # tev's own
+PORT = 14158  # tev's default
 DEFAULT_NAME = "primray"
-CREATE, UPDATE = 4, 6  # types of packets; the latter with offsets and strides of channels
-BAND_BYTES = 1 << 22  # of pixels in a packet: tev shows whole packets, whose lengths have 32 bits
+CREATE, UPDATE = 4, 6  # packet types; the latter with channel offsets and strides
+BAND_BYTES = 1 << 22  # pixel bytes per packet: tev shows whole packets, whose lengths have 32 bits
 CONNECT_S, SEND_S = 5.0, 20.0
 
 
 @dataclass(frozen=True)
 class TevAddress:
-    """Where a tev listens, and what the picture is called there."""
+    """Host and port of a tev, and the picture's name there."""
 
     host: str
     port: int
@@ -39,7 +39,7 @@ class TevAddress:
 
 
 def tev_address(text: str) -> TevAddress:
-    """Of tev://HOST[:PORT][/NAME]; SettingsError ("tev-address") where it is none."""
+    """Parse tev://HOST[:PORT][/NAME]; SettingsError ("tev-address") if it is malformed."""
     try:
         parts = urlsplit(text, allow_fragments=False)
         host, port = parts.hostname, parts.port
@@ -57,10 +57,13 @@ def _no_address(text: str, why: str = "") -> SettingsError:
 
 
 class TevPicture:
-    """One picture in a tev, over a connection of its own: made by the first `show`, brought up to date by others."""
+    """One picture in a tev, over its own connection: created by the first `show`, updated by later ones."""
 
     def __init__(self, output: str) -> None:
-        """SettingsError where `output` is no address ("tev-address") or nobody listens there ("tev-unreachable")."""
+        """Connect to tev.
+
+        SettingsError if `output` is malformed ("tev-address") or nothing listens there ("tev-unreachable").
+        """
         self._output = output
         self._address = tev_address(output)
         self._made: tuple[object, ...] | None = None
@@ -73,7 +76,7 @@ class TevPicture:
         self._socket.settimeout(SEND_S)
 
     def show(self, image: Image) -> None:
-        """Send R, G, B, A and the standard errors of all pixels; PrimrayError ("write-failed") where tev takes them no more."""
+        """Send R, G, B, A and the standard errors of all pixels; PrimrayError ("write-failed") if the connection is lost."""
         window, corner = _windows(image)
         made = (window, channels_of(image))
         packets = pixel_packets(self._address.name, channels_of(image), image.values, corner)
@@ -95,14 +98,14 @@ def _reason(error: Exception) -> str:
 
 
 def channels_of(image: Image) -> tuple[str, ...]:
-    """Names of what `Image.values` holds; tev groups them by what stands before the dot."""
+    """Return channel names of `Image.values`; tev groups them by the part before the dot."""
     from .image import ERROR_CHANNELS
 
     return image.channels if image.errors is None else image.channels + ERROR_CHANNELS
 
 
 def _windows(image: Image) -> tuple[tuple[int, int], tuple[int, int]]:
-    """(width, height) of the whole with whatever lies outside it, and the pixels' corner (x, y) there: tev has no windows."""
+    """Return (width, height) of a canvas for frame and pixels, and the corner (x, y) of the pixels. tev has no windows."""
     width, height = image.resolution
     if image.frame is None:
         return (width, height), (0, 0)
@@ -113,12 +116,12 @@ def _windows(image: Image) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def create_packet(name: str, size: tuple[int, int], channels: Sequence[str]) -> bytes:
-    """Make a black picture of (width, height), in place of one of that name, and look at it."""
+    """Return a packet that creates a black picture of (width, height), replacing one of that name, and selects it."""
     return _packet(CREATE, b"\1" + _text(name) + struct.pack("<iii", *size, len(channels)) + b"".join(map(_text, channels)))
 
 
 def pixel_packets(name: str, channels: Sequence[str], values: Floats, corner: tuple[int, int]) -> Iterator[bytes]:
-    """Set pixels (H, W, C) from (x, y) on, in bands of whole rows."""
+    """Yield packets that set pixels (H, W, C) from the corner (x, y) on, in bands of whole rows."""
     height, width, count = values.shape
     rows = max(1, BAND_BYTES // (width * count * 4))
     head = b"\0" + _text(name) + struct.pack("<i", count) + b"".join(map(_text, channels))

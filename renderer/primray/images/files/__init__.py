@@ -1,1 +1,1 @@
-"""How numbers are stored in files of pictures: bits, halves and floats, scene-linear or by a view."""
+"""Storage of pictures in files: bit depths, EXR parts and headers."""

@@ -1,4 +1,4 @@
-"""The parts of an EXR as the stage's product asks for them: which there are, compression and attributes of the header."""
+"""The parts of an EXR as a stage's render product orders them: selection, compression and header attributes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from ...aov_names import CRYPTOMATTES
 from ...description.picture_file import LOSSY, Contents, HeaderValue, PictureFile
 from .encoding import Part
 
-SOURCE = "primray:source"  # of an AOV's part
+SOURCE = "primray:source"  # header attribute of an AOV's part
 DENOISED, DIFFUSED = "denoised", "diffused"
 COLORS = ("R", "G", "B", "A")
 
 
 def as_ordered(parts: Sequence[Part], contents: Contents) -> list[Part]:
-    """The parts that a product orders, of all that an image has: first the picture, the denoised one before it, since programs
-    that show pictures open the first part. All parts where nothing would be left."""
+    """Return the parts that a product orders, or all if none are.
+
+    The picture comes first, preceded by the denoised one, since viewers open the first part.
+    """
     (picture, values), *beside = parts
     made = {spec.get_string_attribute(SOURCE): (spec, own) for spec, own in beside}
     outputs = [(spec, own) for spec, own in beside if spec.get_string_attribute(SOURCE) not in (DENOISED, DIFFUSED)]
@@ -42,7 +44,7 @@ def as_ordered(parts: Sequence[Part], contents: Contents) -> list[Part]:
 
 
 def _denoised_first(spec: Any, values: npt.NDArray[Any], wanted: Sequence[str]) -> Part:
-    """Its channels are called as a picture's."""
+    """Return the denoised part with the channel names of a picture."""
     spec, values = _with_channels(spec, values, [f"{DENOISED}.{name}" for name in wanted if name in COLORS])
     spec.channelnames = tuple(name.removeprefix(f"{DENOISED}.") for name in spec.channelnames)
     return spec, values
@@ -59,8 +61,10 @@ def _with_channels(spec: Any, values: npt.NDArray[Any], names: Sequence[str]) ->
 
 
 def _copy_header(picture: Any, specs: Sequence[Any]) -> None:
-    """Add what the picture's part says of the render to the first of `specs`, and the colours' chromaticities where another
-    part has them: OpenEXR wants them in the first part then."""
+    """Copy the render's header entries from the picture's part to the first of `specs`.
+
+    Chromaticities are copied too if another part has them, since OpenEXR then requires them in the first part.
+    """
     first, own = specs[0], {attribute.name for attribute in specs[0].extra_attribs}
     is_colored = any(spec.getattribute("chromaticities") is not None for spec in specs)
     for attribute in picture.extra_attribs:
@@ -70,7 +74,10 @@ def _copy_header(picture: Any, specs: Sequence[Any]) -> None:
 
 
 def store_as_product(parts: Sequence[Part], file: PictureFile) -> None:
-    """Say so in the specs. Numbers that stand for something, of Cryptomatte and of ids, are never stored with losses."""
+    """Set compression and header attributes in the specs.
+
+    Ids (Cryptomatte and integers) are never stored with lossy compression.
+    """
     text = file.compression or "zip"
     if file.level is not None:
         text += f":{file.level:g}"

@@ -1,6 +1,6 @@
-"""How many bits a file's numbers have: those of PNG and TIFF for all of it, an EXR's by channel.
+"""Bit depths of picture files: one depth for a PNG or TIFF, one per channel for an EXR.
 
-Importing it takes no NumPy: command lines choose by it.
+Importing this module does not import NumPy, because command lines use it.
 """
 
 from __future__ import annotations
@@ -19,29 +19,32 @@ if TYPE_CHECKING:
 
     from ...description.picture_file import HeaderValue
 
-# Bits that there are of a format, the first unless another is asked for. 32 are scene-linear floats, no view.
+# Bit depths of each format, the default first. 32 means scene-linear floats instead of a view.
 BIT_DEPTHS = {".png": (8, 16), ".tif": (16, 8, 32), ".tiff": (16, 8, 32)}
 LINEAR_BITS = 32
 LARGEST_HALF = 65504.0
 ALL, NONE, PICTURE = "all", "none", "rgba"
-WITH_LEVEL = {"zip": 9.0, "zips": 9.0, "dwaa": 1e6, "dwab": 1e6}  # the highest level
+WITH_LEVEL = {"zip": 9.0, "zips": 9.0, "dwaa": 1e6, "dwab": 1e6}  # compressions with a level, and the highest level
 CODE = "half-channels"
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """`half` names channels of an EXR ("R"), layers ("stderr", "normal"), parts ("rgba", "depth"), "all" of its floats, or
-    "none", which a product's choice of halves gives way to."""
+    """How numbers are stored.
+
+    `half` names channels of an EXR ("R"), layers ("stderr", "normal"), parts ("rgba", "depth"), "all" for all floats, or
+    "none", which overrides a product's choice.
+    """
 
     bit_depth: int | None = None
     half: tuple[str, ...] = ()
-    compression: str = ""  # an EXR's, in place of what a product asks; "": that, else zip
-    level: float | None = None  # of zip and DWA
+    compression: str = ""  # of an EXR, overriding a product's; "": the product's, else zip
+    level: float | None = None  # compression level of zip and DWA
     header: tuple[tuple[str, HeaderValue], ...] = ()  # further attributes of an EXR's header
-    flatten_over: tuple[float, float, float] | None = None  # as displayed: what views without alpha are over; None: black
+    flatten_over: tuple[float, float, float] | None = None  # display colour under views without alpha; None: black
 
     def __post_init__(self) -> None:
-        """SettingsError for a compression or an attribute that no EXR has."""
+        """Raise SettingsError for a compression or an attribute that no EXR can have."""
         if not self.compression and self.level is None and not self.header:
             return
         from ...description.picture_file import COMPRESSIONS, is_free_in_header
@@ -60,7 +63,7 @@ class Encoding:
                 raise SettingsError(sentence, where="metadata", code="exr-setting")
 
     def bits_of(self, suffix: str) -> int:
-        """Of a file with this extension; SettingsError where there are no such."""
+        """Return the bit depth of a file with this extension; SettingsError if the format does not have it."""
         known = BIT_DEPTHS.get(suffix.lower())
         if known is None or self.bit_depth is None:
             return 8 if known is None else known[0]
@@ -75,7 +78,7 @@ class Encoding:
 
 
 def compression_of(text: str | None) -> tuple[str, float | None]:
-    """Return the compression and its level, from NAME or NAME:LEVEL; SettingsError for a level that is no number."""
+    """Return the compression and its level from NAME or NAME:LEVEL; SettingsError if the level is not a number."""
     kind, colon, level = (text or "").strip().lower().partition(":")
     if text is not None and not kind:
         raise SettingsError(
@@ -89,13 +92,16 @@ def compression_of(text: str | None) -> tuple[str, float | None]:
 
 
 def _names(part: str, channel: str) -> tuple[str, ...]:
-    """By which a channel is meant: "rgba" is the picture without its errors, which share a part."""
+    """Return the names that select a channel. "rgba" selects the picture without its errors, which share a part."""
     layer = channel.rpartition(".")[0]
     return (ALL, channel, layer or PICTURE) if part == PICTURE else (ALL, channel, layer or part, part)
 
 
 def check_bit_depth(encoding: Encoding, suffixes: Sequence[str]) -> None:
-    """SettingsError unless some of the outputs have bits to choose, and each of them as many. Ask before rendering."""
+    """Raise SettingsError unless some output has a choice of bit depths, and each such output has the chosen one.
+
+    Called before rendering.
+    """
     choosing = [suffix for suffix in suffixes if suffix.lower() in BIT_DEPTHS]
     if encoding.bit_depth is not None and not choosing:
         raise SettingsError("bits are chosen for PNG and TIFF, and no output is one", where="bit_depth", code="bit-depth")
@@ -104,7 +110,7 @@ def check_bit_depth(encoding: Encoding, suffixes: Sequence[str]) -> None:
 
 
 def check_half(encoding: Encoding, suffixes: Sequence[str]) -> None:
-    """SettingsError if halves, a compression or metadata are asked for and no output is an EXR."""
+    """Raise SettingsError if halves, a compression or metadata are requested and no output is an EXR."""
     if ".exr" in [suffix.lower() for suffix in suffixes]:
         return
     if encoding.half:
@@ -118,7 +124,7 @@ Part = tuple[Any, "npt.NDArray[Any]"]  # an OIIO ImageSpec and its values (H, W,
 
 
 def store_halves(parts: Sequence[Part], encoding: Encoding) -> None:
-    """Say in the parts' specs which channels are halves; whole numbers never are."""
+    """Set in the parts' specs which channels are halves; integers never are."""
     import OpenImageIO as oiio
 
     for spec, values in parts:
@@ -134,7 +140,7 @@ def store_halves(parts: Sequence[Part], encoding: Encoding) -> None:
 
 
 def half_faults(parts: Sequence[Part], encoding: Encoding, asked: Sequence[str] | None = None) -> list[Diagnostic]:
-    """Names that nothing bears among those `asked` for by the user, and finite values that a half cannot hold."""
+    """Return diagnostics for names in `asked` that match nothing, and for finite values that a half cannot hold."""
     asked = encoding.half if asked is None else asked
     return [Diagnostic(CODES[CODE].severity, CODE, "", message) for message in _half_faults(parts, encoding, asked)]
 
@@ -159,7 +165,7 @@ def _half_faults(parts: Sequence[Part], encoding: Encoding, asked: Sequence[str]
 
 
 def _may_be_half(spec: Any, values: npt.NDArray[Any]) -> bool:
-    """Ids of Cryptomatte are floats by their bits alone."""
+    """Return whether the values may be stored as halves. Cryptomatte ids may not: they are bit patterns stored as floats."""
     return values.dtype.kind == "f" and spec.get_string_attribute("primray:source") not in CRYPTOMATTES
 
 

@@ -1,4 +1,4 @@
-"""What an EXR's header says of its picture: where the pixels are, what their colours are, and how the camera saw them."""
+"""EXR header attributes of a picture: windows, colours and camera matrices."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...arrays import Doubles
 from ...color.color_space import ColorSpace, named
 from ...description import Camera, Frame, Projection
 
-# SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
+# SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1), relative to the ACES white point.
 _ACES_WHITE = (0.32168, 0.33767)
 _ACES_CHROMATICITIES = {
     "lin_ap0_scene": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_WHITE),
@@ -19,7 +19,7 @@ _ACES_CHROMATICITIES = {
 
 
 def place_pixels(spec: Any, frame: Frame | None) -> None:
-    """Data and display window, and the shape of a pixel."""
+    """Set the data and display windows, and the pixel aspect ratio."""
     spec.attribute("PixelAspectRatio", 1.0 if frame is None else frame.pixel_aspect_ratio)
     if frame is not None:
         spec.x, spec.y = frame.pixels.x, frame.pixels.y
@@ -28,7 +28,10 @@ def place_pixels(spec: Any, frame: Frame | None) -> None:
 
 
 def describe_colors(spec: Any, space: ColorSpace) -> None:
-    """By interop id where the space has one, and by chromaticities: of ACES those of its standards, as readers expect."""
+    """Set the interop id, if the space has one, and the chromaticities.
+
+    ACES spaces get those of their standards, as readers expect.
+    """
     import OpenImageIO as oiio
 
     spec.attribute("oiio:ColorSpace", space.name)
@@ -38,14 +41,14 @@ def describe_colors(spec: Any, space: ColorSpace) -> None:
 
 
 def chromaticities_of(space: ColorSpace) -> tuple[float, ...]:
-    """x, y of red, green, blue and white, as a file says them."""
+    """Return x, y of red, green, blue and white, as stored in a file."""
     known = named(space.name) == space
     corners = _ACES_CHROMATICITIES.get(space.name, space.gamut) if known else space.gamut
     return tuple(float(x) for corner in corners for x in corner)
 
 
 def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:
-    """worldToCamera and worldToNDC as OpenEXR's ImfStandardAttributes.h defines them, here for column vectors.
+    """Return worldToCamera and worldToNDC as OpenEXR's ImfStandardAttributes.h defines them, for column vectors.
 
     Its camera space is left-handed (objects in front have positive z); its NDC has (0, 0) upper left, (1, 1) lower right.
     """

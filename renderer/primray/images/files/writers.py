@@ -1,4 +1,4 @@
-"""Writes pictures by OpenImageIO: EXRs of parts, views in whole numbers, and scene-linear pictures of other formats."""
+"""Picture writers based on OpenImageIO: multi-part EXRs, integer views, and scene-linear pictures in other formats."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LARGEST_RGBE = np.float32(2.0**127 * 255 / 256)
 
 
 def write_parts_of(path: str, parts: Sequence[Part]) -> None:
-    """PrimrayError ("write-failed") where OpenImageIO cannot."""
+    """Write an EXR of these parts; PrimrayError ("write-failed") if OpenImageIO cannot."""
     import OpenImageIO as oiio
 
     out = oiio.ImageOutput.create(path)
@@ -33,7 +33,7 @@ def write_parts_of(path: str, parts: Sequence[Part]) -> None:
 
 
 def write_view(encoded: npt.NDArray[Any], path: str) -> None:
-    """Display values (H, W, C) as they are, 8 or 16 bits by their type."""
+    """Write display values (H, W, C) unchanged, 8 or 16 bits by their type."""
     import OpenImageIO as oiio
 
     height, width, channels = encoded.shape
@@ -44,13 +44,13 @@ def write_view(encoded: npt.NDArray[Any], path: str) -> None:
 
 
 def write_radiance(pixels: Floats, space: ColorSpace, path: str) -> None:
-    """(H, W, 4) over black as RGBE, whose readers take it for Rec.709: no alpha, nothing below 0, 8 bits of mantissa."""
+    """Write (H, W, 4) over black as RGBE. Readers assume Rec.709: no alpha, no negative values, 8 bits of mantissa."""
     rgb = transformed(np.where(np.isfinite(pixels[..., :3]), pixels[..., :3], np.float32(0)), matrix(space, REC709))
     _write_floats(np.clip(rgb, 0, LARGEST_RGBE), path)
 
 
 def write_linear(pixels: Floats, space: ColorSpace, path: str) -> None:
-    """(H, W, 4) as 32-bit floats in Rec.709, as a file that does not say is read; alpha associated."""
+    """Write (H, W, 4) as 32-bit floats in Rec.709, the space assumed of files that do not name one; alpha is associated."""
     rgb = transformed(pixels[..., :3], matrix(space, REC709))
     _write_floats(np.concatenate([rgb, pixels[..., 3:]], axis=2), path)
 

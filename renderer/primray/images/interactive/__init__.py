@@ -1,1 +1,1 @@
-"""A picture in a notebook with its exposure and its error at hand, without a kernel: all that this needs is in its HTML."""
+"""An interactive picture for notebooks, with sliders for exposure and error. It needs no kernel: everything is in its HTML."""

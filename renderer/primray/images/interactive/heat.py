@@ -1,4 +1,4 @@
-"""The error of each pixel as a colour: from a thousandth of its value to all of it, by decades."""
+"""Per-pixel error as a colour: from a thousandth of the pixel's value to all of it, logarithmically."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy.typing as npt
 from ...arrays import Doubles, Floats
 
 LEAST, MOST = 1e-3, 1.0
-# From black through blue, red and yellow to white: brighter is worse, for whatever eyes.
+# From black through blue, red and yellow to white: brighter is worse, also for colour-blind viewers.
 RAMP = np.array([(0, 0, 10), (40, 20, 120), (180, 40, 90), (250, 150, 30), (255, 255, 230)], np.float64)
 
 
 def relative_errors(pixels: Floats, errors: Floats) -> Doubles | None:
-    """(H, W) as relMSE weighs them, their squares averaged over 3 x 3 pixels; None where none is known."""
+    """Return errors (H, W) weighted as in relMSE, with squares averaged over 3 x 3 pixels; None if no error is known."""
     known = np.asarray(np.isfinite(errors).all(axis=2))
     if not known.any():
         return None
@@ -27,7 +27,7 @@ def relative_errors(pixels: Floats, errors: Floats) -> Doubles | None:
 
 
 def heat(errors: Doubles) -> npt.NDArray[np.uint8]:
-    """(H, W) to (H, W, 3) colours of the ramp."""
+    """Return colours (H, W, 3) of the ramp for errors (H, W)."""
     span = np.log(MOST / LEAST)
     place = np.log(np.maximum(errors, LEAST) / LEAST) / span * (len(RAMP) - 1)
     channels = [np.interp(place, np.arange(len(RAMP)), RAMP[:, channel]) for channel in range(3)]
@@ -36,5 +36,5 @@ def heat(errors: Doubles) -> npt.NDArray[np.uint8]:
 
 
 def gradient() -> str:
-    """The ramp as CSS, for the legend."""
+    """Return the ramp as a CSS gradient, for the legend."""
     return "linear-gradient(to right, {})".format(", ".join("rgb({:.0f}, {:.0f}, {:.0f})".format(*color) for color in RAMP))

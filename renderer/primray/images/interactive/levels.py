@@ -1,6 +1,6 @@
-"""What a browser needs to show a scene-linear picture at any exposure: its logarithms in 12 bits, and the view as a table.
+"""Data for showing a scene-linear picture at any exposure in a browser: 12-bit logarithms, and the view as a 3D table.
 
-Exposure is a sum in logarithms; what the view makes of them is looked up in a cube between whose points a browser interpolates.
+Exposure is an addition to logarithms; the view is a lookup cube, which the browser interpolates.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from ..exposure import View
 
 Bytes = npt.NDArray[np.uint8]
 
-MOST_PIXELS = 640 * 360  # finer pictures are averaged: a page of pictures should stay small
-DARKEST = -12.0  # as logarithms of base 2
+MOST_PIXELS = 640 * 360  # larger pictures are averaged down, to keep pages with many pictures small
+DARKEST = -12.0  # logarithm of base 2
 LEVELS = 4095
-CUBE = 33  # points of a side
+CUBE = 33  # points per side
 CUBE_STOPS = (DARKEST, 12.0)
 
 
 def reduced(values: Floats) -> Floats:
-    """(H, W, C) as means of square blocks, so that there are no more than MOST_PIXELS."""
+    """Return (H, W, C) averaged over square blocks to at most MOST_PIXELS pixels."""
     height, width = values.shape[:2]
     block = 1
     while (height // block) * (width // block) > MOST_PIXELS:
@@ -37,7 +37,10 @@ def reduced(values: Floats) -> Floats:
 
 
 def logarithms(rgb: Floats) -> tuple[Bytes, float]:
-    """(2 H, W, 3): the high 8 bits of 12, below them the low 4; and what the highest level stands for. Level 0 is black."""
+    """Return (2 H, W, 3) logarithms and the value of the highest level.
+
+    The upper half has the high 8 of 12 bits, the lower half the low 4; level 0 is black.
+    """
     finite = np.where(np.isfinite(rgb), rgb, np.float32(0))
     brightest = max(float(np.log2(max(float(finite.max(initial=0.0)), 1e-30))), 0.0) + 1e-6
     stops = np.log2(np.maximum(finite, np.float32(2.0**DARKEST)))
@@ -47,7 +50,10 @@ def logarithms(rgb: Floats) -> tuple[Bytes, float]:
 
 @lru_cache(maxsize=8)
 def view_cube(view: View) -> Bytes:
-    """(CUBE, CUBE * CUBE, 3) display values: red from left to right within a square, green from square to square, blue down."""
+    """Return the view as display values (CUBE, CUBE * CUBE, 3).
+
+    Red runs from left to right in a square, green from square to square, blue downwards.
+    """
     axis: Doubles = np.exp2(np.linspace(*CUBE_STOPS, CUBE))
     axis[0] = 0.0
     blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")

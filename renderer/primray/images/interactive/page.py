@@ -1,4 +1,4 @@
-"""The HTML of a picture with its controls, its figures and its diagnostics, whole in itself; a PNG where no scripts run."""
+"""Self-contained HTML of a picture with controls, figures and diagnostics; a plain PNG where scripts do not run."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ def picture_page(
     figures: Iterable[str],
     diagnostics: Iterable[Mapping[str, str]],
 ) -> str:
-    """`pixels` (H, W, 4) and `errors` (H, W, 3) are what is shown; `png` the same in its view; `figures` stand below."""
+    """Return the HTML of a picture.
+
+    `pixels` (H, W, 4) and `errors` (H, W, 3) are shown, `png` is the same in its view, and `figures` are printed below.
+    """
     height, width = pixels.shape[:2]
     colors, alpha = as_viewed(reduced(pixels))
     levels, brightest = logarithms(colors)
@@ -75,7 +78,7 @@ def _controls(has_errors: bool) -> str:
 
 
 def figures_of(resolution: tuple[int, int], report: Mapping[str, Any]) -> list[str]:
-    """What a line under a picture says of its render; of a report that is not there, the size alone."""
+    """Return the parts of the line below a picture, from its report; without a report, only the size."""
     told = [f"{resolution[0]} x {resolution[1]}"]
     low, high = report.get("samples_per_pixel", (0, 0))
     if high:

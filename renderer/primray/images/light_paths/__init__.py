@@ -1,1 +1,1 @@
-"""Outputs of light path expressions."""
+"""AOVs of light path expressions."""

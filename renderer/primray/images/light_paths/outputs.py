@@ -1,4 +1,4 @@
-"""Light path expressions' outputs, from what a film holds of each."""
+"""AOVs of light path expressions, from the film's sums for each expression."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .rounding import groups_apart, rounded
 
 
 def light_paths_of_film(scene: core.CoreScene, requests: Sequence[AovRequest], film: core.Film) -> dict[str, Aov]:
-    """By name."""
+    """Return AOVs of light path expressions by name."""
     assert scene.routes is not None
     return light_paths_of(requests, scene.routes.expressions, scene.routes.members, film)
 
@@ -21,7 +21,10 @@ def light_paths_of_film(scene: core.CoreScene, requests: Sequence[AovRequest], f
 def light_paths_of(
     requests: Sequence[AovRequest], expressions: Sequence[str], members: Sequence[int], film: core.Film
 ) -> dict[str, Aov]:
-    """`expressions`, by which the film is ordered, and `members`: sets of them that some light may match together, as bits."""
+    """Return AOVs by name.
+
+    `expressions` are in the film's order; `members` are bit sets of expressions that some path may match together.
+    """
     means, errors = film.routed_image()
     values = rounded(means, film.pixels[..., :3], groups_apart(members, len(expressions)))
     found: dict[str, Aov] = {}

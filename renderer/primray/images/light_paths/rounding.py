@@ -1,9 +1,8 @@
-"""Parts of a picture to single precision, so that they still add up to it.
+"""Rounding of light path outputs to single precision such that they still add up to the picture.
 
-Sums of the film are exact: what expressions take apart adds up to the picture's own sums, to the last digit. Single precision
-rounds each to its own last place, though, and the rounded ones need not add up to the rounded picture. Wherever expressions
-that exclude each other are all of a pixel, the largest of them is rounded so that they do: added in double precision, they
-round to the picture's value to the bit.
+The film's sums are exact, so disjoint expressions that cover all paths add up to the picture's sums exactly. After rounding to
+single precision they need not add up to the rounded picture. Wherever disjoint expressions account for all light of a pixel,
+the largest is therefore adjusted: added in double precision, they round to the picture's value bit for bit.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from ...arrays import Doubles, Floats
 
 
 def groups_apart(members: Sequence[int], count: int) -> list[tuple[int, ...]]:
-    """Groups of expressions, as large as they can be from each on, of which no two match the same light."""
+    """Return maximal groups of expressions of which no two match the same path."""
     meets = [0] * count
     for mask in members:
         for e in range(count):
@@ -34,7 +33,7 @@ def groups_apart(members: Sequence[int], count: int) -> list[tuple[int, ...]]:
 
 
 def rounded(means: Doubles, picture: Floats, groups: Sequence[tuple[int, ...]]) -> Floats:
-    """`means` (E, H, W, 3) to single precision, so that groups that are all of the picture add up to it."""
+    """Return `means` (E, H, W, 3) in single precision, such that groups that make up the whole picture add up to it."""
     values = means.astype(np.float32)
     settled = np.zeros(values.shape, bool)
     for group in groups:
@@ -49,7 +48,7 @@ def rounded(means: Doubles, picture: Floats, groups: Sequence[tuple[int, ...]]) 
 def _settle(
     values: Floats, settled: npt.NDArray[np.bool_], members: list[int], picture: Floats, whole: npt.NDArray[np.bool_]
 ) -> None:
-    """Changes the largest of the members that no group has settled, where they are the whole."""
+    """Adjust the largest member that no earlier group has adjusted, where the group is the whole picture."""
     own = values[members]
     free = ~settled[members] & whole
     largest = np.where(free, own, -1).argmax(axis=0)
@@ -71,7 +70,7 @@ def _settle(
 
 
 def _break_ties(parts: Doubles, at: npt.NDArray[np.intp], free: npt.NDArray[np.bool_], wanted: Floats) -> None:
-    """Where the others lie half-way between two places of the whole: the smallest of them gives way by its own last place."""
+    """Move the smallest member by one unit in the last place where the sum of the others lies half-way between two floats."""
     columns = np.flatnonzero(parts.sum(axis=0).astype(np.float32) != wanted)
     for column in columns.tolist():
         own, largest = parts[:, column], at[column]

@@ -1,1 +1,1 @@
-"""Cryptomattes: ids of what covers each pixel, and by how much."""
+"""Cryptomattes: ids of the objects that cover each pixel, and their coverage."""

@@ -1,8 +1,8 @@
-"""Cryptomatte: which objects, materials or assets cover each pixel and by how much, as ids that are hashes of their names.
+"""Cryptomatte: the objects, materials or assets that cover each pixel and their coverage, by ids that hash their names.
 
-As its specification 1.2 has it (Psyop, 2015): pairs of id and coverage, largest first, two pairs to a layer; an id is
-MurmurHash3 of the name with an exponent that makes it a usual float; the header has the names. Coverage is of the film's own
-samples, counted in whole units, and adds up to the picture's alpha.
+Specification 1.2 (Psyop, 2015): pairs of id and coverage, largest first, two pairs per layer; an id is the MurmurHash3 of the
+name with an exponent that makes it a normal float; the header has the names. Coverage is that of the film's own samples,
+counted in integer units, and adds up to the picture's alpha.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from ...arrays import Floats
 from ..aov import Aov
 
 MOST_RANKS = 32
-MOST_TEXT = 1 << 22  # of a manifest
+MOST_TEXT = 1 << 22  # bytes of a manifest
 MASK = 0xFFFFFFFF
-UNIT = 1 << 24  # of shares: a whole sample
-NOTHING = 1e-6  # of a pixel
+UNIT = 1 << 24  # share of a whole sample
+NOTHING = 1e-6  # negligible coverage of a pixel
 LIGHTS = "lights"
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """What covers the pixels of a picture: `counts` (H, W) of entries, which are pixel by pixel: names and shares (N)."""
+    """Entries of what covers each pixel: `counts` (H, W) entries per pixel, with their shares (N) in pixel order."""
 
     counts: npt.NDArray[np.uint32]
     shares: npt.NDArray[np.int64]
@@ -37,7 +37,7 @@ class Coverage:
 
 
 def cryptomatte(source: str, coverage: Coverage, number: npt.NDArray[np.int64], names: Sequence[str]) -> Aov:
-    """Of one kind: `number` (N) says which of `names` each entry is."""
+    """Return the Cryptomatte of one kind; `number` (N) is the index of each entry's name in `names`."""
     layer = CRYPTOMATTES[source].layer
     hashes = np.array([hash_of(name) for name in names] or [0], np.uint32)
     pixel = np.repeat(np.arange(coverage.counts.size), coverage.counts.ravel())
@@ -65,8 +65,11 @@ def cryptomatte(source: str, coverage: Coverage, number: npt.NDArray[np.int64], 
 def _to_alpha(
     pairs: npt.NDArray[np.int64], weights: npt.NDArray[np.float64], alpha: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Weights that add up to each pixel's alpha. Lights that are seen cover without being surfaces; what light passes straight
-    through by chance, such as thin glass, covers less than it is met."""
+    """Return entries whose weights add up to each pixel's alpha.
+
+    Visible lights cover a pixel without being surfaces. Surfaces that light passes straight through by chance, such as thin
+    glass, cover less than they are hit.
+    """
     sums = np.bincount(pairs[:, 0], weights=weights, minlength=len(alpha))
     weights = weights * np.where(sums > alpha, alpha / np.maximum(sums, 1e-30), 1.0)[pairs[:, 0]]
     missing = alpha - np.minimum(sums, alpha)
@@ -76,7 +79,7 @@ def _to_alpha(
 
 
 def header_of(layer: str, manifest: Mapping[str, int]) -> dict[str, str]:
-    """What the specification wants in a file's header of one layer: its name, how ids are made, and whose they are."""
+    """Return the header attributes of a layer that the specification requires: name, hash, conversion and manifest."""
     key = f"cryptomatte/{murmur_hash(layer.encode()):08x}"[: len("cryptomatte/") + 7]
     says: dict[str, str] = {}
     size = 0
@@ -95,7 +98,7 @@ def header_of(layer: str, manifest: Mapping[str, int]) -> dict[str, str]:
 
 
 def hash_of(name: str) -> int:
-    """The bits of a name's id: never an infinity, a NaN, or a number that processors round to 0."""
+    """Return the bits of a name's id, which are never those of an infinity, a NaN or a denormal."""
     number = murmur_hash(name.encode())
     return number ^ (1 << 23) if (number >> 23) & 255 in (0, 255) else number
 

@@ -17,13 +17,13 @@ from ..first_hit import Ids
 from .cryptomatte import Coverage, cryptomatte
 
 Names = list[str]
-NONE = "default"  # what covers without a material
+NONE = "default"  # name of surfaces without a material
 
 
 def mattes_of(
     scene: core.CoreScene, requests: Sequence[AovRequest], sampling: Sampling, assets: Mapping[str, str]
 ) -> dict[str, Aov]:
-    """By name; `assets` are those of prims, by their paths."""
+    """Return Cryptomattes by name; `assets` maps prim paths to asset names."""
     film = sampling.film
     counts, what, shares = _covering(scene, sampling)
     samples = film.counts.sum(axis=0, dtype=np.int64)
@@ -35,8 +35,11 @@ def mattes_of(
 def covered_names(
     scene: core.CoreScene, sources: Sequence[str], sampling: Sampling, assets: Mapping[str, str]
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64], npt.NDArray[np.int64], dict[str, Names]]:
-    """How many things cover each pixel (H, W); of all of them, pixel by pixel, which it is (N) and what it covers (N), in whole
-    units; and by source the names of those that there are."""
+    """Return coverage entries with names, for merging.
+
+    The result is: entries per pixel (H, W); in pixel order the index (N) of each entry's thing and its coverage (N) in integer
+    units; by source the names of the things.
+    """
     counts, what, shares = _covering(scene, sampling)
     different, number = np.unique(what, axis=0, return_inverse=True)
     names = _Names(scene, different, assets)
@@ -52,7 +55,7 @@ def covered_names(
 def _covering(
     scene: core.CoreScene, sampling: Sampling
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
-    """As core.coverage has it, of the samples that the film has taken."""
+    """Return core.coverage for the samples that the film has taken."""
     film, settings = sampling.film, sampling.settings
     first = settings.sample_range[0] // SAMPLE_BLOCK if settings.sample_range else 0
     begin = np.full_like(film.next, first)
@@ -61,7 +64,7 @@ def _covering(
 
 
 class _Names:
-    """Of what the core numbers: for each entry a number into a list of names."""
+    """Names of the core's numbers: for each entry, an index into a list of names."""
 
     def __init__(self, scene: core.CoreScene, what: npt.NDArray[np.int32], assets: Mapping[str, str]) -> None:
         assert scene.record is not None
@@ -72,7 +75,7 @@ class _Names:
             self._rows["outer"] = what[:, 3]
 
     def crypto_object(self) -> tuple[npt.NDArray[np.int64], Names]:
-        """A prim's path; of an instance, its name and the prim's own."""
+        """Return names that are prim paths; in an instance, its name and the prim's path."""
         prims, instances = self._ids.prim(self._rows), self._ids.instance(self._rows)
         return self._pairs(prims, instances, lambda prim, instance: f"{instance}|{prim}" if instance else prim)
 
