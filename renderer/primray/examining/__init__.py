@@ -1,1 +1,1 @@
-"""Why a stage comes out slow, grey, dark or empty: it is prepared and sampled for some seconds, and asked about that."""
+"""Reasons why a stage comes out slow, grey, dark or empty, found from a few seconds of rendering."""

@@ -1,4 +1,4 @@
-"""Why a picture is dark or bright: no lights, lights that give nothing, an exposure that the view does not serve."""
+"""Reasons why a picture is dark or bright: no lights, lights without emission, an exposure that does not suit the view."""
 
 from __future__ import annotations
 

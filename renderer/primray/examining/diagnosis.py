@@ -1,4 +1,4 @@
-"""Why a stage comes out slow, grey, dark or empty: `primray doctor` and `primray.doctor`."""
+"""Diagnosis of a stage that comes out slow, grey, dark or empty: `primray doctor` and `primray.doctor`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from .machine import MachineCheck
 
 PILOT_S = 3.0
-SMALLEST_TARGET = 1e-30  # all errors that may be asked about: the render that is predicted has no other end
+SMALLEST_TARGET = 1e-30  # below any error that may be asked for, so that the predicted render has no other end
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was measured of a stage in a few seconds of rendering, and the findings that follow.
+    """Measurements of a stage from a few seconds of rendering, and the findings that follow.
 
     >>> diagnosis = primray.doctor("shot.usda", resolution=(32, 18), pilot_seconds=0.1)
     >>> diagnosis.resolution, all(finding.advice for finding in diagnosis.findings)
@@ -32,9 +32,9 @@ class Diagnosis:
     scene: str
     camera: str  # the prim's path; "": an automatic one
     resolution: tuple[int, int]
-    hit_share: float  # of the picture's pixels, those that see a surface
-    grey_share: float | None  # of these, those of grey surfaces; None: nothing is seen
-    bounds: tuple[tuple[float, ...], ...] | None  # lower and upper corner of all that is there; None: nothing is
+    hit_share: float  # fraction of the picture's pixels that see a surface
+    grey_share: float | None  # fraction of these with grey surfaces; None: no surface is seen
+    bounds: tuple[tuple[float, ...], ...] | None  # lower and upper corner of the scene; None: it is empty
     camera_position: tuple[float, ...]  # in scene units
     meters_per_unit: float
     up_axis: str
@@ -98,7 +98,7 @@ def doctor(
     >>> [finding.code for finding in findings if finding.question.value == "grey"]
     ['grey-as-authored']
 
-    Fields of RenderSettings go by their names as well; its end is not asked about. Errors are those of `render`.
+    Fields of RenderSettings may be given by name; those that end a render are ignored. Errors are those of `render`.
     """
     if stage is None:
         from .machine import check_machine
@@ -108,7 +108,7 @@ def doctor(
 
 
 def diagnose(stage: str | os.PathLike[str] | Any, settings: RenderSettings, pilot_seconds: float) -> Diagnosis:
-    """Return what a pilot of some seconds shows; SettingsError where it has none."""
+    """Return the findings of a pilot render of some seconds; raise SettingsError where `pilot_seconds` is not positive."""
     from .. import usd
     from . import dark, empty, grey, noise, slow
     from .examined import examine

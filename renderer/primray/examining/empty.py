@@ -1,4 +1,4 @@
-"""Why nothing is seen, or something is not: what is hidden, missing, behind the camera, or tiny; and the stage's size."""
+"""Reasons why nothing is seen, or something is not: hidden, missing, behind the camera, or tiny; and the stage's size."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..report.emptiness import IMAGES, why_empty
 from .examined import Examined
 from .finding import Finding, Question
 
-SMALL = 0.01  # of the pixels
-LARGEST_M, SMALLEST_M = 1e5, 1e-3  # what stages are of, in metres: from a jewel to a landscape
+SMALL = 0.01  # fraction of the pixels
+LARGEST_M, SMALLEST_M = 1e5, 1e-3  # sizes of plausible stages in metres: from a jewel to a landscape
 
 
 def findings(seen: Examined) -> Iterator[Finding]:
@@ -46,7 +46,7 @@ def _view(seen: Examined) -> Iterator[Finding]:
 
 
 def _missing(seen: Examined) -> Iterator[Finding]:
-    """What the stage lacks as diagnostics tell it; of materials' files `grey` tells."""
+    """Yield what the stage lacks, from diagnostics; `grey` reports missing files of materials."""
     of_code: dict[str, list[str]] = {}
     for told in seen.diagnostics:
         severe = told.severity is Severity.ERROR or told.code == "payloads-unloaded"

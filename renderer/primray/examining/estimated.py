@@ -1,4 +1,4 @@
-"""What an error would cost in samples and seconds: `primray estimate` and `primray.estimate`."""
+"""Prediction of the samples and seconds that an error costs: `primray estimate` and `primray.estimate`."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CostEstimate:
-    """What a pilot of a few seconds measured, and the samples and seconds that it predicts for each target error.
+    """Measurements of a pilot of a few seconds, and the samples and seconds that it predicts for each target error.
 
     >>> cost = primray.estimate("shot.usda", [0.05], resolution=(32, 18), pilot_seconds=0.1)
     >>> cost.metric, cost.samples > 0, [prediction.target for prediction in cost.predictions]
     (<Metric.RELMSE: 'relmse'>, True, [0.05])
 
-    Of a prediction, `samples` a pixel and `seconds` have a `value` and the ends of its 95 % interval, `low` and `high`; they
+    A prediction's `samples` per pixel and `seconds` have a `value` and the ends of its 95 % interval, `low` and `high`; they
     are None where more samples are needed than are allowed.
     """
 
     metric: Metric
-    samples: float  # a pixel, of the pilot
+    samples: float  # per pixel, of the pilot
     seconds: float  # of the pilot's sampling
     error: Estimate  # at the pilot's end
-    predictions: tuple[Prediction, ...]  # empty where the picture has no error that could be seen
+    predictions: tuple[Prediction, ...]  # empty where the picture has no visible error
     diagnostics: tuple[Diagnostic, ...]
 
     def as_json(self) -> dict[str, Any]:
@@ -45,7 +45,8 @@ class CostEstimate:
 
 
 def _with_shadow(prediction: Prediction, has_shadow: bool) -> Prediction:
-    """Add the seconds of a ground's shadow, which is found after the picture and costs from nothing to as much again."""
+    """Return the prediction with the time of a ground shadow, computed after the picture: between nothing and the same
+    again."""
     seconds = prediction.seconds
     if seconds is None or not has_shadow:
         return prediction
@@ -67,7 +68,7 @@ def estimate(
     >>> primray.estimate("shot.usda", [0.5], resolution=(32, 18), pilot_seconds=0.1).predictions[0].seconds.value < 60
     True
 
-    Fields of RenderSettings go by their names as well: `spp` is the most samples a pixel, `target_error` a further target.
+    Fields of RenderSettings may be given by name: `spp` is the most samples per pixel, `target_error` a further target.
     Errors are those of `render`; KeyboardInterrupt where Ctrl-C stops the pilot.
     """
     from .. import usd

@@ -1,4 +1,4 @@
-"""A stage that was prepared and sampled, with all that is asked about it: the description, the picture, costs, diagnostics."""
+"""A stage that was prepared and sampled, with what findings are derived from: description, picture, costs, diagnostics."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SEEN = ("depth", "prim", "material", "albedo")
 
 
 class WatchedSteps(Steps):
-    """As a render's, with what passes kept: the description, its textures, and how long reading them took."""
+    """Steps of a render that keep what passes through: the description, its textures, and how long reading them took."""
 
     def __init__(self) -> None:
         self.description: SceneDescription | None = None
@@ -44,7 +44,7 @@ class WatchedSteps(Steps):
         start = time.perf_counter()
         self.description, textures = super().load_textures(description, diagnostics, settings)
         self.reading_s = time.perf_counter() - start
-        self.textures = dict(textures)  # what is handed on is emptied while the core takes it
+        self.textures = dict(textures)  # a copy: the one handed on is emptied while the core takes it
         return self.description, textures
 
     def image_sizes(self, textures: Textures) -> list[ImageSize]:
@@ -66,18 +66,18 @@ class WatchedSteps(Steps):
 
 @dataclass(frozen=True)
 class Examined:
-    """What there is to ask. `image` has the AOVs of SEEN; it has no samples where the pilot was stopped."""
+    """Inputs of the findings. `image` has the AOVs of SEEN; it has no samples where the pilot was stopped."""
 
-    stage: dict[str, Any]  # as `primray inspect` tells it
-    hidden: dict[str, list[str]]  # shapes that are not drawn, by why
-    bound: dict[str, str]  # by shape, the material that it is bound to, of shapes that wear none
+    stage: dict[str, Any]  # stage_facts, as in `primray inspect`
+    hidden: dict[str, list[str]]  # shapes that are not drawn, by reason
+    bound: dict[str, str]  # for shapes rendered without material, the material that each is bound to
     steps: WatchedSteps
     prepared: Prepared
     sampling: Sampling
     image: Image
     costs: Costs
     diagnostics: Diagnostics
-    pilot: Pilot | None = field(repr=False, default=None)  # None: nothing can be told of the error
+    pilot: Pilot | None = field(repr=False, default=None)  # None: the error is unknown
 
     @property
     def description(self) -> SceneDescription:
@@ -86,7 +86,7 @@ class Examined:
 
     @cached_property
     def prims(self) -> npt.NDArray[np.uint32]:
-        """(H, W) numbers of what is seen first, 0 for nothing; `names("prim")` has their paths."""
+        """Numbers (H, W) of the first prims hit, 0 for none; `names("prim")` has their paths."""
         return self.image.aovs["prim"].values[..., 0]
 
     @cached_property
@@ -98,12 +98,12 @@ class Examined:
 
     @property
     def hit_share(self) -> float:
-        """Of the pixels whose centre sees a surface."""
+        """Fraction of the pixels whose centre sees a surface."""
         return float(np.mean(self.prims > 0))
 
 
 def bare_shapes(description: SceneDescription) -> list[str]:
-    """Paths of shapes that have the grey of what has neither a material that is understood nor a displayColor."""
+    """Return paths of shapes with the default grey: neither a material that can be read nor a displayColor."""
     bare = {number for number, surface in enumerate(description.surfaces) if surface == Surface("", lambert=True)}
     return list(dict.fromkeys(shape.path for shape in description.shapes if _is_bare(shape, bare)))
 
@@ -115,7 +115,7 @@ def _is_bare(shape: Shape, bare: set[int]) -> bool:
 
 
 def examine(scene: str | os.PathLike[str] | Any, settings: RenderSettings, seconds: float) -> Examined:
-    """Open, translate and build a stage and sample it for about so many seconds; the errors of a render where there is none."""
+    """Open, translate and build a stage, and sample it for about `seconds`; raise the errors of a render."""
     costs, opening, diagnostics, steps = Costs(), Diagnostics(), Diagnostics(), WatchedSteps()
     with costs.stage("open"):
         stage = usd.open_stage(scene, opening, settings.composition)

@@ -1,4 +1,4 @@
-"""What an examination found: one reason each, with the prims that it concerns and what to do about it."""
+"""A finding of an examination: one reason, the prims that it concerns, and what to do about it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Question(Enum):
-    """What people ask of a picture, in the order in which answers are given."""
+    """Questions about a picture, in the order in which answers are given."""
 
     EMPTY = "empty"  # why is something, or everything, not there?
     DARK = "dark"  # why is it too dark, or too bright?
@@ -18,7 +18,7 @@ class Question(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """`share` (0 to 1) is how much of what is asked about it explains: of pixels, seconds or error; None where none is told."""
+    """A reason for what is wrong. `share` (0 to 1) is the fraction of pixels, seconds or error that it explains, if known."""
 
     question: Question
     code: str

@@ -1,4 +1,4 @@
-"""Why what is seen has no colour, or is black: no material, one that is not understood, a missing file, or grey it is."""
+"""Reasons why surfaces have no colour, or are black: no material, an unknown one, a missing file, or authored grey."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..diagnostic_codes import CODES
 from .examined import Examined, bare_shapes
 from .finding import Finding, Question
 
-# What makes a material other than its author saw it, in the order in which it is told.
+# Codes of diagnostics that change a material's look, in the order in which they are reported.
 OF_MATERIALS = (
     "shader-ignored",
     "asset-missing",
@@ -28,9 +28,9 @@ OF_MATERIALS = (
     "translated",
     "material-input",
 )
-MOSTLY = 0.9  # of what is seen
-BLACK = 0.06  # albedo: what is black still has the sheen of a dielectric
-COLORLESS = 0.02  # difference of channels, of the largest
+MOSTLY = 0.9  # fraction of the visible surfaces
+BLACK = 0.06  # albedo: a black dielectric still reflects specularly
+COLORLESS = 0.02  # difference of channels, relative to the largest
 
 
 def findings(seen: Examined) -> Iterator[Finding]:
@@ -43,7 +43,7 @@ def findings(seen: Examined) -> Iterator[Finding]:
 
 
 def grey_share(seen: Examined) -> float | None:
-    """Of the pixels that see a surface: how many have an albedo whose channels are alike; None where none does."""
+    """Return the fraction of the pixels on surfaces whose albedo has equal channels; None where no surface is seen."""
     hit = seen.prims > 0
     if not hit.any():
         return None
@@ -83,13 +83,13 @@ def _by_material(seen: Examined) -> Iterator[Finding]:
 
 
 def _is_black(seen: Examined, where: npt.NDArray[np.bool_]) -> bool:
-    """Whether what is seen in these pixels reflects next to nothing, as where the image of a texture is missing."""
+    """Return whether the surfaces in these pixels reflect almost nothing, as where the image of a texture is missing."""
     albedo = seen.image.aovs["albedo"].values[where]
     return len(albedo) > 0 and float(albedo.mean()) < BLACK
 
 
 def _concerned(seen: Examined, code: str) -> tuple[str, ...]:
-    """The materials, in place of their shaders, and other prims that diagnostics of a code name."""
+    """Return the prims that diagnostics of a code name, with materials in place of their shaders."""
     known = {surface.path for surface in seen.description.surfaces if surface.path} | set(seen.bound.values())
     paths = dict.fromkeys(d.prim_path for d in seen.diagnostics if d.code == code)
     return tuple(dict.fromkeys(next((p for p in _upwards(path) if p in known), path) for path in paths))

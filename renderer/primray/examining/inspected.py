@@ -1,4 +1,4 @@
-"""What a stage is made of and what would be rendered of it, without rendering: `primray inspect` and `primray.inspect`."""
+"""Facts about a stage and about what would be rendered of it, without rendering: `primray inspect` and `primray.inspect`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def inspect(
 
 
 def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> tuple[dict[str, Any], Diagnostics]:
-    """The facts, and the diagnostics that they list."""
+    """Return the facts, and the diagnostics that they list."""
     from .. import usd
     from ..render.prepare import open_once, with_additions, with_stage_settings
     from ..report.motion import motion_facts
@@ -71,8 +71,10 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
 
 
 def _outputs(stage: Any, settings: RenderSettings) -> dict[str, Any]:
-    """Return the stage's outputs with the file of each product, relative ones as seen from --output-dir, and what renders of
-    all products would report of them."""
+    """Return the stage's outputs with the file of each product, and the diagnostics of a render of all products.
+
+    Relative files are relative to --output-dir.
+    """
     from .. import usd
     from ..render.products import files_of
 

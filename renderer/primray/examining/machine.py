@@ -1,4 +1,4 @@
-"""Does everything that a render needs work on this machine? A line each."""
+"""Checks of this machine: whether everything that a render needs works."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..report.report import package_versions, usable_threads
 
 @dataclass(frozen=True)
 class MachineCheck:
-    """One thing that renders need of a machine: what was found of it, or why it does not work.
+    """A check of one thing that renders need of a machine: what was found, or why it does not work.
 
     >>> [check.name for check in primray.doctor() if not check.works]
     []
@@ -28,7 +28,7 @@ class MachineCheck:
 
 
 def check_machine() -> tuple[MachineCheck, ...]:
-    """Return what was found of the CPU, the core, USD, images, colour management and the schemas' files."""
+    """Return checks of the CPU, the core, USD, images, colour management and the schemas' files."""
     versions = package_versions()
     checks: dict[str, Callable[[], str]] = {
         "primray": lambda: f"{versions['primray']}, python {versions['python']}",
@@ -45,7 +45,7 @@ def check_machine() -> tuple[MachineCheck, ...]:
 def _checked(name: str, check: Callable[[], str]) -> MachineCheck:
     try:
         return MachineCheck(name, True, check())
-    except Exception as error:  # whatever it is, it is the answer
+    except Exception as error:  # any failure is the result of the check
         return MachineCheck(name, False, str(error))
 
 

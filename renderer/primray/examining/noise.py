@@ -1,7 +1,7 @@
-"""Where the error is: in which prims and materials, which light brings it, and whether a few pixels have it all.
+"""Sources of the error: prims and materials, single lights, or a few bright pixels.
 
-A pixel's part is its squared standard error over (value^2 + 0.01), as relMSE weighs it. What a light brings is measured: the
-scene is rendered with that light alone. Lights are independent but for the weight, so that their parts add up to the whole's
+A pixel's part is its squared standard error over (value^2 + 0.01), the weight of relMSE. The part of a light is measured by
+rendering the scene with that light alone. Lights are independent but for this weight, so that their parts add up to the whole's
 as far as choosing among them costs nothing.
 """
 
@@ -24,9 +24,9 @@ from .finding import Finding, Question
 
 ONE_PERCENT = 1e-4  # relMSE: the square of an error of 1 %
 MOST_LIGHTS = 8
-BUILDING_S = 4.0  # for all the scenes of one light each
-HOT = 2.0  # times as much error as pixels
-PART = 0.25  # of the error, before it is worth a word
+BUILDING_S = 4.0  # seconds to build all the scenes of one light each
+HOT = 2.0  # ratio of a prim's fraction of the error to its fraction of the pixels
+PART = 0.25  # least fraction of the error that is reported
 FEW_PIXELS = 0.001
 FEW_HAVE = 0.5
 LONG_S = 60.0
@@ -43,14 +43,14 @@ def findings(seen: Examined) -> Iterator[Finding]:
 
 
 def time_to_error(seen: Examined, target: float = ONE_PERCENT) -> dict[str, Any] | None:
-    """Samples a pixel and seconds until relMSE is `target`, with 95 % intervals; None where it cannot be told."""
+    """Return samples per pixel and seconds until relMSE is `target`, with 95 % intervals; None where they are unknown."""
     if seen.pilot is None or seen.pilot.metric is not Metric.RELMSE:
         return None
     return seen.pilot.predict(target).as_json()
 
 
 def error_parts(seen: Examined) -> Doubles | None:
-    """(H, W) parts of the picture's error, of sum 1; None where it has none that is known."""
+    """Return each pixel's fraction (H, W) of the picture's error, of sum 1; None where no error is known."""
     if seen.image.errors is None:
         return None
     values = weighed_errors(seen.image.pixels, seen.image.errors)
@@ -76,7 +76,7 @@ def _time(seen: Examined) -> Iterator[Finding]:
 def _hot_spots(seen: Examined, part: Doubles) -> Iterator[Finding]:
     numbers = seen.prims.ravel()
     errors = np.bincount(numbers, part.ravel())
-    pixels = np.bincount(numbers) / max(int(np.count_nonzero(numbers)), 1)  # of those that see a surface
+    pixels = np.bincount(numbers) / max(int(np.count_nonzero(numbers)), 1)  # fraction of the pixels on surfaces
     names, materials = seen.names("prim"), seen.names("material")
     for number in np.argsort(-errors)[:3].tolist():
         if number == 0 or errors[number] < max(PART, HOT * pixels[number]):
@@ -100,7 +100,7 @@ def _fireflies(part: Doubles) -> Iterator[Finding]:
 
 
 def error_of_lights(seen: Examined) -> Mapping[str, float] | None:
-    """Parts of the error by light, of sum 1 ("": what glows that is no light); None where it is not measured."""
+    """Return each light's fraction of the error, of sum 1 ("": emission that is no light); None where it is not measured."""
     lights = seen.description.lights
     builds = seen.costs.stages_s["build"] * (len(lights) + 1)
     if not 2 <= len(lights) <= MOST_LIGHTS or builds > BUILDING_S or seen.image.errors is None:
@@ -113,7 +113,7 @@ def error_of_lights(seen: Examined) -> Mapping[str, float] | None:
 
 
 def _error_alone(seen: Examined, index: int) -> float:
-    """The part of the error of a sample that comes with one light alone, weighed by the whole picture."""
+    """Return the error per sample with one light alone, weighed by the whole picture."""
     assert seen.steps.diced is not None
     dark = [
         light if k == index else replace(light, emission=(0.0, 0.0, 0.0)) for k, light in enumerate(seen.description.lights)
@@ -145,7 +145,7 @@ def _lights(seen: Examined, part: Doubles) -> Iterator[Finding]:
 
 
 def duration(seconds: float) -> str:
-    """As people say it."""
+    """Return a time in words."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     if seconds < 7200:

@@ -1,4 +1,4 @@
-"""What takes the time before the first sample and in each: reading, dicing, building, memory, rays."""
+"""Reasons why a render takes long, before the first sample and in each: reading, dicing, building, memory, rays."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ..process_memory import machine_bytes
 from .examined import Examined
 from .finding import Finding, Question
 
-LONG_S = 1.0  # of setting up, before it is worth a word
-MOST = 0.5  # of setting up
-TEXELS_A_PIXEL = 16  # what a view can use, generously: finer levels are read and thrown away
+LONG_S = 1.0  # least seconds of setting up that are reported
+MOST = 0.5  # fraction of the set-up that a step must take to be reported
+TEXELS_A_PIXEL = 16  # upper bound of what a view can use: finer levels are read in vain
 LARGE_BYTES = 64 * 2**20
 RAYS_A_SAMPLE = 15
 MANY, TRIANGLES_A_PIXEL = 200_000, 8
@@ -29,7 +29,7 @@ def findings(seen: Examined) -> Iterator[Finding]:
 
 
 def set_up_seconds(seen: Examined) -> dict[str, float]:
-    """By stage; what reading the textures took apart from the rest of translation."""
+    """Return the seconds of each stage; reading textures is separate from the rest of translation."""
     stages = seen.costs.stages_s
     reading = min(seen.steps.reading_s, stages["translate"])
     return {
@@ -126,7 +126,7 @@ def _rays(seen: Examined) -> Iterator[Finding]:
 
 
 def speed(seen: Examined) -> dict[str, Any]:
-    """Rates of the samples that were taken."""
+    """Return the rates at which samples were taken."""
     film, seconds = seen.sampling.film, max(seen.sampling.seconds, 1e-9)
     return {
         "rays_per_s": film.rays / seconds,

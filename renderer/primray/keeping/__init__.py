@@ -1,1 +1,1 @@
-"""Scenes that stay from one render to the next: `scene` for callers, `kept_steps` what is kept of each step of preparing."""
+"""Incremental rendering: scenes that stay in memory between renders. `scene` is for callers, `kept_steps` caches each step."""

@@ -1,4 +1,4 @@
-"""Whether files that a scene was made of are still what they were: by their size and times, as a new render would read them."""
+"""State of the files that a scene was made from, by size and times: tells whether a new render would read the same."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ State = dict[str, tuple[int, ...]]
 
 
 def state_of(paths: Iterable[str]) -> State | None:
-    """Of files, of folders, and of packages that members of theirs are in; None where one is not there, as it may turn up
-    anywhere."""
+    """Return the state of files and folders, for members of packages that of the package; None where one does not exist."""
     found: State = {}
     for path in paths:
         try:

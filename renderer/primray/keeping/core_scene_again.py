@@ -1,7 +1,7 @@
-"""A scene in the core with other lights, surfaces' values, camera, or places of a few meshes: all else in it stays.
+"""Update of a scene in the core: other lights, surface values, camera, or transforms of a few meshes; everything else stays.
 
-The core's tables of shapes, Embree's hierarchies over them, and textures are those of before. Where a new scene's would be
-other than these, it is made.
+The core's tables of shapes, Embree's hierarchies over them, and textures are reused. Where they would differ in a new scene, a
+new one is built.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ..refine.rebasing import rebasing_origin
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from ..textures.texture import Texture
 
-# Of a description, what may be another without the tables of shapes being others.
+# Fields of a description that may change while the tables of shapes stay.
 AGAIN = frozenset({"lights", "surfaces", "camera", "static", "resolution", "pixels", "pixel_aspect_ratio", "time_code"})
 NO_SURFACES = np.zeros(0, np.int32)
 LightImages = Mapping[TextureFile, list[tuple[int, Texture]]]
@@ -43,10 +43,11 @@ def build_again(
     images: LightImages,
     settings: RenderSettings,
 ) -> CoreScene | None:
-    """The scene of `before` as that of `now`, where these differ in the fields `changed`; None where it has to be made anew.
+    """Return the scene of `before` updated to `now`, where these differ in the fields `changed`; None where it has to be
+    rebuilt.
 
-    Descriptions are diced, with all of their shapes; `images`: those of lights. The scene of before is gone afterwards, unless
-    the answer is None for what the descriptions alone say.
+    Descriptions are diced, with all of their shapes; `images` are those of lights. The scene of before is consumed, unless None
+    is returned on account of the descriptions alone.
     """
     uploaded = scene.uploaded
     if uploaded is None or not _may_stay(uploaded, before, now, changed):
@@ -69,7 +70,7 @@ def _may_stay(uploaded: Uploaded, before: SceneDescription, now: SceneDescriptio
 
 
 def _are_alike(one: Surface, other: Surface) -> bool:
-    """Whether shapes that wear them are handed over alike."""
+    """Return whether shapes bound to either surface are uploaded alike."""
     if one is other:
         return True
     alike = one.inputs == other.inputs and one.pattern == other.pattern
@@ -79,7 +80,8 @@ def _are_alike(one: Surface, other: Surface) -> bool:
 def _placed_again(
     uploaded: Uploaded, before: SceneDescription, now: SceneDescription
 ) -> tuple[Uploaded, list[tuple[int, Placed, Placed]]] | None:
-    """What is found of the description, and static shapes that stand elsewhere: their core's rows, before and now."""
+    """Return the upload for the new description, and the static shapes that moved: core's row, before and now. None:
+    rebuild."""
     d = replace(now, prototypes=uploaded.description.prototypes, placements=uploaded.description.placements)
     if len(before.static) != len(now.static):
         return None
@@ -127,7 +129,7 @@ def _built(
 
 
 def _placed(mesh: Mesh) -> Any:
-    """A MeshInput of what depends on where it stands."""
+    """Return a MeshInput with the fields that depend on the mesh's transform."""
     part, core = whole(mesh, NO_SURFACES), module()
     return filled(
         core.MeshInput(), points=mesh.points, normals=part.normals[0], normal_kind=core.Attribute[part.normals[1]], cutout=False

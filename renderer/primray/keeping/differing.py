@@ -1,4 +1,4 @@
-"""In which fields two descriptions differ: arrays and shapes by being the very same object, small things by their values."""
+"""Differences of two descriptions by field: arrays and shapes are compared by identity, small values by equality."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ..description import SceneDescription
 
 _LONG = frozenset({"shapes", "static", "prototypes", "placements", "lights", "surfaces"})
 
-SETTINGS = "asked"  # what a stage asks of the render: no part of a scene is made of it
+SETTINGS = "asked"  # the stage's requests to the renderer: no part of a scene depends on it
 ALL = frozenset(f.name for f in fields(SceneDescription))
 
 
 def differing(one: SceneDescription, other: SceneDescription) -> frozenset[str]:
-    """Names of fields. What is built twice from the same counts as different where it is long."""
+    """Return the names of fields that differ. Long fields built twice from the same input count as different."""
     if one is other:
         return frozenset()
     return frozenset(
@@ -27,12 +27,12 @@ def differing(one: SceneDescription, other: SceneDescription) -> frozenset[str]:
 
 
 def same_items(some: tuple[Any, ...], others: tuple[Any, ...]) -> bool:
-    """The very same, in order."""
+    """Return whether both have the very same objects, in order."""
     return some is others or (len(some) == len(others) and all(map(lambda a, b: a is b, some, others)))
 
 
 def same(one: Any, other: Any) -> bool:
-    """By value, of dataclasses of numbers, arrays and the like."""
+    """Return whether two values, such as dataclasses of numbers and arrays, are equal."""
     if one is other:
         return True
     if type(one) is not type(other):
@@ -47,7 +47,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def counts_alike(one: SceneDescription, other: SceneDescription) -> bool:
-    """Whether there is as much of everything in both, which are diced, and their images are the same."""
+    """Return whether two diced descriptions have the same numbers of everything and the same images."""
     long = ("lights", "surfaces")
     return not differing(one, other) - {*long, "static", "camera", "time_code"} and (
         all(len(getattr(one, name)) == len(getattr(other, name)) for name in long)

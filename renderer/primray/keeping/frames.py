@@ -1,4 +1,4 @@
-"""Sequences: frames of one stage, each with what the one before made and its own time leaves as it was."""
+"""Rendering of several frames of one stage, where each reuses what the one before made and time does not change."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def render_frames(
     [1.0, 2.0]
 
     What does not change from frame to frame is translated and built once, as far as memory allows; the bits are those of
-    renders by themselves. `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame. All else is
+    separate renders. `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame. All else is
     as for `render`.
     """
     taken = () if snapshots is None else (snapshots,)
@@ -58,7 +58,7 @@ def quiet_frames(
     checkpointing: Iterable[Checkpointing | None] = (),
     snapshots: Sequence[Snapshots] = (),
 ) -> Iterator[Image]:
-    """As render_frames, for callers that show diagnostics and progress themselves: no warnings, no log, no bar."""
+    """Render frames for callers that show diagnostics and progress themselves: no warnings, no log, no progress bar."""
     return rendered_frames(
         stage,
         frames,
@@ -72,7 +72,7 @@ def quiet_frames(
 
 
 def _opening(frames: Iterable[RenderSettings]) -> Open:
-    """One frame alone leaves nothing to another; of an iterator nobody knows."""
+    """Return how to open the stage: a single frame keeps nothing; the length of an iterator is unknown."""
     return OpenedFrames if isinstance(frames, Sequence) and len(frames) == 1 else _kept
 
 

@@ -1,4 +1,4 @@
-"""KeptSteps that let go of all that is kept before a picture is sampled, where the process has become large."""
+"""KeptSteps that drop all that is kept before a picture is sampled, where the process has become large."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..settings import RenderSettings
 
 
-KEPT_PART = 0.125  # of the memory there is: of a larger process nothing is kept
+KEPT_PART = 0.125  # of the available memory: a larger process keeps nothing
 
 
 class FrugalSteps(KeptSteps):

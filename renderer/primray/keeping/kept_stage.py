@@ -1,4 +1,4 @@
-"""An opened stage with what its renders leave to the next: it listens to edits, and forgets what was left half made."""
+"""An opened stage with results that its next render can reuse: it follows edits, and drops results of interrupted steps."""
 
 from __future__ import annotations
 
@@ -22,15 +22,17 @@ if TYPE_CHECKING:
 
 
 class KeptStage(OpenedFrames):
-    """`opened`: the stage, as it was composed for the settings it was opened with. `is_frugal`: where the process is large,
-    nothing is kept beside the picture that is rendered."""
+    """An opened stage and its kept steps. `opened`: the stage, as composed for the settings that it was opened with.
+
+    `is_frugal`: where the process is large, nothing is kept beside the picture that is rendered.
+    """
 
     def __init__(self, stage: Any, settings: RenderSettings, *, is_frugal: bool = False) -> None:
         from ..usd.keeping import StageChanges
 
         super().__init__(stage, settings)
         self._composition = settings.composition
-        self._is_given = self.opened.stage is stage  # a caller's, whose session layer is the caller's to write to
+        self._is_given = self.opened.stage is stage  # a caller's stage, whose session layer primray does not write to
         self._changes = StageChanges(self.opened.stage)
         self._steps = FrugalSteps() if is_frugal else KeptSteps()
 
@@ -47,13 +49,13 @@ class KeptStage(OpenedFrames):
     def prepare(
         self, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, fingerprinted: bool = False
     ) -> Prepared:
-        """As render.prepare."""
+        """Prepare a render, as render.prepare does."""
         with self.steps(costs) as steps:
             stage, opening = self.opened.stage, self.opened.diagnostics
             return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
 
     def _catch_up(self, costs: Costs) -> None:
-        """With edits, of which opening may have something else to tell."""
+        """Take the edits since the last render; after edits of the composition, repeat the checks of opening."""
         if not self._is_given:
             from ..usd.opening.session_layer import follow_session_layers
 

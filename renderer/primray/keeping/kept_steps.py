@@ -1,6 +1,6 @@
-"""The steps of preparing a render, with what earlier ones made: each is taken again only where what it is made of has changed.
+"""The steps of preparing a render with the results of earlier ones: a step is repeated only if its inputs have changed.
 
-A step knows that by the very objects that it is given: what a translation keeps it hands on as it was.
+Inputs are compared by identity: an incremental translation returns unchanged parts as the same objects.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     Limits = list[tuple[str, str, str]]
     Counts = tuple[dict[str, int], dict[str, Any] | None]
 
-# What decides how finely cages are diced.
+# Fields that decide how finely control cages are diced.
 SHAPED = frozenset({"shapes", "static", "prototypes", "placements"})
 LOOKED_AT = frozenset({"camera", "camera_motion", "exposure", "resolution", "pixels", "pixel_aspect_ratio"})
 
-DISPLACED = frozenset({"surfaces", "time_code"})  # and of those that materials move, where they end up
+DISPLACED = frozenset({"surfaces", "time_code"})  # also where materials displace surfaces
 
 
 def lasting(settings: RenderSettings) -> RenderSettings:
-    """Without what is for sampling alone."""
+    """Return the settings without those that only sampling depends on."""
     return replace(
         settings,
         spp=None,
@@ -68,11 +68,11 @@ class _Built:
     given: SceneDescription
     filtered: tuple[Filter, float | None]
     scene: CoreScene
-    looks: tuple[int | None, bool]  # what guides that it has learnt are for
+    looks: tuple[int | None, bool]  # the settings that its learnt path guides are valid for
 
 
 class KeptSteps(Steps):
-    """Of one stage; `changes` are those that its translation does not know of yet."""
+    """Steps of one stage; `changes` are those that its translation has not taken yet."""
 
     def __init__(self) -> None:
         from ..usd.keeping import Changes, KeptTranslation
@@ -83,7 +83,7 @@ class KeptSteps(Steps):
         self.forget()
 
     def forget(self) -> None:
-        """Whatever an earlier render made."""
+        """Drop the results of all earlier renders."""
         self._translation.forget()
         self._loaded: Loaded | None = None
         self._diced: _Diced | None = None
@@ -93,7 +93,7 @@ class KeptSteps(Steps):
 
     @contextmanager
     def whole(self) -> Iterator[None]:
-        """Steps that an error stops half way leave nothing behind; what stops sampling does not touch them."""
+        """Drop all results if an error stops the steps halfway; an interruption of sampling does not affect them."""
         self._is_whole = False
         try:
             yield
@@ -130,7 +130,7 @@ class KeptSteps(Steps):
         return self._loaded.images
 
     def _at_hand(self, textures: Textures) -> Textures:
-        """All of them, read again where that was not needed so far."""
+        """Return all textures, read again where this render did not need them so far."""
         if textures or self._loaded is None or not self._loaded.images:
             return textures
         from ..diagnostics import Diagnostics
@@ -185,7 +185,7 @@ class KeptSteps(Steps):
         looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.pixel_filter, settings.filter_width)
         scene = None if kept is None else self._again(kept, description, filtered, looks, settings)
         if scene is None:
-            kept = None  # before another one takes memory
+            kept = None  # freed before another one takes memory
             scene = super().build(description, self._at_hand(textures), settings, shapes)
         self._built = _Built(description, filtered, scene, looks)
         self._is_whole = True
@@ -194,7 +194,7 @@ class KeptSteps(Steps):
     def _again(
         self, kept: _Built, now: SceneDescription, filtered: Any, looks: Any, settings: RenderSettings
     ) -> CoreScene | None:
-        """The scene of before, or with parts of it made anew."""
+        """Return the earlier scene, updated where needed; None where it has to be rebuilt."""
         from .core_scene_again import build_again
 
         changed = differing(kept.given, now)

@@ -1,4 +1,4 @@
-"""The textures of a description as one render loaded them: whether they serve another, and its lights with them."""
+"""Textures of a description as one render loaded them, and whether another render and its lights can use them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Loaded:
     read_told: list[Diagnostic]
     lights_told: list[Diagnostic]
     images: list[ImageSize]
-    of_lights: Textures  # the images that lights have, which they are measured by
+    of_lights: Textures  # images of lights, from which their power is computed
     files: State | None
 
     @property
@@ -31,7 +31,7 @@ class Loaded:
         return [*self.read_told, *self.lights_told]
 
     def serves(self, description: SceneDescription) -> bool:
-        """Whether loading would find and tell the same."""
+        """Return whether loading this description would find and report the same."""
         changed = differing(self.given, description)
         if not changed:
             return True
@@ -41,7 +41,7 @@ class Loaded:
         return not self.images or before == now
 
     def of(self, description: SceneDescription) -> Loaded:
-        """Of a description that it serves."""
+        """Return the loaded textures for a description that they serve."""
         if description is self.given:
             return self
         told = Diagnostics()
@@ -52,7 +52,7 @@ class Loaded:
 def load(
     description: SceneDescription, default_wrap: DefaultWrap, files: Iterable[str], heard: Diagnostics
 ) -> tuple[Loaded, Textures]:
-    """Tells nobody yet: `heard` only says how messages are told."""
+    """Load textures. Diagnostics are kept, not reported; `heard` only decides how they name files."""
     from .. import usd
 
     state = state_of(files)

@@ -1,4 +1,4 @@
-"""A stage that is rendered again and again, with edits between: what they do not touch stays from one render to the next."""
+"""A stage that is rendered repeatedly, with edits between renders: what edits do not affect is kept from one to the next."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Scene:
     True
     >>> brighter = scene.render(resolution=(32, 18), spp=2)
 
-    Edits are found by USD's notices, whoever makes them: of `stage`, of its layers, or by reloading these. A render is the one
-    that `primray.render(scene.stage, settings)` would make, to the bit; it takes less where less has changed. Scenes keep what
-    they have translated and built in memory, until `close()` or until they are let go.
+    Edits of `stage`, of its layers, or by reloading these are found by USD's notices, whoever makes them. A render equals
+    `primray.render(scene.stage, settings)` to the bit, and takes less time where less has changed. Scenes keep what they have
+    translated and built in memory, until `close()` or until they are garbage-collected.
 
     One thread at a time may render, and none may edit the stage until the render's first call of `progress`.
-    `composition`: variants, load, mask and session_layer, as in RenderSettings; of all renders.
+    `composition`: variants, load, mask and session_layer, as in RenderSettings; the same for all renders.
     """
 
     def __init__(self, stage: str | os.PathLike[str] | Any, **composition: Any) -> None:
@@ -48,7 +48,7 @@ class Scene:
 
     @property
     def stage(self) -> Any:
-        """The Usd.Stage that is rendered, to edit: the given one, unless it is composed otherwise."""
+        """The Usd.Stage that is rendered, to edit: the given one, unless `composition` asks for another one."""
         return self._kept.opened.stage
 
     @naming_settings
@@ -61,7 +61,7 @@ class Scene:
         snapshots: Snapshots | None = None,
         **values: Unpack[SettingsValues],
     ) -> Image:
-        """As primray.render of the stage as it is now; `snapshots` as in primray.render_frames."""
+        """Render the stage as it is now, like primray.render; `snapshots` are those of primray.render_frames."""
         from ..notices.announcement import Announcer
         from ..render.notebook_bar import shown_progress
 
@@ -71,11 +71,11 @@ class Scene:
             return self._kept.render(settings, shown, on_interrupt, None, () if snapshots is None else (snapshots,), tell)
 
     def close(self) -> None:
-        """Let go of all that is kept; a render after it starts anew."""
+        """Free all that is kept; a later render starts from scratch."""
         self._kept.forget()
 
     def _composed(self, settings: RenderSettings) -> RenderSettings:
-        """Settings that say nothing of how the stage is composed take what the scene is composed by."""
+        """Return the settings with the scene's composition, where they say nothing about composition themselves."""
         if composing_settings(settings) == PLAIN and self._composition:
             settings = replace(settings, **self._composition)
         if composing_settings(settings) != self._kept.opened.composed_by:

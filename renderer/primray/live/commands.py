@@ -1,4 +1,4 @@
-"""What a viewer can be told from outside: plain values, checked, as orders that its thread carries out."""
+"""Commands to a viewer from outside: plain values, checked, as functions that its thread runs."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ FARTHEST = 100.0  # picture heights, or steps of a wheel, at a time
 
 
 def order_of(command: Mapping[str, Any]) -> Order:
-    """Of {"do": NAME, ...}; SettingsError ("view-command") for what is none.
+    """Return the function for a command {"do": NAME, ...}; raise SettingsError ("view-command") for an invalid one.
 
-    tumble, pan: "across", "down" in parts of the picture's height; dolly: "steps", each nearer by a factor of e; frame, reset;
-    camera: "path" (null: as the settings say); variant: "prim", "set", "name" ("": none).
+    tumble, pan: "across", "down" as fractions of the picture's height; dolly: "steps", each nearer by a factor of e; frame,
+    reset; camera: "path" (null: as the settings say); variant: "prim", "set", "name" ("": none).
     """
     make = _ORDERS.get(str(command.get("do")))
     if make is None:
@@ -29,7 +29,7 @@ def order_of(command: Mapping[str, Any]) -> Order:
 
 
 def stops_of(command: Mapping[str, Any]) -> float | Literal["auto"]:
-    """Of an exposure."""
+    """Return the exposure of a command, in stops, or "auto"."""
     return "auto" if command.get("stops") == "auto" else check_stops(_number(command, "stops"), "stops")
 
 

@@ -1,4 +1,4 @@
-"""Which files have changed, by looking at them some times a second: on every file system, and for files that are not there."""
+"""Detection of changed files by polling: works on every file system, and for files that do not exist yet."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Callable, Collection
 
 LOOK_EVERY_S = 0.25
 
-Stamp = tuple[int, int, int] | None  # modified, size, inode; None: it is not there
+Stamp = tuple[int, int, int] | None  # time of modification (ns), size, inode; None: no such file
 
 
 class FileWatch:
-    """Tells `changed` of files that are not as they were when they were first looked at, or last told of.
+    """Calls `changed` with files that differ from when they were first checked, or last reported.
 
-    A file is told of when it has stayed the same for one look: whoever writes it may have been at it.
+    A file is reported once it has stayed the same between two polls: a writer may still have been busy.
     """
 
     def __init__(self, changed: Callable[[set[str]], None], every_s: float = LOOK_EVERY_S) -> None:
@@ -34,12 +34,12 @@ class FileWatch:
         self._thread.join()
 
     def watch(self, files: Collection[str], since_ns: int) -> None:
-        """These from now on, which were read then: those that are younger have changed. What has been seen stays known."""
+        """Watch these files from now on, which were read at `since_ns`: newer ones have changed. Known states are kept."""
         with self._lock:
             self._stamps = {file: self._stamps.get(file, _seen_at(file, since_ns)) for file in files}
 
     def look(self) -> set[str]:
-        """Files that have changed and come to rest."""
+        """Return files that have changed and are stable again."""
         with self._lock:
             now = {file: stamp_of(file) for file in self._stamps}
             differing = {file: stamp for file, stamp in now.items() if stamp != self._stamps[file]}

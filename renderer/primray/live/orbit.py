@@ -1,4 +1,4 @@
-"""A camera that turns about a point that it looks at: what a mouse does to it, in parts of the picture's height."""
+"""Camera control around a target point: the effect of mouse drags, as fractions of the picture's height."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from ..camera import Camera, Projection
 from ..description.placement import Box
 
 TURN = math.pi  # radians for a drag over the picture's height
-STEEPEST = math.cos(math.radians(89.5))  # of the camera's up along the stage's: beyond 0 left and right change places
-ROOM = 1.1  # around what is framed
-NEAREST = 1e-3  # of the size of what there is, to the point that is looked at
+STEEPEST = math.cos(math.radians(89.5))  # least dot product of the camera's up axis and the stage's: below 0 it is upside down
+ROOM = 1.1  # radius of the framed sphere over that of the box
+NEAREST = 1e-3  # least distance to the target, as a fraction of the scene's size
 
 
 @dataclass(frozen=True, eq=False)
 class Orbit:
-    """`rotation` (3, 3): the camera's right, up and backward axis in the world, unit length, as columns."""
+    """A camera that orbits a target. `rotation` (3, 3): the camera's right, up and backward axes in the world, as unit
+    columns."""
 
     target: Doubles  # (3,) world
     rotation: Doubles
@@ -29,21 +30,21 @@ class Orbit:
 
     @property
     def world_from_camera(self) -> Doubles:
-        """(4, 4), for column vectors."""
+        """Matrix (4, 4), column-vector."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation
         matrix[:3, 3] = self.target + self.rotation[:, 2] * self.distance
         return matrix
 
     def tumbled(self, across: float, down: float) -> Orbit:
-        """About the target: what is looked at follows the mouse. The camera never turns over."""
+        """Return the orbit turned about the target: objects follow the mouse. The camera never turns over."""
         turned = _rotation(self.up, -TURN * across) @ self.rotation
         raised = _rotation(turned[:, 0], -TURN * down) @ turned
         upright = min(float(turned[:, 1] @ self.up) - 1e-12, STEEPEST)
         return replace(self, rotation=raised if raised[:, 1] @ self.up >= upright else turned)
 
     def panned(self, across: float, down: float, camera: Camera) -> Orbit:
-        """The target moves against the mouse, so that what is there follows it."""
+        """Return the orbit with the target moved against the mouse, so that objects follow it."""
         height = camera.window[3] - camera.window[2]
         if camera.projection is Projection.PERSPECTIVE:
             height *= self.distance
@@ -51,14 +52,14 @@ class Orbit:
         return replace(self, target=self.target + height * (down * up - across * right))
 
     def dollied(self, steps: float, camera: Camera) -> Orbit:
-        """Towards the target, by a factor of e a step; an orthographic camera's window shrinks instead."""
+        """Return the orbit moved towards the target, by a factor of e per step; an orthographic window shrinks instead."""
         factor = math.exp(-steps)
         if camera.projection is Projection.ORTHOGRAPHIC:
             return replace(self, zoom=self.zoom * factor)
         return replace(self, distance=self.distance * factor)
 
     def framed(self, box: Box, camera: Camera) -> Orbit:
-        """The same direction, with all of the box in the picture."""
+        """Return the orbit in the same direction with the whole box in the picture."""
         low, high = (np.asarray(corner, np.float64) for corner in box)
         radius = max(float(np.linalg.norm(high - low)) / 2, 1e-9)
         left, right, bottom, top = camera.window
@@ -71,7 +72,7 @@ class Orbit:
 
 
 def orbit_of(camera: Camera, box: Box | None, z_up: bool) -> Orbit:
-    """From where a camera stands: about the point on its axis that is nearest to the middle of what there is."""
+    """Return the orbit of a camera about the point on its axis that is nearest to the centre of the scene's box."""
     matrix = np.asarray(camera.world_from_camera, np.float64)
     up = np.array([0.0, 0.0, 1.0] if z_up else [0.0, 1.0, 0.0])
     rotation, eye = matrix[:3, :3].copy(), matrix[:3, 3]
@@ -85,7 +86,7 @@ def orbit_of(camera: Camera, box: Box | None, z_up: bool) -> Orbit:
 
 
 def _rotation(axis: Doubles, angle: float) -> Doubles:
-    """(3, 3), about a unit axis (Rodrigues)."""
+    """Return the rotation (3, 3) about a unit axis (Rodrigues' formula)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turned: Doubles = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)

@@ -1,6 +1,6 @@
-"""A stage that is kept open to be rendered again and again: other cameras, other variants, files that have changed.
+"""A stage kept open to be rendered repeatedly: with other cameras, other variants, and changed files.
 
-A move of the camera is one attribute of the session layer: all that does not depend on it stays from one render to the next.
+A move of the camera is one attribute of the session layer: everything that does not depend on it is kept between renders.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class View:
-    """A picture under way or finished: how many samples its pixels have, its error by then, what there is to tell."""
+    """A picture in progress or finished: samples of its pixels, its error, diagnostics."""
 
     image: Image
     samples: float  # a pixel, on average
@@ -40,7 +40,7 @@ class View:
 
 @dataclass(frozen=True)
 class Size:
-    """Of a render: its resolution as a part of the whole one's, and samples a pixel."""
+    """Size of a render: its resolution as a fraction of the full one, and samples per pixel."""
 
     scale: float
     spp: int
@@ -50,17 +50,19 @@ Answer = Callable[[], bool]
 
 
 class ViewedScene:
-    """Of the stage at `path`; used by one thread at a time. PrimrayErrors where it cannot be opened or rendered, and it stays
-    as it was before."""
+    """The stage at `path`; used by one thread at a time.
+
+    Raises PrimrayErrors where it cannot be opened or rendered; its state is then that of before.
+    """
 
     def __init__(self, path: str, settings: RenderSettings) -> None:
         self.path = path
-        self.settings = settings  # without what was chosen since: camera and variants
+        self.settings = settings  # without the camera and variants chosen since
         self.camera = settings.camera
         self.variants = settings.variants
-        self.orbit: Orbit | None = None  # None: the camera stands where its author left it
-        self.bounds: Box | None = None  # (3,) low and high corner of what is there
-        self.through: Camera | None = None  # what was looked through last
+        self.orbit: Orbit | None = None  # None: the camera is as authored
+        self.bounds: Box | None = None  # (3,) low and high corner of the scene
+        self.through: Camera | None = None  # camera of the last picture
         self._authored: Camera | None = None
         self._kept: KeptStage | None = None
         self.cameras: list[str] = []
@@ -70,11 +72,11 @@ class ViewedScene:
 
     @property
     def authored_path(self) -> str:
-        """Of the camera that is looked through, wherever it was moved to; "": none of the stage's."""
+        """Path of the stage's camera that the view started from, wherever it was moved to; "": no camera of the stage."""
         return "" if self._authored is None else self._authored.path
 
     def open(self, variants: tuple[str, ...] | None = None) -> None:
-        """Compose the stage, with other choices of variants if they are given."""
+        """Compose the stage, with other variants if given."""
         chosen = self.variants if variants is None else variants
         self.read_ns = time.time_ns()
         kept = KeptStage(self.path, replace(self.settings, variants=chosen))
@@ -89,49 +91,53 @@ class ViewedScene:
         self._place()
 
     def read_anew(self, files: Collection[str]) -> None:
-        """After these files (absolute paths) have changed."""
+        """Reload the stage after these files (absolute paths) have changed."""
         usd.read_anew(self.path, files)
         self.open()
 
     def choose(self, prim: str, of_set: str, name: str) -> None:
-        """A variant, stronger than all that was chosen before."""
+        """Choose a variant, stronger than all earlier choices."""
         choice = f"{prim}:{of_set}="
         self.open((*(v for v in self.variants if not v.startswith(choice)), choice + name))
 
     def files(self) -> set[str]:
-        """Absolute paths of those that the picture may change with."""
+        """Return absolute paths of the files that the picture may change with."""
         session_layer = self.settings.session_layer
         found = usd.files_to_watch(self.path) | (usd.files_to_watch(session_layer) if session_layer else set())
         if self._kept is not None:
-            for layer in usd.layer_files(self._kept.opened.stage) - found:  # what the session's expression variables lead to
+            for layer in (
+                usd.layer_files(self._kept.opened.stage) - found
+            ):  # files that only the session's expression variables lead to
                 found |= usd.files_to_watch(layer)
         return found
 
     def look_through(self, camera: str | None) -> None:
-        """A camera of the stage (None: as the settings say), as its author left it."""
+        """View through a camera of the stage (None: as the settings say), as authored."""
         self.camera = camera if camera is not None else self.settings.camera
         self.orbit = self._authored = None
 
     def reset(self) -> None:
-        """The camera that is looked through, as its author left it."""
+        """Return to the viewed camera as authored."""
         self.orbit = None
 
     def move(self, change: Callable[[Orbit, Camera], Orbit]) -> None:
-        """From where the camera stands. There has to be a picture already."""
+        """Move the camera from where it is; does nothing before the first picture."""
         if self._authored is None or self.through is None:  # it is about to be rendered for the first time
             return
         self.orbit = change(self.orbit or orbit_of(self._authored, self.bounds, self._z_up), self.through)
         self._place()
 
     def _place(self) -> str | None:
-        """The path of the camera that has been moved; None where it stands as its author left it."""
+        """Write the moved camera to the stage and return its path; None where the camera is as authored."""
         if self.orbit is None or self._authored is None or self._kept is None:
             return None
         return usd.place_camera(self._kept.opened.stage, self.orbit.world_from_camera, self._authored, self.orbit.zoom)
 
     def render(self, size: Size, show: Callable[[View], None], is_due: Answer, goes_on: Answer) -> bool:
-        """Until all samples are taken: True; or until `goes_on` answers False. `show` gets the picture whenever one `is_due`,
-        and the last."""
+        """Render until all samples are taken, and return True, or False once `goes_on` answers False.
+
+        `show` gets the picture whenever one `is_due`, and the last one.
+        """
         from ..sampling.sampling import Sampling
 
         prepared, diagnostics, costs = self._prepare(size)

@@ -1,7 +1,7 @@
-"""The thread in which a stage is looked at: it carries out orders, and renders a draft, then the picture, again after each.
+"""The viewer thread: it runs commands and, after each, renders a draft and then the picture.
 
-A draft is small and has few samples, so that a camera that is dragged about shows where it is; once it rests, the picture is
-rendered as it was asked for and refines. What goes wrong is told, and the last picture stays.
+A draft is small and has few samples, so that a camera being dragged shows where it is; once it rests, the full picture is
+rendered and refined. Errors are reported in the state, and the last picture stays.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from .viewed_scene import Size, View, ViewedScene
 log = logging.getLogger("primray.live")
 
 DRAFT_SPP, DRAFT_PIXELS = 2, 48_000
-FIRST_DRAFT = 0.25  # of the whole picture's sides, before its size is known
-LOOK_SPP = QUICK_LOOK - 1  # of the whole picture's first samples: more need pilots, which nothing interrupts
-RESTS_S = 0.2  # without orders, before the whole picture is begun, and before it is to refine
-EVERY_S, MOST_SHARE = 0.3, 0.2  # between two pictures so far, and of the time that showing them may take
+FIRST_DRAFT = 0.25  # scale of the first draft, before the picture's size is known
+LOOK_SPP = QUICK_LOOK - 1  # samples of the full picture's first pass: more need pilot passes, which cannot be interrupted
+RESTS_S = 0.2  # seconds without commands before the full picture is begun, and before it is refined
+EVERY_S, MOST_SHARE = 0.3, 0.2  # least seconds between two pictures, and most share of time that showing them may take
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A picture as a screen takes it. `number` grows with each."""
+    """A picture as a screen displays it. `number` increases with each."""
 
     number: int
     rgba: npt.NDArray[np.uint8]  # (H, W, 4), straight alpha
@@ -44,7 +44,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Looks:
-    """As which pictures are shown; None is OpenColorIO's default."""
+    """Display settings of pictures; None is OpenColorIO's default."""
 
     view: str | None = None
     display: str | None = None
@@ -53,7 +53,7 @@ class Looks:
 
 
 class Viewer:
-    """Of one stage. `changed` is called, from any thread, whenever `state` or `shown` would answer something new."""
+    """Viewer of one stage. `changed` is called, from any thread, whenever `state` or `shown` would return something new."""
 
     def __init__(self, scene: ViewedScene, spp: int, looks: Looks, changed: Callable[[], None]) -> None:
         self._scene = scene
@@ -61,8 +61,8 @@ class Viewer:
         self._changed = changed
         self._news = threading.Condition()
         self._orders: list[Callable[[], object]] = []
-        self._again = True  # the picture is not that of the scene any more
-        self._interrupted = False  # it is, and has been left before it was finished
+        self._again = True  # the picture is out of date
+        self._interrupted = False  # the picture is current, but was interrupted before it was finished
         self._closed = False
         self._unread: set[str] = set()  # changed files that could not be read yet
         self._problems: dict[str, PrimrayError] = {}  # by what went wrong: "files", "order", "render"
@@ -83,7 +83,7 @@ class Viewer:
         self._watch.start()
 
     def close(self) -> None:
-        """Returns when nothing runs any more."""
+        """Stop, and return when no thread runs any more."""
         with self._news:
             self._closed = True
             self._news.notify_all()
@@ -91,20 +91,22 @@ class Viewer:
         self._thread.join()
 
     def tell(self, command: Mapping[str, Any]) -> None:
-        """Something to do (`commands.order_of`), or {"do": "exposure", "stops": N or "auto"}; SettingsError for others."""
+        """Run a command (`commands.order_of`), or {"do": "exposure", "stops": N or "auto"}; raise SettingsError for others."""
         if command.get("do") == "exposure":
             with self._news:
                 self._looks = replace(self._looks, exposure=stops_of(command))
-                self._looks_new = True  # which interrupts nothing
+                self._looks_new = True  # shown without interrupting the render
                 self._news.notify_all()
         else:
             order = order_of(command)
             self._order(lambda: self._change(lambda: order(self._scene), "order"))
 
     def state(self) -> dict[str, Any]:
-        """As JSON: "phase" (opening, drafting, rendering, finished, failed), "problem", "picture" (the number of what is shown;
-        0: none), of that "size", "samples", "relmse" and "seconds"; "diagnostics"; "cameras", "camera" (the author's), "moved",
-        "variants", "exposure"."""
+        """Return the state as JSON: "phase" (opening, drafting, rendering, finished, failed), "problem", "diagnostics".
+
+        "picture" is the number of the picture shown (0: none), which has "size", "samples", "relmse" and "seconds". "cameras",
+        "camera" (as authored), "moved", "variants" and "exposure" describe the view.
+        """
         with self._news:
             return dict(self._state)
 
@@ -122,7 +124,7 @@ class Viewer:
             self._news.notify_all()
 
     def _change(self, change: Callable[[], None], of: str) -> bool:
-        """Whether it could be made; then the picture has to be rendered anew."""
+        """Run a change of the scene; return whether it succeeded, so that the picture has to be rendered again."""
         self._problems.pop("order", None)
         with self._as_problem(of):
             change()
@@ -158,7 +160,7 @@ class Viewer:
             self._publish()
 
     def _render(self, draft: bool) -> None:
-        """A draft, where one is wanted, then the whole picture, unless there is something else to do by then."""
+        """Render a draft if one is wanted, then the full picture, unless there is something else to do by then."""
         self._problems.pop("render", None)
         self._interrupted = False
         with self._as_problem("render"):
@@ -172,7 +174,7 @@ class Viewer:
             self._watch.watch(self._scene.files(), self._scene.read_ns)
 
     def _refine(self, spp: int) -> bool:
-        """Whether the whole picture got so many samples, after a rest."""
+        """Return whether the full picture reached `spp` samples per pixel, after a pause without commands."""
         with self._news:
             if self._news.wait_for(self._is_wanted, RESTS_S):
                 return False
@@ -180,7 +182,7 @@ class Viewer:
         return self._take(Size(1.0, spp), self._is_wanted)
 
     def _is_wanted(self) -> bool:
-        """Whether something else is to be done."""
+        """Return whether there is something else to do."""
         return self._closed or bool(self._orders)
 
     def _draft_scale(self) -> float:

@@ -1,4 +1,4 @@
-"""`primray doctor`: does a render work on this machine, and why is a stage slow, grey, dark or empty?"""
+"""`primray doctor`: checks of this machine, and reasons why a stage comes out slow, grey, dark or empty."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What `primray doctor` looks at, and how it says so."""
+"""Text output of `primray doctor`."""

@@ -1,4 +1,4 @@
-"""What `primray doctor SCENE` found, as data and as a person reads it."""
+"""Text of what `primray doctor SCENE` found."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TITLES = {
 
 
 def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
-    """A few lines of figures, then by question what was found, then what else the stage has to tell."""
+    """Return a few lines of figures, then the findings by question, then the remaining diagnostics of the stage."""
     told = [*_figures(facts)]
     for question, title in _TITLES.items():
         found = [finding for finding in facts["findings"] if finding["question"] == question]

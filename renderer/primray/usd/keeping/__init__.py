@@ -1,4 +1,4 @@
-"""What stays of a translation from one render to the next, and which edits of the stage it outlives."""
+"""Incremental translation: what of a translation stays valid after edits of the stage, from one render to the next."""
 
 from .changes import Changes, StageChanges
 from .translation import KeptTranslation

@@ -1,4 +1,4 @@
-"""What has changed on a stage, as USD's notices tell it: heard from the first moment on, taken by whoever translates next."""
+"""Changes of a stage, collected from USD's notices until the next translation takes them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ VALUES = frozenset({"default", "timeSamples"})  # the fields of an attribute tha
 
 @dataclass
 class Changes:
-    """Attributes whose values alone have changed, by path; `others`: what else has, so that anything may be otherwise."""
+    """Paths of attributes of which only values have changed; `others`: anything else has, so that everything may differ."""
 
     values: dict[Sdf.Path, None] = field(default_factory=dict)  # in order
     others: bool = False
@@ -27,19 +27,19 @@ class Changes:
 
 
 class StageChanges:
-    """Those of one stage since they were last taken. It hears of them in whichever thread edits the stage, while it lives."""
+    """Changes of one stage since they were last taken. Notices arrive in whichever thread edits the stage."""
 
     def __init__(self, stage: Usd.Stage) -> None:
         self._heard = heard = _Heard()
         self._listening = Tf.Notice.Register(Usd.Notice.ObjectsChanged, lambda notice, _: heard.hear(notice), stage)
 
     def take(self) -> Changes:
-        """All so far, which are forgotten here."""
+        """Return all changes so far, and begin with none."""
         return self._heard.take()
 
 
 class _Heard:
-    """Apart from who listens, whom notices would else keep."""
+    """Collected changes, separate from StageChanges, which the registered listener would otherwise keep alive."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""Shapes and lights that are translated again, each by itself, in place of what they were."""
+"""Translation of single shapes and lights again, in place of their earlier versions."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class LeavesAgain:
-    """`scene` is changed in place: its lists are nobody else's. `told`: what translating the leaves told before."""
+    """Translator of single leaves. `scene` is changed in place; `told` are the diagnostics of the leaves' first translation."""
 
     scene: Scene
     ctx: Context
     told: list[Diagnostic]
 
     def stand(self, become: Become, matrix: Doubles) -> None:
-        """A leaf whose place is another one."""
+        """Replace a leaf's transform."""
         if become.leaf.type_name in self.scene.adapters.lights:
             self.light(become, matrix)
         elif become.shape is not None:
@@ -68,7 +68,7 @@ class LeavesAgain:
         self.scene.shapes[become.shape] = linked(made, become.leaf, self.scene)
 
     def _as_before(self, path: str, make: Callable[[Context], T]) -> T:
-        """What is made, if there is to be told of it what was told before."""
+        """Return the translated object, if its diagnostics are those of before; else raise NotKnownError."""
         apart = Diagnostics(self.ctx.diagnostics.shown)
         kept = self.ctx.kept.sharing(Materials, Profiles, SharedFaces, LightShapes, PhysicalSchemas, Record)
         made = make(replace(self.ctx, diagnostics=apart, kept=kept))

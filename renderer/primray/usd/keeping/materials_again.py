@@ -1,4 +1,4 @@
-"""Materials that are translated again: their surfaces take the places of those of before, where nothing else hangs on it."""
+"""Translation of materials again: new surfaces replace those of before, where nothing else depends on the difference."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .not_known import NotKnownError
 
 @dataclass
 class MaterialsAgain:
-    """Of one translation."""
+    """Materials of one translation."""
 
-    beyond: list[MaterialKey] | None = None  # materials that read what is not below them; not known yet
+    beyond: list[MaterialKey] | None = None  # materials connected to prims that are not below them; None: not known yet
 
     def surfaces(self, edited: set[Sdf.Path], ctx: Context) -> SurfaceTable:
-        """The table with other values for what reads these prims; what is kept of materials is that of now."""
+        """Return the table of surfaces with the materials that read these prims translated again; update their cache."""
         known = ctx.kept.of(Materials)
         ctx.kept.of(ShaderIds).clear()  # an edit may be of one
         if ctx.kept.of(LightShapes):
@@ -63,7 +63,7 @@ def _connected(material: Usd.Prim) -> Iterator[Sdf.Path]:
 
 
 def _replaced(surfaces: list[Surface], before: Material, now: Material) -> list[Surface]:
-    """With the new one in place of the old one's, thin and not: shapes decide about that for themselves."""
+    """Return the surfaces with the old material's replaced by the new one, thin and solid: shapes choose between these."""
     old, new = before.surface, now.surface
     if old == new and before.hidden == now.hidden:
         return surfaces
@@ -80,5 +80,5 @@ def _replaced(surfaces: list[Surface], before: Material, now: Material) -> list[
 
 
 def _asks(surface: Surface) -> tuple[bool, bool, bool, float]:
-    """What decides whether a shape's surface is thin, and what of it is a hole."""
+    """Return the properties that decide whether a shape's surface is thin, and which parts of it are holes."""
     return surface.transmits, surface.bends_nothing, surface.thin, surface.opacity_threshold

@@ -1,7 +1,7 @@
-"""What an edit leads to where it is not known what follows from it: everything is translated again."""
+"""Signal that the effect of an edit is not known: everything is translated again."""
 
 from __future__ import annotations
 
 
 class NotKnownError(Exception):
-    """Never shown to anybody."""
+    """Raised inside this package only; never shown to users."""

@@ -1,4 +1,4 @@
-"""Transforms that have changed: where all that hangs on them stands now."""
+"""Leaves that a change of transforms moves, and their new matrices."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .not_known import NotKnownError
 
 
 def moved_leaves(paths: Iterable[str], record: Record, ctx: Context) -> list[tuple[Become, Doubles]]:
-    """Leaves whose place is another one by now, with their matrices (4, 4); the record's poses are those of now."""
+    """Return leaves whose matrices (4, 4) have changed, with the new ones; the record's poses are updated."""
     paths = list(paths)
     if not paths or not record.poses:
         return []

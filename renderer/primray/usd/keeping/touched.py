@@ -1,4 +1,4 @@
-"""Which parts of a translation the value of an attribute is in, by the attribute's name and the type of its prim."""
+"""Parts of a translation that depend on an attribute's value, by the attribute's name and the type of its prim."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ..querying.guarded import type_name
 from ..walking.record import Record
 from .not_known import NotKnownError
 
-# Read anew for every picture, and of themselves alone.
+# Types that are read again for every picture, and affect nothing else.
 _LOOKED_UP = frozenset({"Camera", "RenderSettings", "RenderProduct", "RenderVar"})
 _SHADING = frozenset({"Shader", "NodeGraph", "Material"})
-# What prims hand down, or what decides which of them there are.
+# Attributes that are inherited, or that decide which prims are drawn.
 _HANDED = ("primvars:", "motion:", "material:", "collection:", "model:", "xformOp", "colorSpace", "skel:")
 _DECIDING = frozenset({"visibility", "purpose", "guideVisibility", "proxyVisibility", "renderVisibility", "proxyPrim"})
 
 
 @dataclass
 class Touched:
-    """Prims by path: whose transforms, which leaves, and which of shading networks have other values."""
+    """Paths of prims whose transforms have changed, of leaves with other values, and of shading prims with other values."""
 
     moved: set[str] = field(default_factory=set)
     leaves: set[str] = field(default_factory=set)
@@ -29,7 +29,7 @@ class Touched:
 
 
 def touched_by(paths: Iterable[Sdf.Path], stage: Usd.Stage, record: Record) -> Touched:
-    """NotKnownError where one of the attributes may be in anything."""
+    """Return what these attributes affect; raise NotKnownError where one of them may affect anything."""
     found = Touched()
     for path in paths:
         prim, name = stage.GetPrimAtPath(path.GetPrimPath()), path.name

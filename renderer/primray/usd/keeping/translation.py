@@ -1,4 +1,5 @@
-"""A stage's translation that outlives edits: made anew as far as they touch it, always what a new one would be."""
+"""Incremental translation of a stage: only what edits affect is translated again, and the result is that of a new
+translation."""
 
 from __future__ import annotations
 
@@ -34,13 +35,13 @@ from .not_known import NotKnownError
 from .standing import moved_leaves
 from .touched import touched_by
 
-# What USD says, or cannot give, of something that is not told by a path of ours.
+# Codes of messages from USD, whose subject is not known by a prim path.
 _OF_ANYTHING = frozenset({"usd-message", "wrong-type"})
 
 
 @dataclass
 class Made:
-    """A translation with what it was made of, all as it is now."""
+    """A translation with all that it was made from, kept up to date."""
 
     settings: RenderSettings
     found: Found
@@ -50,12 +51,12 @@ class Made:
     names: dict[str, str]
     found_told: list[Diagnostic]
     assembled_told: list[Diagnostic]
-    leaves_told: list[Diagnostic]  # the last of these
+    leaves_told: list[Diagnostic]  # the last of assembled_told
     late: list[Diagnostic]
     description: SceneDescription
     diagnostics: Diagnostics
     materials: MaterialsAgain = field(default_factory=MaterialsAgain)
-    changing: set[Sdf.Path] | None = None  # attributes that time changes; not known yet
+    changing: set[Sdf.Path] | None = None  # attributes that vary over time; None: not known yet
 
     @property
     def record(self) -> Record:
@@ -63,14 +64,15 @@ class Made:
 
 
 class KeptTranslation:
-    """Of one stage. What an edit does is known for some kinds of it; any other has everything translated again."""
+    """Translation of one stage that survives edits. Some kinds of edits are understood; after any other everything is
+    redone."""
 
     def __init__(self) -> None:
         self._made: Made | None = None
 
     def translate(self, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> tuple[SceneDescription, Diagnostics]:
-        """As usd.translate does; the very description of before, or its very parts, where they are the same."""
-        made, self._made = self._made, None  # for if it fails
+        """Return the translation; unchanged parts of the description are the same objects as before, and so is a whole one."""
+        made, self._made = self._made, None  # nothing is kept if this fails
         if made is not None and not changes and settings == made.settings:
             self._made = made
             return made.description, made.diagnostics
@@ -91,7 +93,7 @@ class KeptTranslation:
         self._made = None
 
     def files(self, description: SceneDescription) -> Iterator[str]:
-        """All but layers that it was made of, and folders where more of them would be."""
+        """Yield all files of the description that are not layers, and folders where further tiles of it would be."""
         for file in _texture_files(description):
             if not file.tiles:
                 yield file.path
@@ -110,7 +112,7 @@ def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:
 
 
 def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:
-    """All of it, recorded; None where nothing of it could stay."""
+    """Return a complete, recorded translation; None for stages of which no part could be kept."""
     if settings.render_pass is not None:
         return None
     diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
@@ -146,7 +148,7 @@ def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:
 
 
 def _copied(scene: Scene) -> Scene:
-    """With lists of its own."""
+    """Return the scene with copies of its lists."""
     return replace(
         scene,
         shapes=list(scene.shapes),
@@ -158,13 +160,13 @@ def _copied(scene: Scene) -> Scene:
 
 
 def _made_again(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> Made | None:
-    """With what has changed made again; None where it is not known what that is. `made` is of no use any more."""
+    """Return the translation with what has changed redone; None where that is not known. `made` is invalid afterwards."""
     try:
         if _outlives_nothing(made, settings):
             raise NotKnownError
         when = _when(made, stage, settings, changes)
         return _patched(made, stage, settings, when, _edited(made, stage, settings, changes))
-    except (NotKnownError, PrimrayError):  # whatever it is, translating everything has the same to say
+    except (NotKnownError, PrimrayError):  # a complete translation reports the same
         return None
 
 
@@ -181,7 +183,7 @@ def _outlives_nothing(made: Made, settings: RenderSettings) -> bool:
 
 
 def _when(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> When:
-    """As `when_of` would find it, without asking the whole stage."""
+    """Return the time to read at as `when_of` does, without looking at the whole stage."""
     if settings.time_code is not None:
         return When(Usd.TimeCode(settings.time_code), careful=False)
     if made.settings.time_code is not None:
@@ -192,7 +194,7 @@ def _when(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Chang
 
 
 def _edited(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> set[Sdf.Path]:
-    """Attributes that have other values than before, or may have: where the time is another one, those that it changes."""
+    """Return attributes whose values may differ: the edited ones and, at another time, those that vary over time."""
     paths = set(changes.values)
     if made.changing is not None:
         made.changing |= {path for path in paths if is_timed(stage.GetAttributeAtPath(path))}
@@ -209,7 +211,7 @@ def _edited(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Cha
 
 
 def _walked_by(ctx: Context) -> tuple[object, ...]:
-    """What the walk and the adapters are given besides the stage."""
+    """Return the context's fields that the walk and the adapters depend on, besides the stage."""
     return (
         ctx.purposes,
         ctx.material_purposes,
