@@ -1,4 +1,4 @@
-"""Lights, one for each place that they have, and the studio where nobody meant to give any."""
+"""Lights of the scene, one for each placement, and the studio light of a stage without lights."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..resolving.resolve import ResolvedPrim
 from ..walking.instances import Chain
 from .scene import Scene
 
-# Each takes 55 microseconds here and 1 kB, before the core has its row; the core chooses among so many as fast as among 20.
+# Each costs 55 microseconds and 1 kB here; the core samples among this many lights as fast as among 20.
 MAX_LIGHT_INSTANCES = 1 << 18
 
 
@@ -33,7 +33,7 @@ def add_lights(
     blur_scale: float,
     ctx: Context,
 ) -> None:
-    """One light for each place; a light's emission depends on its own size in the world."""
+    """Add one light for each placement, as a light's emission depends on its size in the world."""
     if count > MAX_LIGHT_INSTANCES:
         ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
     note_changing_size(leaf, ctx)
@@ -51,8 +51,10 @@ def add_lights(
 
 
 def add_default_light(scene: Scene, camera: Camera, ctx: Context) -> bool:
-    """Add the studio light where it is asked for or the stage has no light (one that emits nothing is a light). Return whether
-    that is left open: something glows, and how much of the picture it lights is not known here."""
+    """Add the studio light if it is asked for or the stage has no light (one that emits nothing is a light).
+
+    Return whether the choice is left open: a surface emits, and how much of the picture it lights is not known yet.
+    """
     asked = ctx.settings.studio
     if asked is StudioLight.OFF:
         return False

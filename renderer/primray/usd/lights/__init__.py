@@ -1,1 +1,1 @@
-"""What lights have beyond their own prim: areas, colours, links, portals, photometric files, and the default ones."""
+"""Lights beyond their own prim: colours, illuminants, links, portals, IES files, photometric amounts, default lights."""

@@ -1,4 +1,4 @@
-"""What lights a stage without lights: a photographer's studio that the camera does not see.
+"""The default light of a stage without lights: a photographer's studio that the camera does not see.
 
 A large soft key light over the camera's left shoulder, and a dome that is brighter on its right and behind, with a sky above a
 darker ground. Its level shows mid-grey that faces the camera as mid-grey in the default view, whatever the exposure.
@@ -23,14 +23,14 @@ KEY_SHARE = 0.8  # of WHITE
 TO_KEY = (-0.5, 0.7, 1.0)  # in the camera's frame: right, up, back
 KEY_ANGLE_DEG = 20.0  # soft shadows, and light samples alone find it: wider, it is noisier
 HEIGHT = 32  # rows of the dome's image, which has no edges
-# Radiance relative to one another. So even a sky is found by rays that leave surfaces; light samples would not pay.
+# Relative radiances. The sky is so even that BSDF samples find it; it takes no light samples.
 GROUND, HORIZON, SKY = 0.4, 1.0, 0.8
 BLEND_DEG = 30.0  # of the ground into the horizon
 
 
 @dataclass(frozen=True)
 class Glow:
-    """A brighter part of the sky that fades out to its half-angle."""
+    """A brighter part of the sky that fades to 0 at its half-angle."""
 
     towards: tuple[float, float, float]  # as TO_KEY
     radiance: float
@@ -63,7 +63,7 @@ def default_lights(camera: Camera, z_up: bool) -> tuple[Light, Light]:
 
 
 def _key_frame(camera: Camera) -> Doubles:
-    """+Z towards the light."""
+    """Return the key light's frame (4, 4), +Z towards the light."""
     z = _axis(TO_KEY, camera.world_from_camera[:3, :3])
     x = np.cross(camera.world_from_camera[:3, 1], z)
     x /= np.linalg.norm(x)
@@ -89,20 +89,20 @@ def _painted(light_from_camera: Doubles) -> Floats:
 
 
 def _surroundings(up: Doubles) -> Doubles:
-    """By the sine of the height above the horizon, at which it is brightest."""
+    """Return the sky's and ground's radiance for sines of the elevation; the horizon is brightest."""
     sky = HORIZON + (SKY - HORIZON) * np.sqrt(np.clip(up, 0, 1))
     t = _smooth(np.clip(up / math.sin(math.radians(BLEND_DEG)) + 1, 0, 1))
     return GROUND + (sky - GROUND) * t
 
 
 def _axis(towards: tuple[float, float, float], from_camera: Doubles) -> Doubles:
-    """(3,) of length 1 towards it, in the space that the rotation (3, 3) leads to."""
+    """Return the unit vector (3,) of a direction in the camera's frame, rotated by the (3, 3) matrix."""
     axis: Doubles = from_camera @ (np.array(towards) / np.linalg.norm(towards))
     return axis
 
 
 def _within(glow: Glow, cosines: Doubles) -> Doubles:
-    """1 at its middle, 0 outside."""
+    """Return a glow's share by the cosine to its centre: 1 at the centre, 0 outside its half-angle."""
     return _smooth(np.clip(1 - np.degrees(np.arccos(np.clip(cosines, -1, 1))) / glow.half_angle_deg, 0, 1))
 
 

@@ -1,5 +1,4 @@
-"""GeometryLight (UsdLux, deprecated): what it emits is given to the geometry that it names, as LightAPI gives it, in a copy of
-the stage."""
+"""GeometryLight (UsdLux, deprecated): in a copy of the stage, the geometry that it names gets its properties and LightAPI."""
 
 from __future__ import annotations
 
@@ -15,16 +14,17 @@ from ..querying.guarded import property_names, purpose_of, schemas_applied, targ
 from ..resolving.read import When, is_hidden
 from ..resolving.renderer_attributes import LEFT_OUT
 
-# Of the light itself, where it stands and what it is.
+# Properties of the light prim itself, which its geometry does not get.
 _ITS_OWN = ("xformOp", "visibility", "purpose", "geometry", "light:shaderId", "extent")
 
 
 def with_geometry_lights(
     stage: Usd.Stage, lights: Sequence[Usd.Prim], purposes: Container[str], when: When, diagnostics: Diagnostics
 ) -> Usd.Stage:
-    """A copy of the stage in which their geometry gives the light, and they are left out, not what is below them.
+    """Return a copy of the stage in which the geometry that GeometryLights name emits in their place.
 
-    One that names no geometry stays, and is told as any light that is not supported. `purposes`: those that are rendered.
+    The GeometryLights are left out, but not their children. A GeometryLight that names no geometry stays and is reported like
+    any unsupported light. `purposes` are those that are rendered.
     """
     made = scratch_copy(stage)
     lit: dict[Sdf.Path, Sdf.Path] = {}  # geometry, and which light it gives
@@ -34,7 +34,7 @@ def with_geometry_lights(
         for path in hidden:
             light = editable(made, path)
             shapes = [target for target in targets(light, "geometry") if made.GetPrimAtPath(target)]
-            for shape in [] if hidden[path] else shapes:  # by paths: instances that end take the prims of others with them
+            for shape in [] if hidden[path] else shapes:  # by paths: ending an instance invalidates prims of others
                 if lit.setdefault(shape, path) != path:
                     message = f"{shape} gives the light of {lit[shape]}: it does not give this one as well."
                     diagnostics.add("light-input", str(path), message, "geometry")
@@ -46,7 +46,7 @@ def with_geometry_lights(
                     diagnostics.add("light-input", str(path), message, "geometry")
             if shapes:
                 done.append(path)
-        for path in done:  # after all are given: others may compose this
+        for path in done:  # after all geometry is lit: other lights may reference this one
             made.GetPrimAtPath(path).CreateAttribute(LEFT_OUT, Sdf.ValueTypeNames.Bool).Set(True)
     check_reach(made)
     return made

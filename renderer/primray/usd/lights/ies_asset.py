@@ -1,4 +1,4 @@
-"""A light's photometric file as an IesProfile: resolved by Ar, read once however many lights name it."""
+"""IES photometric files of lights: resolved by Ar, and read once even if many lights name the same file."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ FILE = "inputs:shaping:ies:file"
 
 
 class Profiles(dict[str, IesFile | str]):
-    """By the resolved path of the file: the file, or what is wrong with it."""
+    """IES files by resolved path: the parsed file, or why it cannot be used."""
 
 
 def missing_text(path: str) -> str:
+    """Return the message for an IES file that does not exist."""
     return f"{path} cannot be found: the light is rendered without a profile."
 
 
 def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | None:
-    """The profile; None where it cannot be had, which is noted for the light at `path`."""
+    """Return the profile; None, with a diagnostic for the light at `path`, if it cannot be read."""
     if not asset.resolvedPath:
         ctx.warn("asset-missing", path, missing_text(asset.path), FILE)
         return None
@@ -43,7 +44,7 @@ def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | N
 
 
 def _read(resolved: str) -> IesFile | str:
-    """What is wrong with it, where it is of no use."""
+    """Return the parsed file, or a sentence on why it cannot be used."""
     try:
         content = read_asset(resolved, MAX_BYTES)
         return WHAT_IT_IS if is_pointer(content) else parse_ies(content)

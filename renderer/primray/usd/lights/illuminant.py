@@ -1,7 +1,7 @@
 """A light's illuminant: the spectrum that PhysicalLightIlluminantAPI (OpenUSD-proposals, physical-lighting) gives it.
 
-It takes the place of the colour temperature: its colour has luminance 1, whatever a custom spectrum's numbers are. Attributes
-are read whether or not USD knows the schema; its fallback, white, counts where the schema is applied.
+An illuminant replaces the colour temperature. Its colour has luminance 1, whatever a custom spectrum's scale is. Attributes
+are read whether or not USD knows the schema; its fallback value, white, counts only if the schema is applied.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..resolving.resolve import ResolvedPrim
 Color = tuple[float, float, float]
 
 ILLUMINANT, CUSTOM = "physical:illuminant", "physical:customIlluminant"
-# The second as NVIDIA's Omniverse has it, which also writes the token without a space.
+# The second is the name in NVIDIA's Omniverse, which also writes the token "illuminantD" without a space.
 TEMPERATURES = ("physical:colorTemperature", "inputs:colorTemperature")
 ENABLED = "inputs:enableColorTemperature"
 _TOKENS = ("white", "blackbody", "illuminant D", "custom")
@@ -38,11 +38,11 @@ class Illuminant:
 
 
 class _Known(dict[str, Illuminant]):
-    """By the path of a light."""
+    """Illuminants by the path of a light."""
 
 
 def illuminant_of(prim: ResolvedPrim, ctx: Context) -> Illuminant | None:
-    """None where nothing says what it is."""
+    """Return the light's illuminant; None if neither attributes nor an applied schema give one."""
     if prim.names.isdisjoint(_ASKING) and SCHEMA not in ctx.kept.of(PhysicalSchemas).get(prim.path, ()):
         return None
     known = ctx.kept.of(_Known)
@@ -52,7 +52,7 @@ def illuminant_of(prim: ResolvedPrim, ctx: Context) -> Illuminant | None:
 
 
 def white(ctx: Context) -> Spectrum:
-    """Daylight of the rendering space's white."""
+    """Return the daylight spectrum of the rendering space's white point."""
     return of_chromaticity(ctx.rendering_space.white)
 
 
@@ -95,7 +95,7 @@ def _kelvin(prim: ResolvedPrim, limits: tuple[float, float], ctx: Context) -> fl
 
 
 def _custom(prim: ResolvedPrim, ctx: Context) -> Spectrum | None:
-    """None where nothing can be made of it, which is noted."""
+    """Return the custom spectrum; None, with a diagnostic, if it cannot be used."""
     raw = read(prim.prim, CUSTOM, ctx.when)
     pairs = None if raw is None else array(raw, 2, "f")
     wrong = _what_is_wrong(None if pairs is None else np.asarray(pairs, np.float64), is_there=raw is not None)

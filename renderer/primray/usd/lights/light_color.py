@@ -11,8 +11,11 @@ Color = tuple[float, float, float]
 
 
 def light_color(prim: ResolvedPrim, name: str, default: Color, ctx: Context) -> Color:
-    """Linear Rec.709 where no space is authored (ColorSpaceAPI), but for inputs:color: that is "in the rendering color space"
-    then (LightAPI)."""
+    """Return a colour input in the rendering space.
+
+    Without an authored space (ColorSpaceAPI) a colour is linear Rec.709, except inputs:color, which is "in the rendering
+    color space" (LightAPI).
+    """
     if name not in prim.names:
         return default
     r, g, b = vector(prim.prim, name, ctx.when, default, ctx.diagnostics)

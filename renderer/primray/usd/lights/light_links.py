@@ -1,8 +1,9 @@
-"""Light linking and shadow linking: whom lights reach and who casts their shadows (UsdLux LightAPI, "Linking").
+"""Light linking and shadow linking: which prims lights illuminate and which cast their shadows (UsdLux LightAPI, "Linking").
 
 Membership is USD's own answer (UsdCollectionMembershipQuery) for a prim's path; inside a native instance that is the path of
-its proxy. What a point instancer places is asked for as if its prototype stood below it: a rule for the prototype's own path
-comes before one for the instancer's. Nothing here runs where no light has a collection: `find_links` gives None.
+its instance proxy. Prims placed by a point instancer are queried as if the prototype were below the instancer: a rule for the
+prototype's own path comes before one for the instancer's. Stages without linked lights skip all of this: `find_links` returns
+None.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ from ..resolving.prim_kinds import PropertyNames
 from ..resolving.resolve import Inherited, ResolvedPrim
 
 LIGHT_LINK, SHADOW_LINK = "lightLink", "shadowLink"
-# Instances of a light that have collections of their own, because these hold parts of each instance: beyond, it is not linked.
+# A light in instances has one collection per instance if it holds parts of the instance; instances beyond are not linked.
 MAX_OWN = 1024
 MAX_COLLECTIONS = 1 << 14
-# Paths of prims in instances that expressions are asked about; beyond, an instance is in or out as a whole.
+# Paths in instances for which expressions are evaluated; beyond, an instance is a member or not as a whole.
 MAX_ASKED = 1 << 21
 _EXPANDS = (Usd.Tokens.expandPrims, Usd.Tokens.expandPrimsAndProperties)
 
@@ -45,7 +46,7 @@ class _Collection:
 
 @dataclass
 class Links:
-    """The distinct collections of a stage's lights, and what is in them; filled by `find_links`."""
+    """The distinct collections of a stage's lights, and their members; filled by `find_links`."""
 
     ctx: Context
     collections: list[_Collection] = field(default_factory=list)  # number 1 first
@@ -53,7 +54,7 @@ class Links:
     _numbers: dict[Any, int] = field(default_factory=dict)  # by what a collection says
     _by_light: dict[tuple[str, str], int] = field(default_factory=dict)  # by a light's path and the collection's name
     _apart: set[str] = field(default_factory=set)  # paths above lights in instances that have collections of their own
-    _worn: set[int] = field(default_factory=set)  # rows of shapes
+    _worn: set[int] = field(default_factory=set)  # rows that shapes have
     _ruled: dict[str, bool] = field(default_factory=dict)  # paths with rules
     _sorted: list[str] = field(default_factory=list)
     _known: dict[Any, int] = field(default_factory=dict)
@@ -62,23 +63,24 @@ class Links:
     _asked: int = 0
 
     def of_light(self, leaf: ResolvedPrim) -> tuple[int, int]:
-        """The numbers of the collections that a light reaches and that cast its shadows; for any prim with LightAPI."""
+        """Return the numbers of the lightLink and shadowLink collections of a prim with LightAPI; 0 for everything."""
         path = _path(leaf.prim, leaf.inherited)
         return self._by_light.get((path, LIGHT_LINK), 0), self._by_light.get((path, SHADOW_LINK), 0)
 
     def row_of(self, leaf: ResolvedPrim) -> int:
+        """Return the row of the membership table for a shape."""
         row = self._row(_path(leaf.prim, leaf.inherited), leaf.inherited.linked_by_instancers)
         self._worn.add(row)
         return row
 
     def handed_to_instance(self, inherited: Inherited, instance: Usd.Prim, prototype: Usd.Prim) -> Inherited:
-        """Instances of one prototype that are linked alike, inside as well, hand down the same."""
+        """Return what a native instance hands down: the same for instances of a prototype whose prims are linked alike."""
         path, name = _path(instance, inherited), str(prototype.GetPath())
         key = (name, self._signature(path, name, inherited.linked_by_instancers))
         return replace(inherited, seen_as=self._alike.setdefault(key, path))
 
     def handed_to_prototype(self, inherited: Inherited, instancer: Usd.Prim, root: Usd.Prim) -> Inherited:
-        """What a point instancer hands to a prototype, which is below it in most stages."""
+        """Return what a point instancer hands down to a prototype (which in most stages is below the instancer)."""
         at = _path(instancer, inherited)
         if root.IsInstanceProxy():
             inner = root.GetPrimInPrototype().GetPath()
@@ -93,7 +95,7 @@ class Links:
         return replace(inherited, seen_as=seen_as, linked_by_instancers=tuple(sorted(said.items())))
 
     def linked(self, diagnostics: Diagnostics) -> Linked:
-        """The table; notes collections that hold nothing of what is rendered."""
+        """Return the membership table; report collections without any rendered member."""
         members = np.ones((len(self.rows), 1 + len(self.collections)), np.bool_)
         for bits, row in self.rows.items():
             members[row, 1:] = np.frombuffer(bits, np.bool_)
@@ -105,7 +107,7 @@ class Links:
         return Linked(tuple(c.path for c in self.collections), members)
 
     def add(self, leaf: ResolvedPrim, name: str) -> None:
-        """The collection of a light wherever it stands."""
+        """Add a light's collection, for each of the light's instances."""
         for count, path in enumerate(_stage_paths(leaf.prim)):
             if count == MAX_OWN:
                 message = f"Of its instances only the first {MAX_OWN} have their {name}; the others' reaches everything."
@@ -116,7 +118,7 @@ class Links:
                 self._apart.update(map(str, path.GetPrefixes()))
 
     def finish(self) -> bool:
-        """Whether any light is linked at all."""
+        """Index the rules after all lights are added; return whether any light is linked."""
         for c in self.collections:
             self._ruled |= dict.fromkeys(c.rules, True)
         self._ruled.pop("/", None)
@@ -148,7 +150,7 @@ class Links:
         return self._numbers[said]
 
     def _row(self, path: str, handed: Handed) -> int:
-        """Of what shares a nearest path with rules, all below it has one answer; expressions are asked about every path."""
+        """Return the row for a path. Paths with the same nearest rule share one; expressions are evaluated for every path."""
         nearest = self._nearest(path)
         whole = any(c.is_expression for c in self.collections)
         key = (path if whole else nearest, nearest == path, handed)
@@ -166,7 +168,7 @@ class Links:
         return bool(collection.query.IsPathIncluded(Sdf.Path(path)))
 
     def _says(self, number: int, path: str) -> bool | None:
-        """What a collection has a rule for: an answer for everything, or none, is no rule. An expression says what it holds."""
+        """Return a collection's own answer for a path; None if no rule applies. An expression answers only for its members."""
         collection = self.collections[number - 1]
         included = bool(collection.query.IsPathIncluded(Sdf.Path(path)))
         if collection.is_expression:
@@ -177,7 +179,7 @@ class Links:
         return next((above for above in _prefixes(path) if above in self._ruled), "")
 
     def _signature(self, path: str, prototype: str, handed: Handed) -> tuple[Any, ...]:
-        """What decides about all prims of an instance; instances with equal ones are linked alike."""
+        """Return a key for the links of all prims in an instance; instances with equal keys are linked alike."""
         first = bisect_left(self._sorted, f"{path}/")
         end = bisect_left(self._sorted, f"{path}0", first)  # the character after the slash
         below = [
@@ -213,7 +215,7 @@ class Links:
 
 
 def find_links(leaves: Iterable[ResolvedPrim], ctx: Context) -> Links | None:
-    """The collections of all lights that were met; None where each holds everything."""
+    """Return the links of all lights found; None if no light has a collection that excludes anything."""
     if not any(_names_of(names) for names in ctx.kept.of(PropertyNames)):
         return None
     links = Links(ctx)
@@ -226,12 +228,12 @@ def find_links(leaves: Iterable[ResolvedPrim], ctx: Context) -> Links | None:
 
 @lru_cache(maxsize=4096)
 def _names_of(names: frozenset[str]) -> tuple[str, ...]:
-    """Which of the two collections these properties say anything about."""
+    """Return which of the two collections have properties among these."""
     return tuple(name for name in (LIGHT_LINK, SHADOW_LINK) if any(n.startswith(f"collection:{name}:") for n in names))
 
 
 def _path(prim: Usd.Prim, inherited: Inherited) -> str:
-    """A prim's path in the stage; in a prototype that of its proxy in the instance that it is seen as."""
+    """Return a prim's path in the stage; for a prim in a prototype, that of its proxy in the instance `seen_as`."""
     path = prim.GetPath()
     if not inherited.seen_as or not prim.IsInPrototype():
         return str(path)
@@ -239,7 +241,7 @@ def _path(prim: Usd.Prim, inherited: Inherited) -> str:
 
 
 def _stage_paths(prim: Usd.Prim) -> Iterator[Sdf.Path]:
-    """Of a prim in a prototype, its proxies in all instances."""
+    """Yield a prim's path on the stage; for a prim in a prototype, the paths of its proxies in all instances."""
     if not prim.IsInPrototype():
         yield prim.GetPath()
         return
@@ -250,7 +252,7 @@ def _stage_paths(prim: Usd.Prim) -> Iterator[Sdf.Path]:
 
 
 def _prefixes(path: str) -> Iterator[str]:
-    """The path and what is above it, but for the root."""
+    """Yield the path and its ancestors, without the root."""
     while path and path != "/":
         yield path
         path = path.rpartition("/")[0]

@@ -1,7 +1,7 @@
-"""How much light a light is to give: Photometric- and Radiometric-AreaLightAPI, -DomeLightAPI and -DistantLightAPI.
+"""Photometric amounts of lights: Photometric- and Radiometric-AreaLightAPI, -DomeLightAPI and -DistantLightAPI.
 
-By the text of OpenUSD-proposals' physical-lighting (July 2026). Attributes are read whether or not USD knows the schemas, and
-whether or not these are applied; their fallbacks count where they are. Photometric ones come before radiometric ones.
+The text is OpenUSD-proposals' physical-lighting (July 2026). Attributes are read whether or not USD knows the schemas or they
+are applied; the schemas' fallback values count only if they are applied. Photometric attributes come before radiometric ones.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ NAMES = FAMILIES[0].names | FAMILIES[1].names
 
 
 class _Known(dict[str, "Photometric | None"]):
-    """By the path of a light."""
+    """Photometric amounts by the path of a light; None if the light has none."""
 
 
 def photometric_of(prim: ResolvedPrim, ctx: Context) -> Photometric | None:
-    """None where nothing is asked for; what cannot be honoured is noted."""
+    """Return the amount of light that is asked for, None if none is; report attributes that cannot be applied."""
     applied = ctx.kept.of(PhysicalSchemas)
     if prim.path not in applied and NAMES.isdisjoint(prim.names):
         return None
@@ -65,7 +65,7 @@ def photometric_of(prim: ResolvedPrim, ctx: Context) -> Photometric | None:
 
 
 def _kind(prim: ResolvedPrim) -> str:
-    """Area, Dome or Distant, as names of schemas have it; "" for shapes that are lights."""
+    """Return Area, Dome or Distant, as in the schemas' names; "" for geometry lights."""
     return "Area" if prim.type_name in AREA else _OTHERS.get(prim.type_name, "")
 
 
@@ -87,7 +87,7 @@ def _fitting(family: _Family, kind: str) -> frozenset[str]:
 
 
 def _unfit(prim: ResolvedPrim, kind: str, schemas: frozenset[str]) -> Iterator[tuple[str, str]]:
-    """Schemas and attributes that are not for such lights."""
+    """Yield a message, and the attribute or "", for each schema and attribute that does not fit the kind of light."""
     for schema in sorted(schemas):
         if schema not in {f"{family.prefix}{kind}LightAPI" for family in FAMILIES}:
             yield not_for(schema, prim.type_name), ""
@@ -114,7 +114,7 @@ def _asked(prim: ResolvedPrim, family: _Family, kind: str, applied: bool, ctx: C
 
 
 def _distance(prim: ResolvedPrim, family: _Family, ctx: Context) -> float:
-    """Metres; 0 where the power counts: both attributes are needed."""
+    """Return the distance in metres at which illuminance is given; 0 if the power counts. Both attributes are needed."""
     there, named = family.received in prim.names, family.distance in prim.names
     if not (there or named):
         return 0.0
@@ -137,7 +137,7 @@ def _amount(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> floa
 
 
 def _efficacy(prim: ResolvedPrim, ctx: Context) -> float:
-    """Lumens by the watt of the light's spectrum; without an illuminant that of its colour temperature, else of white."""
+    """Return the efficacy in lumens per watt of the illuminant's spectrum, else of the colour temperature, else of white."""
     illuminant = illuminant_of(prim, ctx)
     if illuminant is not None:
         return efficacy(illuminant.spectrum)

@@ -1,4 +1,4 @@
-"""Portals: the rectangles that a dome's `portals` relationship names, where they stand in the world (UsdLux PortalLight)."""
+"""Portals of domes: the rectangles that a dome's `portals` relationship names, in world space (UsdLux PortalLight)."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from ..resolving.resolve import ResolvedPrim, local_matrix, transforms
 
 
 class _Named(set[str]):
-    """Paths of PortalLights that a dome names."""
+    """Paths of the PortalLights that domes name."""
 
 
 @dataclass(frozen=True, eq=False)
 class PortalPrim:
-    portal: Portal  # kept, for the sake of its id
+    portal: Portal  # held so that its id stays unique
     path: str
     prim: Usd.Prim
-    dome: Usd.Prim | None  # where both stand in one prototype
+    dome: Usd.Prim | None  # if both are in one prototype
     world_from_dome: Doubles  # (4, 4)
 
 
 class PortalPrims(dict[int, PortalPrim]):
-    """Of portals, by id, which may move while the shutter is open (paths/portals.py)."""
+    """Portals that may move while the shutter is open, by the id of the Portal (paths/portals.py)."""
 
 
 def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
-    """Those that the dome names and that have an area; invisible ones too, for they change no picture."""
+    """Return the portals of a dome that have an area; invisible ones too, since portals do not change the expected image."""
     found = []
     for target in targets(dome.prim, "portals"):
         prim = ctx.stage.GetPrimAtPath(target)
@@ -57,7 +57,7 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
     width = abs(number(prim, "inputs:width", ctx.when, 1.0, ctx.diagnostics))
     height = abs(number(prim, "inputs:height", ctx.when, 1.0, ctx.diagnostics))
     world, together = root_from_prim(prim, ctx), None
-    if dome.prim.IsInPrototype() and prim.IsInPrototype():  # both stand where the instance does
+    if dome.prim.IsInPrototype() and prim.IsInPrototype():  # both move with the instance
         root_from_dome = root_from_prim(dome.prim, ctx)
         if abs(np.linalg.det(root_from_dome[:3, :3])) > 0:
             world, together = world_from_dome @ np.linalg.inv(root_from_dome) @ world, dome.prim
@@ -72,7 +72,7 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
 
 
 def root_from_prim(prim: Usd.Prim, ctx: Context, offset: float = 0.0) -> Doubles:
-    """(4, 4) world, or prototype, from a prim, so many time codes after the frame."""
+    """Return world_from_prim (4, 4), or prototype_from_prim, at `offset` time codes after the frame."""
     when = ctx.when.after(offset) if offset else ctx.when
     cache = transforms(when)
     total = Gf.Matrix4d(1.0)
@@ -85,14 +85,14 @@ def root_from_prim(prim: Usd.Prim, ctx: Context, offset: float = 0.0) -> Doubles
 
 
 def way_to_root(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    """The prim and those above it, up to the world or the prototype that it stands in."""
+    """Yield the prim and its ancestors, up to the world or the prototype that it is in."""
     while prim and not prim.IsPseudoRoot() and not prim.IsPrototype():
         yield prim
         prim = prim.GetParent()
 
 
 def note_unnamed_portals(ctx: Context) -> None:
-    """After all lights."""
+    """Report PortalLights that no dome names; called after all lights are translated."""
     named = ctx.kept.of(_Named)
     for path in ctx.kept.of(PortalsMet):
         if path not in named:

@@ -1,4 +1,4 @@
-"""Lights that move: rigidly, so that their sizes and what they emit stay those of the frame."""
+"""Moving lights: their motion is rigid, so that size and emission stay those of the frame."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ INFINITE_NO_ERROR = 1e-4  # pixels
 
 @dataclass(frozen=True, eq=False)
 class LightPath:
-    """Which instance of a chain holds the light, and how."""
+    """Motion of a light in an instance: the instance levels, its row in them, and the light's place in the group."""
 
     levels: Sequence[Instances]
     row: int
@@ -36,19 +36,19 @@ class LightPath:
     blur_scale: float
 
     def at(self, offset: float) -> Doubles:
-        """(4, 4) world_from_light."""
+        """Return world_from_light (4, 4) at a time offset."""
         world = np.eye(4)
         world[:3] = product_at(self.levels, offset)[self.row]
         return np.asarray(world @ self.group_from_light)
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Offsets from the frame at which it may bend."""
+        """Time offsets from the frame at which the path may bend."""
         return times_of(self.levels)
 
 
 class Path(Protocol):
-    """How something stands in the world by offsets from the frame, (4, 4), and when that may bend."""
+    """A transform over time: world matrices (4, 4) by time offset from the frame, and the offsets where the path may bend."""
 
     @property
     def at(self) -> Callable[[float], Doubles]: ...
@@ -59,6 +59,7 @@ class Path(Protocol):
 
 
 def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
+    """Report sizes of a light that change while the shutter is open: they are not blurred."""
     if ctx.timing.is_frame:
         return
     for name in SIZES:
@@ -67,7 +68,7 @@ def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
 
 
 def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -> Light:
-    """With its motion, if it moves; noted, where not all of that can be shown."""
+    """Return the light with its motion if it moves; report motion that cannot be rendered (a change of size)."""
     timing, scale = precision.timing, path.blur_scale
     bent = fractions(path.times, timing.span, scale)
     inside = [time for time in bent if 0.0 < time < 1.0]
@@ -89,7 +90,7 @@ def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -
     start = taken_apart(frame[None, :3]) if turns else None
 
     def rigid(fraction: float) -> Doubles:
-        """(1, 3, 4) of the frame's light."""
+        """Return the light's rigid motion applied to its matrix at the frame, (1, 3, 4)."""
         moved = light.world_from_light.copy()
         then = world(fraction)
         if start is not None:
@@ -109,7 +110,7 @@ def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -
 
 
 def _unlike(matrices: Doubles) -> str:
-    """What of a light's way is not shown."""
+    """Return a sentence on what of a light's motion is not rendered; "" if all is."""
     if not have_rotations(matrices[:, None, :3]):
         flat = not np.array_equal(matrices[:, :3, :3], np.broadcast_to(matrices[0, :3, :3], matrices[:, :3, :3].shape))
         return "Only its place is blurred: its transform leaves it without size in some direction." if flat else ""
@@ -121,7 +122,7 @@ def _unlike(matrices: Doubles) -> str:
 
 
 def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precision) -> MatrixPath:
-    """How far its errors show: at its own size; of what is infinitely far and of beams, also where they go."""
+    """Return the path and how visible its errors are (pixels per unit), over the light's size and along its beam."""
     assert callable(rigid)
     half = np.array(half_extent(light))
     places = np.array([rigid(time)[0, :, 3] for time in (0.0, 0.5, 1.0)])

@@ -1,4 +1,4 @@
-"""Portals that move, with what they stand in or by themselves, so that they stay before what they guide a dome's samples to."""
+"""Moving portals: they move with their parents or alone, and stay in front of the openings that they guide samples to."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ WHITE = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class PortalPath:
-    """How a portal stands in the world, by offsets from the frame."""
+    """A portal's world transform by time offset from the frame."""
 
     at: Callable[[float], Doubles]  # (4, 4)
-    times: tuple[float, ...]  # at which it may bend
+    times: tuple[float, ...]  # offsets at which the path may bend
     blur_scale: float
 
 
 def with_moving_portals(dome: Light, path: LightPath | None, precision: Precision, ctx: Context) -> Light:
-    """`path`: the dome's own, if it moves."""
+    """Return the dome with the motion of its portals; `path` is the dome's own motion, if it moves."""
     return replace(dome, portals=tuple(_moving(portal, path, precision, ctx) for portal in dome.portals))
 
 
@@ -46,7 +46,7 @@ def _moving(portal: Portal, dome_path: LightPath | None, precision: Precision, c
 def _path(
     prim: Usd.Prim, dome: Usd.Prim | None, world_from_dome: Doubles, dome_path: LightPath | None, ctx: Context
 ) -> PortalPath:
-    """`dome`: where both stand in one prototype, whose place is known by that of the dome."""
+    """Return a portal's path. `dome` is given if both are in one prototype, whose placement is known by the dome's."""
     times = _times(prim, ctx)
     if dome is None:
         return PortalPath(lambda offset: root_from_prim(prim, ctx, offset), times, blur_scale_of(prim))

@@ -1,4 +1,4 @@
-"""The cameras that a stage offers: those that stand in the world by themselves, then those inside native instances."""
+"""The cameras of a stage: first those outside of instances, then those inside native instances."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ MOST_IN_INSTANCES = 1000  # a crowd of assets may each have left one behind
 
 
 def cameras_of(stage: Usd.Stage) -> list[Usd.Prim]:
-    """In the order in which the first one is chosen."""
+    """Return all cameras, in the order in which the default camera is chosen."""
     return [prim for prim in in_world(stage) if type_name(prim) == "Camera"] + cameras_in_instances(stage)
 
 
 def cameras_in_instances(stage: Usd.Stage) -> list[Usd.Prim]:
-    """By their proxies: each has its own instance's transform. The first thousand of them."""
+    """Return the instance proxies of cameras in native instances (each has its instance's transform), the first thousand."""
     return list(islice(in_instances(stage, "Camera"), MOST_IN_INSTANCES))

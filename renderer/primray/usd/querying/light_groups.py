@@ -1,4 +1,4 @@
-"""Light groups that the stage's render settings say: of collections lightGroup:NAME, what lights are in."""
+"""Light groups of the stage's render settings: collections lightGroup:NAME, whose members are lights."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ PREFIX = "lightGroup:"
 
 @dataclass(frozen=True)
 class LightGroups:
-    """In the order of their names; a light is in the first that has it."""
+    """Light groups in the order of their names; a light is in the first that contains it."""
 
     queries: tuple[tuple[str, Any], ...] = ()  # a group's name, its collection's UsdCollectionMembershipQuery
 
     def name_of(self, prim: Usd.Prim) -> str:
-        """ "" where it is in none. What is in an instance is asked for by the instance's own path."""
+        """Return the group of a light, "" if none; a light in an instance is looked up by its path in the prototype."""
         if not self.queries:
             return ""
         path = prim.GetPath()
@@ -28,6 +28,7 @@ NO_GROUPS = LightGroups()
 
 
 def light_groups(stage: Usd.Stage, settings_path: str) -> LightGroups:
+    """Return the light groups of these render settings."""
     settings = stage.GetPrimAtPath(settings_path) if Sdf.Path.IsValidPathString(settings_path) else None
     if not settings:
         return NO_GROUPS

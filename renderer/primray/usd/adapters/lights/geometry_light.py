@@ -1,4 +1,4 @@
-"""Shapes that LightAPI or MeshLightAPI makes lights, by light:materialSyncMode (UsdLux LightAPI)."""
+"""Geometry with LightAPI or MeshLightAPI, which emits as light:materialSyncMode says (UsdLux LightAPI)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .light import geometry_light
 from .light_rules import rules_of
 
 GLOW, INDEPENDENT, NO_MATERIAL = "materialGlowTintsLight", "independent", "noMaterialResponse"
-# "As if there is no Material bound at all, i.e. there is no diffuse, specular, or transmissive response."
+# noMaterialResponse: "as if there is no Material bound at all, i.e. there is no diffuse, specular, or transmissive response."
 LAMP = Surface("", lambert=True, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(1.0, 1.0, 1.0))
 
 
 def sync_mode(prim: ResolvedPrim, ctx: Context) -> str:
-    """The modes relate a light to the glow "of geometry that has a bound Material": without one its color is all there is."""
+    """Return the mode. The others need "geometry that has a bound Material": without one it is noMaterialResponse."""
     if prim.material is None and not any(subset.material is not None for subset in prim.subsets):
         return NO_MATERIAL
     mode = token(prim.prim, "light:materialSyncMode", ctx.when, NO_MATERIAL)  # the schemas' own defaults come with them
@@ -33,11 +33,12 @@ def sync_mode(prim: ResolvedPrim, ctx: Context) -> str:
 
 
 def without_material(prim: ResolvedPrim, ctx: Context) -> ResolvedPrim:
-    """The prim as its adapter is to see it: where the material has no response, not even one that hides faces."""
+    """Return the prim without its materials if they have no response; they hide no faces then, either."""
     return replace(prim, material=None, subsets=()) if sync_mode(prim, ctx) == NO_MATERIAL else prim
 
 
 def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None) -> Shape:
+    """Return the shape with the prim's light."""
     light = rules_of(prim, ctx, links).applied(geometry_light(prim, ctx))
     if not light.visible_to_camera:
         ctx.warn("light-input", prim.path, "The camera sees this light all the same, since it is a shape of the scene.")

@@ -1,4 +1,4 @@
-"""UsdLux lights to what they emit: L = color * temperature * intensity * 2^exposure / sizeFactor (UsdLux LightAPI)."""
+"""UsdLux lights: L = color * temperature * intensity * 2^exposure / sizeFactor (UsdLux LightAPI)."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from .light_shaping import note_unshaped, peak, shaping
 
 Color = tuple[float, float, float]
 
-# What more radiance than this would do to single precision, nobody wants to see; of a dome with an image, the product of both.
+# Radiance is clamped to these, so that single precision does not overflow; the tint is multiplied by an image's texels.
 BRIGHTEST, BRIGHTEST_TINT = 1e30, 1e15
-# With normalize a light without size has a limit, a point or a line of the same power. It is rendered with this size.
+# A normalized light of size 0 is the limit of small lights, a point or line of the same power; it gets this size.
 SMALLEST = 1e-12
 _FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCross")  # UsdLux, DomeLight
 TEXTURE = "inputs:texture:file"
-COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # of UsdLux.BlackbodyTemperatureAsRgb
+COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # the range of UsdLux.BlackbodyTemperatureAsRgb
 
 
 def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light | None:
-    """The light at this matrix; None where it emits nothing, with a diagnostic."""
+    """Return the light at this matrix; None, with a diagnostic, if it emits nothing."""
     note_ignored_inputs(prim, ctx)
     made = _BY_TYPE[prim.type_name](prim, world_from_light, ctx)
     wanted = photometric_of(prim, ctx)
@@ -47,7 +47,7 @@ def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light 
 
 
 def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
-    """Before division by the light's size."""
+    """Return the radiance before division by the light's size."""
     r, g, b = light_color(prim, "inputs:color", (1.0, 1.0, 1.0), ctx)
     scale = _number(prim, "inputs:intensity", 1.0, ctx) * _exp2(_number(prim, "inputs:exposure", 0.0, ctx))
     illuminant = illuminant_of(prim, ctx)
@@ -63,7 +63,7 @@ def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
 
 
 def _emission(prim: ResolvedPrim, emission: Color, brightest: float, ctx: Context) -> Color:
-    """As much of it as can be rendered: light is not negative, and single precision ends."""
+    """Return the emission clamped to [0, brightest], with a diagnostic if that changes it."""
     if min(emission) < 0:
         ctx.warn(
             "out-of-range", prim.path, f"Its emission {_shown(emission)} is negative: that is taken as 0.", "inputs:intensity"
@@ -84,7 +84,7 @@ def _exp2(exposure: float) -> float:
 
 
 def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Color | None:
-    """`radiance` divided by the area if normalize is on; None, noted, where nothing is emitted."""
+    """Return `radiance`, divided by the area if normalize is on; None, with a diagnostic, if the area is 0 or infinite."""
     if area == 0 or not math.isfinite(area):
         ctx.warn("light-dark", prim.path, f"The light's area is {area:g}: it emits nothing.")
         return None
@@ -99,7 +99,7 @@ def _size(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
 
 
 def _has_depth(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> bool:
-    """Whether a light that needs all three axes has them; noted where it has not."""
+    """Return whether the transform keeps all three axes, which some lights need; report it if not."""
     if _spans_space(matrix[:3, :3].tobytes()):
         return True
     ctx.warn("light-dark", prim.path, "Its transform leaves it without depth: it emits nothing.")
@@ -117,7 +117,7 @@ def _sphere(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
     radiance = _radiance(prim, ctx)
     area, normalizes = sphere_area(matrix, radius), _normalizes(prim, ctx)
     if flag(prim.prim, "treatAsPoint", ctx.when, False) or (normalizes and radius <= SMALLEST):
-        # The limit of a sphere: I = L pi r^2, a quarter of its area (also an ellipsoid's mean, by Cauchy's formula).
+        # The limit of a small sphere: I = L pi r^2, a quarter of its area (by Cauchy's formula an ellipsoid's mean, too).
         if not normalizes and area == 0:
             ctx.warn("light-dark", prim.path, "A sphere light of radius 0 without normalize emits nothing.")
             return None
@@ -150,8 +150,8 @@ def _cylinder(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None
     if emission is None:
         return None
     if flag(prim.prim, "treatAsLine", ctx.when, False) or (_normalizes(prim, ctx) and radius <= SMALLEST):
-        # The limit of a cylinder. Across it a length dl of one shows L 2 r dl, which is L times its area over pi (also of an
-        # elliptic one's mean, by Cauchy's formula).
+        # The limit of a thin cylinder: a length dl shows a projected area of 2 r dl across, its lateral area over pi (by
+        # Cauchy's formula also the mean over directions of an elliptic one).
         stretched = length * float(np.linalg.norm(matrix[:3, 0]))
         return _light(prim, LightType.LINE, matrix, _times(emission, area / (math.pi * stretched)), ctx, length=length)
     if not _has_depth(prim, matrix, ctx):
@@ -168,7 +168,7 @@ def _distant(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
 
 
 def distant_size_factor(angle_deg: float) -> float:
-    """UsdLux DistantLight: 1 at angle 0, pi sin^2 theta up to 180 degrees, pi (2 - sin^2 theta) beyond."""
+    """Return UsdLux DistantLight's sizeFactor: 1 at angle 0, pi sin^2 theta up to 180 degrees, pi (2 - sin^2 theta) beyond."""
     theta = min(max(math.radians(angle_deg) / 2, 0.0), math.pi)
     if theta == 0:
         return 1.0
@@ -177,7 +177,7 @@ def distant_size_factor(angle_deg: float) -> float:
 
 
 def _dome(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
-    """Normalize has no effect on domes (UsdLux LightAPI)."""
+    """Return a dome; normalize has no effect on domes (UsdLux LightAPI)."""
     if prim.type_name == "DomeLight_1":
         matrix = matrix @ _pole_rotation(prim, ctx)
     texture = _texture(prim, ctx)
@@ -187,7 +187,7 @@ def _dome(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
 
 
 def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
-    """DomeLight_1 with pole Z: latitude +pi/2 points to +Z and longitude 0 to -Y; longitude pi/2 stays at +X."""
+    """Return DomeLight_1's rotation: with pole Z, latitude +pi/2 is at +Z, longitude 0 at -Y, longitude pi/2 still at +X."""
     axis = token(prim.prim, "poleAxis", ctx.when, "scene")
     if axis == "scene":
         axis = up_axis(ctx.stage)
@@ -198,12 +198,13 @@ def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
 
 
 def missing_texture_text(path: str, type_name: str) -> str:
+    """Return the message for a light's texture that does not exist."""
     kind = "dome" if type_name.startswith("Dome") else "light"
     return f"{path} cannot be found: the {kind} is rendered without its texture."
 
 
 def _texture(prim: ResolvedPrim, ctx: Context) -> TextureFile | None:
-    """The image of a dome or rectangle. One that is missing is left out: the light then emits its plain colour."""
+    """Return the texture of a dome or rectangle; None, with a diagnostic, if its file is missing."""
     if TEXTURE not in prim.names:
         return None
     asset = read(prim.prim, TEXTURE, ctx.when)
@@ -225,7 +226,7 @@ def _texture_format(prim: ResolvedPrim, ctx: Context) -> str:
 
 
 def geometry_light(prim: ResolvedPrim, ctx: Context) -> Light:
-    """What a shape gives that has LightAPI: its radiance before the area, which is known where it stands."""
+    """Return the light of a shape that has LightAPI; its radiance is divided by the area later, once the shape is placed."""
     note_ignored_inputs(prim, ctx)
     return replace(_light(prim, LightType.GEOMETRY, np.eye(4), _radiance(prim, ctx), ctx), normalize=_normalizes(prim, ctx))
 
@@ -258,14 +259,14 @@ def _light(
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
-    # Asking USD takes most of the time of 100,000 lights. Of numbers, intensity alone has other defaults for other lights.
+    # USD queries dominate for 100,000 lights, so unauthored names skip them. Only intensity's default varies by type.
     if name not in prim.names and name != "inputs:intensity":
         return default
     return number(prim.prim, name, ctx.when, default, ctx.diagnostics)
 
 
 def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: float, ctx: Context) -> float:
-    """A number in its range; one that is brought there is noted."""
+    """Return a number clamped to [low, high], with a diagnostic if that changes it."""
     found = _number(prim, name, default, ctx)
     inside = min(max(found, low), high)
     if inside != found:
@@ -275,7 +276,7 @@ def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: flo
 
 
 def _normalizes(prim: ResolvedPrim, ctx: Context) -> bool:
-    """So does a light that is to give a certain amount, whatever its size."""
+    """Return whether emission is divided by the area: normalize is on, or a photometric amount is given."""
     if photometric_of(prim, ctx) is not None:
         return True
     return "inputs:normalize" in prim.names and flag(prim.prim, "inputs:normalize", ctx.when, False)

@@ -1,4 +1,4 @@
-"""The group that a light is in, as other renderers' files say it; light path expressions name lights by it (<L.'key'>)."""
+"""A light's group, by which light path expressions name lights (<L.'key'>); read from attributes of other renderers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ARNOLD, ARNOLDS_NONE = "primvars:arnold:aov", "default"
 
 
 def group_of(prim: ResolvedPrim, ctx: Context) -> str:
-    """ "" where it is in none. Render settings come before a light's attributes, of which the first that names one counts."""
+    """Return the group's name; "" if the light is in none. Groups in render settings come before attributes of the light."""
     named = ctx.light_groups.name_of(prim.prim)
     if named:
         return named

@@ -1,4 +1,4 @@
-"""A light that is to give so many lumens or lux: its emission scaled to that, now or once its image has been read."""
+"""Lights given in lumens or lux: their emission is scaled to that here or, if they have a texture, once it is read."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...resolving.resolve import ResolvedPrim
 
 
 def measured(prim: ResolvedPrim, light: Light, wanted: Photometric, ctx: Context) -> Light:
-    """As much as is wanted; dark, and noted, where the light's emission cannot be scaled to that."""
+    """Return the light scaled to the wanted amount; dark, with a diagnostic, if no scale gives it."""
     if not any(light.emission):
         ctx.warn("light-dark", prim.path, "Its colour, intensity or exposure leaves it no light that could be scaled.")
         return light

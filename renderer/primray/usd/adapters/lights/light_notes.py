@@ -1,4 +1,4 @@
-"""What a light asks for and does not get, as diagnostics: filters, other shaders."""
+"""Diagnostics for light inputs that are not supported: light filters and shader ids of other renderers."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from ...resolving.resolve import ResolvedPrim
 
 
 def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
+    """Report light filters, and a light:shaderId other than the schema's own."""
     if "light:filters" in prim.names and targets(prim.prim, "light:filters"):
         ctx.warn("light-input", prim.path, "Light filters are ignored.", "light:filters")
     _note_shader(prim, ctx)
 
 
 def _note_shader(prim: ResolvedPrim, ctx: Context) -> None:
-    """light:shaderId is the schema's own for every light that is rendered; nothing stands for others."""
+    """Report a light:shaderId that is not the schema's own: no other shaders are implemented."""
     if "light:shaderId" not in prim.names:
         return
     shader = read(prim.prim, "light:shaderId", ctx.when)

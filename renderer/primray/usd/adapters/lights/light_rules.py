@@ -1,4 +1,4 @@
-"""What belongs to a light beside its emission: whom it reaches, who casts its shadows and how, whether the camera sees it."""
+"""Settings of a light beside its emission: light and shadow links, shadows, group, visibility to the camera."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .light_visibility import is_seen_by_camera
 
 @dataclass(frozen=True)
 class LightRules:
-    """Of all instances of one prim with LightAPI."""
+    """Settings shared by all instances of one prim with LightAPI; links are collection numbers, 0 for everything."""
 
     shadow: Shadow | None = None
     light_link: int = 0
@@ -24,6 +24,7 @@ class LightRules:
     visible_to_camera: bool = True
 
     def applied(self, light: Light) -> Light:
+        """Return the light with these settings."""
         if self == _NONE:
             return light
         return replace(
@@ -40,5 +41,6 @@ _NONE = LightRules()
 
 
 def rules_of(prim: ResolvedPrim, ctx: Context, links: Links | None) -> LightRules:
+    """Read the settings of a prim with LightAPI."""
     numbers = (0, 0) if links is None else links.of_light(prim)
     return LightRules(shadow_of(prim, ctx), *numbers, group_of(prim, ctx), is_seen_by_camera(prim, ctx))

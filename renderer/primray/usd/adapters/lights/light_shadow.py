@@ -1,4 +1,4 @@
-"""UsdLux ShadowAPI: whether a light casts shadows, their colour, how far from a surface its occluders may be."""
+"""UsdLux ShadowAPI: whether a light casts shadows, their colour, and up to what distance occluders count."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _ENABLE, _COLOR = "inputs:shadow:enable", "inputs:shadow:color"
 _DISTANCE, _FALLOFF, _GAMMA = "inputs:shadow:distance", "inputs:shadow:falloff", "inputs:shadow:falloffGamma"
 _NAMES = frozenset({_ENABLE, _COLOR, _DISTANCE, _FALLOFF, _GAMMA})
 _DEFAULT = Shadow()
-# Beyond, products with radiance could leave what floats hold.
+# Products of larger values with radiance could overflow single precision.
 _BRIGHTEST = 1e6
 
 
 def shadow_of(prim: ResolvedPrim, ctx: Context) -> Shadow | None:
-    """None where nothing differs from what geometry casts by itself."""
+    """Return the shadow settings; None if they are UsdLux's defaults."""
     if _NAMES.isdisjoint(prim.names):
         return None
     distance = _number(prim, _DISTANCE, -1.0, ctx)
@@ -32,7 +32,7 @@ def shadow_of(prim: ResolvedPrim, ctx: Context) -> Shadow | None:
         _gamma(prim, ctx),
     )
     if not found.enabled:
-        return Shadow(enabled=False)  # the rest means nothing
+        return Shadow(enabled=False)  # the other values have no effect
     return found if found.color != _DEFAULT.color or found.distance >= 0 else None
 
 

@@ -1,7 +1,7 @@
-"""UsdLux ShapingAPI: what it says of one light, None where it changes nothing.
+"""UsdLux ShapingAPI of one light: focus, cone and IES profile.
 
-Attributes count that are authored though the schema is not applied; its fallbacks, a cone of 90 degrees among them, only
-where it is.
+Authored attributes count even if the schema is not applied. The schema's fallback values (a cone of 90 degrees) count only
+if it is applied.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ _WHITE = (1.0, 1.0, 1.0)
 
 
 def shaping(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Shaping | None:
+    """Return the shaping of a light with this world matrix; None if it does not change the emission."""
     applied = _is_applied(prim)
     if not applied and not _authored(prim):
         return None
@@ -42,7 +43,7 @@ def shaping(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Shaping | None
 
 
 def peak(found: Shaping | None) -> float:
-    """No component of the light's emission grows by more than this."""
+    """Return the largest factor by which shaping scales any component of the emission."""
     if found is None:
         return 1.0
     focus = max(1.0, *found.focus_tint) if found.focus > 0 else 1.0
@@ -53,7 +54,7 @@ def peak(found: Shaping | None) -> float:
 
 
 def note_unshaped(prim: ResolvedPrim, ctx: Context) -> None:
-    """For lights to which shaping does not apply: what is asked for in vain."""
+    """Report shaping attributes of a light type to which shaping does not apply."""
     for name in sorted(_authored(prim)):
         raw = read(prim.prim, name, ctx.when)
         if name == FILE and not (isinstance(raw, Sdf.AssetPath) and raw.path):
@@ -73,7 +74,7 @@ def _authored(prim: ResolvedPrim) -> list[str]:
 
 
 def _focus(prim: ResolvedPrim, ctx: Context) -> float:
-    """ "Values < 0 are ignored" (ShapingAPI)."""
+    """Return the focus, 0 or more: "Values < 0 are ignored" (ShapingAPI)."""
     focus = number(prim.prim, FOCUS, ctx.when, 0.0, ctx.diagnostics)
     if focus < 0:
         ctx.warn("light-input", prim.path, f"{FOCUS} = {focus:g} is negative: it is ignored.", FOCUS)
@@ -95,7 +96,7 @@ def _cone_angle(prim: ResolvedPrim, default: float, ctx: Context) -> float:
 
 
 def _softness(prim: ResolvedPrim, ctx: Context) -> float:
-    """ "Values outside of the [0, 1] range are clamped to the range" (ShapingAPI)."""
+    """Return the softness: "Values outside of the [0, 1] range are clamped to the range" (ShapingAPI)."""
     softness = number(prim.prim, SOFTNESS, ctx.when, 0.0, ctx.diagnostics)
     inside = min(max(softness, 0.0), 1.0)
     if inside != softness:
@@ -114,7 +115,7 @@ def _profile(prim: ResolvedPrim, ctx: Context) -> IesProfile | None:
 def _changes_anything(found: Shaping, prim: ResolvedPrim, matrix: Doubles) -> bool:
     if found.ies is not None or (found.focus > 0 and found.focus_tint != _WHITE) or found.cone_softness > 0:
         return True
-    # A flat light whose -Z is its normal has no light beyond 90 degrees that a cone could take away.
+    # A flat light whose normal is -Z emits nothing beyond 90 degrees, so a wider cone changes nothing.
     flat = prim.type_name in ("RectLight", "DiskLight") and _is_straight(matrix)
     return found.cone_angle_deg < (90.0 if flat else _NEUTRAL_ANGLE)
 

@@ -1,5 +1,8 @@
-"""Whether the camera sees a light itself. UsdLux has no word for it: what its renderers read is honoured, and lights are
-seen by default, as hdEmbree's reference and the text ("a directly visible light") have them."""
+"""Visibility of a light to camera rays.
+
+UsdLux has no attribute for it, so the attributes of other renderers are read. Lights are visible by default, as in hdEmbree's
+reference implementation and in UsdLux's text ("a directly visible light").
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ _ATTRIBUTES = frozenset(CAMERA_VISIBILITY)
 
 
 def is_seen_by_camera(prim: ResolvedPrim, ctx: Context) -> bool:
+    """Return whether camera rays see the light; the first authored attribute of CAMERA_VISIBILITY decides."""
     if _ATTRIBUTES.isdisjoint(prim.names):
         return True
     found: list[tuple[str, bool]] = []
