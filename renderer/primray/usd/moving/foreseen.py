@@ -1,4 +1,4 @@
-"""What is known of motion before skeletons pose anything: when the shutter is open, and how large the camera sees things."""
+"""Shutter, and size of objects in pixels, as known before skeletons pose the stage."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from .timing import AT_FRAME, Timing
 
 @dataclass(frozen=True, eq=False)
 class Foreseen:
+    """Timing and error bound of the render, and the camera's pixels if it is known."""
+
     timing: Timing = AT_FRAME
-    most: float = 1.0  # pixels that paths may be off
-    pixels: Pixels | None = None  # None: the camera is only made when everything is known
-    side: int = 1  # the picture's longer one, in pixels
+    most: float = 1.0  # largest motion error in pixels
+    pixels: Pixels | None = None  # None: the camera is made once the scene is translated
+    side: int = 1  # longer side of the image, in pixels
 
     def per_length(self, low: Doubles, high: Doubles, is_placed: bool = True) -> Doubles:
-        """(K,) pixels a unit of length of what is within the boxes (K, 3); where it is not known how near that comes, as if it
-        filled the picture."""
+        """Return pixels per unit of length (K,) within the boxes (K, 3); without a known camera or placement, as if each box
+        filled the image."""
         if self.pixels is not None and is_placed:
             return self.pixels.per_length(low, high)
         size = np.linalg.norm(high - low, axis=1)

@@ -1,1 +1,1 @@
-"""Which camera looks, how large its picture is, and what moves while its shutter is open."""
+"""The view: choice of the camera, resolution of its image, shutter and camera motion."""

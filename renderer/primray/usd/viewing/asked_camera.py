@@ -1,4 +1,4 @@
-"""A camera that no prim of the stage is: a `Camera`, or a matrix through UsdGeomCamera's default lens."""
+"""Cameras given in the settings without a prim: a `Camera`, or a matrix with UsdGeomCamera's default lens."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SAME = 1e-12  # relative: aspect ratios that differ in rounding only
 
 
 def aperture_of(asked: Camera | Matrix) -> Aperture:
-    """Of a Camera in units of its window."""
+    """Return the aperture of a given camera, in units of its window."""
     if isinstance(asked, tuple):
         return APERTURE
     left, right, bottom, top = asked.window
@@ -29,9 +29,10 @@ def aperture_of(asked: Camera | Matrix) -> Aperture:
 def conformed(
     asked: Camera | Matrix, aperture: Aperture, resolution: tuple[int, int], product: ProductSettings, shutter: Shutter
 ) -> Camera:
-    """Its window adapted to the image; one that fits keeps its bits. It has no path: what moves on the stage does not move it.
+    """Return the given camera with its window conformed to the image; a window of that aspect keeps its bits.
 
-    Depth of field is left out where the product says so, as of the stage's own cameras.
+    It has no path, so nothing on the stage moves it. A product without depth of field makes it a pinhole, like the stage's
+    cameras.
     """
     fitted = conform(aperture, resolution, product)
     if isinstance(asked, tuple):
@@ -45,7 +46,7 @@ def conformed(
 
 
 def with_shutter(camera: Camera, shutter: Shutter) -> Camera:
-    """Black, where that closes before it opens."""
+    """Return the camera with this shutter; a shutter of None (closes before it opens) makes the image black."""
     if shutter is None:
         return replace(camera, shutter=INSTANT, exposure_scale=0.0)
     return replace(camera, shutter=shutter)

@@ -1,8 +1,8 @@
-"""Back plates of cameras (UsdGeom BackPlateAPI): a card that fills the frustum at focusDistance + focalLength, written to a
-copy of the stage as a mesh below the camera, whose material is the image without any lighting.
+"""Back plates of cameras (UsdGeom BackPlateAPI): a card that fills the frustum at focusDistance + focalLength.
 
-The camera that looks is filled as its picture is conformed, other cameras' plates (`all`) fill their own apertures. Colours are
-graded as decoded: (in * slope + offset) ^ power.
+The card is written to a copy of the stage as a mesh below the camera, with an unlit material that shows the image. The plate
+of the rendered camera fills its conformed window, plates of other cameras (visibility `all`) fill their own apertures. Decoded
+colours are graded: (in * slope + offset) ^ power.
 """
 
 from __future__ import annotations
@@ -36,13 +36,14 @@ if TYPE_CHECKING:
 
 SCHEMA = "BackPlateAPI"
 UNITS_PER_TENTH = 0.1  # UsdGeomCamera: focalLength is in tenths of a scene unit
-# Of the image of opacity, by its number of channels: the type that reads it, and which number counts. Two channels are read
-# as a grey and its alpha.
+# MaterialX type and channel of the opacity, by its image's number of channels. Two channels are read as grey and alpha.
 _ALPHA = {1: ("float", None), 2: ("color4", 3), 4: ("color4", 3)}
 
 
 @dataclass(frozen=True)
 class Plate:
+    """One back plate: an instance of the multiple-apply schema on a camera."""
+
     camera: Usd.Prim
     name: str
 
@@ -55,14 +56,14 @@ class Plate:
         return str(found.resolvedPath or found.path) if isinstance(found, Sdf.AssetPath) else ""
 
     def color_space(self, what: str) -> str:
-        """Return the name of the colour space that the attribute itself says that its image is in, "" where it does not."""
+        """Return the colour space authored on the attribute of an image, "" if none is."""
         attribute = self.camera.GetAttribute(f"backPlate:{self.name}:{what}")
         return color_space_name(attribute) if attribute else ""
 
 
 @dataclass(frozen=True)
 class Looks:
-    """A camera that the picture is taken through, conformed to its frame."""
+    """The rendered camera, conformed to its frame."""
 
     prim: Usd.Prim
     camera: Camera
@@ -70,7 +71,7 @@ class Looks:
 
 
 def plates_of(cameras: Sequence[Usd.Prim]) -> list[Plate]:
-    """Those of all cameras of the stage."""
+    """Return the back plates of all cameras of the stage."""
     return [
         Plate(camera, schema.partition(":")[2])
         for camera in cameras
@@ -82,7 +83,7 @@ def plates_of(cameras: Sequence[Usd.Prim]) -> list[Plate]:
 def with_back_plates(
     stage: Usd.Stage, plates: Sequence[Plate], looks: Looks | None, when: When, diagnostics: Diagnostics
 ) -> Usd.Stage:
-    """`looks`: the camera that the picture is taken through, if it is one of the stage."""
+    """Return a copy of the stage with the plates as meshes; `looks` is the rendered camera if it is one of the stage."""
     made = scratch_copy(stage)
     own = None if looks is None else looks.prim.GetPath()
     with Usd.EditContext(made, made.GetSessionLayer()):
@@ -136,7 +137,7 @@ def _shape(plate: Plate, card: Card, when: When, diagnostics: Diagnostics) -> Re
 
 
 def _depth_space(plate: Plate, diagnostics: Diagnostics) -> str | ColorSpace:
-    """Return what the depths are decoded by: they are numbers as they are stored unless the attribute says otherwise."""
+    """Return the depth image's encoding: stored numbers, unless the attribute has a colour space."""
     name = plate.color_space("depth:image")
     space = space_named(name) if name else None
     if name and space is None:
@@ -146,7 +147,7 @@ def _depth_space(plate: Plate, diagnostics: Diagnostics) -> str | ColorSpace:
 
 
 def _note_unread(plate: Plate, when: When, diagnostics: Diagnostics) -> None:
-    """Report images that the plate names and that cannot be used: what is damaged further on is reported as any texture is."""
+    """Report images of the plate that cannot be opened or have no opacity; damaged pixels are reported as for any texture."""
     for what, without in (("image", "black"), ("alpha:image", "opaque")):
         file = plate.file(what, when)
         count = _channels(file) if file else 0
@@ -202,13 +203,13 @@ def _wear(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: Loo
 
 
 def _is_as_fine(path: str, through: Looks | None) -> bool:
-    """As the picture: then a pixel is the mean of the texels in it, and of no others."""
+    """Return whether an image is at least as wide as the render: then a pixel is the mean of the texels in it alone."""
     header = _header(path)
     return header is not None and through is not None and header.width >= through.frame.resolution[0]
 
 
 def _channels(path: str) -> int:
-    """0 where the image cannot be opened."""
+    """Return the number of channels, 0 if the image cannot be opened."""
     header = _header(path)
     return 0 if header is None else int(header.nchannels)
 
@@ -229,7 +230,7 @@ _TYPES = {
 
 
 class _Nodes:
-    """MaterialX's nodes of a material."""
+    """Writer of a material's MaterialX nodes."""
 
     def __init__(self, stage: Usd.Stage, path: Sdf.Path) -> None:
         self._stage, self._path = stage, path
@@ -247,7 +248,7 @@ class _Nodes:
             made.Set(value)
 
     def image(self, name: str, kind: str, file: str, space: str, *, whole: bool = False) -> UsdShade.Output:
-        """`space`: the colour space that the file is in; "": what USD and the file say."""
+        """Return an image node's output. `space` is the file's colour space, "" for what USD and the file say."""
         place = self.node(f"{name}_st", "ND_geompropvalue_vector2")
         place.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
         made = self.node(name, f"ND_image_{kind}")

@@ -1,4 +1,4 @@
-"""The camera over the shutter: where it stands, its zoom, focus and clipping, at times that an error in pixels decides."""
+"""Camera motion over the shutter: placement, zoom, focus and clipping, at times chosen by an error bound in pixels."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from .drawn import Drawn
 _OPTICS = """horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength
     clippingRange fStop focusDistance"""
 OPTICS = frozenset(_OPTICS.split())
-FAR = 1e6  # times as far as what is nearest
+FAR = 1e6  # times the distance of the nearest object
 NO_ERROR = 1e-4  # pixels
 
 
 def camera_when(prim: Usd.Prim, ctx: Context, offset: float) -> When:
-    """When to read it, so many time codes after the frame; motion:blurScale is of "all objects", of cameras, too."""
+    """Return when to read a camera, `offset` time codes after the frame; motion:blurScale applies to cameras, too."""
     return ctx.when.after(offset * blur_scale_of(prim))
 
 
@@ -43,7 +43,7 @@ def camera_motion(
     nearest: float,
     most: float,
 ) -> tuple[CameraMotion, Steps] | None:
-    """None where it stands still while the shutter is open; `nearest`: how far away the first thing is that it may see."""
+    """Return the camera's motion, None if it does not move; `nearest` is the distance of the nearest object it may see."""
     if prim is None or not (moving := list(_moving(prim, ctx))):
         return None
     scale, timing = blur_scale_of(prim), ctx.timing
@@ -68,7 +68,7 @@ def camera_motion(
 
 
 def as_made(found: Camera, frame: Camera) -> Camera:
-    """With what does not move as it is at the frame."""
+    """Return the camera found, with what is not animated as it is at the frame."""
     return replace(
         found,
         exposure_scale=frame.exposure_scale,
@@ -81,7 +81,7 @@ def as_made(found: Camera, frame: Camera) -> Camera:
 
 
 def _moving(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
-    """Attributes of it and of what is above it that change while the shutter is open."""
+    """Yield attributes of the camera and its ancestors that change while the shutter is open."""
     names = OPTICS & frozenset(property_names(prim))
     yield from (a for name in sorted(names) if moves(a := prim.GetAttribute(name), ctx.when, ctx.timing))
     above = prim
@@ -93,7 +93,7 @@ def _moving(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
 
 
 def between(a: Camera, b: Camera, u: float) -> Camera:
-    """As the seam has it: the rotation at constant speed, the rest linear."""
+    """Return the camera between two, as the core interpolates it: rotation by slerp, the rest linear."""
     matrix = np.eye(4)
     first, last = (quaternions(camera.world_from_camera[None, :3, :3]) for camera in (a, b))
     matrix[:3, :3] = rotation_matrices(slerp(first, last, u))[0]
@@ -111,7 +111,7 @@ def between(a: Camera, b: Camera, u: float) -> Camera:
 
 
 def nearest_to(camera: Camera, things: Drawn) -> float:
-    """How far away the nearest thing is, or the near plane where it holds the camera."""
+    """Return the distance of the nearest object, at least that of the near plane."""
     eye = camera.world_from_camera[:3, 3]
     apart = np.linalg.norm(np.maximum(np.maximum(things.low - eye, eye - things.high), 0.0), axis=1)
     size = float((things.high.max(axis=0) - things.low.min(axis=0)).max())
@@ -123,7 +123,7 @@ def _mix(a: Doubles, b: Doubles, u: float) -> Doubles:
 
 
 def _difference(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
-    """Pixels, the largest at the corners and the centre of what the true camera sees, near and far; without distortion."""
+    """Return the largest error in pixels at the corners and centre of the true camera's view, near and far, undistorted."""
     found, true = replace(found, distortion=None), replace(true, distortion=None)
     left, right, bottom, top = true.window
     window = np.array([(left, bottom), (left, top), (right, bottom), (right, top), ((left + right) / 2, (bottom + top) / 2)])
@@ -140,7 +140,7 @@ def _difference(found: Camera, true: Camera, nearest: float, resolution: tuple[i
 
 
 def _defocus(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
-    """Pixels by which the blur of what is nearest, and of what is infinitely far, is too large or too small."""
+    """Return the error in pixels of the circle of confusion for the nearest object and at infinity."""
     left, right, _, _ = true.window
     per_unit = resolution[0] / abs(right - left)
 

@@ -1,4 +1,4 @@
-"""What the picture's lens diffuses: as the camera says, but for what the user says."""
+"""Diffusion of the image's lens: the settings' values, else the camera's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...settings import DIFFUSION, RenderSettings
 
 
 def with_diffusion(camera: Camera, settings: RenderSettings) -> Camera:
-    """SettingsError where both together are more than all light that is diffused."""
+    """Return the camera with the settings' diffusion; SettingsError if its shares then add up to more than 1."""
     asked = {member: getattr(settings, name) for name, member in DIFFUSION.items()}
     asked = {member: value for member, value in asked.items() if value is not None}
     if not asked:

@@ -1,7 +1,7 @@
-"""What is drawn, thing by thing: boxes in the world to judge it by, and how far exactly it reaches in a direction.
+"""Rendered objects with their world boxes, and their exact extent along a direction, to frame cameras by.
 
-A thing is a shape that stands once, or one instance of a prototype. Made from what has been translated, so that what is hidden,
-or of a purpose that is not rendered, is no thing.
+An object is a shape that is placed once, or one instance of a prototype. Objects come from the translated scene, so hidden
+prims and purposes that are not rendered are not among them.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from .framing import MANY, prototype_box
 from .outliers import outliers
 
 Mask = npt.NDArray[np.bool_]
-CURVED_FACES = 64  # that a sphere is worth
-LOOKED_AT = 256  # things whose own points are looked at in one direction; the others count by their boxes
-FARTHEST = 1e100  # beyond, boxes are no boxes: sums and products of theirs would overflow
+CURVED_FACES = 64  # faces that a sphere counts as
+LOOKED_AT = 256  # objects whose points are tested along one direction; others count by their boxes
+FARTHEST = 1e100  # boxes beyond are left out: sums and products of their corners could overflow
 ROWS = 1 << 18  # points in double precision at a time
 
 
 @dataclass(frozen=True)
 class Thing:
-    """What may stand in several places, in its own space. Without `parts` its box is all that is known of it."""
+    """An object in its own space, which may be placed several times; without `parts` only its box is known."""
 
     path: str
     box: Box
@@ -40,7 +40,7 @@ class Thing:
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """Where one thing stands: all instances of a placement in order, or one matrix (3, 4) for all."""
+    """Placements of one object: all instances of a Placement in order, or a single matrix (3, 4)."""
 
     thing: Thing
     low: Doubles  # (K, 3) world
@@ -48,7 +48,7 @@ class Stand:
     where: Placement | Doubles
 
     def matrix(self, k: int) -> Doubles:
-        """(3, 4) world_from_thing."""
+        """Return world_from_thing (3, 4) of instance k."""
         if not isinstance(self.where, Placement):
             return self.where
         world = np.eye(4)
@@ -61,7 +61,7 @@ class Stand:
 
 
 class Drawn:
-    """Things with finite boxes; `low` and `high` (N, 3) are these in the world, `detail` (N,) grows with the faces."""
+    """Objects with finite boxes: `low` and `high` (N, 3) are the world boxes, `detail` (N,) grows with the number of faces."""
 
     def __init__(self, stands: Sequence[Stand], kept: Mask | None = None) -> None:
         self._stands = stands
@@ -79,13 +79,13 @@ class Drawn:
         return len(self._numbers)
 
     def only(self, kept: Mask) -> Drawn:
-        """Those that the mask (N,) chooses."""
+        """Return the objects that the mask (N,) chooses."""
         chosen = np.zeros(sum(self._sizes), bool)
         chosen[self._numbers[kept]] = True
         return Drawn(self._stands, chosen)
 
     def with_box(self, low: Doubles, high: Doubles) -> Drawn:
-        """These, and a thing of which only its box (3,) in the world is known."""
+        """Return these objects and one more, of which only its world box is known: corners (3,)."""
         chosen = np.zeros(sum(self._sizes) + 1, bool)
         chosen[self._numbers] = chosen[-1] = True
         return Drawn([*self._stands, Stand(Thing("", (low, high)), low[None], high[None], np.eye(4)[:3])], chosen)
@@ -99,12 +99,12 @@ class Drawn:
         return np.repeat([stand.thing.is_light for stand in self._stands], self._sizes)[self._numbers]
 
     def paths(self, chosen: Mask) -> list[str]:
-        """Of the things that the mask (N,) chooses, each once."""
+        """Return the paths of the objects that the mask (N,) chooses, each once."""
         stands = np.unique(np.searchsorted(self._ends, self._numbers[chosen], side="right"))
         return list(dict.fromkeys(self._stands[s].thing.path for s in stands))
 
     def reach(self, direction: Doubles, origin: Doubles) -> float:
-        """The largest dot product of `direction` (3,) with what is drawn, seen from `origin` (3,)."""
+        """Return the largest dot product of `direction` (3,) with any point of the objects, relative to `origin` (3,)."""
         bounds = self._centers @ direction + self._halves @ np.abs(direction) - origin @ direction
         first = int(np.argmax(bounds))
         best = self._reach_of(first, bounds, direction, origin, -math.inf)
@@ -124,7 +124,7 @@ class Drawn:
         return (self.high - self.low) / 2
 
     def _reach_of(self, k: int, bounds: Doubles, direction: Doubles, origin: Doubles, enough: float) -> float:
-        """Of one thing, not beyond its bound; of its parts that cannot reach `enough` nothing more is asked."""
+        """Return the extent of one object, at most its bound; parts that cannot exceed `enough` are skipped."""
         number = int(self._numbers[k])
         s = int(np.searchsorted(self._ends, number, side="right"))
         stand = self._stands[s]
@@ -161,7 +161,7 @@ class Drawn:
 def drawn(
     shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
 ) -> Drawn:
-    """All of what has been translated; a unit box where there is nothing."""
+    """Return the scene's objects, without geometry lights unless there is nothing else; a unit box if it is empty."""
     stands = [*_static(shapes, static), *_instances(shapes, prototypes, placements)]
     found = Drawn(stands)
     if len(found) == 0:
@@ -172,7 +172,7 @@ def drawn(
 
 
 def drawn_bounds(description: SceneDescription, up: int) -> Box:
-    """Return the low and high corner (3,) of what is drawn, without outliers; the lowest point along the up axis is exact."""
+    """Return the low and high corner (3,) of the scene without outliers; the lowest point along the up axis is exact."""
     things = drawn(description.shapes, description.static, description.prototypes, description.placements)
     things = things.only(~outliers(things.low, things.high, things.detail, up))
     low, high = things.low.min(axis=0), things.high.max(axis=0)
@@ -220,7 +220,7 @@ def _prototype(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number:
 
 
 def _detail(shapes: Sequence[Shape]) -> float:
-    """What things count by: a thing of many faces counts more than one of few, but not by their number."""
+    """Return an object's weight, which grows with the logarithm of its number of faces."""
     return 1.0 + math.log2(1 + sum(map(_face_count, shapes)))
 
 

@@ -1,4 +1,4 @@
-"""What the camera and its shutter say before skeletons pose what is on the stage."""
+"""Shutter and camera before skeletons pose the stage, to choose how finely poses are sampled."""
 
 from __future__ import annotations
 
@@ -19,14 +19,17 @@ from .view import select_camera, view_without_things
 
 
 def foreseen(ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Foreseen:
-    """All of it is said again, to whom it concerns, when the posed stage is translated: `ctx` has diagnostics of its own."""
+    """Return the shutter and camera of the render.
+
+    Diagnostics here are discarded (`ctx` has its own list); they are reported when the posed stage is translated.
+    """
     prim = select_camera(ctx.stage, ctx, product, cameras)
     shutter = shutter_of(prim, ctx, product)
     return as_seen(prim, shutter, replace(ctx, timing=timing_of(shutter, False, ctx)), product)
 
 
 def as_seen(prim: Usd.Prim | None, shutter: Shutter, ctx: Context, product: ProductSettings) -> Foreseen:
-    """By the camera of this prim, at `ctx.timing`."""
+    """Return the same for a camera's prim (None: without one) and shutter, at `ctx.timing`."""
     timing, ctx = ctx.timing, replace(ctx, diagnostics=Diagnostics())
     if timing.is_frame:
         return Foreseen(timing)

@@ -1,4 +1,4 @@
-"""The camera that usdrecord frames a stage without one with (UsdAppUtilsFrameRecorder), and boxes around what is drawn."""
+"""The camera with which usdrecord frames a stage without cameras (UsdAppUtilsFrameRecorder), and bounds of the scene."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ FOCAL_LENGTH = 50.0
 APERTURE = Aperture(20.955, 15.2908)
 
 
-MANY = 1_000_000  # instances whose own corners are looked at, one by one
+MANY = 1_000_000  # up to this many instances, the corners of each are bounded
 
 
 def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], product: ProductSettings) -> Camera:
-    """At the centre of the bounds, back from it far enough for them to fit; nothing is clipped."""
+    """Return a camera that looks at the centre of the bounds, far enough away for them to fit; nothing is clipped."""
     center, size = bounds
     up, depth = (2, 1) if z_up else (1, 2)
     radius = math.hypot(size[0], size[up]) / 2
@@ -43,7 +43,7 @@ def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], prod
 def shape_bounds(
     shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
 ) -> Bounds:
-    """Of what has been translated, by the corners of the shapes' own boxes; a unit box where there is nothing."""
+    """Return centre and size of the translated scene, by the corners of shapes' boxes; a unit box if it is empty."""
     corners = [corners_of(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
     for placement in placements:
         if prototypes[placement.prototype].placements or len(placement) > MANY:
@@ -62,7 +62,7 @@ def shape_bounds(
 
 
 def prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Bounds:
-    """Low and high corner of a prototype in its own space."""
+    """Return the low and high corner of a prototype in its own space."""
     p = prototypes[number]
     boxes = [placed_box(inner.levels, prototype_box(shapes, prototypes, inner.prototype)) for inner in p.placements]
     for placed in p.shapes:
@@ -72,6 +72,7 @@ def prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], numb
 
 
 def corners_of(shape: Shape) -> Doubles:
+    """Return the corners (8, 3) of a shape's box."""
     low, high = shape.box()
     pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
     return np.where(pick, high, low)

@@ -1,6 +1,6 @@
-"""What a camera's near plane cuts open: found by a few rays from the eye to the plane against what is in their way.
+"""Check for geometry that the camera's near plane clips: a few rays are traced from the eye to the plane.
 
-Instances and sets of many things are not looked at: the check has to cost less than a hundredth of a translation.
+Instances and scenes of many objects are not tested, as the check has to cost less than a hundredth of a translation.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ MOST_THINGS = 4096
 MOST_TRIANGLES = 1 << 22  # of one mesh
 SMALL = 512  # points of a mesh
 ACROSS, DOWN = 24, 18  # rays
-CORNERS = [0, ACROSS - 1, ACROSS * DOWN - 1, ACROSS * (DOWN - 1)]  # of the rays' grid, in their order around it
-LEAST_SHARE = 0.01  # of the rays
-DEPTH = 4  # of the sides of the rays' pyramid
+CORNERS = [0, ACROSS - 1, ACROSS * DOWN - 1, ACROSS * (DOWN - 1)]  # indices of the ray grid's corners, in order around it
+LEAST_SHARE = 0.01  # share of the rays that must hit
+DEPTH = 4  # index of the depth among the planes of the ray pyramid
 NO_TRIANGLES = np.empty((0, 3), np.int64)
-LOOKED_AT = 512  # triangles within the rays' box that rays are traced against; of more, their centres tell as much
+LOOKED_AT = 512  # rays are traced against this many triangles; of more, centres are projected to the rays
 
 
 def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Placed], ctx: Context) -> None:
+    """Report geometry in front of the near plane that would be visible."""
     near = camera.clipping_range[0]
     is_plain = camera.path and camera.projection is Projection.PERSPECTIVE and camera.distortion is None
     if not is_plain or not near > 0 or len(static) > MOST_THINGS:
@@ -53,7 +54,7 @@ def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Pl
 
 
 def _ends(camera: Camera, near: float) -> Doubles:
-    """(N, 3) world: points of the near plane that are seen."""
+    """Return points of the near plane in world space, (N, 3), on a grid over the window."""
     left, right, bottom, top = camera.window
     x = left + (np.arange(ACROSS) + 0.5) / ACROSS * (right - left)
     y = bottom + (np.arange(DOWN) + 0.5) / DOWN * (top - bottom)
@@ -64,8 +65,11 @@ def _ends(camera: Camera, near: float) -> Doubles:
 
 
 def _sides(camera: Camera, near: float, way: Doubles) -> Doubles:
-    """Return vectors (5, 3) in world space, whose products with what is seen from the eye are, within the pyramid of the rays,
-    not negative; the last of them is the depth, 0 at the eye and 1 at the plane."""
+    """Return the planes (5, 3) of the pyramid of rays, in world space relative to the eye.
+
+    Dot products of the first four with points inside are not negative; the last gives the depth, 0 at the eye and 1 at the
+    near plane.
+    """
     middle = way.mean(axis=0)
     edges = middle + 1.001 * (way[CORNERS] - middle)  # a little wider, for rounding
     normals = np.cross(edges, np.roll(edges, -1, axis=0))
@@ -74,9 +78,9 @@ def _sides(camera: Camera, near: float, way: Doubles) -> Doubles:
 
 
 def _between(shapes: Sequence[Shape], static: Sequence[Placed], eye: Doubles, sides: Doubles) -> Iterator[int]:
-    """Return which of the placed shapes may have something between the eye (depth 0) and the plane (depth 1).
+    """Yield the indices of placed shapes that may extend between the eye (depth 0) and the plane (depth 1).
 
-    Small meshes are looked at together.
+    Small meshes are tested together.
     """
     if not static:
         return
@@ -105,7 +109,7 @@ def _between(shapes: Sequence[Shape], static: Sequence[Placed], eye: Doubles, si
 
 
 def _hits(shape: Shape, matrix: Doubles, eye: Doubles, way: Doubles, sides: Doubles) -> Doubles:
-    """Return fractions (N,) of the way to the plane at which rays hit a placed shape first; inf where they do not."""
+    """Return fractions (N,) of the distance to the plane at which rays first hit a placed shape; inf if they miss."""
     rotation, eye = matrix[:3, :3], eye - matrix[:3, 3]
     triangles = NO_TRIANGLES
     if isinstance(shape, Mesh | SubdivisionMesh):
@@ -126,9 +130,9 @@ def _within(shape: Mesh | SubdivisionMesh, sides: Doubles, of_eye: Doubles) -> n
     A cage is taken for its surface. `sides` are in the shape's space, `of_eye` (5,) are their products with the eye.
     """
     codes = np.zeros(len(shape.points), np.uint8)
-    for k in (DEPTH, 0, 1, 2, 3):  # most shapes end at the first
+    for k in (DEPTH, 0, 1, 2, 3):  # most shapes are rejected by the first
         distances = shape.points @ sides[k].astype(shape.points.dtype)
-        at_eye = float(of_eye[k])  # as a Python float it does not widen the arrays
+        at_eye = float(of_eye[k])  # a Python float does not promote the arrays to double
         low, high = float(distances.min()), float(distances.max())
         if high < at_eye or (k == DEPTH and low > at_eye + 1):
             return NO_TRIANGLES
@@ -160,7 +164,7 @@ def _fans_within(cage: SubdivisionMesh, codes: npt.NDArray[np.uint8]) -> npt.NDA
 
 
 def _sphere_hits(shape: Sphere, start: Doubles, way: Doubles) -> Doubles:
-    """(N,) fractions of the way at which rays enter or leave it first; inf where they do not."""
+    """Return fractions (N,) of the distance at which rays first enter or leave the sphere; inf if they miss."""
     a, b = (way * way).sum(axis=1), way @ start
     inside = b * b - a * (start @ start - shape.radius**2)
     root = np.sqrt(np.maximum(inside, 0))
@@ -170,7 +174,7 @@ def _sphere_hits(shape: Sphere, start: Doubles, way: Doubles) -> Doubles:
 
 
 def _triangle_hits(corners: Doubles, way: Doubles, along: Doubles) -> Doubles:
-    """Return what _sphere_hits does, for rays from the origin and triangles (T, 3, 3)."""
+    """Return fractions (N,) of the distance at which rays from the origin first hit triangles (T, 3, 3); inf if they miss."""
     found = np.full(len(way), np.inf)
     corners = corners[_parts_pyramid(corners, way)]
     if not len(corners):
@@ -196,7 +200,7 @@ def _parts_pyramid(corners: Doubles, way: Doubles) -> npt.NDArray[np.bool_]:
 
 
 def _splatted(centers: Doubles, along: Doubles, way: Doubles) -> Doubles:
-    """The same for many small triangles: by which rays their centres (K, 3) are nearest to."""
+    """Return hit fractions (N,) for many small triangles: each centre (K, 3) counts for the nearest ray."""
     depth = centers @ along
     centers, depth = centers[(depth > 0) & (depth < 1)], depth[(depth > 0) & (depth < 1)]
     first, across, down = way[0], (way[ACROSS - 1] - way[0]) / (ACROSS - 1), (way[-1] - way[ACROSS - 1]) / (DOWN - 1)
@@ -208,7 +212,7 @@ def _splatted(centers: Doubles, along: Doubles, way: Doubles) -> Doubles:
 
 
 def _nearest(corners: Doubles, way: Doubles) -> Doubles:
-    """(N,) fractions of the way at which rays from the origin meet the first of (K, 3, 3) triangles: Moeller, Trumbore 1997."""
+    """Return hit fractions (N,) of rays from the origin with triangles (K, 3, 3): Moeller and Trumbore 1997."""
     a = corners[:, 0]
     side, other = corners[:, 1] - a, corners[:, 2] - a
     p = np.cross(way[:, None], other[None])  # (N, K, 3)

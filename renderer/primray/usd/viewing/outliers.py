@@ -1,6 +1,6 @@
-"""What is drawn but would make the rest a dot, were it framed: skies, grounds and things that have strayed far away.
+"""Outliers among rendered objects: skies, grounds and stray objects that would make the rest a dot if they were framed.
 
-Judged by boxes in the world, (N, 3) low and high, and by `detail` (N,), what each of them counts.
+They are judged by world boxes, (N, 3) low and high, and by `detail` (N,), the weight of each object.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from ...arrays import Doubles
 Mask = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.intp]
 
-STRAY = 10.0  # times as far from the middle as anything nearer
-MAJORITY = 2 / 3  # of the detail: what is never a stray
-GROUND = 4.0  # times as wide as all that stands on it
-SKY = 8.0  # times as wide as all that it encloses
-LONE = 3.0  # times as much of both, where one thing alone would be left: a small part of a large thing is no set
-# Where what a sky encloses may be, from its middle to its sides and from its bottom to its top: what is on or in a solid body
-# is often beyond.
+STRAY = 10.0  # strays are this many times as far from the middle as anything nearer
+MAJORITY = 2 / 3  # share of the detail that is never stray
+GROUND = 4.0  # a ground is this many times as wide as all that is on it
+SKY = 8.0  # a sky is this many times as wide as all that it encloses
+LONE = 3.0  # factor on both if a single object would remain, which may be a small part of a large one
+# Range of what a sky encloses, as shares from its middle to its sides and from its bottom to its top; objects on or in a solid
+# body are often beyond it.
 INNER, BELOW = 0.5, 0.75
 FLAT = 0.1  # a ground's height over its width
-MOST = 1000  # things that are looked at as surroundings
-SAMPLED = 1 << 16  # things whose middle is that of all
-BESIDE = 0.05  # of its size: by so much a surrounding may miss what it surrounds
+MOST = 1000  # objects that are tested as surroundings
+SAMPLED = 1 << 16  # objects by which the median is estimated
+BESIDE = 0.05  # tolerance, as a share of its size, by which surroundings may miss what they surround
 
 
 def outliers(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
-    """Never all of them."""
+    """Return the mask (N,) of outliers, which are never all objects."""
     out = np.zeros(len(low), bool)
     for found in (strays, surroundings, strays):  # a ground hides what has strayed, and the other way round
         rest = np.flatnonzero(~out) if out.any() else slice(None)
@@ -40,7 +40,7 @@ def outliers(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
 
 
 def strays(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
-    """What stands apart from the majority, in distances from its middle, with nothing on the way that leads there."""
+    """Return the mask of objects far from the majority, by distance from its middle, without objects in between."""
     middle = np.array([_weighted(0.5, (low + high)[:, axis] / 2, detail) for axis in range(3)])
     above, below = high - middle, middle - low
     far = _largest(np.maximum(np.abs(above), np.abs(below)))
@@ -52,7 +52,7 @@ def strays(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
 
 
 def surroundings(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
-    """The widest ones, where each of them goes all around what is not so wide: flat below it, or enclosing it."""
+    """Return the mask of the widest objects that surround everything narrower: flat below it, or enclosing it."""
     across = [axis for axis in range(3) if axis != up]
     size = high - low
     wide = size[:, across].max(axis=1)
@@ -60,7 +60,7 @@ def surroundings(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
     is_flat = size[order, up] <= FLAT * wide[order]
     slack = BESIDE * size[order]
     slack[is_flat, up] = np.inf
-    # Row k: of what is not as wide as the k-th, and of that one and all that are wider.
+    # Row k: bounds of everything narrower than the k-th, and of the k-th and everything wider.
     around_low = _from_end(np.maximum, low[order] - slack)
     around_high = _from_end(np.minimum, high[order] + slack)
     left = len(low) - len(order) + np.arange(len(order))  # things
@@ -78,7 +78,7 @@ def surroundings(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
 
 
 def _is_well_inside(inner_low: Doubles, inner_high: Doubles, low: Doubles, high: Doubles, up: int) -> Mask:
-    """(M,) whether the middle of what is enclosed is near that of the sky across, and its top is not near the sky's."""
+    """Return whether what is enclosed is near the sky's horizontal middle and not near its top, (M,)."""
     across = [axis for axis in range(3) if axis != up]
     with np.errstate(over="ignore", invalid="ignore"):
         aside = np.abs((inner_low + inner_high) - (low + high))[:, across] <= INNER * (high - low)[:, across]
@@ -86,21 +86,21 @@ def _is_well_inside(inner_low: Doubles, inner_high: Doubles, low: Doubles, high:
 
 
 def _widest(wide: Doubles) -> Ints:
-    """At most MOST of them, and not all, by width."""
+    """Return the indices of at most MOST widest objects, never of all, in ascending order of width."""
     most = min(MOST, len(wide) - 1)
     chosen = np.argpartition(wide, -most)[-most:] if most > 0 else np.zeros(0, np.intp)
     return np.asarray(chosen[np.argsort(wide[chosen], kind="stable")])
 
 
 def _within(combine: np.ufunc, values: Doubles, order: Ints) -> Doubles:
-    """(M, 3): row k of all values but those of the k-th of the order and later ones."""
+    """Return (M, 3): row k combines all values but those of the k-th in the order and later ones."""
     is_rest = np.ones(len(values), bool)
     is_rest[order] = False
     return np.asarray(combine.accumulate(np.vstack([combine.reduce(values[is_rest])[None], values[order]]))[:-1])
 
 
 def _weighted(part: float, values: Doubles, weights: Doubles) -> float:
-    """The value that this part of the weight does not exceed: the median for a half."""
+    """Return the weighted quantile: for a half, the median."""
     every = 1 + len(values) // SAMPLED
     values, weights = values[::every], weights[::every]
     order = np.argsort(values, kind="stable")
@@ -109,7 +109,7 @@ def _weighted(part: float, values: Doubles, weights: Doubles) -> float:
 
 
 def _largest(rows: Doubles) -> Doubles:
-    """(N,) of (N, 3); NumPy's own maximum along short rows takes five times as long."""
+    """Return the maximum (N,) of rows (N, 3); NumPy's own maximum along short rows takes five times as long."""
     return np.asarray(np.maximum(np.maximum(rows[:, 0], rows[:, 1]), rows[:, 2]))
 
 

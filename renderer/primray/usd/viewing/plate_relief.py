@@ -1,5 +1,7 @@
-"""The shape of a back plate: a rectangle, or with a depth image a relief whose texels stand at their depths along the camera's
-rays (UsdGeom BackPlateAPI: (texel - minOffset) * normalizingFactor + cameraSpaceOffset)."""
+"""Geometry of a back plate: a rectangle or, with a depth image, a relief with a vertex per texel at its depth.
+
+UsdGeom BackPlateAPI: depth = (texel - minOffset) * normalizingFactor + cameraSpaceOffset.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,12 @@ from ...description import TextureFile
 from ...textures.texture import load_texture
 from ..querying.asset import read_asset
 
-MOST_TEXELS = 1 << 21  # of larger images every second, third ... is taken
+MOST_TEXELS = 1 << 21  # larger images are subsampled: every second, third ... texel
 
 
 @dataclass(frozen=True)
 class Card:
-    """Where a plate is without depth: its sides at its distance, on parallel rays if `flat`."""
+    """A plate without depth: its sides at the distance `away`, in scene units; `flat` if rays are parallel."""
 
     left: float
     right: float
@@ -34,6 +36,8 @@ class Card:
 
 @dataclass(frozen=True, eq=False)
 class Relief:
+    """Mesh of a plate."""
+
     points: Floats  # (N, 3) from the card's centre
     quads: Ints  # (F, 4)
     st: Floats  # (N, 2)
@@ -47,14 +51,14 @@ def flat_card(card: Card) -> Relief:
 
 
 def depths_of(path: str, space: str | ColorSpace, least: float, factor: float, offset: float) -> Doubles:
-    """(H, W), the lowest row first; `space`: that of the texels. AssetError where the image cannot be read."""
+    """Return depths (H, W), the lowest row first; `space` is the texels' encoding. AssetError if the image cannot be read."""
     texels = load_texture(TextureFile(path, space, is_color=False), read_asset).channels(0, 1)[::-1, :, 0]
     step = int(np.ceil(np.sqrt(texels.size / MOST_TEXELS)))
     return (texels[::step, ::step].astype(np.float64) - least) * factor + offset
 
 
 def relief(card: Card, depths: Doubles) -> Relief:
-    """A vertex a texel, and along the edges. Nothing stands where the depth is not positive."""
+    """Return a mesh with a vertex per texel and along the edges; it has holes where depth is not positive."""
     deep = np.pad(depths, 1, mode="edge")
     t, s = (np.concatenate([[0.0], (np.arange(n) + 0.5) / n, [1.0]]) for n in depths.shape)
     s, t = np.broadcast_arrays(s[None, :], t[:, None])

@@ -1,4 +1,4 @@
-"""When each line of the picture is exposed, which takes knowing how many there are."""
+"""Exposure of each line of the image by a rolling shutter, which depends on the number of lines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .view import lines_of
 
 
 def exposed(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) -> tuple[Shutter, Rolling | None]:
-    """From when to when some of the picture is, and how it goes on within that; None where all of it is at once."""
+    """Return the whole shutter interval and the rolling shutter within it, None if all lines are exposed at once."""
     shutter = shutter_of(camera, ctx, product)
     scan = scan_of(camera, shutter, ctx, product)
     if scan is None or shutter is None:

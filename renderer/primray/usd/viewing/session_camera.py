@@ -1,6 +1,6 @@
-"""A camera of whoever looks at a stage: one prim of the session layer, which is in memory and stronger than the stage's.
+"""Free camera of an interactive session: one prim of the session layer, which is in memory and the strongest layer.
 
-Through it an author's lens is seen from anywhere, and a move is the change of one attribute.
+It has the lens of another camera at any position, and moving it changes one attribute.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from ..querying.traversal import all_children
 
 PATH = "/primray_view"
 _FOCAL_MM = 50.0
-_MM_PER_UNIT = 10.0  # of an orthographic camera's apertures, which are tenths of scene units
+_MM_PER_UNIT = 10.0  # apertures of orthographic cameras are in tenths of scene units
 _FILM = ("horizontalAperture", "verticalAperture", "horizontalApertureOffset", "verticalApertureOffset")
 _OP = "xformOp:transform:primrayView"
 
 
 def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoom: float = 1.0) -> str:
-    """The path of the camera that now stands there, with the lens of `like`, its film `zoom` times as large.
+    """Place the session camera and return its path; it has the lens of `like`, with a film `zoom` times as large.
 
-    `like` is a camera of the stage, which goes on to decide about all but the place, or one that was made (its path is "").
+    `like` is a camera of the stage, which keeps deciding about all but the placement, or one that was made (its path is "").
     """
     prim = stage.GetPrimAtPath(PATH)
     if not prim or prim.GetCustomDataByKey("like") != like.path:
@@ -57,7 +57,7 @@ def _made(stage: Usd.Stage, like: Camera) -> Usd.Prim:
         UsdGeom.Xformable(prim).CreateXformOpOrderAttr().Set(["!resetXformStack!", _OP])
         if like.path:
             prim.GetReferences().AddInternalReference(like.path)
-            for child in all_children(stage.GetPrimAtPath(like.path)):  # what hangs on the camera is there already
+            for child in all_children(stage.GetPrimAtPath(like.path)):  # children of the camera exist already at its own place
                 stage.OverridePrim(f"{PATH}/{child.GetName()}").SetActive(False)
         else:
             _write_lens(UsdGeom.Camera(prim), like)

@@ -1,4 +1,4 @@
-"""When the picture's shutter is open: as the user says, as render settings limit it, or as its camera says."""
+"""Shutter of the image: from the user's settings, limited by render settings, else from the camera."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..resolving.read import has_samples_or_clips
 
 
 def shutter_of(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) -> Shutter:
-    """disableMotionBlur makes it that of the frame alone, instantaneousShutter close when it opens (UsdRenderSettingsBase)."""
+    """Return the shutter; disableMotionBlur makes it the frame's instant, instantaneousShutter that of its opening."""
     if not ctx.settings.motion_blur or product.disable_motion_blur:
         return INSTANT
     is_instant = product.instantaneous_shutter
@@ -34,7 +34,7 @@ def shutter_of(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) 
 
 
 def scan_of(camera: Usd.Prim | None, shutter: Shutter, ctx: Context, product: ProductSettings) -> Scan | None:
-    """Of the camera, unless the user or the render settings say when the shutter is open."""
+    """Return the camera's rolling shutter; None if the user or the render settings decide when the shutter is open."""
     said = ctx.settings.shutter is not None or not ctx.settings.motion_blur
     if camera is None or shutter is None or said or product.disable_motion_blur or product.instantaneous_shutter:
         return None
@@ -42,19 +42,19 @@ def scan_of(camera: Usd.Prim | None, shutter: Shutter, ctx: Context, product: Pr
 
 
 def rolling_of(scan: Scan, shutter: tuple[float, float], lines: tuple[int, int], time_codes_per_second: float) -> Rolling:
-    """`lines`: columns and rows of the picture."""
+    """Return when each line is exposed; `lines` are the columns and rows of the image."""
     opens, closes = shutter
     if scan.line_exposure_s is not None:
         closes = opens + scan.line_exposure_s * time_codes_per_second
     offset = scan.readout / max(lines[1] - 1, 1) if scan.readout else scan.line_offset_s * time_codes_per_second
     across, down = (side * offset for side in scan.direction)
-    # The first line to open may be the last of the frame's.
+    # The last line of the frame may be the first that is exposed.
     later = max(-across, 0.0) * (lines[0] - 1) + max(-down, 0.0) * (lines[1] - 1)
     return Rolling(opens + later, closes + later, across, down)
 
 
 def whole_shutter(rolling: Rolling, lines: tuple[int, int]) -> tuple[float, float]:
-    """From when the first line opens to when the last one closes."""
+    """Return the time from the opening of the first line to the closing of the last."""
     of_last = rolling.per_column * (lines[0] - 1) + rolling.per_row * (lines[1] - 1)
     return rolling.opens + min(of_last, 0.0), rolling.closes + max(of_last, 0.0)
 
@@ -62,8 +62,10 @@ def whole_shutter(rolling: Rolling, lines: tuple[int, int]) -> tuple[float, floa
 def timing_of(
     shutter: Shutter, with_frame: bool, ctx: Context, vectors: Shutter = None, rolling: Rolling | None = None
 ) -> Timing:
-    """`with_frame`: AOVs show the frame's instant; `vectors`: the shutter that a still's motion vectors are over. Nothing moves
-    in a picture that is black."""
+    """Return the times of a render; a shutter that is None (a black image) has no motion.
+
+    `with_frame`: AOVs show the frame's instant. `vectors`: the shutter for motion vectors of an image without motion blur.
+    """
     if vectors is not None and not vectors[0] < vectors[1]:
         vectors = None
     if shutter is None or (shutter == INSTANT and vectors is None):
@@ -73,7 +75,7 @@ def timing_of(
 
 
 def note_closed_shutter(shutter: Shutter, vectors: Shutter, ctx: Context) -> None:
-    """Report motion vectors of a stage that changes over time which are 0, since no shutter says over what time they are."""
+    """Report motion vectors that are 0 because the shutter is closed, on a stage that changes over time."""
     is_open = any(each is not None and each[0] < each[1] for each in (shutter, vectors))
     if not is_open and has_samples_or_clips(ctx.stage):
         message = (
@@ -84,7 +86,7 @@ def note_closed_shutter(shutter: Shutter, vectors: Shutter, ctx: Context) -> Non
 
 
 def shutter_of_vectors(camera: Usd.Prim | None, shutter: Shutter, ctx: Context) -> Shutter:
-    """What a still's motion vectors are over: the shutter that it would have with motion blur, by the user or the camera."""
+    """Return the shutter for motion vectors of an image without motion blur: the one that it would have with it."""
     if shutter is None or shutter[0] < shutter[1]:
         return None
     if ctx.settings.shutter is not None:

@@ -1,7 +1,7 @@
-"""The stereo pair that a camera is of: UsdGeomCamera says what eye a camera is, and leaves open which two belong together.
+"""Stereo pairs of cameras: UsdGeomCamera's stereoRole says which eye a camera is, but not which two belong together.
 
-The eyes are looked for among cameras beside the one that was chosen, then under it, then on the whole stage. The first of these
-places where there is an eye of both roles decides; there has to be one of each. A camera that is an eye is itself of the pair.
+The pair is searched among the siblings of the chosen camera, then among its descendants, then on the whole stage. The first of
+these with both roles decides, and must have exactly one camera of each. A chosen camera that has a role is part of the pair.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def stereo_role(camera: Usd.Prim, when: When) -> str:
 
 
 def eye_of_pair(chosen: Usd.Prim | None, cameras: list[Usd.Prim], eye: Eye, when: When) -> Usd.Prim:
-    """The camera of that eye, of the pair that `chosen` is of; SettingsError where there is none, or are several."""
+    """Return the camera of that eye in the pair of `chosen`; SettingsError if there is no pair, or more than one."""
     wanted = {role.value: _of_role(chosen, cameras, role.value, when) for role in Eye}
     for place in _places(chosen, cameras):
         pair = {role: [camera for camera in place if camera in found] for role, found in wanted.items()}

@@ -1,4 +1,4 @@
-"""The automatic camera: from three quarters, above, as near as all that is drawn fits into the frame with a margin."""
+"""Automatic camera: a three-quarter view from above, as near as the scene fits into the frame with a margin."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ from .outliers import outliers
 
 AZIMUTH_DEG = 35.0  # from the front towards +X
 ELEVATION_DEG = 25.0
-MARGIN = 0.06  # of the frame, on each side
-GROUND_ROOM = 0.15  # of the set's height: the ground around it that is framed as well, for the shadow that is near to it
-CLEARANCE = 0.1  # of the set's size: the camera stands at least so far in front of it
-PASSES = 8  # that bring what is not tight to the middle
-CENTRED = 1e-4  # of the slope: then it is there
+MARGIN = 0.06  # share of the frame, on each side
+GROUND_ROOM = 0.15  # share of the set's height: width of the ground around it that is framed for its shadow
+CLEARANCE = 0.1  # share of the set's size: least distance of the camera in front of it
+PASSES = 8  # iterations that centre the axis that does not limit the distance
+CENTRED = 1e-4  # relative change of the slope at which they end
 
 
 def three_quarter_camera(
     drawn: Drawn, z_up: bool, resolution: tuple[int, int], product: ProductSettings, *, has_ground: bool = False
 ) -> tuple[Camera, list[str]]:
-    """The camera, and the paths of what is drawn but not fitted into its frame. Nothing is clipped. `has_ground`: a ground is
-    added below, which is framed where it is near."""
+    """Return the camera, which clips nothing, and the paths of outliers that its frame need not hold.
+
+    `has_ground`: a ground is added below the scene, and its near part is framed.
+    """
     out = outliers(drawn.low, drawn.high, drawn.detail, 2 if z_up else 1)
     left_out = drawn.paths(out)
     framed = drawn.only(~out)
@@ -43,7 +45,7 @@ def three_quarter_camera(
 
 
 def _near_ground(framed: Drawn, up: int) -> Box:
-    """Return the low and high corner (3,) of the flat box around the foot of what is framed."""
+    """Return the low and high corner (3,) of the flat box of ground around the base of the framed objects."""
     low, high = framed.low.min(axis=0), framed.high.max(axis=0)
     room = np.full(3, GROUND_ROOM * (high[up] - low[up]))
     room[up] = 0.0
@@ -53,7 +55,7 @@ def _near_ground(framed: Drawn, up: int) -> Box:
 
 
 def _axes(z_up: bool) -> Doubles:
-    """Columns: right, up and backward."""
+    """Return the camera's axes (3, 3) as columns: right, up and backward."""
     a, e = math.radians(AZIMUTH_DEG), math.radians(ELEVATION_DEG)
     back = np.array([math.sin(a) * math.cos(e), math.sin(e), math.cos(a) * math.cos(e)])
     right = np.array([math.cos(a), 0.0, -math.sin(a)])
@@ -62,7 +64,7 @@ def _axes(z_up: bool) -> Doubles:
 
 
 def _position(drawn: Drawn, axes: Doubles, tan_x: float, tan_y: float) -> Doubles:
-    """The nearest point along the camera's axis from which all is seen between the tangents, in the middle both ways."""
+    """Return the nearest position from which everything is within the tangents, centred horizontally and vertically."""
     low, high = drawn.low.min(axis=0), drawn.high.max(axis=0)
     back = axes[:, 2]
     size = float(np.linalg.norm(high / 2 - low / 2)) * 2
@@ -76,7 +78,7 @@ def _position(drawn: Drawn, axes: Doubles, tan_x: float, tan_y: float) -> Double
 
 
 class _Wedge:
-    """What is drawn, seen in the plane of one side and the camera's axis, where the frame's lines have a slope of `tangent`.
+    """Objects projected to the plane of one image axis and the view axis; the frame's edges have a slope of `tangent`.
 
     Depths are measured from `origin` towards the camera.
     """
@@ -86,19 +88,20 @@ class _Wedge:
         self._touching = self._reaches(tangent)
 
     def _reaches(self, tangent: float) -> tuple[float, float]:
-        """How far out two lines of this slope are that touch what is drawn from both sides."""
+        """Return the offsets of the two lines of this slope that touch the objects from both sides."""
         right, left = (self._drawn.reach(side + tangent * self._back, self._origin) for side in (self._side, -self._side))
         return right, left
 
     @property
     def apex(self) -> float:
-        """The depth where the frame's lines meet that touch it."""
+        """Depth at which the touching lines of the frame's slope intersect."""
         return sum(self._touching) / (2 * self._tangent)
 
     def middle(self, depth: float) -> float:
-        """Where, across, both sides are seen equally far from the axis: by the slope of lines that meet at this depth.
+        """Return the position along the image axis from which both sides are equally far from the view axis.
 
-        The slope falls from the frame's own, so that all stays inside it however many passes there are.
+        It is where touching lines of one slope intersect at this depth. The slope falls from the frame's own, so everything
+        stays inside the frame after any number of iterations.
         """
         (right, left), before = self._touching, self._tangent
         for _ in range(PASSES):

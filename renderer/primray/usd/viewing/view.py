@@ -1,5 +1,8 @@
-"""Which camera looks and how many pixels it fills: the user's choice, else the stage's, else what its author's viewport showed,
-else one that is made here."""
+"""Choice of the camera and of the image's resolution.
+
+The camera is the user's choice, else the stage's, else the view that the authoring tool's viewport showed last, else an
+automatic one.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +33,15 @@ from .stereo import eye_of_pair
 from .three_quarter import three_quarter_camera
 from .viewport_camera import bound_camera, viewport_camera
 
-DEFAULT_WIDTH = 960  # usdrecord's
-NAMED = 5  # of what the automatic camera leaves out
+DEFAULT_WIDTH = 960  # usdrecord's default
+NAMED = 5  # prims named in a message among those outside of the automatic camera's frame
 
 
 def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
-    """The camera's prim, or that of an eye of its pair; None where none of the stage's is to look. SettingsError when the one
-    asked for does not exist."""
+    """Return the prim of the camera, or of the requested eye of its stereo pair; None if no camera of the stage is to be used.
+
+    SettingsError if the camera asked for does not exist.
+    """
     eye = ctx.settings.eye
     if eye is None:
         return _chosen(stage, ctx, product, cameras)
@@ -74,8 +79,10 @@ def view_through(
     bounds: Callable[[], Bounds],
     drawn: Callable[[], Drawn],
 ) -> tuple[Camera, Frame]:
-    """The camera, conformed to the image, and the image's frame. What is on the stage is asked for only without a camera: its
-    `bounds` as usdrecord sees them, or what is `drawn`."""
+    """Return the camera, conformed to the image, and the image's frame.
+
+    The scene's `bounds` (as usdrecord computes them) or objects (`drawn`) are only needed to make an automatic camera.
+    """
     found, frame = view_without_things(prim, ctx, product, shutter)
     if found is not None:
         if prim is not None and ctx.settings.eye is None:
@@ -99,7 +106,7 @@ def _with_flaws(found: Camera, prim: Usd.Prim | None, ctx: Context) -> Camera:
 def view_without_things(
     prim: Usd.Prim | None, ctx: Context, product: ProductSettings, shutter: Shutter
 ) -> tuple[Camera | None, Frame]:
-    """The same as far as it does not depend on what there is to see: without a camera, where one has to be made."""
+    """Return the camera and frame without looking at the scene; None for the camera if an automatic one has to be made."""
     asked = _camera_without_prim(prim, ctx)
     if asked is not None:
         aperture = aperture_of(asked)
@@ -118,13 +125,13 @@ def view_without_things(
 
 
 def lines_of(prim: Usd.Prim | None, ctx: Context, product: ProductSettings) -> tuple[int, int]:
-    """Columns and rows of the picture through a camera of the stage."""
+    """Return columns and rows of the image through a camera of the stage."""
     aperture = read_aperture(prim, ctx.when, Diagnostics()) if prim is not None else APERTURE
     return _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
 
 
 def _camera_without_prim(prim: Usd.Prim | None, ctx: Context) -> Camera | Matrix | None:
-    """What the user gave or, where neither they nor the stage have a camera, what the author's viewport showed."""
+    """Return the user's camera without a prim or, if there is no camera at all, the one of the author's viewport."""
     asked = ctx.settings.camera
     if asked is not None and not isinstance(asked, str):
         return asked
@@ -139,7 +146,7 @@ def _without(left_out: list[str]) -> str:
 
 
 def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Prim:
-    """The camera of this path or, if only one has it, of this name."""
+    """Return the camera of this path or, if only one has it, of this name; SettingsError otherwise."""
     if Sdf.Path.IsValidPathString(asked) and Sdf.Path(asked).IsAbsolutePath():
         prim = stage.GetPrimAtPath(asked)
         if prim and type_name(prim) == "Camera":
@@ -153,9 +160,9 @@ def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Pri
 
 
 def _resolution(asked: tuple[int, int] | None, product: ProductSettings, aperture: Aperture) -> tuple[int, int]:
-    """A width or height of 0 follows from the other by the camera's aspect."""
+    """Return the resolution; a width or height of 0 follows from the other by the camera's aspect ratio."""
     width, height = asked or product.resolution or (DEFAULT_WIDTH, 0)
-    # Where pixels may take any shape, they are square.
+    # If the policy adjusts the pixel aspect ratio, a free side is chosen for square pixels.
     square = product.conform_policy == "adjustPixelAspectRatio"
     aspect = aperture.aspect / (1.0 if square else product.pixel_aspect_ratio)
     if width < 0 or height < 0 or (width == 0 and height == 0):
@@ -168,14 +175,14 @@ def _resolution(asked: tuple[int, int] | None, product: ProductSettings, apertur
 
 
 def _scaled(resolution: tuple[int, int], scale: float) -> tuple[int, int]:
-    """LimitError if that is too large."""
+    """Return the scaled resolution, at least 1 x 1; LimitError if it is too large."""
     width, height = (max(1, round(side * scale)) for side in resolution)
     limit_pixels(width, height)
     return width, height
 
 
 def _frame(resolution: tuple[int, int], product: ProductSettings, aspect_ratio: float) -> Frame:
-    """The part of it that the data window asks for; SceneError or LimitError where that cannot be rendered."""
+    """Return the frame with the pixels of the data window; InvalidSceneError or LimitError if they cannot be rendered."""
     where = product.path or product.settings_path
     if max(abs(side) for side in product.data_window) * max(resolution) > MAX_RESOLUTION:
         sides = ", ".join(f"{side:g}" for side in product.data_window)

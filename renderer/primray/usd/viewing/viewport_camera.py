@@ -27,8 +27,8 @@ NAME = "cameraSettings"
 PERSPECTIVE = "Perspective"
 BOUND_TO_PERSPECTIVE = "/OmniverseKit_Persp"
 OF_KIT = {BOUND_TO_PERSPECTIVE: PERSPECTIVE} | {f"/OmniverseKit_{name}": name for name in ("Front", "Right", "Top")}
-FOCAL_LENGTH = 18.147562  # of Kit's perspective camera, on GfCamera's aperture: 60 degrees
-# By up axis, Kit's orthographic cameras: the world axis that each looks along, its usual side of it, its picture's up.
+FOCAL_LENGTH = 18.147562  # Kit's perspective camera, for GfCamera's aperture: 60 degrees
+# Kit's orthographic cameras by up axis: the world axis each looks along, its usual side, the up direction of its image.
 Side = tuple[int, float, tuple[float, float, float]]
 SIDES: dict[str, dict[str, Side]] = {
     "Y": {"Front": (2, 1.0, (0, 1, 0)), "Right": (0, -1.0, (0, 1, 0)), "Top": (1, 1.0, (0, 0, -1))},
@@ -37,7 +37,7 @@ SIDES: dict[str, dict[str, Side]] = {
 
 
 def bound_camera(ctx: Context) -> Usd.Prim | None:
-    """The camera of the stage that the viewport looked through, told as the one chosen; None where it was none of these."""
+    """Return the stage's camera that the viewport looked through, with a diagnostic; None if it was none of these."""
     settings = layer_data(ctx.stage, NAME)
     path = settings.get("boundCamera") if isinstance(settings, Mapping) else None
     if not isinstance(path, str) or not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsolutePath():
@@ -50,7 +50,7 @@ def bound_camera(ctx: Context) -> Usd.Prim | None:
 
 
 def viewport_camera(ctx: Context) -> Camera | None:
-    """One of the tool's own that it looked through; None where the layer remembers none, or none of use, which is told."""
+    """Return the tool's own camera that the viewport looked through; None without one. Report an unusable one."""
     settings = layer_data(ctx.stage, NAME)
     if settings is None:
         return None
@@ -86,14 +86,14 @@ def _perspective(values: Any, ctx: Context) -> Camera | None:
     if back is None:
         return None
     up = np.array([0.0, 0, 1] if up_axis(ctx.stage) == "Z" else [0.0, 1, 0])
-    if np.linalg.norm(np.cross(up, back)) < 1e-6:  # straight down or up: as Top is seen
+    if np.linalg.norm(np.cross(up, back)) < 1e-6:  # straight down or up: the image's up is that of Top
         up = np.array(SIDES[up_axis(ctx.stage)]["Top"][2], float) * math.copysign(1.0, float(up @ back))
     window = window_of(APERTURE, 1 / FOCAL_LENGTH)
     return Camera("", _looking(position, back, up), Projection.PERSPECTIVE, window, UNCLIPPED)
 
 
 def _orthographic(values: Any, name: str, ctx: Context) -> Camera | None:
-    """It looks towards the origin from the side that it stands on. The radius is taken for half of the width that is seen."""
+    """Return an orthographic camera that looks towards the origin from its position; `radius` is half of the visible width."""
     position = _point(values, "position")
     radius = _length(values)
     if position is None or radius is None:
@@ -111,7 +111,7 @@ def _length(values: Any) -> float | None:
 
 
 def _looking(position: Doubles, back: Doubles, up: Doubles) -> Doubles:
-    """world_from_camera of one whose picture's up is nearest to `up`."""
+    """Return world_from_camera with the image's up direction as near to `up` as possible."""
     right = np.cross(up, back)
     right /= np.linalg.norm(right)
     world_from_camera = np.eye(4)
@@ -127,7 +127,7 @@ def _unit(v: Doubles) -> Doubles | None:
 
 
 def _point(values: Any, name: str) -> Doubles | None:
-    """(3,) of finite numbers; None where it is anything else."""
+    """Return a point (3,) of finite numbers; None for anything else."""
     try:
         found = np.array([float(x) for x in values[name]])
     except (KeyError, TypeError, ValueError, IndexError):

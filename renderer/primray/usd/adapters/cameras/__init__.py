@@ -1,1 +1,1 @@
-"""UsdGeomCamera: its window and lens, shutter and clipping."""
+"""UsdGeomCamera: window, lens, lens distortion, shutter and clipping."""

@@ -1,4 +1,4 @@
-"""UsdGeomCamera to the description's camera: rigid frame, window conformed to the image, thin lens, exposure."""
+"""UsdGeomCamera to the description's camera: rigid transform, window conformed to the image, thin lens, exposure."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
 from .lens_api import note_unknown_names, read_diffusion
 from .shutter import INSTANT, Shutter
 
-# Beyond this floats would overflow: an exposure is multiplied by radiance.
+# Larger exposures would overflow single precision, as radiance is multiplied by them.
 BRIGHTEST = 2.0**64
 
 
 @dataclass(frozen=True)
 class Aperture:
-    """The film's extent and offset in the camera's own units."""
+    """Size and offset of the film in the camera's own units (tenths of scene units, or pixels of a calibrated sensor)."""
 
     width: float
     height: float
@@ -40,7 +40,7 @@ class Aperture:
 
 
 def read_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
-    """The film's; the calibrated sensor's, in pixels, of a camera whose lens distorts."""
+    """Return the film's aperture; for a camera with lens distortion that of the calibrated sensor, in pixels."""
     if not _is_orthographic(prim, when) and (sensor := read_sensor(prim, when, diagnostics)) is not None:
         return _of_sensor(sensor)
     return _of_film(prim, when, diagnostics)
@@ -72,14 +72,14 @@ def _of_film(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
 
 
 def conform(aperture: Aperture, resolution: tuple[int, int], product: ProductSettings) -> Aperture:
-    """The aperture adapted to the image (UsdRenderSettingsBase, aspectRatioConformPolicy); offsets stay as they are."""
+    """Return the aperture conformed to the image (UsdRenderSettingsBase, aspectRatioConformPolicy); offsets are kept."""
     image = product.pixel_aspect_ratio * resolution[0] / resolution[1]
     policy = product.conform_policy
     wider = aperture.aspect > image
     taller, narrower = replace(aperture, height=aperture.width / image), replace(aperture, width=aperture.height * image)
     match policy:
         case "adjustPixelAspectRatio":
-            return aperture  # the pixels follow it: pixel_aspect_ratio
+            return aperture  # pixels take its aspect: pixel_aspect_ratio
         case "adjustApertureWidth":
             return narrower
         case "adjustApertureHeight":
@@ -91,7 +91,7 @@ def conform(aperture: Aperture, resolution: tuple[int, int], product: ProductSet
 
 
 def pixel_aspect_ratio(aperture: Aperture, resolution: tuple[int, int], product: ProductSettings) -> float:
-    """Width over height of a pixel, once the policy has its way."""
+    """Return width over height of a pixel after conforming."""
     if product.conform_policy == "adjustPixelAspectRatio":
         return aperture.aspect * resolution[1] / resolution[0]
     return product.pixel_aspect_ratio
@@ -106,7 +106,7 @@ def camera(
     diagnostics: Diagnostics,
     still: When | None = None,
 ) -> Camera:
-    """As it is at the frame; but for its exposure as it is at another instant, if a `still` of that is wanted."""
+    """Return the camera at the frame; with `still`, everything but the exposure is read at that instant."""
     then = still or when
     path = str(prim.GetPath())
     orthographic = _is_orthographic(prim, when)
@@ -155,31 +155,32 @@ def camera(
 
 
 def window_of(aperture: Aperture, scale: float) -> tuple[float, float, float, float]:
-    """GfCamera::GetFrustum: the aperture about its offset, over the focal length or in scene units."""
+    """Return left, right, bottom, top (GfCamera::GetFrustum): the aperture about its offset, times `scale`."""
     x, y, w, h = aperture.offset_x, aperture.offset_y, aperture.width / 2, aperture.height / 2
     return ((x - w) * scale, (x + w) * scale, (y - h) * scale, (y + h) * scale)
 
 
 def _sensor_window(sensor: Sensor, resolution: tuple[int, int], product: ProductSettings) -> tuple[float, float, float, float]:
-    """Its pixels over the focal length, which may differ across and down."""
+    """Return the conformed sensor's window: pixels over the focal length, which may differ in x and y."""
     left, right, bottom, top = window_of(conform(_of_sensor(sensor), resolution, product), 1.0)
     across, down = sensor.focal
     return left / across, right / across, bottom / down, top / down
 
 
 def _unusable(window: tuple[float, float, float, float]) -> str:
+    """Return the beginning of a message about a window that is not usable."""
     return f"No film can be as wide as ({', '.join(f'{side:g}' for side in window)}) at unit distance"
 
 
 def _is_usable(window: tuple[float, float, float, float]) -> bool:
-    """Whether floats can tell its sides apart, and square them."""
+    """Return whether the window's sides are distinct in single precision and their squares finite."""
     with np.errstate(over="ignore"):
         left, right, bottom, top = map(np.float32, window)
     return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST)
 
 
 def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> float:
-    """UsdGeomCamera::ComputeLinearExposureScale: responsivity * time * iso / 100 * 2^exposure / fStop^2."""
+    """Return UsdGeomCamera::ComputeLinearExposureScale: responsivity * time * iso / 100 * 2^exposure / fStop^2."""
 
     def get(name: str, default: float) -> float:
         return number(prim, name, when, default, diagnostics)
@@ -195,7 +196,7 @@ def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> flo
     if min(time, iso, responsivity) < 0:
         note("An exposure (time, iso or responsivity) below 0 is ignored: 1 is used for all.")
         return 1.0
-    # In double, where neither these floats' products nor their squares overflow; powers of two would.
+    # In double precision products and squares of these floats do not overflow; 2^exposure would, so it is clamped.
     scale = responsivity * time * iso / 100.0 / f_stop / f_stop
     scale *= math.pow(2.0, min(max(get("exposure", 0.0), -1000.0), 400.0))
     if not scale < BRIGHTEST:
@@ -207,7 +208,7 @@ def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> flo
 
 
 def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Doubles:
-    """Rigid, as GfFrustum makes it: scale and shear are removed."""
+    """Return world_from_camera (4, 4), rigid: scale and shear are removed as in GfFrustum."""
     gf = world_matrix(prim, when, transforms(when))
     if not np.isfinite(np.array(gf)).all():
         diagnostics.add(
@@ -225,7 +226,7 @@ def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> 
 
 
 def usd_camera(prim: Usd.Prim, when: When, stand_ins: StandIns, cache: UsdGeom.XformCache) -> Gf.Camera:
-    """The camera as USD itself reads it (UsdGeomCamera::GetCamera), by the rule of what has no default."""
+    """Return UsdGeomCamera::GetCamera; attributes without a default value are read at the stand-in time."""
     asked = stand_ins.of(prim)
     found = UsdGeom.Camera(asked).GetCamera(stand_ins.time)
     if when.is_default:
@@ -234,6 +235,7 @@ def usd_camera(prim: Usd.Prim, when: When, stand_ins: StandIns, cache: UsdGeom.X
 
 
 def note_one_eye(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+    """Report a stereo camera that is rendered alone."""
     role = token(prim, "stereoRole", when, "mono")
     if role != "mono":
         message = f"stereoRole = {role} is ignored: the camera is rendered by itself, as one eye; --stereo renders its pair."

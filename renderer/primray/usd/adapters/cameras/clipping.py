@@ -1,4 +1,4 @@
-"""What a camera does not see: before its near plane, beyond its far one, and behind planes of its own (UsdGeomCamera)."""
+"""Clipping of a camera: near and far distance, and additional planes (UsdGeomCamera)."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ UNCLIPPED = (0.0, 3e38)
 
 
 def clipping_range(prim: Usd.Prim, when: When, orthographic: bool, diagnostics: Diagnostics) -> tuple[float, float]:
+    """Return the near and far distance in scene units; UNCLIPPED, with a diagnostic, if they are invalid."""
     near, far = vector(prim, "clippingRange", when, (1.0, 1e6), diagnostics)
     if near < far and (near >= 0 or orthographic):
         return (near, far)
@@ -24,7 +25,7 @@ def clipping_range(prim: Usd.Prim, when: When, orthographic: bool, diagnostics: 
 
 
 def clipping_planes(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[Plane, ...]:
-    """(a, b, c, d) each: a x + b y + c z + d < 0 is cut off, in the camera's space."""
+    """Return planes (a, b, c, d) in camera space; points with a x + b y + c z + d < 0 are clipped."""
     raw = read(prim, "clippingPlanes", when)
     if raw is None:
         return ()

@@ -1,8 +1,8 @@
-"""Distortion by the OmniLensDistortion* schemas of NVIDIA's Omniverse, as attributes: USD need not know the schemas.
+"""Lens distortion by the OmniLensDistortion* schemas of NVIDIA's Omniverse; USD need not know the schemas.
 
 Names and defaults are those of the ovrtx 0.7 documentation ("Lens Distortion Schemas"), which gives no formulas. Film
-points are counted in pixels of the calibrated sensor from its upper left corner, (0.5, 0.5) being the first pixel's centre.
-Where the schemas say nothing, docs/decisions/images/lens-distortion.md says what is read into them.
+points are in pixels of the calibrated sensor from its upper left corner, (0.5, 0.5) being the first pixel's centre.
+docs/decisions/images/lens-distortion.md has the choices that the schemas leave open.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .distortion_table import read_table
 
 PREFIX = "omni:lensdistortion:"
 MODEL = f"{PREFIX}model"
-# By the schema's name, the model's.
+# Models by the name of the schema.
 SCHEMAS = {
     "OmniLensDistortionFthetaAPI": "ftheta",
     "OmniLensDistortionKannalaBrandtK3API": "kannalaBrandtK3",
@@ -32,7 +32,7 @@ SCHEMAS = {
     "OmniLensDistortionOpenCvPinholeAPI": "opencvPinhole",
 }
 NO_MODEL = ("", "none", "pinhole")
-# Before these schemas, Omniverse's cameras had attributes without a schema. Their polynomial is ftheta's, with its defaults.
+# Older Omniverse cameras have these attributes without a schema; their polynomial is ftheta's, with its defaults.
 PROJECTION = "cameraProjectionType"
 POLYNOMIAL = "fisheyePolynomial"
 _OF_POLYNOMIAL = {
@@ -41,22 +41,22 @@ _OF_POLYNOMIAL = {
     "maxFov": "fthetaMaxFov",
     **{f"k{power}": f"fthetaPoly{letter}" for power, letter in enumerate("ABCDE")},
 }
-SIXTH = "fthetaPolyF"  # of the fifth power, which ftheta does not have
+SIXTH = "fthetaPolyF"  # coefficient of the fifth power, which ftheta does not have
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """What a calibration speaks of, in pixels."""
+    """A calibrated sensor, in pixels, and its lens distortion."""
 
     width: float
     height: float
     center: tuple[float, float]  # the optical axis, from the upper left corner
-    focal: tuple[float, float]  # what a unit of the film is, across and down
+    focal: tuple[float, float]  # pixels per unit of film, x and y
     distortion: Distortion
 
 
 class _Unusable(Exception):
-    """Says why; `name`: of the attribute."""
+    """Distortion attributes that cannot be used; the message says why, `name` is the attribute's."""
 
     def __init__(self, sentence: str, name: str) -> None:
         super().__init__(sentence)
@@ -65,7 +65,7 @@ class _Unusable(Exception):
 
 @dataclass(frozen=True)
 class _Attributes:
-    """Those of one model."""
+    """Reader for the attributes of one distortion model."""
 
     prim: Usd.Prim
     model: str
@@ -95,13 +95,13 @@ class _Attributes:
         return found
 
     def nominal(self) -> tuple[float, float, tuple[float, float]]:
-        """Width, height and optical centre."""
+        """Return width, height and optical centre in pixels."""
         width, height = self.above_0("nominalWidth", 1936.0), self.above_0("nominalHeight", 1216.0)
         center = (970.9424, 600.3748) if (width, height) == (1936.0, 1216.0) else (width / 2, height / 2)
         return width, height, self.pair("opticalCenter", center)
 
     def image(self) -> tuple[float, float, tuple[float, float], tuple[float, float]]:
-        """The same of OpenCV's, and its focal lengths."""
+        """Return width, height, optical centre and focal lengths in pixels of OpenCV's models."""
         width, height = self.pair("imageSize", (2048.0, 1024.0))
         if not min(width, height) > 0:
             raise _Unusable(f"{self.name('imageSize')} = ({width:g}, {height:g}) is no size", self.name("imageSize"))
@@ -109,12 +109,12 @@ class _Attributes:
         return width, height, (self.number("cx", 1024.0), self.number("cy", 512.0)), focal
 
     def half_fov(self, default: float) -> float:
-        """Degrees from the axis."""
+        """Return half of the maximum field of view in degrees, at most 180."""
         return min(self.above_0("maxFov", default) / 2, 180.0)
 
 
 class _PolynomialAttributes(_Attributes):
-    """Those of a camera whose cameraProjectionType is fisheyePolynomial."""
+    """Reader for the attributes of a camera whose cameraProjectionType is fisheyePolynomial."""
 
     def name(self, short: str) -> str:
         return _OF_POLYNOMIAL[short]
@@ -128,7 +128,7 @@ class _PolynomialAttributes(_Attributes):
 
 
 def _older_projection(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> str:
-    """Return POLYNOMIAL or "", and note every other projection than a pinhole's, which is rendered as one."""
+    """Return POLYNOMIAL or ""; report any other projection but a pinhole's, which is rendered as a pinhole."""
     if PROJECTION not in property_names(prim):
         return ""
     named = token(prim, PROJECTION, when, "")
@@ -143,7 +143,7 @@ def _older_projection(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> s
 
 
 def distortion_model(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> str:
-    """The model that the camera names or whose schema is applied; "" for none. An unknown one is noted."""
+    """Return the model that the camera names or whose schema is applied, "" for none; report an unknown one."""
     named = token(prim, MODEL, when, "")
     if named not in NO_MODEL:
         if named in SCHEMAS.values():
@@ -158,7 +158,7 @@ def distortion_model(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> st
 
 
 def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor | None:
-    """None for a camera whose lens does not distort, and where what it says cannot be used, which is noted."""
+    """Return the calibrated sensor; None without lens distortion or, with a diagnostic, if it cannot be used."""
     model = distortion_model(prim, when, diagnostics)
     if not model:
         return None
@@ -173,14 +173,14 @@ def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor 
 
 
 def note_parallel(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
-    """Of an orthographic camera."""
+    """Report the lens distortion of an orthographic camera, which has no lens."""
     if distortion_model(prim, when, diagnostics):
         message = "An orthographic camera has no lens: its distortion is ignored."
         diagnostics.add("camera-input", str(prim.GetPath()), message, MODEL)
 
 
 def _ftheta(a: _Attributes) -> Sensor:
-    """k0 to k4: the angle in radians by the distance in pixels. The focal length is what it is at the axis."""
+    """Return ftheta's sensor: k0 to k4 give the angle in radians by the distance in pixels; 1 / k1 is the focal length."""
     width, height, center = a.nominal()
     k = a.numbers("k0 k1 k2 k3 k4", k1=0.00245)
     focal = 1 / k[1] if k[1] > 0 else max(width, height) / 2
@@ -198,7 +198,7 @@ def _polynomial(a: _PolynomialAttributes) -> Sensor:
 
 
 def _kannala_brandt(a: _Attributes) -> Sensor:
-    """k0 to k3: the distance in pixels by odd powers of the angle (Kannala, Brandt 2006, eq. 6)."""
+    """Return Kannala and Brandt's sensor: k0 to k3 give the distance in pixels by odd powers of the angle (2006, eq. 6)."""
     width, height, center = a.nominal()
     k = a.numbers("k0 k1 k2 k3")
     if not k[0] > 0:
@@ -220,7 +220,7 @@ def _opencv_pinhole(a: _Attributes) -> Sensor:
 
 
 def _rad_tan_thin_prism(a: _Attributes) -> Sensor:
-    """OpenCV's rational model by other names; it has no focal length of its own, so the camera's is that of the sensor."""
+    """Return OpenCV's rational model by other names; it has no focal length, so the camera's is used."""
     width, height, center = a.nominal()
     k0, k1, k2, k3, k4, k5, p0, p1, s0, s1, s2, s3 = a.numbers("k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3")
     length = number(a.prim, "focalLength", a.when, 50.0, a.diagnostics)
@@ -242,7 +242,7 @@ def _lut(a: _Attributes) -> Sensor:
     if isinstance(table, str):
         raise _Unusable(f"{name}: {table}", name)
     focal, directions = table
-    # The table is of the whole sensor; another centre shifts all of it.
+    # The table covers the whole sensor; another optical centre shifts all of it.
     return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.TABLE, (), 180.0, directions))
 
 

@@ -1,4 +1,4 @@
-"""OmniLensDistortionLutAPI's table of directions: an image of X, Y and Z of the camera's space over the calibrated sensor."""
+"""OmniLensDistortionLutAPI's table: an image of directions (X, Y, Z in camera space) over the calibrated sensor."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ....textures.texture import load_texture
 from ...querying.asset import read_asset
 
 NOWHERE = 1e-3  # shorter than this is no direction
-UNIT = 0.05  # so far from a length of 1 it is something else than a direction
+UNIT = 0.05  # texels whose length differs more from 1 are no directions
 
 
 def read_table(asset: object, size: tuple[float, float], center: tuple[float, float]) -> tuple[float, DirectionTable] | str:
-    """The focal length at the middle in pixels, and the table in units of it; or why there is none.
+    """Return the focal length at the centre in pixels and the table in units of it; or a sentence on why there is none.
 
-    Texels are centred in equal parts of the sensor, from its upper left. One that is (0, 0, 1), straight back, or nothing
-    (0, 0, 0) is where the lens sees nothing, as is one that is not finite. `size`, `center`: of the sensor, pixels; the table's
-    axis is in the sensor's middle, and moves with the optical centre.
+    Texels are centred in equal parts of the sensor, from its upper left. The lens sees nothing at texels that are (0, 0, 1)
+    (straight back), (0, 0, 0) or not finite. `size` and `center` are the sensor's, in pixels; the table's axis is at the
+    sensor's centre and moves with the optical centre.
     """
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
         return "it names no image of directions"
@@ -42,7 +42,7 @@ def read_table(asset: object, size: tuple[float, float], center: tuple[float, fl
 
 
 def cleaned(texels: np.ndarray) -> np.ndarray | None:
-    """(H, W, 3) float32 with NaN where nothing is seen; None where that is everywhere, or lengths are not 1."""
+    """Return unit directions (H, W, 3), float32, NaN where nothing is seen; None if nothing is, or lengths are not 1."""
     found = np.array(texels, np.float64)
     with np.errstate(invalid="ignore"):
         length = np.linalg.norm(found, axis=2)
@@ -56,7 +56,7 @@ def cleaned(texels: np.ndarray) -> np.ndarray | None:
 
 
 def _focal(directions: np.ndarray, width: float, height: float) -> float:
-    """Pixels of the sensor by radian, at the texels that look most straight ahead."""
+    """Return the sensor's pixels per radian at the texel whose direction is nearest to straight ahead."""
     ahead = np.nan_to_num(-directions[..., 2], nan=-2.0)
     j, i = np.unravel_index(int(ahead.argmax()), ahead.shape)
     rows, columns = ahead.shape

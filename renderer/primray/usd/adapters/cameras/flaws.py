@@ -1,6 +1,6 @@
-"""What a lens does to light beside distorting it: by PrimrayLensAPI, an applied schema of ours (schemas/usd), or as asked.
+"""Lens flaws beside distortion (vignetting, chromatic aberration): from PrimrayLensAPI (schemas/usd) or from the settings.
 
-Attributes are read whether or not USD knows the schema. Without them, and where nothing is asked for, a lens has no flaws.
+Attributes are read whether or not USD knows the schema. Without attributes and settings a lens has no flaws.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Asked = Mapping[str, tuple[float, ...]]
 
 
 def with_flaws(camera: Camera, prim: Usd.Prim | None, asked: Asked, when: When, diagnostics: Diagnostics) -> Camera:
-    """The camera with its own flaws, and those that are asked for in their place."""
+    """Return the camera with the flaws that its prim authors; flaws asked for in the settings replace them."""
     authored = prim is not None and any(name in NAMES for name in property_names(prim))
     if not authored and not asked:
         return camera
@@ -73,7 +73,7 @@ def _authored(camera: Camera, prim: Usd.Prim, when: When, diagnostics: Diagnosti
 
 
 def _focused(camera: Camera, diagnostics: Diagnostics) -> Camera:
-    """Each channel's focus lies before the camera."""
+    """Return the camera without focus shifts, with a diagnostic, if one puts a channel's focus behind the camera."""
     if camera.lens_radius == 0 or min(camera.channel_focus_shift) + camera.focus_distance > 0:
         return camera
     message = f"{FOCUS_SHIFT} brings a channel's focus behind the camera: it is ignored."

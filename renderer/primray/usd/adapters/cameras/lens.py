@@ -1,4 +1,4 @@
-"""A camera's thin lens: its radius and plane of focus from UsdGeomCamera, its blades from attributes of known renderers."""
+"""Thin lens of a camera: radius and focus distance from UsdGeomCamera, blades from attributes of known renderers."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .distortion import PREFIX
 from .flaws import PREFIX as FLAWS
 
 MM = 0.1  # camera lengths are tenths of scene units (UsdGeomCamera)
-# Beyond this floats would overflow: tangents are squared.
+# Larger tangents would overflow single precision when squared.
 WIDEST = 1e15
-MOST_BLADES = 4096  # from here on the polygon is the circle to a float's precision
+MOST_BLADES = 4096  # with more, the polygon is a circle to single precision
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Lens:
 
 
 def read_lens(prim: Usd.Prim, focal: float, when: When, disabled: bool, diagnostics: Diagnostics) -> Lens:
-    """A pinhole where fStop or focusDistance is 0 (UsdGeomCamera), or depth of field is `disabled`."""
+    """Return the lens: a pinhole if fStop or focusDistance is 0 (UsdGeomCamera), or depth of field is `disabled`."""
     f_stop = number(prim, "fStop", when, 0.0, diagnostics)
     focus = number(prim, "focusDistance", when, 0.0, diagnostics)
     path = str(prim.GetPath())
@@ -46,7 +46,7 @@ def read_lens(prim: Usd.Prim, focal: float, when: When, disabled: bool, diagnost
 
 
 def note_no_lens(prim: Usd.Prim, when: When, disabled: bool, diagnostics: Diagnostics) -> None:
-    """An orthographic camera has no focal length that would give its aperture a size."""
+    """Report depth of field of an orthographic camera, which has no focal length and so no aperture diameter."""
     lens = number(prim, "fStop", when, 0.0, diagnostics) > 0 and number(prim, "focusDistance", when, 0.0, diagnostics) > 0
     if lens and not disabled:
         message = "An orthographic camera has no lens: fStop and focusDistance are ignored."
@@ -54,7 +54,7 @@ def note_no_lens(prim: Usd.Prim, when: When, disabled: bool, diagnostics: Diagno
 
 
 def blades_of(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int, float]:
-    """Sides of the polygon, whose corners lie on the lens's circle, and the direction of one of them."""
+    """Return the number of blades (0: a circle) and the rotation of a corner in degrees; corners lie on the lens's circle."""
     path = str(prim.GetPath())
     authored = {name for name in property_names(prim) if _is_foreign(name)}
     own = set(prim.GetPrimDefinition().GetPropertyNames())
@@ -80,11 +80,11 @@ def blades_of(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int
 
 
 def _is_foreign(name: str) -> bool:
-    """Whether it speaks of the lens, and is not read with its distortion and flaws."""
+    """Return whether an attribute names the lens and is not one of this renderer's, or of the distortion schemas."""
     return any(word in name.lower() for word in LENS_WORDS) and not name.startswith((PREFIX, FLAWS))
 
 
-# By the end of an attribute's name, the value that changes nothing.
+# The neutral value of an attribute, by the end of its name; None: any value, as it only shapes blades.
 _NEUTRAL = {
     "aspect_ratio": 1.0,
     "dofaspect": 1.0,
@@ -99,7 +99,7 @@ _NEUTRAL = {
 
 
 def _is_neutral(name: str, found: object) -> bool:
-    """Shapes of blades mean nothing without blades."""
+    """Return whether the value of an attribute has no effect."""
     for ending, neutral in _NEUTRAL.items():
         if name.endswith(ending):
             return neutral is None or found == neutral

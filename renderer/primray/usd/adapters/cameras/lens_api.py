@@ -1,7 +1,7 @@
-"""PrimrayLensAPI: what UsdGeomCamera has no words for, as attributes `primray:lens:...` of a camera.
+"""PrimrayLensAPI: attributes `primray:lens:...` of a camera for what UsdGeomCamera does not define.
 
-They are read whether or not the schema is registered, or applied. Names that it does not have are told: one that is misspelt
-would do nothing.
+They are read whether or not the schema is registered or applied. Unknown names in the namespace are reported, as a misspelt
+attribute would silently do nothing.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ NAMES = frozenset({*(f"{PREFIX}diffusion:{name}" for name in DIFFUSION), BLADES,
 
 
 def note_unknown_names(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
+    """Report attributes `primray:lens:...` that the schema does not have."""
     for name in sorted(property_names(prim)):
         if name.startswith(PREFIX) and name not in NAMES:
             message = f"{name} is ignored: PrimrayLensAPI has no such attribute."
@@ -36,7 +37,7 @@ def note_unknown_names(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
 
 
 def read_diffusion(prim: Usd.Prim, lens: Lens, when: When, diagnostics: Diagnostics) -> Diffusion:
-    """What is out of range is as if it were not authored. A pinhole's blades are read for the star alone."""
+    """Return the camera's diffusion; values out of range count as not authored. A pinhole's blades shape its starburst only."""
     values = {member: _number(prim, name, member, when, diagnostics) for name, member in DIFFUSION.items()}
     if values["glare"] + values["starburst"] > 1:
         sentence = f"glare {values['glare']:g} and starburst {values['starburst']:g} are more than all that is diffused"
@@ -57,7 +58,7 @@ def _number(prim: Usd.Prim, name: str, member: str, when: When, diagnostics: Dia
 
 
 def _aperture(prim: Usd.Prim, lens: Lens, when: When, diagnostics: Diagnostics) -> tuple[int | None, float]:
-    """Blades and rotation; None where depth of field says them."""
+    """Return the starburst's blades and rotation; None for the blades if depth of field has them."""
     own = read(prim, BLADES, when)
     if own is not None:
         fault = "" if isinstance(own, int) and not isinstance(own, bool) else f"blades is a whole number, not {own!r}"

@@ -1,7 +1,7 @@
-"""A shutter that rolls: by OmniRtxRollingShutterAPI of NVIDIA's Omniverse, else by PrimrayLensAPI, as attributes.
+"""Rolling shutter of a camera: attributes of OmniRtxRollingShutterAPI (NVIDIA's Omniverse), else of PrimrayLensAPI.
 
 USD need not know these schemas. Names and meanings of the former are those of the ovrtx 0.7 documentation ("Rolling Shutter"):
-times are seconds, as fractions.
+times are fractions (numerator, denominator) of a second.
 """
 
 from __future__ import annotations
@@ -17,20 +17,22 @@ from ...resolving.renderer_attributes import ROLLING_SHUTTER
 
 ORDER, OFFSET, EXPOSURE = (f"{ROLLING_SHUTTER}{name}" for name in ("scanOrder", "lineOffset", "lineExposure"))
 READOUT = "primray:lens:rollingShutter:readout"  # time codes from the first row to the last
-# Which way lines follow each other: across or down, and from which side.
+# The direction (x right, y down) in which lines are exposed one after the other.
 ORDERS = {"topToBottom": (0, 1), "bottomToTop": (0, -1), "leftToRight": (1, 0), "rightToLeft": (-1, 0)}
 
 
 @dataclass(frozen=True)
 class Scan:
+    """Scan of a rolling shutter: direction of the lines, and offset and exposure of each."""
+
     direction: tuple[int, int]
     line_offset_s: float
     line_exposure_s: float | None  # None: as long as the camera's shutter is open
-    readout: float = 0.0  # in place of line_offset_s: time codes from the first line to the last
+    readout: float = 0.0  # instead of line_offset_s: time codes from the first line to the last
 
 
 def read_scan(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Scan | None:
-    """None where the whole film is exposed at once."""
+    """Return the scan; None if the whole film is exposed at once."""
     order = token(prim, ORDER, when, "none")
     if order == "none":
         readout = number(prim, READOUT, when, 0.0, diagnostics)

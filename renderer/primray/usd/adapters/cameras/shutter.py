@@ -1,4 +1,4 @@
-"""When a camera's shutter opens and closes, in time codes from the frame on (UsdGeomCamera)."""
+"""Shutter of a camera: when it opens and closes, in time codes relative to the frame (UsdGeomCamera)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Shutter = tuple[float, float] | None  # None: it closes before it opens, so that
 
 
 def read_shutter(prim: Usd.Prim, when: When, diagnostics: Diagnostics, *, is_instant: bool = False) -> Shutter:
-    """`is_instant`: it closes when it opens, whatever is authored."""
+    """Return when the shutter opens and closes; with `is_instant` it closes when it opens, whatever is authored."""
     opens = number(prim, "shutter:open", when, 0.0, diagnostics)
     closes = opens if is_instant else number(prim, "shutter:close", when, 0.0, diagnostics)
     if closes < opens:
