@@ -1,5 +1,4 @@
-"""What lights of a description give in all: flux, illuminance, and the emission that gives as much as is asked for.
+"""Photometry of lights: flux, illuminance, and the emission that gives a requested amount (Photometric).
 
-Numbers are luminance in the description's units: lengths are scene units. Nothing here is needed to render; lights that ask for
-no amount (Photometric) never come here.
+Radiance is in nits per channel, lengths are in scene units. Only lights with a photometric amount use this.
 """

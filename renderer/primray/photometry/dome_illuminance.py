@@ -1,4 +1,4 @@
-"""What a dome sheds on a patch that faces up, through its image as the core reads it (core/light/dome)."""
+"""Illuminance by a dome of a patch that faces up, through the dome's image as the core reads it (core/light/dome)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ..arrays import Doubles, Floats
 from ..description.lighting import Light
 from .illuminance import bilinear
 
-_ROWS = 1024  # of directions from pole to pole, at least
+_ROWS = 1024  # least number of rows of directions from pole to pole
 _DISCS = ("mirroredBall", "angular")
 
 
 def dome_illuminance(light: Light, up: tuple[float, float, float], image: Floats | None) -> Doubles:
-    """(3,) of an emission of 1, times its image (H, W, 3) if there is one."""
+    """Return the illuminance (3,) of an emission of 1, times the dome's image (H, W, 3) if there is one."""
     if image is None:
         return np.full(3, math.pi)
     axes = light.world_from_light[:3, :3] / np.linalg.norm(light.world_from_light[:3, :3], axis=0)
@@ -23,12 +23,12 @@ def dome_illuminance(light: Light, up: tuple[float, float, float], image: Floats
 
 
 def _received(image: Floats, up: Doubles, layout: str) -> Doubles:
-    """By rows of directions of equal height above the dome's equator; `up` in its frame."""
+    """Return the illuminance, summed over rows of equal elevation; `up` is in the dome's frame."""
     height, width, _ = image.shape
     plain = layout in ("latlong", "automatic")
     if layout in _DISCS:
         image = _extended(image)
-    as_stored = plain and height >= _ROWS and width >= _ROWS  # then texels are narrow enough to stand for themselves
+    as_stored = plain and height >= _ROWS and width >= _ROWS  # texels are small enough to be one direction each
     rows, columns = (height, width) if as_stored else (_ROWS, 2 * _ROWS)
     turn = (0.5 - (np.arange(columns) + 0.5) / columns) * 2 * math.pi  # s = 0.5 - atan2(x, z) / 2 pi
     total = np.zeros(3)
@@ -49,7 +49,7 @@ def _received(image: Floats, up: Doubles, layout: str) -> Doubles:
 
 
 def _extended(image: Floats) -> Floats:
-    """With what is at the edge of its disc outside of it, as the core has it before it reads anything."""
+    """Return the image with the edge of its disc extended outwards, as in the core."""
     height, width, _ = image.shape
     y, x = np.meshgrid(2 * (np.arange(height) + 0.5) / height - 1, 2 * (np.arange(width) + 0.5) / width - 1, indexing="ij")
     radius = np.hypot(x, y)
@@ -61,7 +61,7 @@ def _extended(image: Floats) -> Floats:
 
 
 def _seen(image: Floats, w: Doubles, layout: str) -> Doubles:
-    """(N, 3) along unit directions in the dome's frame; core/light/dome/dome_format.hpp says where formats have them."""
+    """Return the image's values (N, 3) in unit directions of the dome's frame (formats: core/light/dome/dome_format.hpp)."""
     height, width, _ = image.shape
     if layout in _DISCS:
         sine = np.maximum(np.hypot(w[:, 0], w[:, 1]), 1e-20)
@@ -75,7 +75,7 @@ def _seen(image: Floats, w: Doubles, layout: str) -> Doubles:
 
 
 def _on_cross(w: Doubles, width: int, height: int) -> tuple[Doubles, Doubles]:
-    """No nearer to a face's edge than the middles of its outer texels."""
+    """Return column and row (N,) on a vertical cross, no nearer to a face's edge than the centres of its outer texels."""
     x, y, z = w.T
     ax, ay, az = np.abs(w).T
     on_x, back = (ax > ay) & (ax > az), z < 0

@@ -1,7 +1,7 @@
-"""The flux of a light: its emission over its surface and all directions, with the cosine at the surface.
+"""Flux of a light: its emission integrated over its surface and all directions, times the cosine at the surface.
 
-By the area that a light shows to each direction: of a flat one by the cosine, of convex ones in closed form under any affine
-transform. Where nothing is shaped that comes to pi times the area (Cauchy's formula).
+It is integrated over directions by the light's projected area, which is in closed form under any affine transform. Without
+shaping it is pi times the area (Cauchy's formula).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from .light_area import cylinder_area, disk_area, rect_area, sphere_area
 from .light_shape import Sizes, shape_key, shown_area, whole_axes
 from .shaping_factor import axis_of, cone_angles, scaled_angles, shaping_factor
 
-AROUND = 256  # directions at one angle off the axis, at least
+AROUND = 256  # least number of directions around the axis
 _MOST_BREAKS = 720
 _AT_ONCE = 1 << 20
 
 
 def flux(light: Light) -> Doubles:
-    """(3,) of an emission of 1, without an image; in scene units squared."""
+    """Return the flux (3,) of an emission of 1, without an image; in scene units squared."""
     if light.shaping is None:
         return np.full(3, _unshaped(light))
     return np.array(_shaped(light.type, *shape_key(light), light.shaping))
@@ -36,7 +36,7 @@ def _unshaped(light: Light) -> float:
     match kind:
         case LightType.POINT:
             return 4 * math.pi
-        case LightType.LINE:  # the sine's integral over directions
+        case LightType.LINE:  # pi^2 is the sine's integral over directions
             return math.pi**2 * light.length * float(np.linalg.norm(m[:3, 0]))
         case LightType.RECT:
             return math.pi * rect_area(m, light.width, light.height)
@@ -72,7 +72,7 @@ def _shaped(kind: LightType, linear: bytes, sizes: Sizes, shaping: Shaping) -> t
 
 
 def _frame(axes: Doubles) -> Doubles:
-    """Rows: the light's -X and -Y as nearly as may be, and its -Z: a profile's horizontal angles turn from the first."""
+    """Return -X, -Y and -Z of the light, made orthonormal, as rows; horizontal angles of profiles are from -X."""
     axis = axis_of(axes)
     first = -axes[:, 0] + axis * (axes[:, 0] @ axis)
     if np.linalg.norm(first) < 1e-9 * np.linalg.norm(axes[:, 0]):
@@ -84,7 +84,7 @@ def _frame(axes: Doubles) -> Doubles:
 
 
 def _polar_breaks(shaping: Shaping) -> list[float]:
-    """Angles off the axis where the factor, or what a flat light shows, has a corner or most of its change."""
+    """Return angles off the axis where the integrand has a kink or changes most."""
     breaks = [math.pi / 2, *cone_angles(shaping)]
     if shaping.focus > 0:
         width = 1.0 / math.sqrt(shaping.focus + 1.0)
@@ -107,7 +107,7 @@ def _of_table(angles: Doubles) -> list[float]:
 
 
 def _nodes(breaks: list[float], end: float, fewest: int) -> tuple[Doubles, Doubles]:
-    """Gauss and Legendre's from 0 to `end`, piece by piece: so many, or more."""
+    """Return Gauss-Legendre nodes and weights from 0 to `end`, piecewise between breaks: at least `fewest`."""
     edges = np.unique(np.concatenate([[0.0, end], [b for b in breaks if 0.0 < b < end]]))
     order = min(max(math.ceil(fewest / (len(edges) - 1)), 4), 16)
     if len(edges) - 1 < fewest // order:

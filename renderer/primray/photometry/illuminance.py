@@ -1,6 +1,7 @@
-"""What a light sheds on a patch that faces it: straight ahead of an area light, anywhere before a distant one.
+"""Illuminance of a patch that faces a light: straight ahead of an area light, anywhere before a distant one.
 
-Over the light's surface, or over the directions in which a sphere is seen, with nodes that are dense where the patch is near.
+It is integrated over the light's surface, or over the directions in which a sphere is visible, with nodes that are dense near
+the patch.
 """
 
 from __future__ import annotations
@@ -16,15 +17,18 @@ from ..description.lighting import Light, LightType, Shaping
 from .light_shape import Sizes, facing, shape_key, whole_axes
 from .shaping_factor import axis_of, shaping_factor
 
-_NODES = 256  # along each of two parameters
-_FINEST = 2048  # of an image
+_NODES = 256  # quadrature nodes along each of two parameters
+_FINEST = 2048  # most rows or columns of an image
 
-# Of a surface: places (N, 3) from the light's origin, area vectors (N, 3) on the side that emits.
+# Surface elements: positions (N, 3) from the light's origin, area vectors (N, 3) on the emitting side.
 Elements = tuple[Doubles, Doubles]
 
 
 def distant_illuminance(light: Light) -> Doubles:
-    """(3,) of an emission of 1: irradiance at angle 0 (UsdLux DistantLight); beyond 180 degrees the rest comes from behind."""
+    """Return the illuminance (3,) of an emission of 1, which at angle 0 is irradiance (UsdLux DistantLight).
+
+    With an angle beyond 180 degrees the rest comes from behind.
+    """
     half = math.radians(light.angle_deg) / 2
     if half == 0:
         return np.ones(3)
@@ -32,7 +36,10 @@ def distant_illuminance(light: Light) -> Doubles:
 
 
 def illuminance_ahead(light: Light, distance: float, image: Floats | None = None) -> Doubles:
-    """(3,) of an emission of 1 (times a rectangle's image (H, W, 3)) `distance` along -Z, on what faces the light's origin."""
+    """Return the illuminance (3,) at `distance` along -Z, facing the light's origin, of an emission of 1.
+
+    `image` (H, W, 3) multiplies a rectangle's emission.
+    """
     linear, sizes = shape_key(light)
     if image is not None:
         return _imaged(linear, sizes, light.shaping, distance, image)
@@ -71,7 +78,7 @@ def _factor(shaping: Shaping | None, axes: Doubles, directions: Doubles) -> Doub
 
 
 def _weights(elements: Elements, axes: Doubles, shaping: Shaping | None, distance: float) -> Doubles:
-    """(N, 3) of each element: shaping times both cosines by the distance squared."""
+    """Return (N, 3) for each element: shaping times both cosines over the distance squared."""
     places, areas = elements
     axis = axis_of(axes)
     towards = axis * distance - places
@@ -83,7 +90,7 @@ def _weights(elements: Elements, axes: Doubles, shaping: Shaping | None, distanc
 
 
 def _dense(low: float, high: float, about: float, scale: float) -> tuple[Doubles, Doubles]:
-    """Nodes and weights from low to high, dense within `scale` of `about`."""
+    """Return nodes and weights from low to high, dense within `scale` of `about`."""
     x, w = np.polynomial.legendre.leggauss(_NODES)
     start, end = math.asinh((low - about) / scale), math.asinh((high - about) / scale)
     u = start + (end - start) * (x + 1) / 2
@@ -111,7 +118,7 @@ def _disk(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
 
 
 def _cylinder(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
-    """As far around as the patch sees it; nothing from inside."""
+    """Return the elements of a cylinder that are visible from the patch; none from inside."""
     _, _, radius, length = sizes
     at = np.linalg.solve(axes, axis_of(axes) * distance)  # the patch, in the light's frame
     away = math.hypot(at[1], at[2])
@@ -129,7 +136,7 @@ def _cylinder(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
 
 
 def _from_line(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance: float) -> Doubles:
-    """Its emission is radiant intensity by length at a right angle to it."""
+    """Return the illuminance by a line, whose emission is radiant intensity per length, perpendicular to it."""
     along, axis = axes[:, 0], axis_of(axes)
     x, wx = _dense(-sizes[3] / 2, sizes[3] / 2, 0.0, distance / _length(along))
     towards = axis * distance - x[:, None] * along
@@ -142,7 +149,7 @@ def _from_line(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance: f
 
 
 def _from_sphere(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance: float) -> Doubles:
-    """Over the directions in the light's frame that meet it: a cone, whose solid angles the axes carry to the world."""
+    """Return the illuminance by a sphere, over the cone of directions to it in its frame, mapped to the world."""
     axis = axis_of(axes)
     at = np.linalg.solve(axes, axis * distance)
     away = float(np.linalg.norm(at))
@@ -157,13 +164,13 @@ def _from_sphere(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance:
     seen = local.reshape(-1, 3) @ axes.T
     lengths = np.linalg.norm(seen, axis=1)
     solid_angles = np.repeat(wb * np.sin(beta) * (2 * math.pi / _NODES), _NODES) * abs(np.linalg.det(axes)) / lengths**3
-    directions = -seen / lengths[:, None]  # in which the light comes
+    directions = -seen / lengths[:, None]  # of the arriving light
     received: Doubles = (solid_angles * np.maximum(directions @ axis, 0.0)) @ _factor(shaping, axes, directions)
     return received
 
 
 def _imaged(linear: bytes, sizes: Sizes, shaping: Shaping | None, distance: float, image: Floats) -> Doubles:
-    """Of a rectangle through its image, whose first row and column lie at +Y and +X; read bilinearly, as when rendered."""
+    """Return the illuminance by a rectangle's image (first row at +Y, first column at +X), bilinear as in the core."""
     axes = whole_axes(np.frombuffer(linear).reshape(3, 3))
     width, height = sizes[:2]
     down, across = (_places(count) for count in image.shape[:2])
@@ -177,13 +184,13 @@ def _imaged(linear: bytes, sizes: Sizes, shaping: Shaping | None, distance: floa
 
 
 def _places(texels: int) -> Doubles:
-    """Middles from 0 to 1: of each texel, of parts of few, of some of very many."""
+    """Return sample positions from 0 to 1: texel centres, finer for small images, coarser for very large ones."""
     count = min(texels * math.ceil(512 / texels), _FINEST)
     return (np.arange(count) + 0.5) / count
 
 
 def bilinear(image: Floats, x: Doubles, y: Doubles, *, around: bool = False) -> Doubles:
-    """(N, 3) of an image (H, W, 3) between its texels, the first one's middle at 0.5; clamped, or `around` in x."""
+    """Return bilinear values (N, 3) of an image (H, W, 3); the first texel's centre is at 0.5; `around`: x is periodic."""
     height, width, _ = image.shape
     i, j = np.floor(x - 0.5).astype(np.intp), np.floor(y - 0.5).astype(np.intp)
     u, v = (x - 0.5 - i)[:, None], (y - 0.5 - j)[:, None]

@@ -1,4 +1,4 @@
-"""World-space areas of UsdLux's shapes under any affine transform, exact but for rounding: what `normalize` divides by."""
+"""World-space areas of UsdLux's shapes under any affine transform, exact up to rounding; `normalize` divides by them."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from ..arrays import Doubles
 
 
 def rect_area(world_from_light: Doubles, width: float, height: float) -> float:
+    """Return the area of a rectangle in the light's XY plane."""
     return abs(width * height) * float(np.linalg.norm(np.cross(world_from_light[:3, 0], world_from_light[:3, 1])))
 
 
 def disk_area(world_from_light: Doubles, radius: float) -> float:
+    """Return the area of a disk in the light's XY plane, an ellipse in the world."""
     return math.pi * rect_area(world_from_light, radius, radius)
 
 
 def cylinder_area(world_from_light: Doubles, length: float, radius: float) -> float:
-    """The lateral area (no caps): length times the perimeter of the ellipse that cross products sweep around the axis."""
+    """Return the lateral area (no caps): length times the perimeter of the ellipse swept by cross products with the axis."""
     axis, y, z = world_from_light[:3, :3].T
     swept = np.stack([np.cross(axis, y), np.cross(axis, z)], axis=1)
     a, b = np.linalg.svd(swept, compute_uv=False)
@@ -27,19 +29,19 @@ def cylinder_area(world_from_light: Doubles, length: float, radius: float) -> fl
 
 
 def sphere_area(world_from_light: Doubles, radius: float) -> float:
-    """Of the ellipsoid that the sphere becomes: DLMF 19.33.1, S = 4 pi R_G(a^2 b^2, a^2 c^2, b^2 c^2)."""
+    """Return the area of the ellipsoid: DLMF 19.33.1, S = 4 pi R_G(a^2 b^2, a^2 c^2, b^2 c^2)."""
     return _sphere_area(world_from_light[:3, :3].tobytes(), radius)
 
 
 @lru_cache(maxsize=256)
 def _sphere_area(linear: bytes, radius: float) -> float:
-    """Many lights differ by where they stand alone."""
+    """Return an ellipsoid's area; cached, as many lights differ only in position."""
     a, b, c = (float(s) * radius for s in np.linalg.svd(np.frombuffer(linear).reshape(3, 3), compute_uv=False))
     return 4.0 * math.pi * carlson_rg((a * b) ** 2, (a * c) ** 2, (b * c) ** 2)
 
 
 def carlson_rg(x: float, y: float, z: float) -> float:
-    """Carlson's symmetric integral R_G of three numbers >= 0 (DLMF 19.16.3, computed by 19.21.10)."""
+    """Return Carlson's symmetric integral R_G of three numbers >= 0 (DLMF 19.16.3, computed by 19.21.10)."""
     x, y, z = sorted((float(x), float(y), float(z)))
     if z == 0.0:
         return 0.0
@@ -53,7 +55,7 @@ def carlson_rg(x: float, y: float, z: float) -> float:
 
 
 def _carlson_rf(x: float, y: float, z: float) -> float:
-    """DLMF 19.36.1, by duplication until the arguments agree to rounding."""
+    """Return Carlson's R_F: DLMF 19.36.1 after duplication until the arguments are nearly equal."""
     for _ in range(60):
         mean = (x + y + z) / 3.0
         if max(abs(x - mean), abs(y - mean), abs(z - mean)) < 1e-3 * mean:
@@ -68,7 +70,7 @@ def _carlson_rf(x: float, y: float, z: float) -> float:
 
 
 def _carlson_rd(x: float, y: float, z: float) -> float:
-    """DLMF 19.36.2, by duplication."""
+    """Return Carlson's R_D: DLMF 19.36.2 after duplication."""
     total, power = 0.0, 1.0
     for _ in range(60):
         mean = (x + y + 3.0 * z) / 5.0

@@ -1,4 +1,4 @@
-"""A light's shape as vectors: its axes in the world, the area that it shows to a direction, what stays when it is turned."""
+"""Shape of a light under its transform: axes, projected area, and a key that rotations do not change."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Sizes = tuple[float, float, float, float]  # width, height, radius, length
 
 
 def shape_key(light: Light) -> tuple[bytes, Sizes]:
-    """The light's axes (3, 3) in a frame of its own, as bytes, and its sizes: instances that are turned have the same."""
+    """Return the light's stretch (3, 3) as bytes, and its sizes; instances that are only rotated or moved have the same."""
     linear = light.world_from_light[:3, :3]
     _, stretch, own = np.linalg.svd(linear)
-    straight = own.T @ (stretch[:, None] * own)  # what is left of a polar decomposition
+    straight = own.T @ (stretch[:, None] * own)  # the symmetric factor of a polar decomposition
     largest = float(np.abs(straight).max())
     digits = 12 - math.floor(math.log10(largest)) if 0 < largest < math.inf else 0
     return np.ascontiguousarray(np.round(straight, digits)).tobytes(), (light.width, light.height, light.radius, light.length)
 
 
 def whole_axes(linear: Doubles) -> Doubles:
-    """(3, 3) with depth where a flat light has none: any normal does, on the side where -Z goes."""
+    """Return the axes (3, 3), with a unit normal for the third axis if a flat light's transform leaves it no depth."""
     if np.linalg.det(linear) != 0:
         return linear
     normal = np.cross(linear[:, 0], linear[:, 1])
@@ -33,13 +33,13 @@ def whole_axes(linear: Doubles) -> Doubles:
 
 
 def facing(axes: Doubles) -> Doubles:
-    """(3,) the area vector of a unit square in the light's plane, on the side of its -Z."""
+    """Return the area vector (3,) of a unit square in the light's plane, on the side of its -Z."""
     area: Doubles = np.cross(axes[:, 0], axes[:, 1])
     return -area if area @ axes[:, 2] > 0 else area
 
 
 def shown_area(kind: LightType, axes: Doubles, sizes: Sizes, directions: Doubles) -> Doubles:
-    """(N,) of what emits, as seen from afar along unit directions (N, 3); a point shows 1."""
+    """Return the projected area (N,) of the emitting surface along unit directions (N, 3); 1 for a point."""
     width, height, radius, length = sizes
     match kind:
         case LightType.POINT:
@@ -65,7 +65,7 @@ def shown_area(kind: LightType, axes: Doubles, sizes: Sizes, directions: Doubles
 
 
 def _seen_area(axes: Doubles, directions: Doubles) -> Doubles:
-    """Return (N, 3): the area vectors, in the light's frame, that project to unit area along each direction in the world."""
+    """Return area vectors (N, 3) in the light's frame that project to unit area along each direction in the world."""
     x, y, z = axes.T
     cofactors = np.column_stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])  # carry area vectors to the world
     seen: Doubles = directions @ cofactors

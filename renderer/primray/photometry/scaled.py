@@ -1,4 +1,4 @@
-"""A light that gives as much as is asked for: its emission times one number."""
+"""Scaling of a light's emission to a photometric amount."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .dome_illuminance import dome_illuminance
 from .flux import flux
 from .illuminance import distant_illuminance, illuminance_ahead
 
-# Shaping and images may multiply it by a thousand million before single precision ends.
+# Shaping and images may multiply the emission by 1e9 before single precision overflows.
 BRIGHTEST = 1e15
 DARK = "No emission of its shape, shaping and image gives what is asked for: it emits nothing."
 TOO_BRIGHT = f"For as much as is asked for its emission would be above {BRIGHTEST:g}: it is taken as that."
 
 
 def given(light: Light, wanted: Photometric, image: Floats | None = None) -> Doubles:
-    """(3,) what is asked for, of an emission of 1, through an image (H, W, 3) if there is one."""
+    """Return the amount (3,) that an emission of 1 gives, through an image (H, W, 3) if there is one."""
     if light.type is LightType.DOME:
         return dome_illuminance(light, wanted.up, image)
     if light.type is LightType.DISTANT:
@@ -32,7 +32,7 @@ def given(light: Light, wanted: Photometric, image: Floats | None = None) -> Dou
 
 
 def scaled(light: Light, wanted: Photometric, of_one: Doubles) -> Light | None:
-    """With the emission that gives as much, where one of 1 gives `of_one`; None where no emission could."""
+    """Return the light with the wanted amount, given that an emission of 1 has the amount `of_one`; None if no scale does."""
     luminance = float((of_one * light.emission) @ np.array(wanted.weights))
     if not luminance > 0 or not math.isfinite(luminance):
         return None
@@ -41,6 +41,6 @@ def scaled(light: Light, wanted: Photometric, of_one: Doubles) -> Light | None:
 
 
 def within(light: Light) -> Light:
-    """With an emission that can be rendered."""
+    """Return the light with its emission clamped to BRIGHTEST."""
     r, g, b = (min(x, BRIGHTEST) for x in light.emission)
     return replace(light, emission=(r, g, b))

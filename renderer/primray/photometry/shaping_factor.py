@@ -1,4 +1,4 @@
-"""UsdLux ShapingAPI's factor by the direction of emission: focus, cone and profile, as the core's light/shaping has them."""
+"""Factor of UsdLux ShapingAPI by direction of emission: focus, cone and IES profile, as in the core's light/shaping."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..description.lighting import IesProfile, Shaping
 
 
 def axis_of(axes: Doubles) -> Doubles:
-    """(3,) the light's -Z in the world, of its axes (3, 3) as columns."""
+    """Return the light's -Z (3,) in the world, given its axes (3, 3) as columns."""
     axis: Doubles = -axes[:, 2] / np.linalg.norm(axes[:, 2])
     return axis
 
 
 def shaping_factor(shaping: Shaping, axes: Doubles, directions: Doubles) -> Doubles:
-    """(N, 3) for unit directions of emission (N, 3) in the world."""
+    """Return the factor (N, 3) for unit directions of emission (N, 3) in the world."""
     axis = axis_of(axes)
     cosine = directions @ axis
     theta = np.arctan2(np.linalg.norm(np.cross(directions, axis), axis=1), cosine)
@@ -44,20 +44,20 @@ def _cone(shaping: Shaping, theta: Doubles) -> Doubles:
 
 
 def cone_angles(shaping: Shaping) -> tuple[float, float]:
-    """Radians: where it ends, where it begins to fade."""
+    """Return the cone's cutoff and the angle at which it begins to fade, in radians."""
     cutoff = math.radians(shaping.cone_angle_deg)
     return cutoff, cutoff * (1.0 - shaping.cone_softness)
 
 
 def scaled_angles(angle_scale: float) -> tuple[float, float]:
-    """What an angle off -Z, less the second of these, is divided by before it is looked up (ies:angleScale)."""
+    """Return divisor and origin of ies:angleScale: a profile is looked up at (angle - origin) / divisor + origin."""
     if angle_scale == 0:
         return 1.0, 0.0
     return abs(angle_scale), math.pi if angle_scale < 0 else 0.0
 
 
 def intensity(profile: IesProfile, local: Doubles, angle_scale: float) -> Doubles:
-    """(N,) along directions of any length (N, 3) in the light's space: IesProfile says how its angles lie."""
+    """Return the profile's intensity (N,) along directions (N, 3) of any length in the light's space (angles: IesProfile)."""
     x, y, z = -local[:, 0], -local[:, 1], local[:, 2]
     across = np.hypot(x, y)
     divisor, origin = scaled_angles(angle_scale)
@@ -85,7 +85,7 @@ def _read(profile: IesProfile, vertical: Doubles, horizontal: Doubles) -> Double
 
 
 def _cell(grid: Doubles, at: Doubles) -> tuple[npt.NDArray[np.intp], Doubles, npt.NDArray[np.bool_]]:
-    """Which of the grid's cells, how far through it, and whether in the grid at all (by a rounding error more)."""
+    """Return the grid's cell, the position in it from 0 to 1, and whether the angle is in the grid up to rounding."""
     i = np.clip(np.searchsorted(grid, at, side="right") - 1, 0, len(grid) - 2)
     part = np.clip((at - grid[i]) / np.maximum(grid[i + 1] - grid[i], 1e-20), 0.0, 1.0)
     return i, part, (at >= grid[0] - 1e-9) & (at <= grid[-1] + 1e-6)

@@ -1,4 +1,4 @@
-"""What a stage says of its outputs: RenderSettings, their products with files and variables, and render passes."""
+"""Facts about a stage's outputs: RenderSettings, their products with files and variables, and render passes."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from ..querying.messages import scene_errors
 from ..querying.traversal import in_world
 from ..resolving.read import When, when_of_few
 
-MOST = 500  # of each list
+MOST = 500  # entries of each list
 
 
 @scene_errors()
 def output_facts(stage: Usd.Stage, settings: RenderSettings) -> dict[str, Any]:
-    """Return the stage's RenderSettings and passes in order, and the products of the settings that a render follows."""
+    """Return the stage's RenderSettings and passes in order, and the products of the settings that a render uses."""
     prims = list(in_world(stage))
     found = products(stage, settings, Diagnostics())
     followed = found[0].settings_path
@@ -47,7 +47,7 @@ def _settings(prim: Usd.Prim, followed: str, when: When) -> dict[str, Any]:
 
 
 def _asked(asked: StageSettings, view: PictureView) -> dict[str, Any]:
-    """What is asked of the render, whether or not a flag takes its place, and of views."""
+    """Return the render settings and the view that a prim asks for, whether or not flags override them."""
     return {"asks": asked.as_json(), "view": None if view == PictureView() else asdict(view)}
 
 

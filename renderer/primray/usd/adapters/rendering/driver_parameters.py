@@ -1,9 +1,8 @@
-"""Parameters of products' and variables' drivers, which no schema of USD's defines: what an EXR has of them is honoured.
+"""Driver parameters of render products and variables, which no USD schema defines: those that an EXR can have are applied.
 
-Houdini writes driver:parameters:OpenEXR:NAME and driver:parameters:NAME (husk's manual, "Image output"), and of variables
+Houdini writes driver:parameters:OpenEXR:NAME and driver:parameters:NAME (husk's manual, "Image output"), on variables
 driver:parameters:aov:NAME; RenderMan reads driver:parameters:openexr:NAME (hdPrman), Arnold arnold:driver_exr:NAME and
-arnold:NAME (arnold-usd, driver_exr). Names that no writer of EXRs has a meaning for are attributes of the header, there and
-here.
+arnold:NAME (arnold-usd, driver_exr). Names without a meaning for a driver become attributes of the EXR header, there and here.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ NOT_HERE = "output-parameter"
 LEVELS = frozenset({"dwa_compression_level", "dwacompressionlevel", "compressionlevel", "compression_level"})
 PIXEL_TYPES = frozenset({"pixeltype", "pixel_type", "exrpixeltype", "type"})
 HALF_PRECISION = "half_precision"
-# Said by files here as it is, whoever asks: true of multipart, asrgba and scanlines alone.
+# Fixed properties of files here; other values are reported.
 ALWAYS = {"multipart": True, "asrgba": True, "tiled": False, "autocrop": False, "storage": "scanline", "append": False}
-_SILENT = frozenset({"multisampled"})  # of variables: a file holds pixels, however they were sampled
+_SILENT = frozenset({"multisampled"})  # on variables; without effect on a file of pixels
 
 
 class _Reader:
@@ -38,7 +37,7 @@ class _Reader:
         self.prim, self.when, self.diagnostics = prim, when, diagnostics
 
     def parameters(self, prefixes: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
-        """The attribute's name, the parameter's and its value, of those that have one."""
+        """Yield the attribute's name, the parameter's name and its value, for parameters with a value."""
         for attribute in authored_attributes(self.prim):
             name = attribute.GetName()
             prefix = next((p for p in prefixes if name.lower().startswith(p)), None)
@@ -54,8 +53,8 @@ class _Reader:
 
 
 def product_file(product: Usd.Prim, name: str, when: When, diagnostics: Diagnostics) -> PictureFile:
-    """Return what the product's driver is told. `name`: the product's, whose file need not have the extension that it says."""
-    if PurePosixPath(name).suffix.lower() in OTHER_EXTENSIONS:  # whatever else a name ends in, its file is an EXR
+    """Return the file settings of a product; `name` is its productName, whose extension need not be the file's."""
+    if PurePosixPath(name).suffix.lower() in OTHER_EXTENSIONS:  # a file with any other extension is an EXR
         return _plain_file(product, when, diagnostics)
     reader = _Reader(product, when, diagnostics)
     compression, level, half, header = "", None, tuple[str, ...](), dict[str, HeaderValue]()
@@ -78,7 +77,7 @@ def product_file(product: Usd.Prim, name: str, when: When, diagnostics: Diagnost
 
 
 def _plain_file(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> PictureFile:
-    """Report all that is said of a file which is no EXR: pictures of other formats have none of it."""
+    """Report all driver parameters of a file that is no EXR: other formats have none of them."""
     reader = _Reader(product, when, diagnostics)
     for attribute, _, found in reader.parameters(PREFIXES):
         reader.leave(attribute, found, "the product is no EXR, and has nothing of this")
@@ -137,7 +136,7 @@ def _header_value(found: Any) -> HeaderValue | None:
 
 
 def variable_parameters(variable: Usd.Prim, when: When, diagnostics: Diagnostics) -> dict[str, str]:
-    """name, channel_prefix and format of a variable, where they are usable; the rest that it says is reported."""
+    """Return the usable name, channel_prefix and format of a variable; report other parameters."""
     reader, found = _Reader(variable, when, diagnostics), dict[str, str]()
     for attribute, name, given in reader.parameters(OF_VARIABLES):
         key = name.lower()

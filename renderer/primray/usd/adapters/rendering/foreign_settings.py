@@ -1,8 +1,8 @@
-"""Samples and depth that RenderSettings and RenderProducts author for other renderers, as settings of a render here.
+"""Samples and depth authored on RenderSettings and RenderProducts for other renderers, converted to settings here.
 
 The names are those of Karma's render properties (Houdini's documentation), arnold-usd's options, hdPrman's options and
-integrators, and hdCycles' render settings. Depths are counted here as surface scatterings, 1 being direct light; the others
-count bounces, 0 being direct light, but for PxrPathTracer's former maxPathLength.
+integrators, and hdCycles' render settings. Depth here counts surface scatterings, 1 being direct light; the others count
+bounces, 0 being direct light, except PxrPathTracer's former maxPathLength.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Found = Mapping[str, Authored]
 def foreign_settings(
     settings: Usd.Prim, product: Usd.Prim | None, found: Found, when: When, diagnostics: Diagnostics
 ) -> list[Asked]:
-    """Return the settings asked for, each field once: of several renderers that ask, the first in this file's order counts."""
+    """Return the settings, each field once: if several renderers set it, the first in this file's order counts."""
     found = dict(found) | _of_integrator(settings, when)
     reader = _Reader(found, diagnostics)
     asked: dict[str, Asked] = {}
@@ -66,7 +66,7 @@ def has_integrator(settings: Usd.Prim) -> bool:
 
 
 def _of_integrator(settings: Usd.Prim, when: When) -> dict[str, Authored]:
-    """The parameters of RenderMan's integrator, under the names that hdPrman gives them among its settings."""
+    """Return the parameters of RenderMan's integrator prim, under hdPrman's names for them on RenderSettings."""
     if not has_integrator(settings):
         return {}
     attribute = settings.GetAttribute(INTEGRATORS[1])
@@ -104,7 +104,7 @@ class _Reader:
             yield self._asked("spp", count, name, f"{count} samples a pixel")
 
     def _arnold_samples(self) -> Iterator[Asked]:
-        """Arnold takes the square of AA_samples, of AA_samples_max where it samples adaptively."""
+        """Yield Arnold's samples: the square of AA_samples, or of AA_samples_max with adaptive sampling."""
         name, most = (self._first([f"{prefix}{end}" for prefix in ARNOLD]) for end in ("AA_samples", "AA_samples_max"))
         adaptive = self._first([f"{prefix}enable_adaptive_sampling" for prefix in ARNOLD])
         if adaptive is not None and self.found[adaptive].value is True and most is not None:
@@ -113,7 +113,7 @@ class _Reader:
             yield self._asked("spp", side * side, name, f"{side * side} samples a pixel, the square of {side}")
 
     def _arnold_depth(self) -> Iterator[Asked]:
-        """The total, or the sum of the kinds where that is smaller."""
+        """Yield Arnold's depth: the total, or the sum of the kinds if that is smaller."""
         kinds = [[f"{prefix}{kind}" for prefix in ARNOLD] for kind in ARNOLD_BOUNCES]
         found = list(self._total([f"{prefix}GI_total_depth" for prefix in ARNOLD]))
         if not found or all(map(self._first, kinds)):
@@ -131,7 +131,7 @@ class _Reader:
             yield self._asked("max_depth", depth, name, f"a depth of {depth}")
 
     def _depth_of_kinds(self, names: list[list[str]]) -> Iterator[Asked]:
-        """A depth that keeps every path which limits of single kinds of bounces keep; all of them have to be known."""
+        """Yield the sum of the limits per kind of bounce, a depth that keeps every path they keep; all limits are needed."""
         firsts = [self._first(of_kind) for of_kind in names]
         given = [name for name in firsts if name is not None]
         if not given:
@@ -149,7 +149,7 @@ class _Reader:
             yield self._asked("max_depth", total + 1, given[0], text)
 
     def _time_limit(self) -> Iterator[Asked]:
-        """Seconds; 0 is no limit."""
+        """Yield Cycles' time limit in seconds; 0 is no limit."""
         one = self.found.get(CYCLES_TIME)
         if one is not None and isinstance(one.value, int | float) and 0 < one.value < 1e9:
             yield self._asked("time_limit_s", float(one.value), CYCLES_TIME, f"{one.value:g} seconds a frame")
@@ -164,7 +164,7 @@ class _Reader:
         return next((name for name in names if name in self.found), None)
 
     def _whole(self, name: str, least: int, most: int, what: str) -> int | None:
-        """Whole numbers, which some writers store as floats; others are reported."""
+        """Return a whole number in the range (some writers store floats); None, with a diagnostic, for anything else."""
         given: Any = self.found[name].value
         if isinstance(given, int | float) and not isinstance(given, bool) and least <= given <= most and given == int(given):
             return int(given)

@@ -1,4 +1,4 @@
-"""The outputs that one render makes for a product, or for several of one picture, and what the file of each holds of them."""
+"""Outputs of one render for a product, or for several products of one picture, and the contents of each file."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ STDERR = "stderr"
 def outputs_of(
     product: ProductSettings, settings: RenderSettings, diagnostics: Diagnostics
 ) -> tuple[tuple[AovRequest, ...], PictureFile]:
-    """The outputs to make beside the picture, and the product's file. Products that share the render are in
-    `PictureFile.products`, where one was asked for by its path."""
+    """Return the AOVs to render beside the picture, and the product's file.
+
+    If a product was requested by path, `PictureFile.products` has the files of all products of this render.
+    """
     if settings.aovs is not None:
         aovs, file = requests_of(settings.aovs), product.file
         parts = tuple((request.name, request.name) for request in aovs)
@@ -49,22 +51,24 @@ def _note_lossy(product: ProductSettings, requests: Iterable[AovRequest], diagno
 
 
 def _is_exact(request: AovRequest) -> bool:
-    """Say whether the numbers of an output stand for something: ids, counts, Cryptomatte."""
+    """Return whether an output's numbers must be stored exactly: ids, counts, Cryptomattes."""
     stored, kind = data_type_of(request.data_type) if request.data_type else None, kind_of(request.source)
     is_whole = stored.stored == "uint" if stored is not None else kind is not None and kind.unsigned
     return is_whole or request.source in CRYPTOMATTES
 
 
 def picture_ordered(product: ProductSettings, settings: RenderSettings) -> tuple[str, ...]:
-    """The channels of the picture that a product's file holds."""
+    """Return the channels of the picture that a product's file holds."""
     if settings.aovs is not None:
         return picture_asked(settings.aovs)
     return picture_channels(product.variables) or (() if aovs_of_variables(product.variables, Diagnostics()) else PICTURE)
 
 
 def picture_of_product(product: ProductSettings, settings: RenderSettings) -> ProductSettings:
-    """What of a product decides about its pixels where the user's settings leave it to the stage: alike for products that one
-    render can make."""
+    """Return the product's settings that affect pixels and are not overridden by the user's settings.
+
+    They are equal for products that one render can make.
+    """
     return replace(
         product,
         path="",
@@ -80,7 +84,7 @@ def picture_of_product(product: ProductSettings, settings: RenderSettings) -> Pr
 
 
 def can_be_made_together(products: Sequence[ProductSettings], settings: RenderSettings) -> bool:
-    """Whether one film holds all light path expressions that the products order."""
+    """Return whether one film can hold all light path expressions that the products order."""
     if settings.aovs is not None:
         return True
     requests = [request for product in products for request in aovs_of_variables(product.variables, Diagnostics())]
@@ -92,7 +96,7 @@ def can_be_made_together(products: Sequence[ProductSettings], settings: RenderSe
 
 
 def picture_asked(names: Iterable[str]) -> tuple[str, ...]:
-    """Channels of the picture in products where the user names their outputs: all, and standard errors if they are named."""
+    """Return the picture's channels if the user names the outputs: all, and standard errors if they are named."""
     return (*PICTURE, STDERR) if STDERR in names else PICTURE
 
 
@@ -106,14 +110,14 @@ def _file(product: ProductSettings, union: _Union, diagnostics: Diagnostics) -> 
 
 
 class _Union:
-    """Requests of several products under names that differ, each request once."""
+    """AOV requests of several products, each once and under a unique name."""
 
     def __init__(self) -> None:
         self.requests: dict[str, AovRequest] = {}
         self._names: dict[AovRequest, str] = {}
 
     def add(self, request: AovRequest) -> str:
-        """The name that the image has the output under."""
+        """Add a request; return the output's name in the image."""
         if request not in self._names:
             name, number = request.name, 2
             while name in self.requests:
@@ -124,7 +128,7 @@ class _Union:
 
 
 def _renamed(request: AovRequest, name: str) -> AovRequest:
-    """The request under another name, with the channels' names as they were."""
+    """Return the request under another name, with its channel names unchanged."""
     prefix = request.prefix
     if prefix is None:
         prefix = request.name if request.data_type else primvar_of(request.source) or request.name

@@ -1,10 +1,9 @@
-"""UsdRenderPass: the one that is asked for changes the scene before it is translated; what others say is for the software that
-submits renders.
+"""UsdRenderPass: the requested pass edits a copy of the stage before it is translated; other passes concern render submission.
 
-What `prune` holds is deactivated; geometry and lights that `renderVisibility` leaves out are not rendered, those that
-`cameraVisibility` leaves out are not seen by the camera, and shapes that `matte` holds are holes in its picture. Members stay
-whatever is above them: a parent that is left out is left out alone. All of it is written to a session layer of a copy of the
-stage, so that everything after it sees an ordinary stage; instances that are told apart inside are instances no more there.
+Members of `prune` are deactivated; geometry and lights that are no members of `renderVisibility` are not rendered, those that
+are no members of `cameraVisibility` are hidden from the camera, and members of `matte` are holdouts. A member is rendered
+whatever its ancestors are: a parent that is left out is left out alone. The edits are in the session layer of a copy of the
+stage, so that all later code sees an ordinary stage; instances whose prims differ in membership are expanded there.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ LISTED = 20
 
 
 def note_render_pass(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
-    """Of one that is not asked for: the pass itself, and whatever it authors, since each could have changed the picture."""
+    """Report a pass that is not requested, and each property it authors that could have changed the image."""
     path, authored = str(prim.GetPath()), property_names(prim)
     diagnostics.add("render-settings-input", path, "Render passes are ignored where none is asked for (--render-pass).")
     for name in ABOUT_JOBS:
@@ -42,7 +41,7 @@ def note_render_pass(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
 
 
 def render_pass(stage: Usd.Stage, asked: str) -> Usd.Prim:
-    """SettingsError where there is none of this path."""
+    """Return the RenderPass at this path; SettingsError if there is none."""
     is_path = Sdf.Path.IsValidPathString(asked) and Sdf.Path(asked).IsAbsolutePath()
     prim = stage.GetPrimAtPath(asked) if is_path else None
     if prim and type_name(prim) == "RenderPass":
@@ -53,7 +52,7 @@ def render_pass(stage: Usd.Stage, asked: str) -> Usd.Prim:
 
 
 def settings_of_pass(stage: Usd.Stage, asked: str) -> str | None:
-    """The RenderSettings that it renders from, if it names any of the stage."""
+    """Return the path of the RenderSettings that the pass names as its renderSource; None if it names none of the stage."""
     for target in targets(render_pass(stage, asked), "renderSource"):
         prim = stage.GetPrimAtPath(target)
         if prim and type_name(prim) == "RenderSettings":
@@ -62,7 +61,7 @@ def settings_of_pass(stage: Usd.Stage, asked: str) -> str | None:
 
 
 def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> Usd.Stage:
-    """A copy of the stage as the pass wants it rendered; OpinionsLeak where that would change other prims."""
+    """Return a copy of the stage with the pass's edits; OpinionsLeak if they would change other prims."""
     made = scratch_copy(stage)
     prim = render_pass(made, asked)
     _note_unread(prim, diagnostics)
@@ -87,17 +86,17 @@ def _note_unread(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
 
 
 def _members(prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> frozenset[Sdf.Path] | None:
-    """Paths of prims, in instances those of their proxies; None where the collection says nothing but its default."""
+    """Return the paths of members (proxies for prims in instances); None if the collection is not authored."""
     if not any(p.startswith(f"collection:{name}") for p in property_names(prim)):
         return None
     query = Usd.CollectionAPI(prim, name).ComputeMembershipQuery()
     members = collected(query, prim.GetStage())
-    if name == "prune":  # an instancer that is pruned draws nothing
+    if name == "prune":  # a pruned instancer draws nothing
         return members
     as_instancers = _as_their_instancers(prim.GetStage(), members, query)
     added = {path for path, votes in as_instancers.items() if votes == {True}}
     differ = {path for path, votes in as_instancers.items() if len(votes) > 1}
-    if name == "renderVisibility":  # an instancer that is left out draws nothing, whatever others draw
+    if name == "renderVisibility":  # other instancers of the same prototype still draw it
         added |= differ
     elif differ:
         message = f"Some of the point instancers that draw {min(differ)} are in {name}, some are not: they are drawn alike."
@@ -108,8 +107,10 @@ def _members(prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> frozenset[S
 def _as_their_instancers(
     stage: Usd.Stage, members: frozenset[Sdf.Path], query: Usd.CollectionMembershipQuery
 ) -> dict[Sdf.Path, set[bool]]:
-    """Whether the point instancers are members that draw prims elsewhere than below themselves, of prims that the collection
-    itself says nothing of: its rules name neither them nor anything above them but the root of all."""
+    """Return whether the instancers of prototypes outside of them are members, for prims that no rule of the collection names.
+
+    A rule names a prim if it is for its path or an ancestor's other than the root.
+    """
     rules = {path for path in query.GetAsPathExpansionRuleMap() if path != Sdf.Path.absoluteRootPath}
     found: dict[Sdf.Path, set[bool]] = {}
     for instancer, _, prims in placed_elsewhere(stage):
@@ -127,7 +128,7 @@ def _drawn_members(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> lis
 
 
 def _leave_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
-    """Geometry and lights that are no members. Those with members below, which invisible ones would hide, are marked."""
+    """Hide geometry and lights that are no members; those with members below are marked instead, as hiding is inherited."""
     if members is None:
         return
     rendered = [prim.GetPath() for prim in drawn(stage) if _is_rendered(prim)]
@@ -135,7 +136,7 @@ def _leave_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     hidden = dict.fromkeys(_hidden_with(stage, path, above) for path in rendered if path not in members)
     for path in hidden:
         prim = editable(stage, path)
-        if path in above and type_name(prim) == "PointInstancer":  # of its prototypes, those that are no members are left out
+        if path in above and type_name(prim) == "PointInstancer":  # prototypes that are no members are left out one by one
             continue
         if path in above or not prim.IsA(UsdGeom.Imageable):
             prim.CreateAttribute(LEFT_OUT, Sdf.ValueTypeNames.Bool).Set(True)
@@ -144,7 +145,7 @@ def _leave_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
 
 
 def _hidden_with(stage: Usd.Stage, path: Sdf.Path, above: set[Sdf.Path]) -> Sdf.Path:
-    """The outermost native instance around a prim that has no members below, so that it can stay an instance; or the prim."""
+    """Return the outermost native instance around a prim that has no members below (it stays an instance); else the prim."""
     prim = stage.GetPrimAtPath(path)
     if prim.IsInstanceProxy():
         for prefix in path.GetPrefixes()[:-1]:
@@ -155,10 +156,10 @@ def _hidden_with(stage: Usd.Stage, path: Sdf.Path, above: set[Sdf.Path]) -> Sdf.
 
 
 def _is_rendered(prim: Usd.Prim) -> bool:
-    """Geometry, lights and what filters them, and models that are drawn as cards or boxes."""
+    """Return whether a prim is geometry, a light or light filter, or a model drawn as cards or a box."""
     if prim.IsA(UsdGeom.Boundable) or prim.HasAPI(UsdLux.LightAPI) or prim.IsA(UsdLux.LightFilter):
         return True
-    if MODEL in property_names(prim):  # USD does not compute its mode any more; what is below has members or goes with it
+    if MODEL in property_names(prim):  # already translated: USD does not compute its draw mode any more
         return True
     return _may_have_draw_mode(prim) and computed(UsdGeom.ModelAPI(prim).ComputeModelDrawMode, "default") != "default"
 
@@ -171,7 +172,7 @@ def _hold_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
 
 
 def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
-    """Shapes and lights that are no members."""
+    """Hide shapes and lights that are no members from the camera."""
     if members is None:
         return
     left_out = [prim for prim in drawn(stage) if prim.GetPath() not in members]
@@ -183,7 +184,7 @@ def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> 
 
 
 def _is_shape(prim: Usd.Prim) -> bool:
-    """Or a model, which may be drawn as cards."""
+    """Return whether a prim is a shape, or a model that may be drawn as cards."""
     is_light = prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim)
     return _may_have_draw_mode(prim) or (bool(prim.IsA(UsdGeom.Boundable)) and not is_light)
 

@@ -1,4 +1,4 @@
-"""One product of a render: what a UsdRenderProduct asks, and where it is silent its UsdRenderSettings; values are checked."""
+"""UsdRenderProduct: checked values of one product; those that it does not author come from its UsdRenderSettings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_VARIABLES = 1000
 
 @dataclass(frozen=True)
 class RenderVariable:
-    """A UsdRenderVar: a channel group that a product is to hold; the defaults are the schema's."""
+    """A UsdRenderVar: a group of channels in a product; the defaults are the schema's."""
 
     path: str
     name: str  # the driver's, else the prim's: "drives the name of the data variable that the renderer will produce"
@@ -35,14 +35,14 @@ class RenderVariable:
     source_name: str = ""
     source_type: str = "raw"
     errors: bool = False  # primray:errors
-    prefix: str | None = None  # of its channels, in place of its name
+    prefix: str | None = None  # of its channels, instead of its name
 
 
 @dataclass(frozen=True)
 class ProductSettings:
-    """What one product is to be; the defaults are UsdRenderSettingsBase's, or None where no settings are there at all."""
+    """Settings of one product; defaults are UsdRenderSettingsBase's, or None for a stage without RenderSettings."""
 
-    path: str = ""  # of the RenderProduct; "": the settings have none, so a picture of colour alone
+    path: str = ""  # of the RenderProduct; "": the settings have none, so the product is the picture alone
     settings_path: str = ""  # of the RenderSettings; "": the stage has none
     name: str = ""  # productName as authored; product_name.safe_product_name makes a file's name of it
     type: str = "raster"
@@ -60,17 +60,17 @@ class ProductSettings:
     variables: tuple[RenderVariable, ...] = ()  # in order; none: colour alone
     file: PictureFile = PLAIN
     asked: StageSettings = NOTHING_ASKED  # settings of the render
-    beside: tuple[ProductSettings, ...] = ()  # further products that the same render is for
+    beside: tuple[ProductSettings, ...] = ()  # further products made by the same render
 
 
 def settings_alone(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
-    """The default product of settings that have none."""
+    """Return the default product of RenderSettings without products."""
     asked, view = stage_settings(prim, None, when, diagnostics)
     return replace(_Reader(prim, prim, when, diagnostics).product(), asked=asked, file=PictureFile(view=view))
 
 
 def product_of(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
-    """Only values that the product authors override the settings' (UsdRenderProduct)."""
+    """Return a product; only values that it authors override the settings' (UsdRenderProduct)."""
     reader = _Reader(settings, product, when, diagnostics)
     name, kind = reader.own("productName", ""), reader.own("productType", "raster")
     if kind != "raster":
@@ -107,7 +107,7 @@ class _Reader:
         return _get(self.prim if _is_authored(self.prim, name) else self.settings, name, self.when)
 
     def checked(self, name: str, default: Any, accept: Callable[[Any], Any], what: str) -> Any:
-        """What `accept` makes of the value; where that is None, the default, and a diagnostic."""
+        """Return the value converted by `accept`; the default, with a diagnostic, if that returns None or fails."""
         raw = self.value(name)
         if raw is None:
             return default
@@ -163,7 +163,7 @@ class _Reader:
         return tuple(name for name in names if name in PURPOSES)
 
     def _material_purposes(self) -> tuple[str, ...]:
-        """The token "allPurpose" stands for the empty one in the files of some writers."""
+        """Return the material purposes; some writers author the token "allPurpose" for the empty one."""
         names = _tokens(_get(self.settings, "materialBindingPurposes", self.when))
         if names is None:
             return ("full", "")
@@ -193,7 +193,7 @@ def _variables(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Itera
 
 
 def variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> RenderVariable:
-    """What a UsdRenderVar says; its data type is not looked at here."""
+    """Read a UsdRenderVar; its data type is checked where it is used."""
 
     def text(name: str, default: str) -> str:
         found = _get(prim, name, when)
@@ -237,7 +237,7 @@ def _resolution(raw: Any) -> tuple[int, int] | None:
 
 
 def _ratio(raw: Any) -> float | None:
-    """Beyond a million to one a request is a mistake, and floats lose the picture."""
+    """Return the aspect ratio; None beyond a million to one, which is a mistake and loses precision."""
     return float(raw) if 1e-6 < float(raw) < 1e6 else None
 
 

@@ -1,4 +1,4 @@
-"""Which UsdRenderSettings a render follows, and which of its products it makes."""
+"""Choice of the UsdRenderSettings of a render, and of its products."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ LISTED = 20
 def products(
     stage: Usd.Stage, settings: RenderSettings | None = None, diagnostics: Diagnostics | None = None
 ) -> tuple[ProductSettings, ...]:
-    """All products of the settings that a render would follow, in order; one by default where there are none.
+    """Return all products of the RenderSettings that a render would use, in order; a default one if there are none.
 
-    SettingsError where `settings` ask for RenderSettings that there are not.
+    SettingsError if `settings` name RenderSettings that do not exist.
     """
     settings = settings or RenderSettings()
     diagnostics = Diagnostics() if diagnostics is None else diagnostics
@@ -42,7 +42,7 @@ def products(
 def product_settings(
     stage: Usd.Stage, settings: RenderSettings, candidates: Sequence[Usd.Prim], when: When, diagnostics: Diagnostics
 ) -> ProductSettings:
-    """Those of the product that a render makes: the one asked for, else the first. `candidates`: the RenderSettings prims."""
+    """Return the settings of the requested product, else of the first. `candidates` are the stage's RenderSettings."""
     prim = _choose(stage, _asked(stage, settings), candidates, diagnostics)
     found = _products(stage, prim, diagnostics)
     if settings.product is not None:
@@ -56,14 +56,14 @@ def product_settings(
 
 
 def _asked(stage: Usd.Stage, settings: RenderSettings) -> str | None:
-    """Those of the render pass, unless others are asked for."""
+    """Return the requested RenderSettings, else those of the requested render pass."""
     if settings.render_settings is not None or settings.render_pass is None:
         return settings.render_settings
     return settings_of_pass(stage, settings.render_pass)
 
 
 def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim], diagnostics: Diagnostics) -> Usd.Prim | None:
-    """The settings asked for, else those that the stage's metadata name, else the only ones, else none."""
+    """Return the requested RenderSettings, else those named by the stage's metadata, else the only ones, else None."""
     if asked is not None:
         return _asked_for(stage, asked, candidates)
     named = render_settings_path(stage)
@@ -91,7 +91,7 @@ def _asked_for(stage: Usd.Stage, asked: str, candidates: Sequence[Usd.Prim]) -> 
 
 
 def named_product(asked: str, paths: Sequence[str]) -> str:
-    """Return the path of the product at this path or, if only one has it, of this name; SettingsError for all else."""
+    """Return the path of the product at this path or, if only one has it, of this name; SettingsError otherwise."""
     matching = [path for path in paths if path == asked] or [path for path in paths if path.rpartition("/")[2] == asked]
     if len(matching) == 1 and asked:
         return matching[0]
@@ -106,7 +106,7 @@ def _named(asked: str, targets: Sequence[Usd.Prim | None]) -> Usd.Prim:
 
 
 def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnostics) -> list[Usd.Prim | None]:
-    """At least one; None stands for the default one."""
+    """Return the product prims, at least one entry; None is the default product."""
     if settings is None:
         return [None]
     found: list[Usd.Prim | None] = []

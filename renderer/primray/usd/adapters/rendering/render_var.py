@@ -1,7 +1,7 @@
-"""UsdRenderVars to AOVs. The schema leaves names to renderers; these are those in use, by what they hold here.
+"""UsdRenderVars to AOVs: the schema leaves source names to renderers, so the names in use are mapped to AOVs.
 
-Collected from Hydra's HdAovTokens, RenderMan's and Arnold's outputs as their USD plug-ins name them, Karma's standard render
-variables (ray:hitP ...) and those of Omniverse.
+They are collected from Hydra's HdAovTokens, the USD plug-ins of RenderMan and Arnold, Karma's standard render variables
+(ray:hitP ...) and Omniverse.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ....errors import SettingsError, did_you_mean
 from ....light_paths.tables import check
 from .render_product import RenderVariable
 
-# In the picture's own part, whatever they are called.
+# Names of the picture itself (the beauty).
 BEAUTY = frozenset({"Ci", "C", "C.*", "color", "rgb", "rgba", "RGB", "RGBA", "beauty", "Beauty", "LdrColor", "HdrColor"})
 PICTURE = ("R", "G", "B", "A")
 ALPHA = frozenset({"a", "A", "alpha", "Alpha"})
@@ -60,12 +60,12 @@ CRYPTO = {  # as Arnold, RenderMan and Karma call them
 }
 NAMES = {name: source for source in AOVS for name in (source, *COMMON.get(source, ()))}
 NAMES |= {name: source for source in CRYPTOMATTES for name in (source, *CRYPTO[source])}
-# Light path expressions that are the picture.
+# Light path expressions that select all light, the picture.
 LPE_BEAUTY = frozenset({"C.*", "C.*[LO]", "C.*<[LO].>", "C[.]*[LO]", "C.*[<L.>O]", "C.*[<L.><O.>]"})
 
 
 def aovs_of_variables(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
-    """Those of a product, in order; what the picture holds anyway needs none, what cannot be had is noted."""
+    """Return the AOVs of a product in order, without those that are the picture; report variables that cannot be rendered."""
     found: dict[str, AovRequest] = {}
     for request, path in _requests(variables, diagnostics):
         if request.name in found:
@@ -76,7 +76,7 @@ def aovs_of_variables(variables: Iterable[RenderVariable], diagnostics: Diagnost
 
 
 def _possible(requests: tuple[AovRequest, ...], diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
-    """Without the last light path expressions where there are more than can be made together."""
+    """Return the requests without the last light path expressions, which are reported, if one render cannot make all."""
     while True:
         paths = [request for request in requests if light_path_of(request.source) is not None]
         try:
@@ -108,7 +108,7 @@ def _note_double(var: RenderVariable, diagnostics: Diagnostics) -> None:
 
 
 def halves_of_picture(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> tuple[str, ...]:
-    """The picture's channels that its variables want as halves. Of several for one channel the first decides."""
+    """Return the picture's channels to store as half; the first variable of a channel decides."""
     found: dict[str, str] = {}
     for var in variables:
         channels = _channels_in_picture(var)
@@ -131,7 +131,7 @@ def halves_of_picture(variables: Iterable[RenderVariable], diagnostics: Diagnost
 
 
 def picture_channels(variables: Iterable[RenderVariable]) -> tuple[str, ...]:
-    """The channels of the picture that a product orders, "stderr" for its standard errors; without variables, all but these."""
+    """Return the picture's channels that a product orders, "stderr" for standard errors; without variables R, G, B and A."""
     ordered = list(variables)
     found = set[str]()
     for var in ordered:
@@ -155,8 +155,8 @@ def _channels_in_picture(var: RenderVariable) -> tuple[str, ...]:
 
 
 def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
-    """None where the picture has it, or nothing has."""
-    name = var.source_name or var.name  # "an output of this name": without one, the variable's own says what it is
+    """Return the AOV's source; None if the picture has it or, with a diagnostic, if there is no such output."""
+    name = var.source_name or var.name  # "an output of this name": without a sourceName, the variable's own name is the source
     if var.source_type == "primvar":
         return _primvar(name.removeprefix("primvars:"), var, diagnostics)
     if var.source_type == "lpe" or name.lower().startswith(("lpe:", "color lpe:")):
@@ -179,7 +179,7 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
 
 
 def _hint(name: str) -> str:
-    if "crypto" in name.lower():  # one output of others, or a spelling of theirs: three here
+    if "crypto" in name.lower():  # other renderers have one Cryptomatte output, or spell it differently
         return f" (Cryptomattes are {', '.join(CRYPTOMATTES)})"
     hint = did_you_mean(name, (*NAMES, *BEAUTY, *ALPHA, *ERRORS))
     return f" ({hint})" if hint else ""

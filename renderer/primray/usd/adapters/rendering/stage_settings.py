@@ -1,8 +1,8 @@
-"""Settings of a render that RenderSettings and RenderProducts author: primray's own attributes, else those of other renderers.
+"""Render settings authored on RenderSettings and RenderProducts: primray's own attributes, else those of other renderers.
 
-PrimrayRenderSettingsAPI and PrimrayRenderProductAPI (schemas/usd) declare primray's. They are read whether or not the schemas
-are applied or registered, and only where they are authored: what a schema falls back to, nobody has asked for. What a product
-authors comes before what its settings do, attribute by attribute, as UsdRenderProduct has it.
+PrimrayRenderSettingsAPI and PrimrayRenderProductAPI (schemas/usd) declare primray's. Authored attributes are read whether or
+not the schemas are applied or registered; fallback values of the schemas do not count. A product's attribute overrides its
+settings', attribute by attribute, as for UsdRenderProduct.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ VARIABLES = frozenset({f"{PREFIX}errors"})  # of render variables
 def stage_settings(
     settings: Usd.Prim, product: Usd.Prim | None, when: When, diagnostics: Diagnostics
 ) -> tuple[StageSettings, PictureView]:
-    """Return what a product, and where it is silent its settings, ask of the render, and how its pictures are to be viewed."""
+    """Return the render settings of a product (those that it does not author are its RenderSettings'), and its view."""
     found = _authored(settings, when)
     if product is not None:
         found |= _authored(product, when)
@@ -61,7 +61,7 @@ def stage_settings(
 
 
 def _authored(prim: Usd.Prim, when: When) -> dict[str, Authored]:
-    """The attributes in namespaces of renderers. Others, which any writer adds, are not looked at."""
+    """Return the attributes in the namespaces of known renderers."""
     found = {}
     for attribute in authored_attributes(prim):
         name = attribute.GetName()
@@ -73,12 +73,12 @@ def _authored(prim: Usd.Prim, when: When) -> dict[str, Authored]:
 
 
 def _as_written(given: Any, type_name: str) -> Any:
-    """A float as its layer writes it: 0.001 is not the double 0.0010000000474974513."""
+    """Return a float as its layer writes it: 0.001, not the double 0.0010000000474974513."""
     return float(str(np.float32(given))) if type_name in ("float", "half") and isinstance(given, float) else given
 
 
 def note_unknown(prim: Usd.Prim, found: Iterable[str], names: frozenset[str], diagnostics: Diagnostics) -> None:
-    """Report attributes in primray's namespace that mean nothing there: a misspelt one would do nothing."""
+    """Report unknown attributes in primray's namespace, as a misspelt one would silently do nothing."""
     for name in found:
         if name.startswith(PREFIX) and name not in names:
             hint = did_you_mean(name, sorted(names), otherwise=f"there are {', '.join(sorted(names))}.")
@@ -86,7 +86,7 @@ def note_unknown(prim: Usd.Prim, found: Iterable[str], names: frozenset[str], di
 
 
 def _setting(found: Authored, diagnostics: Diagnostics) -> Asked | None:
-    """The setting that an attribute asks for; None where no render could follow it, which is reported."""
+    """Return the setting of an attribute; None, with a diagnostic, if its value is invalid."""
     name = SETTINGS[found.name]
     try:
         if name == CHECKPOINT_EVERY:
