@@ -1,4 +1,4 @@
-"""What a UsdRenderVar's dataType asks of the channels that a file has for an AOV."""
+"""Data types of UsdRenderVars: number, names and storage of an AOV's channels in a file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .aov_names import UV, XYZ
 
 Stored = Literal["float", "half", "uint"]
 
-# It is "a USD attribute type": how many numbers it has, and whether they are colours.
+# "A USD attribute type", of which the number of components, the role and the precision count.
 _TYPE = re.compile(
     r"(float|half|double|int|uint|uchar|int64|uint64|bool)([234]?)|(color|point|vector|normal|texCoord)([234])([fhd])"
 )
@@ -19,13 +19,15 @@ _LETTERS = {1: ("",), 2: UV, 3: XYZ, 4: ("R", "G", "B", "A")}
 
 @dataclass(frozen=True)
 class DataType:
+    """Channels of an AOV in a file."""
+
     components: int
     letters: tuple[str, ...]
     stored: Stored
 
 
 def data_type_of(text: str) -> DataType | None:
-    """What a UsdRenderVar's dataType asks of a file; None for types that no channels can hold."""
+    """Return the channels for a UsdRenderVar's dataType; None for types that channels cannot hold."""
     match = _TYPE.fullmatch(text)
     if match is None:
         return None

@@ -1,7 +1,7 @@
-"""The outputs beside the picture that can be asked for (AOVs), by name; what each holds is written here and nowhere else.
+"""AOVs: the outputs beside the picture, by name; this is the only table of their channels and meanings.
 
-Point samples are taken through the pixel's centre and the lens' centre, and so are exact; "filtered" ones are means over the
-pixel filter. Lengths are in scene units. What an AOV is made of is its source: a name of AOVS, or "primvar:NAME".
+AOVs are point samples through the centres of pixel and lens, and so exact, except "filtered" ones, which are means over the
+pixel filter. Lengths are in scene units. An AOV's source is a name of AOVS, "primvar:NAME" or another prefixed name below.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 
 from .errors import SettingsError, did_you_mean
 
-WIDE = "aov:"  # before a primvar's name: all of its numbers, where surfaces read fewer of them
+WIDE = "aov:"  # prefix of a primvar read for an AOV: all of its components, where surfaces read fewer of them
 
 
 @dataclass(frozen=True)
 class AovKind:
-    channels: tuple[str, ...]  # behind the AOV's name and a dot; one alone: the channel's whole name, or "" for the AOV's own
+    channels: tuple[str, ...]  # names after the AOV's name and a dot; a single one: the whole name, or "" for the AOV's own
     meaning: str
     unsigned: bool = False  # 32-bit whole numbers
-    double: bool = False  # in memory; a file has floats
-    filtered: bool = False  # a mean over samples, with an error; others are exact
+    double: bool = False  # in memory; files store floats
+    filtered: bool = False  # a mean over samples, with standard errors; others are exact
 
 
 XYZ, RGB, UV, XY = ("X", "Y", "Z"), ("R", "G", "B"), ("U", "V"), ("X", "Y")
@@ -62,16 +62,16 @@ AOVS: dict[str, AovKind] = {
 }
 
 
-OCCLUSION = "occlusion"  # and with its distance in scene units, occlusion:0.5; without one it is a metre
+OCCLUSION = "occlusion"  # or with a distance in scene units, occlusion:0.5; the default is a metre
 
 
 def kind_of(source: str) -> AovKind | None:
-    """The row of AOVS that a source is of."""
+    """Return the row of AOVS of a source; None if it has none."""
     return AOVS.get(OCCLUSION if source.startswith(f"{OCCLUSION}:") else source)
 
 
 def occlusion_distance(source: str) -> float | None:
-    """The distance that a source's name gives occlusion, in scene units; None where it gives none, or none that can be."""
+    """Return the distance in a source name occlusion:DISTANCE, in scene units; None without a valid one."""
     name, _, text = source.partition(":")
     try:
         distance = float(text) if name == OCCLUSION else math.nan
@@ -82,7 +82,7 @@ def occlusion_distance(source: str) -> float | None:
 
 @dataclass(frozen=True)
 class CryptomatteKind:
-    layer: str  # in a file
+    layer: str  # its name in a file
     meaning: str
 
 
@@ -91,13 +91,13 @@ CRYPTOMATTES: dict[str, CryptomatteKind] = {
     "crypto_material": CryptomatteKind("CryptoMaterial", "Cryptomatte by bound material"),
     "crypto_asset": CryptomatteKind("CryptoAsset", "Cryptomatte by asset: the instance, or the nearest model above a prim"),
 }
-# Always there, in the picture itself.
+# Always present, in the picture itself.
 IN_PICTURE = ("beauty", "alpha", "stderr")
 PRIMVAR = "primvar:"
 LIGHT_PATH = "lpe:"  # before a light path expression
-ROUTE_BYTES = 320  # a pixel of an expression: of exact sums, and of what is made of them
+ROUTE_BYTES = 320  # bytes per pixel of an expression: exact sums and the values made of them
 LABELS = "labels:"  # before a taxonomy of semantic labels
-CRYPTOMATTE_BYTES = 128  # a pixel: of some four surfaces
+CRYPTOMATTE_BYTES = 128  # bytes per pixel, for about four surfaces
 MOST_COMPONENTS = 4
 LONGEST_NAME = 256
 _EXPRESSION = re.compile(r"C([.*+?<\[({|RTVDGSsLOB]|$)")
@@ -106,18 +106,20 @@ _PRIMVAR_NAME = re.compile(r"[^\s,\x00-\x1f]+")
 
 @dataclass(frozen=True)
 class AovRequest:
-    """`name` is its part's and its channels' in a file, `data_type` a UsdRenderVar's ("": as the source has it), `errors`
-    whether standard errors are asked for beside values that have any."""
+    """A requested AOV: `name` of its part and channels in a file, a UsdRenderVar's `data_type` ("": the source's own).
+
+    `errors`: standard errors are requested, too, if the source has any.
+    """
 
     name: str
     source: str
     data_type: str = ""
     errors: bool = False
-    prefix: str | None = None  # of its channels in a file, in place of the name
+    prefix: str | None = None  # of its channels in a file, instead of the name
 
 
 def check_names(names: Iterable[str]) -> None:
-    """SettingsError for a name that means nothing."""
+    """Raise SettingsError for an unknown name."""
     for name in names:
         if not isinstance(name, str) or not (
             name in AOVS
@@ -135,12 +137,12 @@ def check_names(names: Iterable[str]) -> None:
 
 
 def is_light_path(name: str) -> bool:
-    """Whether it is meant for an expression, which need not be a right one: it says so, or begins at the camera."""
+    """Return whether a name is meant as a light path expression (valid or not): it has the prefix, or begins with C."""
     return name.startswith(LIGHT_PATH) or (_EXPRESSION.match(name) is not None and name not in ("C", "Ci", "Cs"))
 
 
 def without_prefix(text: str) -> str:
-    """Without blanks, and what other renderers' files put before it."""
+    """Return an expression without blanks, and without the prefixes that other renderers' files use."""
     kept, quoted = [], False
     for letter in text:
         quoted = quoted != (letter == "'")
@@ -154,45 +156,45 @@ def without_prefix(text: str) -> str:
 
 
 def light_path_of(source: str) -> str | None:
-    """The expression that a source is."""
+    """Return the light path expression of a source, None if it is none."""
     return source.removeprefix(LIGHT_PATH) if source.startswith(LIGHT_PATH) else None
 
 
 def light_paths_of(requests: Iterable[AovRequest]) -> tuple[str, ...]:
-    """The expressions that are asked for, each once."""
+    """Return the requested light path expressions, each once."""
     return tuple(dict.fromkeys(e for e in (light_path_of(r.source) for r in requests) if e is not None))
 
 
 def _is_named(name: str) -> bool:
-    """A primvar, or labels of a taxonomy."""
+    """Return whether a name is valid for a primvar or for labels of a taxonomy."""
     kind = next((prefix for prefix in (PRIMVAR, LABELS) if name.startswith(prefix)), None)
     own = name.removeprefix(kind or "")
     return kind is not None and len(own) <= LONGEST_NAME and _PRIMVAR_NAME.fullmatch(own) is not None
 
 
 def with_distances(requests: Iterable[AovRequest], meters_per_unit: float) -> tuple[AovRequest, ...]:
-    """The requests with the distance of occlusion in scene units where none is said: a metre."""
+    """Return the requests with a distance of one metre, in scene units, for occlusion without one."""
     metre = f"{OCCLUSION}:{1 / meters_per_unit:.9g}"
     return tuple(replace(request, source=metre) if request.source == OCCLUSION else request for request in requests)
 
 
 def taxonomy_of(source: str) -> str | None:
-    """The taxonomy whose labels a source is."""
+    """Return the taxonomy whose labels a source holds, None if it holds none."""
     return source.removeprefix(LABELS) if source.startswith(LABELS) else None
 
 
 def names_instances(source: str) -> bool:
-    """Whether what is asked for is told by the names of instances."""
+    """Return whether a source depends on names of instances."""
     return source in NAMING_INSTANCES or source.startswith(LABELS)
 
 
 def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:
-    """Each once; those that every picture has need no request."""
+    """Return requests for the names, each once, without those that every picture has."""
     return tuple(_request(name) for name in dict.fromkeys(names) if name not in IN_PICTURE)
 
 
 def _request(name: str) -> AovRequest:
-    if occlusion_distance(name) is not None:  # a point in a channel's name would begin another layer
+    if occlusion_distance(name) is not None:  # a dot in a channel's name would begin another layer
         return AovRequest(name, name, prefix=OCCLUSION)
     if not is_light_path(name):
         return AovRequest(name, name)
@@ -201,19 +203,19 @@ def _request(name: str) -> AovRequest:
 
 
 def primvar_of(source: str) -> str | None:
-    """The primvar that a source is."""
+    """Return the primvar that a source reads, None if it reads none."""
     if source == "st":
         return "st"
     return source.removeprefix(PRIMVAR) if source.startswith(PRIMVAR) else None
 
 
 def primvars_of(requests: Iterable[AovRequest]) -> tuple[str, ...]:
-    """The primvars that requests read, each once."""
+    """Return the primvars that requests read, each once."""
     return tuple(dict.fromkeys(name for name in (primvar_of(r.source) for r in requests) if name is not None))
 
 
 def aov_bytes(requests: Iterable[AovRequest]) -> int:
-    """Of memory a pixel, a little more than they take: each stands twice while a file is written."""
+    """Return an upper estimate of the bytes per pixel: each AOV is in memory twice while a file is written."""
     total = 0
     for request in requests:
         kind = kind_of(request.source)

@@ -1,4 +1,4 @@
-"""A camera: where it stands, what its window shows, its lens. Part of the seam, `description`; renders may be given one."""
+"""Cameras: placement, window and lens. Part of the description; users may pass one to a render."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .lens.distortion import Distortion, distortion_as_json, distortion_of
 
 
 class Projection(Enum):
-    """How a camera's rays leave it: from its eye, or side by side.
+    """Projection of a camera: rays from one eye, or parallel rays.
 
     >>> primray.Projection("perspective")
     <Projection.PERSPECTIVE: 'perspective'>
@@ -28,13 +28,13 @@ class Projection(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Where it stands, what its window shows, its lens. It looks along -Z of its frame, +Y up, +X to the right.
+    """A camera: placement, window and lens. It looks along -Z of its space, +Y up, +X to the right.
 
-    `world_from_camera` (4, 4), float64, turns camera space into world space for points as column vectors, in scene units:
-    its first three columns are the camera's right, up and backward directions, its last one its position. It is rigid.
-    `window` is (left, right, bottom, top) at unit distance (perspective) or in scene units (orthographic): what the whole
-    frame shows, or where its sides lie on the film of a lens that distorts. `Image.camera` has the one a picture was made
-    with, to be changed and given to another render:
+    `world_from_camera` (4, 4), float64, is a rigid transform from camera to world space for points as column vectors, in
+    scene units: its first three columns are the camera's right, up and backward directions, its last one the position.
+    `window` is (left, right, bottom, top) of the whole frame at unit distance (perspective) or in scene units
+    (orthographic); for a lens with distortion, the frame's sides on the film. `Image.camera` is the camera of an image, which
+    can be changed and passed to another render:
 
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2)
     >>> moved = image.camera.world_from_camera.copy()
@@ -43,10 +43,10 @@ class Camera:
     >>> primray.render("shot.usda", camera=camera, resolution=(32, 18), spp=2).resolution
     (32, 18)
 
-    A render conforms the window to its picture's aspect ratio, as UsdRenderSettings' aspectRatioConformPolicy says.
+    A render conforms the window to the image's aspect ratio by UsdRenderSettings' aspectRatioConformPolicy.
     """
 
-    path: str  # "": no prim's
+    path: str  # of its prim; "": none
     world_from_camera: Doubles
     projection: Projection
     window: tuple[float, float, float, float]
@@ -54,16 +54,16 @@ class Camera:
     lens_radius: float = 0.0  # scene units; 0: pinhole
     focus_distance: float = 0.0  # scene units, along -Z
     exposure_scale: float = 1.0  # multiplies the image
-    # Sides of the lens, a regular polygon whose corners lie on the circle of `lens_radius`; 0: the circle.
+    # Sides of the aperture, a regular polygon with its corners on the circle of `lens_radius`; 0: a circle.
     blades: int = 0
     blade_rotation_deg: float = 0.0  # of a corner from +X, towards +Y
-    clipping_planes: tuple[tuple[float, float, float, float], ...] = ()  # a x + b y + c z + d < 0 is cut off, camera space
-    shutter: tuple[float, float] = (0.0, 0.0)  # opens and closes, in time codes from the frame on; equal: an instant
-    diffusion: Diffusion = NO_DIFFUSION  # of light in the lens, after the render
+    clipping_planes: tuple[tuple[float, float, float, float], ...] = ()  # a x + b y + c z + d < 0 is clipped, camera space
+    shutter: tuple[float, float] = (0.0, 0.0)  # opens and closes, in time codes relative to the frame; equal: an instant
+    diffusion: Diffusion = NO_DIFFUSION  # in the lens, applied after the render
     distortion: Distortion | None = None  # of a perspective camera
-    # Flaws of a perspective camera's lens. Light falls with cos^4 of a ray's angle to the axis; a second opening, the rim,
-    # so far before the lens and of this radius, in scene units (radius 0: none); by red, green and blue, how large the
-    # image is about the axis, and how much farther away it is in focus.
+    # Flaws of a perspective camera's lens. Natural vignetting: cos^4 of a ray's angle to the axis. Mechanical vignetting:
+    # distance of a second opening, the rim, in front of the lens, and its radius, in scene units (radius 0: none). Chromatic
+    # aberration, for red, green and blue: magnification about the axis, and shift of the focus distance.
     natural_vignetting: bool = False
     rim: tuple[float, float] = (0.0, 0.0)
     channel_magnification: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -76,9 +76,9 @@ class Camera:
         return hash((self.path, self.projection, self.window))
 
     def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
-        """Pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
+        """Return pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
 
-        Points behind a perspective camera give NaN, and those that its lens does not see where it distorts.
+        NaN for points behind a perspective camera, or that a lens with distortion does not see.
         """
         p = np.atleast_2d(np.asarray(points, np.float64))
         camera_from_world = np.linalg.inv(self.world_from_camera)
@@ -95,6 +95,7 @@ class Camera:
 
 
 def camera_as_json(camera: Camera) -> dict[str, Any]:
+    """Return a camera as JSON-compatible values."""
     matrix = np.asarray(camera.world_from_camera, np.float64)
     plain = asdict(replace(camera, distortion=None)) | {
         "world_from_camera": matrix.tolist(),
@@ -104,7 +105,7 @@ def camera_as_json(camera: Camera) -> dict[str, Any]:
 
 
 def camera_of(values: Mapping[str, Any]) -> Camera:
-    """What camera_as_json made; ValueError, KeyError or TypeError where it is none."""
+    """Return the camera that camera_as_json serialized; ValueError, KeyError or TypeError for anything else."""
     matrix = np.array(values["world_from_camera"], np.float64)
     left, right, bottom, top = map(float, values["window"])
     near, far = map(float, values["clipping_range"])

@@ -1,4 +1,4 @@
-"""What `RenderSettings.camera` may be: a prim's path or name, a Camera, or the matrix of one. Checked without NumPy."""
+"""Values of `RenderSettings.camera`: a prim's path or name, a Camera, or a matrix. Checked without importing NumPy."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 Matrix = tuple[tuple[float, ...], ...]  # 4 rows of 4: world_from_camera, for column vectors
 
 WANTED = "a prim's path or name, a primray.Camera, or a 4 x 4 matrix (world_from_camera)"
-RIGID = 1e-5  # that far from orthonormal a rotation may be: thousandths of a pixel
+RIGID = 1e-5  # tolerance of a rotation's orthonormality: thousandths of a pixel
 LAST_ROW = (0.0, 0.0, 0.0, 1.0)
-AFFINE = 1e-6  # that far from LAST_ROW a last row may be
+AFFINE = 1e-6  # tolerance of the last row
 
 
 def camera_choice(name: str, value: Any) -> str | Camera | Matrix:
-    """SettingsError for what is none of these, and for a camera that could not look. A Gf.Matrix4d is for row vectors, and is
-    transposed."""
+    """Return the checked value; SettingsError for other values and for invalid cameras.
+
+    A Gf.Matrix4d is for row vectors and is transposed.
+    """
     if isinstance(value, str | os.PathLike) or hasattr(value, "GetPath") or hasattr(value, "pathString"):
         return text(name, value)
     if hasattr(value, "world_from_camera"):
@@ -48,7 +50,7 @@ def _rigid(name: str, value: Any) -> Matrix:
 
 
 def _is_affine(last: Sequence[float]) -> bool:
-    """Say whether a last row is 0, 0, 0, 1 but for rounding, as an inverse has it."""
+    """Return whether a last row is 0, 0, 0, 1 up to rounding, as in computed inverses."""
     return all(abs(a - b) <= AFFINE for a, b in zip(last, LAST_ROW, strict=True))
 
 
@@ -96,19 +98,19 @@ def _checked(name: str, given: Any) -> Camera:
     return replace(given, world_from_camera=matrix)
 
 
-# What lenses can be asked to do, and how many numbers each takes.
+# Lens flaws that can be requested, and how many numbers each takes.
 LENS_FLAWS = {"natural-vignetting": 1, "mechanical-vignetting": 2, "lateral-chromatic": 3, "longitudinal-chromatic": 3}
 
 
 def lens_flaws(name: str, value: Any) -> tuple[str, ...]:
-    """ "NAME=NUMBERS" each; SettingsError for names or numbers that there are not."""
+    """Return the checked texts "NAME=NUMBERS"; SettingsError for unknown names or invalid numbers."""
     given = texts(name, value)
     flaws_of(given)
     return given
 
 
 def flaws_of(given: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
-    """By name; the last of a name counts."""
+    """Return the numbers by name; the last of equal names counts."""
     found: dict[str, tuple[float, ...]] = {}
     for one in given:
         name, _, written = one.partition("=")

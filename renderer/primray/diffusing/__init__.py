@@ -1,5 +1,4 @@
-"""Diffusion in a lens: a point spread function of unit energy, on the linear picture after the render, with its error.
+"""Lens diffusion: convolution of the rendered linear image, and its errors, with a point spread function of unit energy.
 
-`psf` puts together what `glare`, `bloom` and `starburst` make of the lens's numbers, `convolve` spreads light by it, and
-`diffuse` is both for an image.
+`psf` adds the kernels of `glare`, `bloom` and `starburst`, `convolve` applies it, and `diffuse` does both for an image.
 """

@@ -1,4 +1,4 @@
-"""Pictures spread by kernels as large as themselves: products of Fourier transforms, in double precision."""
+"""Convolution of images with kernels of their own size, by FFT in double precision."""
 
 from __future__ import annotations
 
@@ -11,29 +11,28 @@ Spectrum = npt.NDArray[np.complex128]
 
 
 class Convolver:
-    """For pictures of one size, (H, W); kernels are (2 H - 1, 2 W - 1). Nothing comes from beyond the picture's edges, and what
-    goes there is lost."""
+    """Convolution of images (H, W) with kernels (2 H - 1, 2 W - 1), with zeros outside of the image."""
 
     def __init__(self, height: int, width: int) -> None:
         self._size = height, width
         self._padded = fast_length(2 * height - 1), fast_length(2 * width - 1)
 
     def spectrum(self, kernel: Doubles) -> Spectrum:
-        """To be used for several pictures."""
+        """Return a kernel's transform, to be used for several images."""
         height, width = self._size
         placed = np.zeros(self._padded)
         placed[: kernel.shape[0], : kernel.shape[1]] = kernel
         return np.fft.rfft2(np.roll(placed, (1 - height, 1 - width), axis=(0, 1)))
 
     def spread(self, picture: Doubles, spectrum: Spectrum) -> Doubles:
-        """Of what is nowhere below 0 neither is this: rounding in the transforms does not show as darkness."""
+        """Return the convolved image; if no input is negative, no output is (rounding errors are clamped)."""
         height, width = self._size
         found: Doubles = np.fft.irfft2(np.fft.rfft2(picture, self._padded) * spectrum, self._padded)[:height, :width]
         return np.maximum(found, 0.0) if picture.min(initial=0.0) >= 0 else found
 
 
 def fast_length(least: int) -> int:
-    """The smallest product of 2, 3 and 5 that is not below; transforms of such lengths are fast."""
+    """Return the smallest product of powers of 2, 3 and 5 that is at least `least`; FFTs of such lengths are fast."""
     best = 1 << max(0, least - 1).bit_length()
     five = 1
     while five < best:

@@ -1,7 +1,7 @@
-"""An image as its lens would show it, with the error of that: linear, before any exposure of a view, beside the record.
+"""Diffusion of an image by its camera's lens, with standard errors; linear, before a view's exposure, beside the record.
 
-Errors of pixels are independent (each has samples of its own), so that variances add up by the squares of the kernel's weights.
-Those of neighbours in the diffused picture are not, as they share light.
+Errors of the input's pixels are independent (each has its own samples), so variances are summed with the squares of the
+kernel's weights. Errors of neighbouring output pixels are correlated, as they share light.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .psf import Psf, aperture_of, psf_of
 
 
 def with_diffusion(image: Image) -> Image:
-    """With the picture as its camera's lens diffuses it, which its report tells of; itself if the lens does not."""
+    """Return the image with its diffused picture and a report entry; the image itself if its lens does not diffuse."""
     if image.camera is None or image.camera.diffusion.strength == 0:
         return image
     made, says = diffuse(image, image.camera.diffusion)
@@ -28,8 +28,9 @@ def with_diffusion(image: Image) -> Image:
 
 
 def diffuse(image: Image, diffusion: Diffusion) -> tuple[Image, dict[str, Any]]:
-    """The picture, and what a report says of it. Red, green and blue are spread, alpha stays as it is: light beside what covers
-    is light without coverage.
+    """Return the diffused image and its entry in the report.
+
+    Red, green and blue are convolved. Alpha is not: light that is scattered beside an object has no coverage.
     """
     camera, frame = image.camera, image.frame
     whole = image.resolution if frame is None else frame.resolution
@@ -45,7 +46,7 @@ def diffuse(image: Image, diffusion: Diffusion) -> tuple[Image, dict[str, Any]]:
 
 
 def spread_by(psf: Psf, pixels: Floats, errors: Floats | None) -> tuple[Floats, Floats | None]:
-    """(H, W, 4) and (H, W, 3), in the form that an image has them. Values that are not finite stay and spread nothing."""
+    """Return convolved pixels (H, W, 4) and errors (H, W, 3); non-finite values stay and are not spread."""
     height, width = pixels.shape[:2]
     convolver = Convolver(height, width)
     spectra: dict[int, tuple[Spectrum, Spectrum | None]] = {}
@@ -65,14 +66,14 @@ def spread_by(psf: Psf, pixels: Floats, errors: Floats | None) -> tuple[Floats, 
 
 
 def _squared_elsewhere(kernel: Doubles) -> Doubles:
-    """Without the middle, which is no matter of transforms: what stays is most of all, and is to be exact."""
+    """Return the squared kernel without its middle, whose large weight is applied exactly, outside of the FFT."""
     squared: Doubles = kernel**2
     squared[kernel.shape[0] // 2, kernel.shape[1] // 2] = 0.0
     return squared
 
 
 def _error(convolver: Convolver, squared: Spectrum, stays: float, stderr: Doubles) -> Doubles:
-    """sqrt of the variances by the squared kernel; where one is unknown, so are all, as its light goes everywhere."""
+    """Return standard errors by the squared kernel; infinite everywhere if any is unknown, as its light goes everywhere."""
     if not np.isfinite(stderr).all():
         return np.full_like(stderr, np.inf)
     variance = stderr**2
@@ -81,7 +82,7 @@ def _error(convolver: Convolver, squared: Spectrum, stays: float, stderr: Double
 
 
 def _energy(psf: Psf, before: Floats, after: Floats) -> dict[str, Any]:
-    """Of the picture's light: how much has left its pixel, and how much of that the picture, by channel."""
+    """Return the shares of light, by channel, that left their pixel and that left the image."""
     middle = tuple(side // 2 for side in psf.spread[0].shape)
     moved = [1.0 - psf.stays - float(kernel[middle]) for kernel in psf.spread]
     sums = [[float(p[..., c][np.isfinite(p[..., c])].sum(dtype=np.float64)) for c in range(3)] for p in (before, after)]

@@ -1,8 +1,8 @@
-"""The veil: light that is scattered far, falling with the square of the distance.
+"""Veiling glare: light that is scattered far, falling with the square of the distance.
 
-Stiles and Holladay's law of disability glare, 10 E / theta^2 (Vos 1984, "Disability glare - a state of the art report").
-Spencer et al. 1995, "Physically-based glare effects for digital images", flatten it about its middle, as is done here. Its
-integral has no limit, so that it ends at the frame's size.
+It follows Stiles and Holladay's law of disability glare, 10 E / theta^2 (Vos 1984, "Disability glare - a state of the art
+report"), with a plateau in the middle as in Spencer et al. 1995, "Physically-based glare effects for digital images". Its
+integral diverges, so it is cut off at the frame's size.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import numpy as np
 from ..arrays import Doubles
 from .grid import Axis, Grid
 
-# About the middle, pixels are averages of so many points a side; farther off the middle of a pixel stands for it.
+# Pixels within CORE of the middle are averages over POINTS x POINTS points; others are evaluated at their centres.
 CORE, POINTS = 4, 16
 
 
 def glare(grid: Grid, width: float) -> Doubles:
-    """A kernel of sum 1 over all that light comes to; `width`, in pixels, is where the middle's plateau ends."""
+    """Return a kernel of sum 1 over all pixels within reach; `width`, in pixels, is the radius of the plateau."""
     y, x = _positions(grid.y), _positions(grid.x)
     quarter = _falloff(y[:, None], x[None, :], width)
     _refine(quarter, grid, width)
-    # All four quarters: what lies on an axis belongs to two of them, the middle to all.
+    # Weights of the quarter in the sum of all four: elements on an axis are shared by two, the middle by all.
     weights_y, weights_x = np.full(len(y), 2.0), np.full(len(x), 2.0)
     weights_y[0] = weights_x[0] = 1.0
     quarter /= weights_y @ quarter @ weights_x

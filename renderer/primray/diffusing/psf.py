@@ -1,4 +1,4 @@
-"""The point spread function: where the light of one pixel goes, in each channel."""
+"""Point spread function of a lens: where the light of one pixel goes, in each channel."""
 
 from __future__ import annotations
 
@@ -13,29 +13,28 @@ from .glare import glare
 from .grid import Grid
 from .starburst import starburst
 
-MOST_BLADES = 4096  # from here on the polygon is the circle to all that a pattern shows
+MOST_BLADES = 4096  # with more, the pattern is that of a circle
 
 
 @dataclass(frozen=True, eq=False)
 class Psf:
-    """`stays` of a pixel's light, and `spread` by channel: kernels on the grid, which hold the rest, but for what goes
-    beyond it.
+    """Point spread function: the share `stays` remains in its pixel, the kernels `spread` on the grid hold the rest.
 
-    Over all that light comes to, both together are 1 in every channel.
+    Over all pixels within reach they sum to 1 in each channel; the grid may cut off part of that.
     """
 
     stays: float
     spread: tuple[Doubles, Doubles, Doubles]  # the same array where channels are alike
 
     def whole(self, channel: int) -> Doubles:
-        """Both as one kernel."""
+        """Return a channel's whole kernel, with the share that stays."""
         kernel = self.spread[channel].copy()
         kernel[kernel.shape[0] // 2, kernel.shape[1] // 2] += self.stays
         return kernel
 
 
 def psf_of(diffusion: Diffusion, grid: Grid, blades: int = 0, rotation_deg: float = 0.0) -> Psf:
-    """`blades` and rotation are the camera's."""
+    """Return the point spread function; `blades` and `rotation_deg` are those of the camera's depth of field."""
     blades, rotation_deg = aperture_of(diffusion, blades, rotation_deg)
     width, scale = diffusion.bloom_width * grid.height, diffusion.strength
     alike = np.zeros(grid.shape)
@@ -53,7 +52,7 @@ def psf_of(diffusion: Diffusion, grid: Grid, blades: int = 0, rotation_deg: floa
 
 
 def aperture_of(diffusion: Diffusion, blades: int, rotation_deg: float) -> tuple[int, float]:
-    """The diffusion's own blades, or those of the camera's depth of field; with the rotation of a corner from +X."""
+    """Return blades and rotation (of a corner from +X): the diffusion's own, or those of the camera's depth of field."""
     if diffusion.blades is not None:
         blades, rotation_deg = diffusion.blades, diffusion.blade_rotation_deg
     return (blades, rotation_deg) if blades < MOST_BLADES else (0, 0.0)

@@ -1,8 +1,7 @@
-"""The star: light diffracted by the aperture, one streak across each edge of the polygon of its blades.
+"""Starburst: light diffracted by the aperture, a streak perpendicular to each edge of the polygon of its blades.
 
-Far from the aperture its pattern is the squared magnitude of the aperture's Fourier transform (Fraunhofer; Goodman,
-"Introduction to Fourier Optics", 4.3) and grows with the wavelength; Ritschel et al. 2009, "Temporal glare",
-make stars so.
+The far-field pattern is the squared magnitude of the aperture's Fourier transform (Fraunhofer; Goodman, "Introduction to
+Fourier Optics", 4.3) and scales with the wavelength, as in Ritschel et al. 2009, "Temporal glare".
 """
 
 from __future__ import annotations
@@ -17,19 +16,19 @@ import numpy.typing as npt
 from ..arrays import Doubles
 from .grid import Axis, Grid
 
-# Samples of the transform a side, and of them the aperture's diameter: the pattern is known in steps of a quarter of wavelength
-# over diameter, as far as 128 of them.
+# Samples per side of the transform, and the aperture's diameter in samples: the pattern has steps of a quarter of wavelength
+# over diameter, and extends to 128 wavelengths over diameter.
 SAMPLES, DIAMETER = 1024, 256
 STEP = DIAMETER / SAMPLES
 GREEN_NM = 550.0
-# Dominant wavelengths of Rec.709's red, green and blue under D65, and about each a band, as long as rings are to run into each
-# other: no channel sees one wavelength.
+# Dominant wavelengths of Rec.709's red, green and blue under D65, and offsets of a band around each, wide enough to blur the
+# rings: no channel sees a single wavelength.
 CHANNELS_NM = (611.4, 549.1, 464.2)
 BAND = tuple(np.linspace(-36.0, 36.0, 9))
 
 
 def starburst(grid: Grid, width: float, blades: int, rotation_deg: float) -> tuple[Doubles, Doubles, Doubles]:
-    """Kernels of sum 1 for red, green and blue; `width`, in pixels, is green's wavelength over the aperture's diameter."""
+    """Return kernels of sum 1 for red, green and blue; `width` is green's wavelength over the aperture's diameter, in pixels."""
     pattern = _pattern(blades, rotation_deg)
     red, green, blue = (_of_channel(pattern, grid, width, middle) for middle in CHANNELS_NM)
     return red, green, blue
@@ -47,8 +46,8 @@ def _of_channel(pattern: Doubles, grid: Grid, width: float, middle_nm: float) ->
 
 
 def _shares(axis: Axis, near: int, step: float) -> tuple[Doubles, Doubles]:
-    """How much of each sample's light lies in each pixel nearer than `near`, (2 near - 1, SAMPLES), and in all that light comes
-    to, (SAMPLES,)."""
+    """Return each sample's share in each pixel nearer than `near`, (2 near - 1, SAMPLES), and in all pixels within reach,
+    (SAMPLES,)."""
     edges = (np.arange(SAMPLES + 1) - SAMPLES / 2 - 0.5) * (step / axis.size)  # in pixels
 
     def below(position: npt.NDArray[Any]) -> Doubles:
@@ -62,7 +61,7 @@ def _shares(axis: Axis, near: int, step: float) -> tuple[Doubles, Doubles]:
 
 @lru_cache(maxsize=4)
 def _pattern(blades: int, rotation_deg: float) -> Doubles:
-    """(SAMPLES, SAMPLES) of sum 1, its middle at SAMPLES / 2; rows go down, as a picture's do. The same if turned by half."""
+    """Return the pattern (SAMPLES, SAMPLES) of sum 1, centred at SAMPLES / 2, rows downwards; it is point-symmetric."""
     found: Doubles = np.abs(np.fft.fftshift(np.fft.fft2(_aperture(blades, rotation_deg)))) ** 2
     found /= found.sum()
     found.flags.writeable = False
@@ -70,7 +69,7 @@ def _pattern(blades: int, rotation_deg: float) -> Doubles:
 
 
 def _aperture(blades: int, rotation_deg: float) -> Doubles:
-    """How much of each cell is open: edges are as soft as a cell."""
+    """Return the open share of each cell of the aperture (antialiased edges)."""
     right = np.arange(SAMPLES) - SAMPLES / 2 + 0.5
     y, x = -right[:, None], right[None, :]
     radius = DIAMETER / 2

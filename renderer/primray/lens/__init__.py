@@ -1,1 +1,1 @@
-"""Lenses: how they distort, and their imperfections, as numbers. A part of the seam, which `camera` holds."""
+"""Lenses: distortion and diffusion as data, held by `camera` (part of the description)."""

@@ -1,6 +1,6 @@
-"""What a lens diffuses, as numbers: how much light leaves its place in the picture, and where it goes. Part of a camera.
+"""Diffusion of a lens (veiling glare, bloom, starburst), as parameters of a camera.
 
-The point spread function that they stand for is `diffusing/`'s; docs/lens.md has both.
+`diffusing/` makes the point spread function from them; docs/lens.md describes both.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Diffusion:
-    """A share of all light that the lens scatters: into a veil over the picture, a bloom about its source, and a star.
+    """Light that the lens scatters: into a veil over the whole picture, a bloom around its source, and a starburst.
 
-    Widths are shares of the whole picture's height, so that pictures of any resolution look alike. Bloom gets what veil and
-    star leave. ValueError for what no lens does.
+    Widths are fractions of the whole picture's height, so that the look does not depend on the resolution. The bloom gets the
+    share that veil and starburst leave. ValueError for values out of range.
 
     >>> diffusion = primray.Diffusion(strength=0.1, starburst=0.4)
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2)
@@ -25,12 +25,12 @@ class Diffusion:
     (32, 18)
     """
 
-    strength: float = 0.0  # of all light, 0 to 1; 0: off
-    glare: float = 0.2  # of what is diffused, the veil's share
-    bloom_width: float = 0.005  # the bloom's narrowest standard deviation
-    starburst: float = 0.3  # of what is diffused, the star's share
-    starburst_width: float = 0.003  # on the picture, of one wavelength (550 nm) over the aperture's diameter
-    blades: int | None = None  # sides of the aperture, 0 a circle; None: as the camera's depth of field has them
+    strength: float = 0.0  # share of all light that is diffused, 0 to 1; 0: off
+    glare: float = 0.2  # the veil's share of the diffused light
+    bloom_width: float = 0.005  # narrowest standard deviation of the bloom
+    starburst: float = 0.3  # the starburst's share of the diffused light
+    starburst_width: float = 0.003  # width in the picture of one wavelength (550 nm) over the aperture's diameter
+    blades: int | None = None  # sides of the aperture, 0 a circle; None: those of the camera's depth of field
     blade_rotation_deg: float = 0.0  # of a corner from +X, towards +Y; with `blades`
 
     def __post_init__(self) -> None:
@@ -43,11 +43,11 @@ class Diffusion:
 
 
 SHARES, WIDTHS = ("strength", "glare", "starburst"), ("bloom_width", "starburst_width")
-WIDEST = 1.0  # of the picture's height
+WIDEST = 1.0  # largest width, as a fraction of the picture's height
 
 
 def fault_of(name: str, value: float | None) -> str:
-    """What is wrong with one of a Diffusion's numbers; "" for nothing."""
+    """Return why a value of a Diffusion's field is invalid; "" if it is valid."""
     if name in SHARES and not (value is not None and 0 <= value <= 1):
         return f"{name} is a share of light, from 0 to 1, not {value}"
     if name in WIDTHS and not (value is not None and 0 < value <= WIDEST):
@@ -63,7 +63,7 @@ NO_DIFFUSION = Diffusion()
 
 
 def diffusion_of(values: Mapping[str, Any]) -> Diffusion:
-    """What dataclasses.asdict made; ValueError, KeyError or TypeError where it is none."""
+    """Return the Diffusion that dataclasses.asdict serialized; ValueError, KeyError or TypeError for anything else."""
     blades = values["blades"]
     numbers = {field.name: float(values[field.name]) for field in fields(Diffusion) if field.name != "blades"}
     return Diffusion(**numbers, blades=None if blades is None else int(blades))

@@ -1,7 +1,7 @@
-"""A lens's distortion: where a direction lands on the film. Part of the seam, a part of `camera`.
+"""Lens distortion: the film point of a direction. Held by `camera` (part of the description).
 
-The film is in units of the focal length, +y up: where nothing distorts, (x, y) is what the window shows at unit distance.
-Directions are of the camera's space, which looks along -Z. The core has the inverses, scene/distortion.cpp.
+Film coordinates are in units of the focal length, +y up: without distortion (x, y) is the point at unit distance. Directions
+are in camera space, which looks along -Z. The core has the inverses, scene/distortion.cpp.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 
-SCAN = 4096  # steps in which models are searched for where they turn, as in the core
+SCAN = 4096  # steps of the search for a model's turning point, as in the core
 HALVINGS = 64
-WIDEST = 1e4  # nothing of a film is farther from the axis
+WIDEST = 1e4  # largest radius on the film
 _AROUND = 16  # directions in half a turn
-_COARSE = 64  # directions of a table at a side, among which the nearest is looked for
+_COARSE = 64  # directions per side of a table among which the nearest is searched
 
 
 class DistortionModel(Enum):
-    """What `Distortion.coefficients` mean.
+    """Model of lens distortion: the meaning of `Distortion.coefficients`.
 
     RATIONAL: OpenCV's pinhole, k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4. ANGLE_TO_RADIUS: the radius on the film is k0 a + k1 a^3 +
     k2 a^5 + k3 a^7 + k4 a^9 of the angle to the axis. RADIUS_TO_ANGLE: the angle is k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 of the
@@ -51,18 +51,18 @@ NUMBERS = {
 
 @dataclass(frozen=True, eq=False)
 class DirectionTable:
-    """Directions at the centres of texels, linear between them.
+    """Table of directions at texel centres, interpolated linearly.
 
     >>> ahead = np.full((2, 2, 3), (0.0, 0.0, -1.0), np.float32)
     >>> primray.DirectionTable((-1.0, 1.0, -1.0, 1.0), ahead).at(np.zeros((1, 2))).tolist()
     [[0.0, 0.0, -1.0]]
     """
 
-    window: tuple[float, float, float, float]  # left, right, bottom, top of the whole table on the film
+    window: tuple[float, float, float, float]  # left, right, bottom, top of the table on the film
     directions: Floats  # (rows, columns, 3) of unit length, first row at the top; NaN where the lens sees nothing
 
     def at(self, film: Doubles) -> Doubles:
-        """(N, 3) of film points (N, 2), not normalized; NaN beyond the table."""
+        """Return directions (N, 3) of film points (N, 2), not normalized; NaN outside of the table."""
         left, right, bottom, top = self.window
         rows, columns, _ = self.directions.shape
         column = (film[:, 0] - left) / (right - left) * columns - 0.5
@@ -78,7 +78,7 @@ class DirectionTable:
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """How a camera's lens distorts: a model, its coefficients, and how far from the axis it sees at most.
+    """Distortion of a camera's lens: a model, its coefficients, and the largest visible angle from the axis.
 
     >>> fisheye = primray.Distortion(primray.DistortionModel.ANGLE_TO_RADIUS, (1.0, -0.01, 0.0, 0.0, 0.0), 100.0)
     >>> fisheye.project([[0.0, 0.0, -1.0]]).tolist()
@@ -88,10 +88,10 @@ class Distortion:
     model: DistortionModel
     coefficients: tuple[float, ...]
     most_angle_deg: float = 180.0
-    table: DirectionTable | None = None  # of TABLE
+    table: DirectionTable | None = None  # for the model TABLE
 
     def project(self, directions: Any) -> Doubles:
-        """Film points (N, 2) of directions (N, 3) of any length; NaN for those that the lens does not see."""
+        """Return film points (N, 2) of directions (N, 3) of any length; NaN for directions that the lens does not see."""
         d = np.atleast_2d(np.asarray(directions, np.float64))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if self.model is DistortionModel.RATIONAL:
@@ -119,14 +119,14 @@ class Distortion:
         return np.asarray(np.where(seen, 0.5 * (low + high), np.nan))
 
     def _farthest(self, most: float) -> float:
-        """The radius up to which the angle grows and is no more than `most`."""
+        """Return the radius up to which the angle grows and is at most `most`."""
         k, end = self.coefficients, 1.0
         while end < WIDEST and _polynomial(k, np.array([end]))[0] < most and _slope(k, np.array([end]))[0] > 0:
             end *= 2
         return first_turn(end, lambda r: np.where(_polynomial(k, r) <= most, _slope(k, r), -1.0))
 
     def _rational(self, d: Doubles) -> Doubles:
-        """OpenCV, calib3d, "Detailed Description"; its y is down."""
+        """Return film points by OpenCV's model (calib3d, "Detailed Description"), whose y is down."""
         x, y = d[:, 0] / -d[:, 2], d[:, 1] / d[:, 2]
         k, most = self.coefficients, np.radians(min(self.most_angle_deg, 90.0))
         u, v = _rational(k, x, y)[:2]
@@ -135,7 +135,7 @@ class Distortion:
         return np.stack([np.where(seen, u, np.nan), np.where(seen, -v, np.nan)], axis=1)
 
     def _looked_up(self, d: Doubles) -> Doubles:
-        """Newton's steps from the nearest of some of the table's directions."""
+        """Return film points by Newton iteration from the nearest of a subset of the table's directions."""
         assert self.table is not None
         table = self.table
         left, right, bottom, top = table.window
@@ -162,7 +162,7 @@ class Distortion:
 
 
 def _newton(table: DirectionTable, film: Doubles, step: Doubles, u: Doubles, v: Doubles) -> Doubles:
-    """By how much film points (N, 2) are off, the wanted directions being across both u and v (N, 3)."""
+    """Return the Newton step of film points (N, 2) whose wanted directions are perpendicular to both u and v (N, 3)."""
 
     def off(at: Doubles) -> Doubles:
         found = table.at(at)
@@ -178,7 +178,7 @@ def _newton(table: DirectionTable, film: Doubles, step: Doubles, u: Doubles, v: 
 
 
 def first_turn(end: float, slope: Callable[[Doubles], Any]) -> float:
-    """The first x in (0, end] where `slope` is no longer above 0; `end` if there is none."""
+    """Return the first x in (0, end] at which `slope` is not positive; `end` if there is none."""
     x = end * np.arange(1, SCAN + 1) / SCAN
     turned = np.flatnonzero(~(np.asarray(slope(x)) > 0))
     if not len(turned):
@@ -213,7 +213,7 @@ def _tangent(angle: Doubles) -> Doubles:
 
 
 def _rational(k: tuple[float, ...], x: Doubles, y: Doubles) -> tuple[Doubles, Doubles, Doubles]:
-    """Where (x, y) lands, and the determinant of the derivatives there."""
+    """Return the film point of (x, y), and the Jacobian determinant there."""
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = k
     s = x * x + y * y
     above, below = 1 + s * (k1 + s * (k2 + s * k3)), 1 + s * (k4 + s * (k5 + s * k6))
@@ -230,7 +230,7 @@ def _rational(k: tuple[float, ...], x: Doubles, y: Doubles) -> tuple[Doubles, Do
 
 
 def _rational_slope(k: tuple[float, ...], r: Doubles) -> Doubles:
-    """Of the radial part; below 0 beyond a pole."""
+    """Return the radial part's slope; negative beyond a pole."""
     s = r * r
     above, below = 1 + s * (k[0] + s * (k[1] + s * k[4])), 1 + s * (k[5] + s * (k[6] + s * k[7]))
     above_slope, below_slope = k[0] + s * (2 * k[1] + s * 3 * k[4]), k[5] + s * (2 * k[6] + s * 3 * k[7])
@@ -238,7 +238,7 @@ def _rational_slope(k: tuple[float, ...], r: Doubles) -> Doubles:
 
 
 def _unfolds(k: tuple[float, ...], r: Doubles) -> Doubles:
-    """Above 0 while nothing within these radii lands where something else does, as in the core."""
+    """Return a value that is positive while the model is injective within these radii, as in the core."""
     least = _rational_slope(k, r)
     if not any(k[i] for i in (2, 3, 8, 9, 10, 11)):
         return least
@@ -250,6 +250,7 @@ def _unfolds(k: tuple[float, ...], r: Doubles) -> Doubles:
 
 
 def distortion_as_json(distortion: Distortion | None) -> dict[str, Any] | None:
+    """Return a distortion as JSON-compatible values."""
     if distortion is None:
         return None
     made: dict[str, Any] = {
@@ -268,7 +269,7 @@ def distortion_as_json(distortion: Distortion | None) -> dict[str, Any] | None:
 
 
 def distortion_of(values: Mapping[str, Any] | None) -> Distortion | None:
-    """What distortion_as_json made; ValueError, KeyError or TypeError where it is none."""
+    """Return the distortion that distortion_as_json serialized; ValueError, KeyError or TypeError for anything else."""
     if values is None:
         return None
     model, table = DistortionModel(values["model"]), values.get("table")

@@ -1,4 +1,5 @@
-"""Light path expressions: their grammar, and the automaton that the core follows paths by. docs/light-paths.md describes them.
+"""Light path expressions: their grammar, and the automaton by which the core classifies paths (docs/light-paths.md).
 
-`grammar` reads one, `events` are what it is of, `automaton` makes several of them into `tables` of states.
+`grammar` parses an expression, `events` defines its letters, `automaton` makes one automaton of several expressions, and
+`tables` its arrays for the core.
 """

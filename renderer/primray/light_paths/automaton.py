@@ -1,5 +1,8 @@
-"""Expressions to one minimal automaton: each to a nondeterministic one (Thompson 1968), all of them to sets of its places,
-states that differ in nothing made one (Moore 1956)."""
+"""Light path expressions to one minimal deterministic automaton.
+
+Each expression becomes a nondeterministic automaton (Thompson 1968); the subset construction joins all of them, and equivalent
+states are merged (Moore 1956).
+"""
 
 from __future__ import annotations
 
@@ -13,31 +16,31 @@ from .grammar import Either, Expression, Node, Repeated, Sequence
 MOST_PLACES, MOST_SETS, MOST_STATES = 4096, 4096, 256
 
 Places = frozenset[int]
-State = tuple[Places, ...]  # by expression
+State = tuple[Places, ...]  # places of each expression's automaton
 
 
 @dataclass(frozen=True)
 class Automaton:
-    """Paths begin in state 0, behind the camera. `classes`: what sets of expressions, as bits, light may match."""
+    """Transition tables; paths begin in state 0, after the camera. `classes` are sets of matching expressions, as bits."""
 
-    next: list[list[int]]  # by state and scattering
-    ends: list[list[int]]  # by state and end: a class
+    next: list[list[int]]  # next state by state and scattering
+    ends: list[list[int]]  # class by state and end
     classes: list[int]
 
 
 def ends_of(labels: Many[str]) -> list[Event]:
-    """Where paths end: at lights of these groups, of each kind."""
+    """Return the events that end paths: each kind of end, at lights of each of these groups."""
     return [Event(kind, label=label) for label in labels for kind in END_KINDS]
 
 
 def automaton_of(expressions: Many[Expression], ends: Many[Event]) -> Automaton:
-    """SettingsError where it is too large, or no path can match an expression."""
+    """Return the automaton of all expressions; SettingsError if it is too large, or no path can match an expression."""
     machines = [_Machine(expression) for expression in expressions]
     start: State = tuple(m.after(m.start, CAMERA) for m in machines)
     number = {start: 0}
     states, rows, classes = [start], list[list[int]](), [0]
     outs: list[list[int]] = []
-    for state in states:  # grows on the way
+    for state in states:  # grows in the loop
         row = []
         for k, event in enumerate(SCATTERINGS):
             to = tuple(
@@ -77,7 +80,7 @@ def _too_large(expressions: Many[Expression]) -> SettingsError:
 
 
 def _minimal(rows: list[list[int]], outs: list[list[int]]) -> tuple[list[list[int]], list[list[int]]]:
-    """States that no way on tells apart become one, numbered by the first of them."""
+    """Merge equivalent states, numbered by the first of each."""
     of = _numbered([tuple(out) for out in outs])
     while True:
         finer = _numbered([(of[s], *(of[to] for to in row)) for s, row in enumerate(rows)])
@@ -94,7 +97,7 @@ def _numbered(keys: Many[object]) -> list[int]:
 
 
 class _Machine:
-    """One expression's places, with ways from each to others by events, or by nothing."""
+    """Nondeterministic automaton of one expression: places, and transitions by events or without one."""
 
     def __init__(self, expression: Expression) -> None:
         self.expression = expression
@@ -122,7 +125,7 @@ class _Machine:
         return len(self._by) - 1
 
     def _add(self, node: Node, at: int) -> int:
-        """The place behind `node`, which begins at `at`."""
+        """Add `node`, which begins at the place `at`; return the place after it."""
         if isinstance(node, Events):
             end = self._place()
             self._by[at].append((node, end))

@@ -1,8 +1,7 @@
-"""What happens to a path, one event after the other from the camera on; and what matches it.
+"""Events of a light path, from the camera to the light, and patterns that match them.
 
-The letters are Open Shading Language's, which UsdRender names: camera C; reflected R, transmitted T or scattered by a medium V,
-diffuse D, glossy G, singular S or straight through s; a light L, a surface that glows O, the background B. A dome is a light
-and the background.
+The letters are Open Shading Language's, which UsdRender refers to: camera C; reflection R, transmission T or volume scattering
+V; diffuse D, glossy G, singular S or straight s; light L, emissive object O, background B. A dome is both L and B.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ WAYS, LOBES, ENDS = "RTV", "DGSs", "LOB"
 
 @dataclass(frozen=True)
 class Event:
-    kinds: str  # any of these letters stands for it
-    lobe: str = ""  # of scattering at surfaces
-    label: str = ""  # of a light: its group
+    kinds: str  # any of these letters matches it
+    lobe: str = ""  # letter of scattering at surfaces
+    label: str = ""  # a light's group
 
 
 CAMERA = Event("C")
@@ -28,7 +27,7 @@ END_KINDS = ("L", "LB", "O")
 
 @dataclass(frozen=True)
 class Choice:
-    """One of these, or none of them."""
+    """A set of letters or labels, or its complement."""
 
     of: frozenset[str]
     is_negated: bool = False
@@ -39,7 +38,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Pattern:
-    """None: whatever there is."""
+    """Pattern of one event; None matches anything."""
 
     kind: Choice | None = None
     lobe: Choice | None = None
@@ -55,7 +54,7 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Events:
-    """Those that any of the patterns matches, or none of them."""
+    """Events that match any of the patterns or, negated, none of them."""
 
     patterns: tuple[Pattern, ...]
     is_negated: bool = False
@@ -68,7 +67,7 @@ ANY = Pattern()
 
 
 def pattern_of(letter: str) -> Pattern:
-    """What a letter stands for by itself."""
+    """Return the pattern of a single letter."""
     if letter == ".":
         return ANY
     chosen = Choice(frozenset(letter))

@@ -1,11 +1,11 @@
-"""The grammar of light path expressions, as Open Shading Language has it: text to a tree.
+"""Parser of light path expressions (the grammar of Open Shading Language): text to a tree.
 
     alternatives  one|other            a path takes either
     events        C R T V D G S s L O B .   <RD> <[RT]G> <L.'key'>   [LO] [^D]
     repeated      * + ? {2} {1,3} {2,}
     grouped       (...)
 
-Blanks mean nothing outside of quotes.
+Blanks outside of quotes are ignored.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ Node = Events | Sequence | Either | Repeated
 
 @dataclass(frozen=True)
 class Expression:
-    text: str  # without blanks and prefixes
+    text: str  # without blanks and prefix
     tree: Node
-    labels: frozenset[str]  # groups of lights that it names
-    names_straight: bool  # it says something of light that goes straight through; else it does not see that
+    labels: frozenset[str]  # light groups that it names
+    names_straight: bool  # it names straight transmission (s); otherwise those events are skipped
 
 
 def parse(text: str) -> Expression:
-    """SettingsError, naming the place, for what is no expression."""
+    """Parse an expression; SettingsError with the position of the fault."""
     plain = without_prefix(text)
     if len(plain) > LONGEST:
         raise _error(plain[:40] + "...", f"has more than {LONGEST} characters")
@@ -174,7 +174,7 @@ class _Reader:
         return pattern_of(letter)
 
     def _detailed(self, opened: int) -> Pattern:
-        """<kind lobe label>, of which the last two may be missing."""
+        """Parse the rest of <kind lobe label>; the last two may be missing."""
         kind = self._letters("C" + WAYS + ENDS, "a kind of event")
         lobe = label = None
         if self.here() not in (">", None):

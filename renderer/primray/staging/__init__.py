@@ -1,8 +1,8 @@
-"""What a user has added beside the stage: a studio light, a dome, a ground, a camera that is turned around.
+"""Additions to a stage that the user's settings ask for: studio light, dome, ground, camera orbit.
 
-All of it changes the description that translation made, before textures are loaded and shapes diced. The stage is not edited,
-so that nothing which refers to its prims (light links, collections, instances) can change. Each addition is reported as
-`staging`, and the studio light as `default-light`.
+They change the translated description, before textures are loaded and shapes are diced. The stage is not edited, so that
+nothing that refers to its prims (light links, collections, instances) can change. Each addition is reported as `staging`, the
+studio light as `default-light`.
 """
 
 from .additions import require_dome, staged

@@ -1,4 +1,4 @@
-"""A description with the dome, ground and turned camera that the settings ask for beside the stage."""
+"""Dome, ground and camera orbit of the settings, added to a description."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from ..usd.lights.default_light import KEY, STUDIO, default_lights
 
 DOME, GROUND = "primray:dome", "primray:ground"
 GROUND_ALBEDO = 0.18  # mid-grey
-GROUND_SIZE = 50.0  # half the ground's width over the radius of what is drawn: its edges are close to the horizon
-# The ground's distance below what is drawn, over its radius: flat things that lie on it are not coplanar with it.
+GROUND_SIZE = 50.0  # half the ground's width over the scene's radius: its edges are close to the horizon
+# The ground's distance below the scene over the scene's radius, so that flat objects on it are not coplanar with it.
 GROUND_GAP = 1e-5
 
 
 def staged(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
-    """Return the description with what the settings add; the very same object where they add nothing."""
+    """Return the description with what the settings add; the same object if they add nothing."""
     if settings.orbit_deg % 360 != 0:
         description = _orbited(description, settings.orbit_deg, diagnostics)
     if settings.dome is not None:
@@ -45,7 +45,7 @@ def _up(description: SceneDescription) -> int:
 
 
 def _turned(degrees: float, up: int) -> Doubles:
-    """Return (4, 4): a rotation about the up axis, counterclockwise as seen from above."""
+    """Return the rotation (4, 4) about the up axis, counterclockwise as seen from above."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     first, second = ((2, 0), (0, 1))[up - 1]  # y-up: z turns to x; z-up: x turns to y
     m = np.eye(4)
@@ -55,7 +55,7 @@ def _turned(degrees: float, up: int) -> Doubles:
 
 
 def _orbited(description: SceneDescription, degrees: float, diagnostics: Diagnostics) -> SceneDescription:
-    """Turn the camera around the middle of what is drawn; the studio light turns with it, lights of the stage stay."""
+    """Rotate the camera about the scene's centre; the studio light rotates with it, lights of the stage do not."""
     up = _up(description)
     low, high = drawn_bounds(description, up)
     turned, middle = _turned(degrees, up), (low + high) / 2
@@ -103,7 +103,7 @@ def _with_dome(description: SceneDescription, settings: RenderSettings, diagnost
 
 
 def _with_own_domes(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
-    """Turn the stage's domes about the up axis, and hide them from the camera, as the settings ask."""
+    """Rotate the stage's domes about the up axis, and hide them from the camera, as the settings ask."""
     turned = _turned(settings.dome_rotation, _up(description))
     found = [light for light in description.lights if light.type is LightType.DOME and light.path != STUDIO]
     if not found:
@@ -129,7 +129,7 @@ def _with_own_domes(description: SceneDescription, settings: RenderSettings, dia
 
 
 def require_dome(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> None:
-    """SettingsError where the image of the dome that is asked for could not be read, which left the dome out."""
+    """Raise SettingsError if the requested dome was left out because its image could not be read."""
     if settings.dome is None or any(light.path == DOME for light in description.lights):
         return
     why = next((d.message for d in diagnostics if d.prim_path == DOME), "it cannot be read").removeprefix(f"{LIGHT_LEFT_OUT}: ")
@@ -137,7 +137,7 @@ def require_dome(description: SceneDescription, settings: RenderSettings, diagno
 
 
 def _with_ground(description: SceneDescription, ground: Ground, diagnostics: Diagnostics) -> SceneDescription:
-    """Add a grey square below all that is drawn; one that shows only its shadow is hidden from the camera."""
+    """Add a grey square below the scene; a ground that only shows its shadow is hidden from the camera."""
     up = _up(description)
     low, high = drawn_bounds(description, up)
     radius = float(np.linalg.norm(high - low)) / 2
@@ -169,7 +169,7 @@ def _with_ground(description: SceneDescription, ground: Ground, diagnostics: Dia
 
 
 def _without_visible_domes(description: SceneDescription, diagnostics: Diagnostics) -> SceneDescription:
-    """Hide domes and distant lights from the camera, which are what is behind all that is drawn."""
+    """Hide domes and distant lights from the camera, as another background is requested."""
     far = (LightType.DOME, LightType.DISTANT)
     hidden = [light.path for light in description.lights if light.type in far and light.visible_to_camera]
     if not hidden:

@@ -1,10 +1,10 @@
-"""The shadow that a ground receives, as an opacity: one minus its direct light with what is drawn over that without.
+"""Shadow on an invisible ground (a shadow catcher), as an opacity: 1 - direct light with the scene / direct light without.
 
-The picture itself hides the ground from the camera, so that its colours, coverage and errors are those of what is drawn. The
-ground is seen in two small renders of direct light. They take the same samples: where nothing is in the way of the light their
-ratio is 1, and the ground has no edge. Tiles without a shadow, and those that the picture covers, are soon left out; the others
-are sampled until the shadow has the samples of the picture, or has cost as much as that. Rays measure the cost, so that the
-same render has the same shadow; a time limit is shared out by the clock.
+The image itself hides the ground from the camera, so that its colours, coverage and errors are those of the scene. The ground
+is visible in two small renders of direct light with the same samples: where nothing blocks the light their ratio is exactly 1,
+and the ground has no visible edge. Tiles without a shadow, and those that the image covers, are dropped early; the others are
+sampled until the shadow has the samples of the image or has cost as much. The cost is measured in rays, so that the same
+render has the same shadow; only a time limit depends on the clock.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from ..settings import SAMPLE_BLOCK, RenderSettings
 from ..textures.texture import Texture
 from .additions import GROUND
 
-LEAST = 0.002  # opacities below it, half a step of 8 bits, are rounding of places on a large ground
-LEAST_SAMPLES, MOST_SAMPLES = 16, 256  # a pixel
-JUDGED_AT = 8  # samples a pixel after which a tile without a shadow, and without a neighbour that has one, gets no more
+LEAST = 0.002  # smaller opacities (half a step of 8 bits) are rounding errors of positions on a large ground
+LEAST_SAMPLES, MOST_SAMPLES = 16, 256  # per pixel
+JUDGED_AT = 8  # samples per pixel after which tiles without a shadow, in them or a neighbour, are dropped
 
 
 @dataclass(frozen=True)
 class Spent:
-    """What a picture took: samples a pixel on average, and rays."""
+    """Cost of an image: average samples per pixel, and rays."""
 
     samples: float
     rays: int
@@ -39,15 +39,14 @@ class Spent:
 
 @dataclass(frozen=True, eq=False)
 class GroundShadow:
-    """What is needed to find the shadow of a diced scene after its picture is made."""
+    """Inputs to compute the shadow of a diced scene after its image is rendered."""
 
     description: SceneDescription
     textures: dict[TextureFile, list[tuple[int, Texture]]]
     settings: RenderSettings
 
     def opacity(self, coverage: Floats, spent: Spent) -> Floats:
-        """Return (H, W) in 0 to 1: how much of what is behind the picture the shadow hides. `coverage` (H, W) and `spent` are
-        the picture's."""
+        """Return the shadow's opacity (H, W), 0 to 1; `coverage` (H, W) and `spent` are the image's."""
         start = time.perf_counter()
         views = _Views(self._shadowed(), self._bare(), self.textures, self._settings(spent))
         is_open = _tiles(coverage < 1, views.tiles)
@@ -80,7 +79,7 @@ class GroundShadow:
         )
 
     def _shadowed(self) -> SceneDescription:
-        """The ground alone is seen; the rest casts its shadow."""
+        """Return the scene with only the ground visible to the camera; the rest casts its shadow."""
         surfaces = tuple(
             replace(surface, camera=CameraSight.SEEN if surface.path == GROUND else CameraSight.HIDDEN)
             for surface in self.description.surfaces
@@ -88,6 +87,7 @@ class GroundShadow:
         return replace(self.description, surfaces=surfaces)
 
     def _bare(self) -> SceneDescription:
+        """Return the scene with the ground alone."""
         shown = self._shadowed()
         (placed,) = (p for p in shown.static if shown.shapes[p.shape].path == GROUND)
         alone = (Placed(0, placed.matrix),)
@@ -95,7 +95,7 @@ class GroundShadow:
 
 
 class _Views:
-    """The two renders of the ground, which take the same samples."""
+    """The two renders of the ground, with the same samples."""
 
     def __init__(
         self,
@@ -118,7 +118,7 @@ class _Views:
         return sum(int(film.rays) for film in self._films)
 
     def take(self, samples: int, is_open: npt.NDArray[np.bool_]) -> None:
-        """Give every pixel of the tiles that are open its first `samples`."""
+        """Render the open tiles up to `samples` samples per pixel."""
         for scene, film in zip(self._scenes, self._films, strict=True):
             ends = np.where(is_open[None], core.uniform_ends(film, samples), film.next)
             core.render_pass(scene, film, ends, self._splits, self.settings)
@@ -133,7 +133,7 @@ class _Views:
 
 
 def _tiles(pixels: npt.NDArray[np.bool_], tiles: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Return (tiles,): whether any pixel of each is set, rows of tiles from the top."""
+    """Return whether any pixel of each tile is set, (tiles,), rows of tiles from the top."""
     columns, rows = tiles
     whole = np.zeros((rows * core.TILE, columns * core.TILE), bool)
     whole[: pixels.shape[0], : pixels.shape[1]] = pixels
@@ -142,7 +142,7 @@ def _tiles(pixels: npt.NDArray[np.bool_], tiles: tuple[int, int]) -> npt.NDArray
 
 
 def _with_neighbours(chosen: npt.NDArray[np.bool_], tiles: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Return (tiles,): those that are chosen, and the eight around each."""
+    """Return the chosen tiles and the eight around each, (tiles,)."""
     columns, rows = tiles
     grid = np.pad(chosen.reshape(rows, columns), 1)
     found = np.zeros((rows, columns), bool)

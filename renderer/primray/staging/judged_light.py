@@ -1,8 +1,8 @@
-"""The studio light of a stage that glows but has no lights: a small picture without it says whether it is needed.
+"""Studio light for a stage with emissive surfaces but no lights: a small test render decides whether it is needed.
 
-An estimate from powers and areas would know neither what hides what glows nor what its textures show. The picture takes a few
-thousand samples of a scene that is built at its size; only stages with emission and without lights pay for it. Its seed, size
-and samples are fixed, so that every part and machine decides alike.
+An estimate from powers and areas would miss occlusion and textures of the emission. The test render takes a few thousand
+samples of a scene built at its size; only stages with emission and without lights pay for it. Its seed, size and samples are
+fixed, so that all processes and machines decide alike.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from ..usd.lights.default_light import default_lights
 if TYPE_CHECKING:
     from ..core import CoreScene
 
-WIDE = 96  # pixels of the larger side
-BLOCK = 4  # pixels: each block's mean is judged
-SAMPLES = 3  # a pixel; a quick look, which no pilot comes before
-# A block is dark below this radiance, after the camera's exposure: the default view shows it as 2 of 255.
+WIDE = 96  # pixels of the test render's longer side
+BLOCK = 4  # pixels per side of a block, whose mean is tested
+SAMPLES = 3  # per pixel, without any pilot pass
+# Radiance, after exposure, below which a block is dark: the default view shows it as 2 of 255.
 DARK = 0.01
-LEAST_LIT = 0.35  # of what is seen: with less, most of the picture would be black
+LEAST_LIT = 0.35  # share of the coverage: with less, most of the image would be black
 
 
 def with_studio_where_dark(
@@ -36,7 +36,7 @@ def with_studio_where_dark(
     diagnostics: Diagnostics,
     build: Callable[[SceneDescription, RenderSettings], CoreScene],
 ) -> SceneDescription:
-    """Return the description with a studio light where what glows lights too little of what is seen."""
+    """Return the description, with a studio light if its emissive surfaces light too little of the image."""
     if not _is_in_question(description, settings):
         return description
     share = _lit_share(description, settings, build)
@@ -52,7 +52,7 @@ def with_studio_where_dark(
 
 
 def _is_in_question(description: SceneDescription, settings: RenderSettings) -> bool:
-    """Lights that emit nothing are not in a description: translation adds the studio light where nothing glows."""
+    """Return whether a test render has to decide; translation already adds the studio light to stages without emission."""
     if settings.studio is not StudioLight.AUTO or description.lights or not description.may_need_light:
         return False
     return any(map(_glows, description.surfaces))
@@ -65,7 +65,7 @@ def _glows(surface: Surface) -> bool:
 def _lit_share(
     description: SceneDescription, settings: RenderSettings, build: Callable[[SceneDescription, RenderSettings], CoreScene]
 ) -> float | None:
-    """Return how much of what the camera sees is not dark; None where it sees nothing."""
+    """Return the share of the visible scene that is not dark in a test render; None if nothing is visible."""
     from .. import core
 
     width, height = description.resolution
@@ -80,7 +80,7 @@ def _lit_share(
 
 
 def lit_share(pixels: Floats) -> float | None:
-    """Return, of (H, W, 4) premultiplied, the share of the coverage in blocks whose mean colour is not dark."""
+    """Return the share of coverage in blocks whose mean colour is not dark, of premultiplied pixels (H, W, 4)."""
     height, width = pixels.shape[:2]
     padded = np.zeros((-(-height // BLOCK) * BLOCK, -(-width // BLOCK) * BLOCK, 4))
     padded[:height, :width] = np.where(np.isfinite(pixels), pixels, 0)
