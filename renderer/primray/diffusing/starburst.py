@@ -21,8 +21,8 @@ from .grid import Axis, Grid
 SAMPLES, DIAMETER = 1024, 256
 STEP = DIAMETER / SAMPLES
 GREEN_NM = 550.0
-# Dominant wavelengths of Rec.709's red, green and blue under D65, and offsets of a band around each, wide enough to blur the
-# rings: no channel sees a single wavelength.
+# Dominant wavelengths of Rec.709's red, green and blue under D65, and offsets of a band around each, wide enough to blur
+# rings together: no channel sees a single wavelength.
 CHANNELS_NM = (611.4, 549.1, 464.2)
 BAND = tuple(np.linspace(-36.0, 36.0, 9))
 
