@@ -28,7 +28,7 @@ BAND = tuple(np.linspace(-36.0, 36.0, 9))
 
 
 def starburst(grid: Grid, width: float, blades: int, rotation_deg: float) -> tuple[Doubles, Doubles, Doubles]:
-    """Return kernels of sum 1 for red, green and blue; `width` is green's wavelength over the aperture's diameter, in pixels."""
+    """Return kernels of sum 1 for red, green and blue; `width`: green's wavelength over the aperture's diameter, in pixels."""
     pattern = _pattern(blades, rotation_deg)
     red, green, blue = (_of_channel(pattern, grid, width, middle) for middle in CHANNELS_NM)
     return red, green, blue
