@@ -1,5 +1,5 @@
-// The scene's own geometry as lights (build/emitters/emitters.hpp), on lanes: what a ray that met some sees of it, and the
-// density with which light sampling would have found that point.
+// Emissive geometry as lights (build/emitters/emitters.hpp), in lanes: the radiance that a ray sees on hitting it, and the
+// density with which light sampling would have chosen that point.
 #pragma once
 
 #include "emitter/mesh_light.hpp"
@@ -9,7 +9,7 @@
 
 namespace primray {
 
-// The light row of what lanes `m` met, -1 where it is none.
+// Light row of the surfaces that lanes `m` hit, or -1.
 template <int W>
 PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it) {
   const EmitterTable& table = scene.emitters;
@@ -30,7 +30,7 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
   return select((number >= zero) & (base >= zero), base + number, none);
 }
 
-// Numbers of the geometry lights that lanes `m` met, -1 where it is none.
+// Index of the geometry light that lanes `m` hit, or -1.
 template <int W>
 PRIMRAY_INLINE vint<W> geometry_light(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it) {
   const GeometryLights& lights = scene.geometry_lights;
@@ -46,8 +46,8 @@ PRIMRAY_INLINE vint<W> geometry_light(const Scene& scene, vbool<W> m, const Hits
   return number;
 }
 
-// What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
-// (build/lights/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
+// Radiance that surfaces with emission `glow` and opacity `presence` show to lanes `m`, if some shapes are lights
+// (build/lights/geometry_lights.hpp): as bodies to the camera, mirrors and refractions, and their light to other rays.
 template <int W>
 PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
                                      const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
@@ -59,7 +59,7 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
   number = select(m, number, zero);
   const vint<W> flags = gather<W>(lights.flags.data(), number);
   const auto has = [&](int32_t flag) { return (flags & vint<W>(flag)) != zero; };
-  // As bright as where this instance stands, if that is known.
+  // The radiance of this instance, if known.
   vvec3<W> radiance = gather_vec3<W>(lights.radiance.data(), number * vint<W>(3));
   const vint<W> light = scene.emitters.any() ? emitter_light(scene, m, h, it) : none;
   if (const vbool<W> placed = m & (light >= zero); any(placed)) {
@@ -81,8 +81,8 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
   return select(m & !body, given, glow);
 }
 
-// Density per solid angle with which light sampling at `from`, on a surface with normal `n` that wears row `link`, chooses the
-// point that a ray along unit `d` met at `distance`; infinite where nothing but light sampling is to find it.
+// Density per solid angle with which light sampling from `from`, on a surface with normal `n` and link row `link`, chooses the
+// point that a ray along unit `d` hit at `distance`; infinite if only light sampling may find it.
 template <int W>
 PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
                                      const vvec3<W>& from, const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance,
@@ -107,14 +107,14 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   return select(m, pdf, none);
 }
 
-// Radiance of the surfaces that lanes `hit` met, with its MIS weight.
+// Radiance of the surfaces that lanes `hit` hit, with its MIS weight.
 template <int W>
 PRIMRAY_INLINE vvec3<W> emitted(const Scene& scene, vbool<W> hit, const Hits<W>& hits, const Interaction<W>& it,
                                 const SurfaceRows<W>& rows, const PathLanes<W>& p) {
   const vfloat<W> zero(0.0f);
   vvec3<W> L = rows.color(kEmission) * rows(kPresence);
   if (scene.geometry_lights.any()) L = shown_emission(scene, hit, hits, it, p, L, rows(kPresence));
-  // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
+  // A camera ray, or one after a mirror or refraction, could not have been a light sample.
   const vbool<W> sampled = hit & (max_component(L) > zero) & (p.bsdf_pdf > zero);
   if (scene.emitters.any() && any(sampled)) {
     const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;

@@ -1,5 +1,5 @@
-// Meshes that emit, sampled as lights (build/emitters/emitters.hpp), on lanes: a triangle by what it could bring to the point,
-// then a point on it by solid angle or area; and the density with which that finds a point.
+// Mesh lights (build/emitters/emitters.hpp), in lanes: samples a triangle by its importance at the point, then a point on it by
+// solid angle or area; and the density of that for a given point.
 #pragma once
 
 #include "base/flush_denormals.hpp"
@@ -14,11 +14,11 @@
 
 namespace primray {
 
-// A triangle of a mesh light in world space; sampled and met points get the same numbers.
+// Triangle of a mesh light in world space; the same code for sampled and hit points gives both the same numbers.
 template <int W>
 struct EmitterTriangle {
   vvec3<W> p0, e1, e2;
-  vfloat<W> reach;  // largest coordinate involved, which bounds rounding
+  vfloat<W> reach;  // largest coordinate involved, which bounds rounding errors
 
   PRIMRAY_INLINE EmitterTriangle(const Scene& scene, const MeshPlace<W>& place, vint<W> vertex_base, vint<W> triangle) {
     const int32_t* indices = reinterpret_cast<const int32_t*>(scene.indices.data());
@@ -42,8 +42,8 @@ PRIMRAY_INLINE vfloat<W> area_to_solid_angle(const vvec3<W>& doubled_area, const
   return 2.0f * distance * distance / max(abs(dot(doubled_area, wi)), kLeastNormal);
 }
 
-// The point on a surface with normal `n`, as a shape sees it whose light is `row`: in the space of its group, where its
-// triangles are weighed. A group that stands flat has no such space; there they are weighed as from afar.
+// The shading point with normal `n` in the space of the group of the shape whose light is `row`, where its triangles are
+// weighed. A degenerate placement has no such space; triangles are then weighed as from afar.
 template <int W>
 struct PlaceBeforeMesh {
   vvec3<W> p, n;
@@ -54,7 +54,7 @@ struct PlaceBeforeMesh {
     const vfloat<W> inverse = 1.0f / dot(x, yz), far(1e9f), none(0.0f);
     p = vvec3<W>(dot(yz, to), dot(cross(z, x), to), dot(cross(x, y), to)) * inverse;
     const vfloat<W> size = max_component(abs(p));
-    const vbool<W> stands = size < far;  // not if it is no number
+    const vbool<W> stands = size < far;  // false if not a number
     p = select(stands, p, vvec3<W>(far));
     const vvec3<W> local(dot(x, normal), dot(y, normal), dot(z, normal));
     const vfloat<W> length2 = dot(local, local);
@@ -63,7 +63,7 @@ struct PlaceBeforeMesh {
   }
 };
 
-// The last i in [0, count) with cdf[base + i] <= u.
+// Returns the last i in [0, count) with cdf[base + i] <= u.
 template <int W>
 PRIMRAY_INLINE vint<W> find_triangle(const EmitterTable& table, vint<W> base, vint<W> count, vint<W> u, int largest) {
   vint<W> lo(0);
@@ -76,13 +76,13 @@ PRIMRAY_INLINE vint<W> find_triangle(const EmitterTable& table, vint<W> base, vi
   return lo;
 }
 
-// Triangles in runs of several, lane by lane: the run's number, its first triangle and how many there are.
+// Run of adjacent triangles in each lane: its index, its first triangle, and how many there are.
 template <int W>
 struct TriangleRun {
   vint<W> run, first, count, cdf;
   vbool<W> several;
 
-  // `number`: of a run, or, where `of_triangles`, of one of its triangles.
+  // `number`: of a run, or, if `of_triangles`, of one of its triangles.
   TriangleRun(const EmitterTable& table, vbool<W> m, vint<W> shape, vint<W> number, bool of_triangles)
       : run(number), first(number), count(1), cdf(0), several(false) {
     const vint<W> shift = gather<W>(table.run_shift.data(), shape);
@@ -101,7 +101,7 @@ struct TriangleRun {
   vint<W> width(const EmitterTable& table) const {
     return gather<W>(table.cdf.data(), select(several, cdf + first + count, vint<W>(0))) - below(table);
   }
-  // Of a triangle in its run.
+  // Probability of a triangle within its run.
   PRIMRAY_RARE vfloat<W> probability(const EmitterTable& table, vint<W> triangle) const {
     const vint<W> at = select(several, cdf + triangle, vint<W>(0));
     const vint<W> own = gather<W>(table.cdf.data() + 1, at) - gather<W>(table.cdf.data(), at);
@@ -109,7 +109,7 @@ struct TriangleRun {
   }
 };
 
-// A triangle of lane's `shape`, counted in it, by 32 random bits, and its probability.
+// Chooses a triangle of each lane's `shape` by 32 random bits; returns its index in the shape, and its probability.
 template <int W>
 PRIMRAY_RARE vint<W> choose_triangle(const EmitterTable& table, vbool<W> m, vint<W> shape, const PlaceBeforeMesh<W>& from,
                                      vuint<W> number, vfloat<W>& probability) {
@@ -117,7 +117,7 @@ PRIMRAY_RARE vint<W> choose_triangle(const EmitterTable& table, vbool<W> m, vint
   choose_in_tree(table.by_place, gather<W>(table.root.data(), shape), m, from.p, from.n, number, triangle, probability);
   const TriangleRun<W> run(table, m, shape, triangle, false);
   if (!any(run.several)) return triangle;
-  // Other bits, as these have led to the run.
+  // Use other bits, since these have led to the run.
   const vfloat<W> wanted = unit_float(mix(number)) * to_float(run.width(table));
   int largest = 1;
   for (uint32_t left = bits(run.several); left; left &= left - 1) largest = std::max(largest, run.count[__builtin_ctz(left)]);
@@ -128,7 +128,7 @@ PRIMRAY_RARE vint<W> choose_triangle(const EmitterTable& table, vbool<W> m, vint
   return triangle;
 }
 
-// The probability of that.
+// Probability with which that function chooses a given triangle.
 template <int W>
 PRIMRAY_RARE vfloat<W> probability_of_triangle(const EmitterTable& table, vbool<W> m, vint<W> shape, vint<W> triangle,
                                                const PlaceBeforeMesh<W>& from) {
@@ -143,12 +143,12 @@ PRIMRAY_RARE vfloat<W> probability_of_triangle(const EmitterTable& table, vbool<
   return any(in.several) ? p * in.probability(table, triangle) : p;
 }
 
-// How a point of triangle `t` is chosen from p: by its solid angle, or by its area where that is as good or safer.
+// Sampling of a point of triangle `t` from p: by its solid angle, or by its area where that is as good or safer.
 template <int W>
 struct SeenTriangle {
   vvec3<W> a;  // from p to its first corner
   vbool<W> near;
-  SphericalTriangle<W> sphere;  // where some lane of `m` is near
+  SphericalTriangle<W> sphere;  // valid if some lane of `m` is near
 
   PRIMRAY_INLINE SeenTriangle(vbool<W> m, const EmitterTriangle<W>& t, const vvec3<W>& p)
       : a(t.p0 - p), near(m & !triangle_is_far(a, t.e1, t.e2)) {
@@ -156,20 +156,20 @@ struct SeenTriangle {
     sphere = SphericalTriangle<W>(a, a + t.e1, a + t.e2);
     near &= sphere.solid_angle > vfloat<W>(kSmallTriangle);
   }
-  // Density per solid angle; `by_area`: what it is by area.
+  // Density per solid angle; `by_area`: that of area sampling.
   PRIMRAY_INLINE vfloat<W> pdf(vfloat<W> by_area) const {
     return any(near) ? select(near, 1.0f / sphere.solid_angle, by_area) : by_area;
   }
 };
 
-// Those of lanes `m` whose mesh is a rectangle.
+// Returns the lanes of `m` whose mesh is a rectangle.
 template <int W>
 PRIMRAY_INLINE vbool<W> rectangles_of(const EmitterTable& table, vbool<W> m, const LightRow<W>& row) {
   if (!table.rectangles) return vbool<W>(false);
   return table.others ? m & ((row.flags() & vint<W>(kRectangle)) != vint<W>(0)) : m;
 }
 
-// Replaces the sample of lanes `m`, whose `light` is a mesh, seen from p on a surface with normal `n` (0: from all around).
+// Replaces the samples of lanes `m`, whose `light` is a mesh, seen from p on a surface with normal `n` (0: from all around).
 // `number`: 32 random bits.
 template <int W>
 PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, const vvec3<W>& n,
@@ -203,7 +203,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
     b1 = select(seen.near, c1, b1), b2 = select(seen.near, c2, b2);
   }
   const vvec3<W> doubled_area = cross(t.e1, t.e2), exact = t.p0 + t.e1 * b1 + t.e2 * b2;
-  // A little in front of the triangle on p's side, so that its own rounding does not block the shadow ray; but not beyond p,
+  // End the shadow ray a little in front of the triangle on p's side, so that rounding does not block it; but not beyond p,
   // which may be on the triangle itself.
   const vvec3<W> to = exact - p, normal = direction_of(doubled_area);
   const vfloat<W> height = -dot(to, normal);
@@ -223,7 +223,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
 }
 
-// The density with which that finds the point of `triangle`, counted over the scene, that lies `distance` away along unit d.
+// Density with which sampling chooses the point of `triangle`, an index over the scene, at `distance` along unit d.
 template <int W>
 PRIMRAY_INLINE vfloat<W> mesh_pdf(const Scene& scene, vbool<W> m, const LightRow<W>& row, vint<W> triangle, const vvec3<W>& p,
                                   const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance, vfloat<W> time) {

@@ -1,4 +1,4 @@
-// Where a mesh that is a light stands, and how its vertices move, at the times of W rays.
+// Placement of a mesh light and the motion of its vertices, at the times of W rays.
 #pragma once
 
 #include "light/light.hpp"
@@ -12,7 +12,7 @@ struct MeshPlace {
   AffineLanes<W> world_from_group;
   VertexMotion<W> vertices;
 
-  // Of lanes `m`, whose light is `row` and whose number in the EmitterTable is `shape`.
+  // For lanes `m`, whose light is `row` and whose index in the EmitterTable is `shape`.
   PRIMRAY_INLINE MeshPlace(const Scene& scene, vbool<W> m, const LightRow<W>& row, vint<W> shape, vfloat<W> time) {
     AffineLanes<W>& to = world_from_group;
     to.x = row.vector(kAxisX), to.y = row.vector(kAxisY), to.z = row.vector(kAxisZ), to.o = row.vector(kOrigin);

@@ -1,5 +1,5 @@
-// A mesh light that is a rectangle of two triangles (build/emitters/emitter_rectangles.hpp), on lanes: sampled as
-// light/types/rect.hpp does, from both of its sides, without a choice among triangles.
+// Mesh light that is a rectangle of two triangles (build/emitters/emitter_rectangles.hpp), in lanes: sampled as in
+// light/types/rect.hpp, from both of its sides, without a choice among triangles.
 #pragma once
 
 #include "light/light.hpp"
@@ -16,12 +16,12 @@ struct MeshRectangle {
     hx = length(half_x), hy = length(half_y);
     x = half_x * (1.0f / hx), y = half_y * (1.0f / hy), z = cross(x, y);
   }
-  // p as light/types/rect.hpp wants it: in front.
+  // p in the frame of light/types/rect.hpp: in front.
   PRIMRAY_INLINE vvec3<W> local(const vvec3<W>& p) const {
     const vvec3<W> to = p - center;
     return {dot(to, x), dot(to, y), -abs(dot(to, z))};
   }
-  // Density per solid angle of the point that a ray along unit d met `distance` away from p.
+  // Density per solid angle of the point that a ray along unit d hit `distance` away from p.
   PRIMRAY_INLINE vfloat<W> pdf(const vvec3<W>& p, const vvec3<W>& d, vfloat<W> distance) const {
     const vvec3<W> at = local(p);
     const vvec3<W> to{dot(d, x) * distance, dot(d, y) * distance, -at.z};
@@ -30,13 +30,13 @@ struct MeshRectangle {
   }
 };
 
-// A point of a rectangle: in which of its two triangles, its barycentrics there, and its density per solid angle.
+// Sampled point of a rectangle: which of its two triangles, its barycentrics there, and its density per solid angle.
 template <int W>
 struct RectanglePoint {
   vint<W> triangle;
   vfloat<W> b1, b2, pdf;
 
-  // `corners`: ShapeHalves::corners.
+  // `corners`: see ShapeHalves::corners.
   PRIMRAY_INLINE RectanglePoint(const MeshRectangle<W>& r, vint<W> corners, const vvec3<W>& p, vfloat<W> u, vfloat<W> v) {
     const vvec3<W> at = r.local(p);
     const LocalSample<W> s = rect_sample(at, r.hx, r.hy, u, v);
@@ -46,7 +46,7 @@ struct RectanglePoint {
     const vfloat<W> b = clamp(0.5f + 0.5f * (at.y + s.w.y * s.t) / r.hy, 0.0f, 1.0f);
     const vbool<W> second = a + b > one;
     triangle = select(second, vint<W>(1), vint<W>(0));
-    // Weights of the triangle's own corner and of the two after it. The second triangle is the first, turned by half a turn.
+    // Weights of the triangle's own corner and of the two after it. The second triangle is the first, rotated by half a turn.
     const vfloat<W> next = select(second, one - a, a), last = select(second, one - b, b), own = max(one - next - last, zero);
     const vint<W> third = truncate(to_float(corners) * (1.0f / 3)),
                   corner = select(second, third, corners - third * vint<W>(3));

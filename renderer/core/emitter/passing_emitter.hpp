@@ -1,5 +1,5 @@
-// What emits in instances that move, as it stands at a time. Its light rows (kPassing) are of balls about its way, since lights
-// are chosen without a time.
+// Emissive geometry in moving instances, evaluated at a time. Its light rows (kPassing) have the bounding spheres of its path,
+// since lights are chosen without a time.
 #pragma once
 
 #include "light/light.hpp"
@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// World from the frame of the light `light`, which moves, at a time.
+// World from the frame of `light`, which moves, at a time.
 inline daffine emitter_stance(const Scene& scene, int light, float time) {
   const EmitterTable& table = scene.emitters;
   const int32_t instance = table.moving_instance[size_t(light)];

@@ -1,4 +1,4 @@
-// Shaping of geometry that emits, which turns with its instance, on lanes.
+// Shaping of emissive geometry, which turns with its instance, in lanes.
 #pragma once
 
 #include "emitter/passing_emitter.hpp"
@@ -6,7 +6,7 @@
 
 namespace primray {
 
-// As emitter_shaping, where some lights move.
+// Variant of emitter_shaping() for scenes in which some lights move.
 template <int W>
 PRIMRAY_RARE vvec3<W> passing_shaping(const Scene& scene, const LightRow<W>& row, vbool<W> m, vint<W> light, const vvec3<W>& wi,
                                       vfloat<W> time) {
@@ -27,7 +27,7 @@ PRIMRAY_RARE vvec3<W> passing_shaping(const Scene& scene, const LightRow<W>& row
   return light_shaping(scene.lights, row, m, wi, &now);
 }
 
-// Shaping of geometry that emits, for what it sends back along wi.
+// Shaping factor of emissive geometry, for emission towards the origin of rays along wi.
 template <int W>
 PRIMRAY_INLINE vvec3<W> emitter_shaping(const Scene& scene, const LightRow<W>& row, vbool<W> m, vint<W> light,
                                         const vvec3<W>& wi, vfloat<W> time) {

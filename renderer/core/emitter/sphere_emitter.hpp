@@ -1,4 +1,4 @@
-// Spheres of the scene that emit, sampled as sphere lights (light/types/sphere.hpp), on lanes.
+// Emissive spheres of the scene, sampled as sphere lights (light/types/sphere.hpp), in lanes.
 #pragma once
 
 #include "emitter/passing_shaping.hpp"
@@ -6,8 +6,8 @@
 
 namespace primray {
 
-// Whether p is beyond doubt outside a sphere light that is geometry: a point on its own surface, seen from inside, may be
-// rounded to either side, and must not sample the outside.
+// Whether p is certainly outside a sphere light that is geometry: a point on its own surface, seen from inside, may be rounded
+// to either side and must not sample the outside.
 template <int W>
 PRIMRAY_INLINE vbool<W> is_outside(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local) {
   const vvec3<W> stretch = abs(row.vector(kInverseX)) + abs(row.vector(kInverseY)) + abs(row.vector(kInverseZ));
@@ -15,8 +15,8 @@ PRIMRAY_INLINE vbool<W> is_outside(const LightRow<W>& row, const vvec3<W>& p, co
   return length(local) > row(kSize0) * 1.00001f + doubt;
 }
 
-// Ends the shadow rays of lanes `m`, whose light is a sphere of the scene, before that sphere. A ray that grazes it meets it
-// where float cannot say: the end is on a larger one, by which the discriminant exceeds its rounding (some 4e-7 d^2).
+// Ends the shadow rays of lanes `m`, whose light is a sphere of the scene, before that sphere. A ray that grazes it hits it at
+// an uncertain distance: the end is on a larger sphere, by which the discriminant exceeds its rounding error (about 4e-7 d^2).
 template <int W>
 PRIMRAY_INLINE void end_before_sphere(const LightRow<W>& row, vbool<W> m, const vvec3<W>& p, LightSample<W>& s) {
   const vvec3<W> o = row.to_light(p - row.vector(kOrigin)), d = row.to_light(s.wi);
@@ -28,7 +28,7 @@ PRIMRAY_INLINE void end_before_sphere(const LightRow<W>& row, vbool<W> m, const 
   s.pdf = select(m & !is_outside(row, p, o), vfloat<W>(0.0f), s.pdf);
 }
 
-// The density with which sampling a sphere of the scene from `from` finds a point of it along unit d.
+// Density with which sampling a sphere of the scene from `from` chooses its point along unit d.
 template <int W>
 PRIMRAY_INLINE vfloat<W> sphere_row_pdf(const LightRow<W>& row, const vvec3<W>& from, const vvec3<W>& d) {
   const vvec3<W> local = row.to_light(from - row.vector(kOrigin));
@@ -39,10 +39,10 @@ PRIMRAY_INLINE vfloat<W> sphere_row_pdf(const LightRow<W>& row, const vvec3<W>& 
   return select(is_outside(row, from, local), stretched, vfloat<W>(0.0f));
 }
 
-// Writes the place of a sphere light that is the image of the unit sphere. Where that is flat, no point of it is chosen.
+// Writes the frame of a sphere light that is the image of the unit sphere. If that is degenerate, no point of it is sampled.
 inline void put_sphere_stance(daffine m, float* row) {
   if (!is_regular(m)) m = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, m.o}, row[kInverseDet] = 0;
-  // As much of its size as leaves lengths of the frame about those of the world.
+  // Scale that keeps lengths in the frame close to those of the world.
   const double size = std::sqrt(std::max({dot(m.x, m.x), dot(m.y, m.y), dot(m.z, m.z)})), smaller = 1 / size;
   m.x = m.x * smaller, m.y = m.y * smaller, m.z = m.z * smaller;
   const daffine inv = inverse(m);
@@ -54,7 +54,7 @@ inline void put_sphere_stance(daffine m, float* row) {
   put_anchor(row, m, SphereLight::kAxial);
 }
 
-// The rows of sphere lights in lanes `m`, at the rays' times.
+// Rows of the sphere lights in lanes `m`, at the rays' times.
 template <int W>
 struct SphereRowsNow {
   alignas(64) float rows[W * kLightFields];
@@ -72,7 +72,7 @@ struct SphereRowsNow {
   LightRow<W> row() const { return LightRow<W>::by_lane(rows); }
 };
 
-// Replaces the samples of lanes `m` by those of the spheres as they stand now.
+// Replaces the samples of lanes `m` by samples of the spheres as they are at the rays' times.
 template <int W>
 PRIMRAY_RARE void sample_passing_sphere(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, vfloat<W> u,
                                         vfloat<W> v, vfloat<W> time, LightSample<W>& s) {
@@ -90,7 +90,7 @@ PRIMRAY_RARE void sample_passing_sphere(const Scene& scene, vbool<W> m, vint<W> 
   end_before_sphere(row, m, p, s);
 }
 
-// Finishes the samples of lanes `m`, whose light is a sphere of the scene.
+// Completes the samples of lanes `m`, whose light is a sphere of the scene.
 template <int W>
 PRIMRAY_INLINE void sample_sphere(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, vfloat<W> u, vfloat<W> v,
                                   vfloat<W> time, LightSample<W>& s) {
@@ -105,7 +105,7 @@ PRIMRAY_RARE vfloat<W> passing_sphere_pdf(const Scene& scene, vbool<W> m, vint<W
   return sphere_row_pdf(now.row(), from, d);
 }
 
-// The same of the lanes' spheres, whose rows are `row`, at the rays' times.
+// Density for the lanes' spheres with rows `row`, at the rays' times.
 template <int W>
 PRIMRAY_INLINE vfloat<W> sphere_pdf(const Scene& scene, vbool<W> m, const LightRow<W>& row, vint<W> light, const vvec3<W>& from,
                                     const vvec3<W>& d, vfloat<W> time) {

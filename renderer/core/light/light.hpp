@@ -1,4 +1,4 @@
-// All lights: one table of rows, and what is done with a light whatever its type. A type is a file in light/types/.
+// Light table: all lights as rows of floats, and the functions that apply to every type. Each type is a file in light/types/.
 #pragma once
 
 #include <algorithm>
@@ -16,45 +16,46 @@
 
 namespace primray {
 
-// A light's multipliers of what surfaces reflect diffusely and specularly (UsdLux inputs:diffuse, inputs:specular).
+// Multipliers of a light for the diffuse and specular response of surfaces (UsdLux inputs:diffuse, inputs:specular).
 struct LobeFactors {
   float diffuse = 1, specular = 1;
 };
 
-// What else there is to know of a dome, sampled or not.
+// Further properties of a dome, sampled or not.
 struct DomeTraits {
   int link = 0;
-  bool hidden = false, special = false;  // as LightFlag has them
+  bool hidden = false, special = false;  // see LightFlag
   int32_t end = kEndDome;                // see LightTable::ends
 };
 
 struct LightTable {
-  std::vector<float> rows;  // of the lights that are sampled
+  std::vector<float> rows;  // rows of the lights that are sampled
   int count = 0;
-  int analytic_count = 0;       // those before geometry that emits: rays meet the others as shapes of the scene
-  std::vector<Dome> domes;      // all of them, sampled or not
+  int analytic_count = 0;       // lights before geometry lights, which rays hit as shapes of the scene
+  std::vector<Dome> domes;      // all domes, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
   std::vector<DomeTraits> dome_traits;
-  std::vector<LightImage> images;  // of rectangles; several may have the same
+  std::vector<LightImage> images;  // of rectangle lights; several may share one
   std::vector<LightTable>
       portals;               // by dome: rectangles of radiance 1 that guide its samples (light/selection/portal.hpp); or empty
-  LightTree tree;            // to choose among them, where there are too many lights to weigh each
-  LightHierarchy hierarchy;  // of the lights that rays can meet, where there are many
-  bool needs_hit_test = false;  // some light has area or a cone that BSDF rays can meet
+  LightTree tree;            // for choosing among lights, where there are too many to weigh each
+  LightHierarchy hierarchy;  // of the lights that rays can hit, where there are many
+  bool needs_hit_test = false;  // some light has area or a cone that BSDF-sampled rays can hit
   bool camera_sees_area = false;
   Fact<built::kLobeFactors> lobe_factors = false;  // some light's diffuse or specular factor is not 1
-  // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.
+  // Light linking; all empty where nothing is linked. By row: the collection that the light illuminates.
   LinkTable links;
   std::vector<int32_t> light_link;
   LinkedLights linked;
-  std::vector<int32_t> ends;       // row by row, what light path expressions know of it (route/); may end early: objects
-  std::vector<float> shadow_rows;  // kShadowFields a row, where some light is special; else empty
+  std::vector<int32_t> ends;       // by row: the kind of end for light path expressions (route/); may be shorter: the rest are
+                                   // objects
+  std::vector<float> shadow_rows;  // kShadowFields per row, where some light is special; otherwise empty
   ShapingTable shaping;
-  Fact<built::kShaping> has_shaping = false;  // some light's emission depends on its direction
+  Fact<built::kShaping> has_shaping = false;  // some light's emission depends on its direction (UsdLux ShapingAPI)
   LightMotion motion;
-  // At most so many are weighed at every vertex; from there on the tree's weights, which know the surface, are worth their
-  // cost. Portals are few as a rule, and so weighed that none is chosen where none can be seen.
+  // Maximum number of lights that are weighed at every vertex; beyond, the tree, which takes the surface's orientation into
+  // account, is worth its cost. Portals are few as a rule, and weighed such that none is chosen where none is visible.
   static constexpr int kWeighed = 3, kWeighedPortals = 16;
   int weighed = kWeighed;
 
@@ -69,7 +70,8 @@ struct LightTable {
   const float* row(int light) const { return rows.data() + light * kLightFields; }
 };
 
-// Shaping of the lights `row` in lanes `m`, for what they send back along wi; `now` as shaping_factor has it.
+// Shaping factor of the lights `row` in lanes `m`, for emission towards the origin of rays along wi; `now`: see
+// shaping_factor().
 template <int W>
 PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi,
                                       const ShapedLanes<W>* now = nullptr) {
@@ -81,14 +83,14 @@ PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>
   return select(shaped, shaping_factor(table.shaping, valid, -wi, now), one);
 }
 
-// The same for one light that rays along wi met.
+// Shaping factor of one light that rays along wi hit.
 template <int W>
 PRIMRAY_INLINE vvec3<W> met_shaping(const LightTable& table, const float* row, const vvec3<W>& wi) {
   const int number = int(row[kShaping]);
   return number == 0 ? vvec3<W>(vfloat<W>(1.0f)) : shaping_factor(table.shaping, vint<W>(number), -wi);
 }
 
-// Rectangles with images: where these are bright. Those that have none keep their sample.
+// Redirects samples of rectangle lights with images to their bright parts. Other lights keep their samples.
 template <int W>
 PRIMRAY_INLINE void sample_images(const LightTable& table, const LightRow<W>& row, vbool<W> rects, const vvec3<W>& local,
                                   vfloat<W> u, vfloat<W> v, LocalSample<W>& s, vvec3<W>& L) {
@@ -105,7 +107,7 @@ PRIMRAY_INLINE void sample_images(const LightTable& table, const LightRow<W>& ro
   }
 }
 
-// Of lanes `domes`, each by its image; `number`: of the dome. In the rows' frames.
+// Samples the domes of lanes `domes`, each by its own image, in the frames of their rows; `number`: of the dome.
 template <int W>
 PRIMRAY_INLINE void sample_domes(const LightTable& table, vbool<W> domes, vint<W> number, vfloat<W> u, vfloat<W> v,
                                  LightSample<W>& r) {
@@ -119,14 +121,14 @@ PRIMRAY_INLINE void sample_domes(const LightTable& table, vbool<W> domes, vint<W
   }
 }
 
-// Directions in the world as dome number `k` stood when its image was laid out.
+// Returns world directions in the orientation that dome number `k` had when its image was set up, if it moves.
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_direction(const LightTable& table, size_t k, const vvec3<W>& wi, vfloat<W> time) {
   const int32_t path = table.motion.any() ? table.motion.dome(k) : -1;
   return path < 0 ? wi : stances_of(table.motion.paths[size_t(path)], time).vector_to_row(wi);
 }
 
-// From the light's frame to the world, in lanes `active`.
+// Transforms samples from the light's frame to world space, in lanes `active`.
 template <int W>
 PRIMRAY_INLINE void to_world(const LightRow<W>& row, vbool<W> active, const LocalSample<W>& s, LightSample<W>& r) {
   r.wi = row.to_world(s.w), r.t = s.t, r.pdf = s.pdf;
@@ -138,7 +140,7 @@ PRIMRAY_INLINE void to_world(const LightRow<W>& row, vbool<W> active, const Loca
   r.pdf = select(sheared, r.pdf * row(kInverseDet) * len * len * len, r.pdf);
 }
 
-// A direction towards `light`, as its row stands, from point p. Its pdf leaves out the choice of the light.
+// Samples a direction from point p towards `light`, as its row has it. The pdf excludes the choice of the light.
 template <int W>
 PRIMRAY_INLINE LightSample<W> row_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
                                          vfloat<W> u, vfloat<W> v) {
@@ -171,7 +173,7 @@ PRIMRAY_INLINE LightSample<W> row_sample(const LightTable& table, vint<W> light,
   return r;
 }
 
-// The same of lights that may move, at `time`.
+// Samples lights that may move, at `time`.
 template <int W>
 PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
                                            vfloat<W> u, vfloat<W> v, vfloat<W> time) {
@@ -182,7 +184,7 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
   return s;
 }
 
-// Where the ray p + t wi (unit wi) meets a light's row; the pdf leaves out the choice.
+// Intersects the ray p + t wi (unit wi) with a light's row; the pdf excludes the choice of the light.
 template <int W>
 PRIMRAY_INLINE LocalHit<W> light_hit(const float* light, const vvec3<W>& p, const vvec3<W>& wi) {
   const LightRow<W> row(light);
@@ -205,7 +207,7 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* light, const vvec3<W>& p, cons
   return h;
 }
 
-// The same of light number `i`, whose radiance L is multiplied with what its image has there.
+// Intersects the ray with light number `i`, and multiplies its radiance L by its image at the hit.
 template <int W>
 PRIMRAY_INLINE LocalHit<W> light_hit(const LightTable& table, int i, const vvec3<W>& p, const vvec3<W>& wi, vvec3<W>& L) {
   const float* row = table.row(i);

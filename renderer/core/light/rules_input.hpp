@@ -1,4 +1,4 @@
-// Whom a light reaches, who casts its shadows and how, whether the camera sees it, as it comes from outside.
+// Input for one light's rules: which surfaces it illuminates, which cast its shadows and how, and whether the camera sees it.
 #pragma once
 
 #include "math/vec3.hpp"
@@ -6,9 +6,9 @@
 namespace primray {
 
 struct LightRules {
-  // Collections that it reaches, and that cast its shadows; 0: all surfaces.
+  // Collections that it illuminates, and that cast its shadows; 0: all surfaces.
   int link = 0, casters = 0;
-  int group = 0;  // a number for its light group; 0: none
+  int group = 0;  // number of its light group; 0: none
   bool visible_to_camera = true;
   bool casts_shadows = true;
   vec3 shadow_color{0.0f, 0.0f, 0.0f};

@@ -1,5 +1,5 @@
-// What lights do to their shadows (UsdLux ShadowAPI and shadow linking). "Special" lights are those whose shadows are not what
-// the geometry casts: light sampling alone finds them, so that their occlusion is decided in one place
+// Shadow properties of lights (UsdLux ShadowAPI and shadow linking). "Special" lights have shadows that differ from those of
+// the geometry: they are only found by light sampling, so that their occlusion is computed in one place
 // (path/rays/shadow_rays.hpp).
 #pragma once
 
@@ -9,16 +9,16 @@
 namespace primray {
 
 enum ShadowField : int {
-  kCasters,  // a collection's number
+  kCasters,  // number of the collection of casters
   kCastsShadows,
   kShadowColor,
-  kShadowEnd = kShadowColor + 3,  // occluders from here on cast none; infinite where there is no such limit
-  kShadowFade,                    // size of the zone before that end in which shadows fade
+  kShadowEnd = kShadowColor + 3,  // distance beyond which occluders cast no shadow; infinite if there is no limit
+  kShadowFade,                    // width of the zone before that distance in which shadows fade
   kShadowGamma,
   kShadowFields
 };
 
-// One lane's light each.
+// Shadow properties of each lane's light.
 template <int W>
 struct ShadowLanes {
   vint<W> casters;
@@ -33,8 +33,8 @@ struct ShadowLanes {
     color = {field(kShadowColor), field(kShadowColor + 1), field(kShadowColor + 2)};
     end = field(kShadowEnd), fade = field(kShadowFade), gamma = field(kShadowGamma);
   }
-  // How much of a shadow an occluder casts that is `distance` from the surface: all of it before the zone, none from its end
-  // on, in between the share of the zone that is left, to the power of gamma (ShadowAPI's text, read as strength^gamma).
+  // Strength of the shadow of an occluder at `distance` from the surface: 1 before the fading zone, 0 beyond its end, and
+  // within it the remaining share of the zone to the power of gamma (ShadowAPI's text, read as strength^gamma).
   PRIMRAY_INLINE vfloat<W> strength(vfloat<W> distance) const {
     const vfloat<W> left = end - distance;
     const vbool<W> fades = (left > vfloat<W>(0.0f)) & (left < fade);

@@ -1,9 +1,9 @@
-// The bodies that a path is in: a short stack of surfaces, the innermost first, which decides what is on either side of each
-// boundary (Schmidt and Budge 2002, "Simple Nested Dielectrics in Ray Traced Images").
+// Stack of the nested dielectrics that a path is in: a short list of surfaces, the innermost first, which determines the media
+// on both sides of each boundary (Schmidt and Budge 2002, "Simple Nested Dielectrics in Ray Traced Images").
 //
-// Of bodies that overlap the one of highest priority is there, of equal ones that which was entered last; boundaries of others
-// are not seen. A boundary's side tells whether the path was inside: a front that is met from within, or a back from outside,
-// says that a boundary was missed (it coincided with another, or a mesh is open), and the stack is put right.
+// Where objects overlap, the one of highest priority prevails; among equals, the one entered last. Boundaries of the others are
+// ignored. The side of a boundary shows whether the path was inside: a front face hit from within, or a back face from outside,
+// means that a boundary was missed (it coincided with another, or a mesh is open), and the stack is corrected.
 #pragma once
 
 #include "bsdf/bsdf_with_open_pbr.hpp"
@@ -25,7 +25,7 @@ struct BodyLanes {
     for (const vint<W>& b : inside) found |= bound_one(scene, b, surface);
     return found;
   }
-  // Without the topmost one that `surface` bounds, in lanes `m`.
+  // Removes the topmost entry that `surface` bounds, in lanes `m`.
   PRIMRAY_INLINE void remove(const Scene& scene, vbool<W> m, vint<W> surface) {
     vbool<W> moves(false);
     for (int k = 0; k < kMostBodies; ++k) {
@@ -33,10 +33,10 @@ struct BodyLanes {
       inside[k] = select(moves, k + 1 < kMostBodies ? inside[k + 1] : vint<W>(-1), inside[k]);
     }
   }
-  // With `surface`, above all that are not of a higher priority.
+  // Inserts `surface` above all entries that are not of a higher priority.
   PRIMRAY_INLINE void add(const Scene& scene, vbool<W> m, vint<W> surface) {
     const auto priority = [&](vint<W> of) { return priority_of(scene, of); };
-    vbool<W> below = m;  // lanes in which it still goes further down
+    vbool<W> below = m;  // lanes whose insertion point is further down
     vint<W> carried = surface;
     const vfloat<W> own = priority(surface);
     for (int k = 0; k < kMostBodies; ++k) {
@@ -47,7 +47,7 @@ struct BodyLanes {
       carried = select(here, old, carried);
     }
   }
-  // Whether they bound the same body: a mesh may wear several.
+  // Whether two surfaces bound the same object: a mesh may have several materials.
   static PRIMRAY_INLINE vbool<W> bound_one(const Scene& scene, vint<W> a, vint<W> b) {
     const std::vector<int32_t>& bodies = scene.interiors.bodies;
     if (bodies.empty()) return a == b;
@@ -60,13 +60,13 @@ struct BodyLanes {
   }
 };
 
-// How far behind its start a ray that leaves a surface at `offset` of it began there. Of those that graze it, less.
+// Distance from the surface to the offset origin of a ray that leaves it; less for grazing rays.
 template <int W>
 PRIMRAY_INLINE vfloat<W> lead_of(vfloat<W> offset, const vvec3<W>& ng, const vvec3<W>& d) {
   return offset / max(abs(dot(ng, d)), 0.05f);
 }
 
-// Of a shadow ray: the bodies that it is in, and its lead.
+// Medium stack of a shadow ray, and its lead.
 template <int W>
 struct BodiesAround {
   BodyLanes<W> bodies;
@@ -80,7 +80,7 @@ PRIMRAY_INLINE BodyLanes<W> select(vbool<W> m, const BodyLanes<W>& a, const Body
   return r;
 }
 
-// The row of OpenPBR's table of bodies `surface`; the first in other lanes.
+// Row in OpenPBR's table of the objects `surface`; the first row in other lanes.
 template <int W>
 PRIMRAY_INLINE OpenPbrRows<W> body_rows(const Scene& scene, vint<W> surface) {
   const vbool<W> is = surface >= vint<W>(0);
@@ -89,7 +89,7 @@ PRIMRAY_INLINE OpenPbrRows<W> body_rows(const Scene& scene, vint<W> surface) {
   return {scene.surfaces.open_pbr.data(), row * vint<W>(kOpenPbrFields)};
 }
 
-// What fills the space that the topmost body of `bodies` has there.
+// Medium of the topmost object of the stack.
 template <int W>
 PRIMRAY_INLINE Medium<W> medium_of(const Scene& scene, const BodyLanes<W>& bodies) {
   const vbool<W> is = bodies.top() >= vint<W>(0);
@@ -102,28 +102,28 @@ PRIMRAY_INLINE Medium<W> medium_of(const Scene& scene, const BodyLanes<W>& bodie
   r.phase = row(kOpenPhase);
   return r;
 }
-// Its index of refraction; 1 outside of all.
+// Index of refraction of the topmost object; 1 outside of all.
 template <int W>
 PRIMRAY_INLINE vfloat<W> index_in(const Scene& scene, const BodyLanes<W>& bodies) {
   const vbool<W> is = bodies.top() >= vint<W>(0);
   return any(is) ? select(is, body_rows<W>(scene, bodies.top())(kOpenEta), vfloat<W>(1.0f)) : vfloat<W>(1.0f);
 }
 
-// What light that starts there with radiance L has of it where the camera is: paths keep L / n^2 along refractions.
+// Scale from radiance L emitted inside the medium to radiance at the camera: paths carry L / n^2 along refractions.
 template <int W>
 PRIMRAY_INLINE vfloat<W> radiance_from(const Scene& scene, const BodyLanes<W>& bodies) {
   const vfloat<W> n = index_in(scene, bodies);
   return vfloat<W>(scene.interiors.camera_index2) / (n * n);
 }
 
-// A boundary that lanes `is_body` meet, from its front or back: the bodies on both sides, and whether it is seen at all.
+// Boundary that lanes `is_body` hit, from its front or back: the stacks on both sides, and whether it is visible at all.
 template <int W>
 struct Boundary {
-  vbool<W> is_body, unseen, missed;  // missed: its back was met by a path that had not entered
-  BodyLanes<W> here, beyond;         // on the path's side, on the other
-  vfloat<W> beside;                  // index of what is outside of the surface there
+  vbool<W> is_body, unseen, missed;  // missed: its back was hit by a path that had not entered
+  BodyLanes<W> here, beyond;         // on the path's side, on the other side
+  vfloat<W> beside;                  // index of refraction outside the surface
 
-  // None.
+  // No boundary.
   PRIMRAY_INLINE explicit Boundary(const BodyLanes<W>& now)
       : is_body(false), unseen(false), missed(false), here(now), beyond(now), beside(1.0f) {}
   PRIMRAY_INLINE Boundary(const Scene& scene, vbool<W> hit, const BodyLanes<W>& now, vint<W> surface, vbool<W> front)

@@ -1,8 +1,9 @@
-// Homogeneous media on lanes: what they leave of light on its way, where in them it scatters, and whereto.
+// Homogeneous participating media, in lanes: transmittance, distance sampling and phase function.
 //
-// Distances are drawn by the extinction of one channel and weighed by the mean of all three's densities, each by how much of it
-// the path carries (one-sample multiple importance sampling; Miller, Georgiev and Jarosz 2019, "A null-scattering path integral
-// formulation of light transport", spectral MIS). What a channel carries on then never exceeds the sum of what came.
+// Distances are sampled by the extinction of one channel and weighted by the mean of the densities of all three, each by its
+// share of the path's throughput (one-sample multiple importance sampling; Miller, Georgiev and Jarosz 2019, "A null-scattering
+// path integral formulation of light transport", spectral MIS). The throughput of a channel then never exceeds the sum of what
+// came.
 #pragma once
 
 #include "math/transcendental.hpp"
@@ -15,17 +16,17 @@ PRIMRAY_INLINE vfloat<W> exp_of_minus(vfloat<W> x) {
   return exp2(-1.44269504f * x);
 }
 
-// What light that is met beyond all surfaces has crossed: an interior that does not end is taken for one that its mesh leaves
-// open, and takes nothing away, unless it scatters.
+// Distance beyond which a medium has no end: light from beyond all surfaces means that the mesh of the interior is open, and
+// such a medium absorbs nothing unless it scatters.
 constexpr float kEndless = 1e30f;
 
 template <int W>
 struct Medium {
   vvec3<W> extinction{vfloat<W>(0.0f)}, scattering{vfloat<W>(0.0f)};  // per unit of the core's lengths
-  vfloat<W> phase{0.0f};                                              // mean cosine of a scattering
+  vfloat<W> phase{0.0f};                                              // mean cosine of the phase function
   PRIMRAY_INLINE vbool<W> exists() const { return max_component(extinction) > vfloat<W>(0.0f); }
   PRIMRAY_INLINE vbool<W> scatters() const { return max_component(scattering) > vfloat<W>(0.0f); }
-  // Of a way of length `t`.
+  // Transmittance over distance `t`.
   PRIMRAY_INLINE vvec3<W> left_after(vfloat<W> t) const {
     const vfloat<W> way = min(t, kEndless);
     const vvec3<W> left{exp_of_minus(extinction.x * way), exp_of_minus(extinction.y * way), exp_of_minus(extinction.z * way)};
@@ -33,15 +34,15 @@ struct Medium {
   }
 };
 
-// Where paths go on after at most `end`.
+// Result of distance sampling up to at most `end`.
 template <int W>
 struct MediumStep {
   vbool<W> scatters;  // before the end, at `t`
   vfloat<W> t;
-  vvec3<W> beta;  // what the path carries from there on
+  vvec3<W> beta;  // throughput of the path from there on
 };
 
-// Draws it by `u` and `channel` in [0, 1), of paths that carry `beta`.
+// Samples the distance by `u` and `channel` in [0, 1), for paths with throughput `beta`.
 template <int W>
 PRIMRAY_INLINE MediumStep<W> step_in(const Medium<W>& medium, const vvec3<W>& beta, vfloat<W> end, vfloat<W> u,
                                      vfloat<W> channel) {
@@ -63,20 +64,20 @@ PRIMRAY_INLINE MediumStep<W> step_in(const Medium<W>& medium, const vvec3<W>& be
   return s;
 }
 
-// Henyey and Greenstein's phase function with mean cosine g (1941, "Diffuse radiation in the galaxy"), per solid angle.
+// Phase function of Henyey and Greenstein with mean cosine g (1941, "Diffuse radiation in the galaxy"), per solid angle.
 template <int W>
 PRIMRAY_INLINE vfloat<W> phase_density(vfloat<W> cosine, vfloat<W> g) {
   const vfloat<W> q = max(1.0f + g * g - 2.0f * g * cosine, 1e-12f);
   return (1.0f - g * g) * 0.0795774715f / (q * sqrt(q));
 }
 
-// A direction by it about +z, which light goes on along.
+// Samples the phase function: the direction of propagation, about +z.
 template <int W>
 PRIMRAY_INLINE vvec3<W> sample_phase(vfloat<W> g, vfloat<W> u, vfloat<W> v) {
   using F = vfloat<W>;
   const F even = 1.0f - 2.0f * u, q = (1.0f - g * g) / (1.0f + g * even);
   const vbool<W> flat = abs(g) < F(1e-3f);
-  // Near 0 the first terms of its series.
+  // First terms of its series near 0.
   const F peaked = (1.0f + g * g - q * q) / select(flat, F(1.0f), 2.0f * g);
   const F cosine = clamp(select(flat, even + 1.5f * g * (1.0f - even * even), peaked), -1.0f, 1.0f);
   const F sine = safe_sqrt(1.0f - cosine * cosine);

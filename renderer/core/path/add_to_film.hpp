@@ -1,4 +1,4 @@
-// What a block's samples add to the film: exact sums, in whatever order blocks end.
+// Accumulation of a block's samples on the film, as exact sums, so that the order in which blocks finish does not matter.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace primray {
 
-// Moves the finite ones of samples [slot, slot + count) to the front; their number.
+// Compacts the finite ones of samples [slot, slot + count) to the front and returns how many there are.
 inline int drop_invalid(Worker& w, int slot, int count, const Film& film) {
   int kept = slot;
   for (int s = slot; s < slot + count; ++s) {
@@ -25,8 +25,9 @@ inline int drop_invalid(Worker& w, int slot, int count, const Film& film) {
   return kept - slot;
 }
 
-// Adds, for light path expressions, what samples [slot, slot + count) of pixel `p` bring by class. Of each sample exact sums
-// keep a whole number; classes take their parts of that, and the largest what rounding has left, so that all add up to it.
+// Adds the contributions of samples [slot, slot + count) of pixel `p` to the light path expressions that they match. Each
+// sample is held as an integer by the exact sums; its classes take their parts of that integer, and the largest class takes
+// what rounding leaves, so that the parts add up to the sample.
 inline void add_routes(RouteStore& routes, const Worker& w, int slot, int count, size_t p, Film& film) {
   const int classes = int(routes.tables.members.size());
   std::array<ExactSum, RouteTables::kMostExpressions> terms;
@@ -67,13 +68,13 @@ inline void add_routes(RouteStore& routes, const Worker& w, int slot, int count,
   }
 }
 
-// Adds what samples [slot, slot + count) of pixel `p` brought and the picture leaves out.
+// Adds the light of samples [slot, slot + count) of pixel `p` that the image leaves out.
 inline void add_removed(PixelSums& removed, size_t p, const float* const (&colors)[3], int slot, int count) {
   for (size_t c = 0; c < 3; ++c) removed.add(p * Film::kColors + c, exact_sum(colors[c] + slot, count));
 }
 
-// The samples of the block's `pixels`, `samples` each of both replicates, and the rays that they took, which are counted anew
-// then.
+// Adds the samples of the block's `pixels` (`samples` per pixel, both replicates together) and its ray counts to the film, and
+// resets the counts.
 inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int samples, Film& film) {
   const int tile = block.film_y / kTile * film.tiles_x + block.film_x / kTile;
   const std::lock_guard lock(film.lock_of(tile));

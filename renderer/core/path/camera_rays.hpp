@@ -1,4 +1,4 @@
-// The first stage of a round: camera rays for the slots that come next, as many as the pool has room for.
+// First stage of a round: generates camera rays for the next sample slots, as many as fit into the path pool.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// What a ray through a flawed lens is drawn with.
+// Sample values for a camera ray through a lens with flaws (vignetting, chromatic aberration).
 template <int W>
 struct FlawedSample {
   vint<W> x, y, slot;
@@ -15,8 +15,8 @@ struct FlawedSample {
   vfloat<W> time;
 };
 
-// Notes by slot what the lens leaves of the sample's light: its paths carry it all, so that neither coverage nor where they end
-// depends on the lens.
+// Generates a camera ray and stores the lens's weight by sample slot rather than in the path's throughput, so that neither
+// coverage nor Russian roulette depends on the lens.
 template <int W>
 PRIMRAY_RARE CameraRay<W> weighed_ray(const Round& round, const PathLanes<W>& p, const FlawedSample<W>& s) {
   const Camera& camera = round.scene.camera;
@@ -27,7 +27,7 @@ PRIMRAY_RARE CameraRay<W> weighed_ray(const Round& round, const PathLanes<W>& p,
   return ray;
 }
 
-// Weighs the sums [first, first + slots) of samples.
+// Multiplies the sample sums [first, first + slots) by the weights of the lens.
 inline void weigh(Worker& w, int first, int slots) {
   for (int i = 0; i < slots; ++i) {
     const vec3& weight = w.weights[size_t(i)];
@@ -37,7 +37,7 @@ inline void weigh(Worker& w, int first, int slots) {
   }
 }
 
-// W camera paths, of the slots from `round.next_slot` on; past the last slot, that again.
+// Generates W camera paths for the slots from `round.next_slot` on; surplus lanes repeat the last slot.
 template <int W>
 PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   using F = vfloat<W>;
@@ -84,12 +84,12 @@ void refill(Round& round, int slots) {
   PathPool& pool = *round.worker.pool;
   round.first_camera = pool.count;
   const int splits = round.settings.splits;
-  // Room for every camera path to split.
+  // Every camera path may split, so leave room for its parts.
   while (round.next_slot < slots && pool.count + (splits - 1) * (pool.count - round.first_camera) + splits * W <= kPool) {
     const int n = std::min(W, slots - round.next_slot);
     const PathLanes<W> paths = camera_paths<W>(round, slots);
     vbool<W> starts = lane_numbers<W>() < vint<W>(n);
-    // What a lens does not see is a sample of nothing.
+    // Samples outside the lens's image circle stay black.
     if (round.scene.camera.distortion) starts &= paths.ray.tfar >= vfloat<W>(0.0f);
     const Compaction<W> kept(starts);
     if (round.follows_bodies()) put_camera_bodies(round, pool.count, kept);

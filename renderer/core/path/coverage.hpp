@@ -1,11 +1,11 @@
-// Coverage of samples while their paths are followed: 1 for what the camera meets, less what comes to nothing straight through
-// it.
+// Alpha of a sample while its path is traced: 1 once the camera ray hits something, minus the part that escapes straight
+// through it.
 #pragma once
 
 namespace primray {
 
-// Camera rays that have passed nothing but gaps (surfaces that are not there, or that the camera does not see) see the sky as
-// through a hole. The coverage of their samples is more by kGapMark meanwhile.
+// A camera ray that has passed only gaps (cutouts, or surfaces hidden from the camera) sees the background as if through a
+// hole. Until it hits something, kGapMark is added to its sample's coverage to mark it.
 constexpr float kThroughGaps = 3, kGapMark = 4;
 
 inline float finished_coverage(float a) { return a >= kThroughGaps ? a - kGapMark : a; }

@@ -1,6 +1,6 @@
-// The stage between trace and shade of scenes whose bodies are followed: what media leave of paths on the way to what they met.
-// Paths that scatter before that go on from there and are not shaded; those that an opaque surface let in walk so until they
-// come out, hundreds of times as a rule, and cost no more than the ray and its direction.
+// Stage between trace and shade for scenes with participating media: attenuates paths up to their next hit, or scatters them in
+// the medium before it. Paths that scatter continue from that point and are not shaded in this round. Random walks below opaque
+// surfaces take hundreds of such steps, each of which costs only a ray and a new direction.
 #pragma once
 
 #include "path/interiors/phase_lobes.hpp"
@@ -10,12 +10,12 @@
 
 namespace primray {
 
-// Paths in dense media that lose nothing scatter as often as their bodies are thick: they are thinned later than others, and
-// by less.
+// Paths in dense media without absorption scatter as often as the object is optically thick, so Russian roulette starts later
+// for them and ends fewer.
 constexpr int kMediumDeep = 16384;
 constexpr float kMediumDeepKeep = 0.9999f;
 
-// Goes on from points at `t` of the rays without looking for lights.
+// Continues paths from distance `t` along their rays without sampling lights.
 template <int W>
 PRIMRAY_INLINE void walk_on(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t, const Inside<W>& inside,
                             vfloat<W> phase) {
@@ -50,7 +50,7 @@ PRIMRAY_INLINE void walk_on(Round& round, vbool<W> scatters, const PathLanes<W>&
   round.worker.next->append(kept, n, round.needs);
 }
 
-// The same as from any vertex: light is sampled there.
+// Scatters at distance `t` along the rays as at any vertex: lights are sampled there.
 template <int W>
 PRIMRAY_RARE void scatter_in_light(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t, const Inside<W>& inside,
                                    vfloat<W> phase) {
@@ -72,14 +72,15 @@ PRIMRAY_RARE void scatter_in_light(Round& round, vbool<W> scatters, const PathLa
   scatter(round, scatters, v, p);
 }
 
-// Media in which light samples find something: those without a reflecting boundary, and all where lights stand in some.
+// Returns the lanes in which light samples can contribute: media without a refracting boundary, and all media if a light is
+// inside one.
 template <int W>
 PRIMRAY_INLINE vbool<W> is_lit(const Scene& scene, const Inside<W>& inside) {
   if (scene.lights.count == 0) return vbool<W>(false);
   return (!inside.walks()) & (vbool<W>(scene.interiors.lit) | (index_in(scene, inside.bodies) == vfloat<W>(1.0f)));
 }
 
-// One packet of paths in the pool; which go on to be shaded.
+// Advances one packet of paths of the pool through their medium; returns the lanes that are shaded next.
 template <int W>
 PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_medium, const Medium<W>& medium,
                                      const Inside<W>& inside, const Hits<W>& hits, PathLanes<W>& p) {
@@ -103,7 +104,7 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   end += inside.lead;
   p.beta = select(in_medium & !may_scatter, p.beta * medium.left_after(end), p.beta);
   if (!any(may_scatter)) return stays;
-  // Numbers that only a camera ray has a use for.
+  // These sample dimensions are used by camera rays only, so they are free here.
   const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(1), Purpose::kLens);
   const MediumStep<W> step = step_in(medium, p.beta, end, u.u, u.v);
   p.beta = select(may_scatter, step.beta, p.beta);
@@ -118,7 +119,7 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
       scatter_in_light(round, lanes, p, t, inside, medium.phase);
     });
   }
-  // A walk that meets nothing came out through a gap, or by rounding.
+  // A random walk that hits no surface has left through a gap, or by rounding.
   return stays & !scatters & !(walks & !hit);
 }
 

@@ -1,7 +1,8 @@
-// Light that a ray meets by itself: lights with area or cone, and domes, with its MIS weight against sampling them.
+// Emission from lights that path rays hit: area lights, distant lights with an angle, and domes, weighted by MIS against light
+// sampling.
 //
-// Camera rays, and rays after a mirror or refraction, see the nearest light as a body. Others go through lights, as light
-// samples do, and take each one's radiance.
+// Camera rays, and rays after a mirror or refraction, see the nearest light as an opaque body. All other rays pass through
+// lights, as light samples do, and collect the radiance of each.
 #pragma once
 
 #include "light/selection/linked_selection.hpp"
@@ -12,38 +13,40 @@
 
 namespace primray {
 
-// Shadow rays end, and lights are met, this much early or late: points on a light are only so exact.
+// Relative slack for the ends of shadow rays and for hits on lights: points on lights are only this exact.
 constexpr float kNearlyOne = 1 - 0x1p-16f;
 
-// Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", section 9.2.2: the power heuristic with exponent 2.
-// (The balance heuristic had 5 % more relMSE on the Cornell box.)
+// Power heuristic with exponent 2: Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", section 9.2.2. (The
+// balance heuristic had 5 % more relMSE on the Cornell box.)
 template <int W>
 PRIMRAY_INLINE vfloat<W> mis_weight(vfloat<W> pdf, vfloat<W> other) {
   const vfloat<W> r = other / pdf;
   return 1.0f / (1.0f + r * r);
 }
 
-// Among many lights (LightTable::hierarchy), light sampling alone finds those that a scattered ray would meet with less than
-// this probability: it does so almost as well, and most rays then need not look for them. Judged by the ball about a light's
-// box.
+// Among many lights (LightTable::hierarchy), lights that a scattered ray would hit with less than this probability are found by
+// light sampling alone: it samples them almost as well, and most rays then need not be tested against them. The probability is
+// estimated from the bounding sphere of the light.
 constexpr float kRarelyMet = 0.05f;
 
-// Whether that holds in each lane for `light`, seen from p, and a ray with that density: both ways to a light must agree on it.
+// Returns the lanes in which `light`, seen from p, is hit too rarely (kRarelyMet) by rays of density `bsdf_pdf`. Light sampling
+// and BSDF sampling must agree on it, as MIS weights depend on it.
 template <int W>
 PRIMRAY_INLINE vbool<W> rarely_met(const LightTable& lights, vint<W> light, const vvec3<W>& p, vfloat<W> bsdf_pdf) {
   const LightRow<W> row(lights, light);
-  const vvec3<W> to = row.vector(kOrigin) - p;  // those that move have no radius
+  const vvec3<W> to = row.vector(kOrigin) - p;  // lights that move have no radius
   const vfloat<W> radius = gather<W>(lights.hierarchy.radius.data(), light);
   return (radius > vfloat<W>(0.0f)) & (kPi * radius * radius * bsdf_pdf < kRarelyMet * dot(to, to));
 }
-// How many of its radii away a light may be for a ray to meet it otherwise; all lights are bodies to rays without a density.
+// Distance, in multiples of a light's radius, within which rays are tested against it; unlimited for rays without a density,
+// which see every light as a body.
 template <int W>
 PRIMRAY_INLINE vfloat<W> meeting_reach(vfloat<W> bsdf_pdf) {
   const vfloat<W> reach = 1.001f + 1.001f * sqrt(bsdf_pdf * (kPi / kRarelyMet));
   return select(bsdf_pdf > vfloat<W>(0.0f), reach, vfloat<W>(1e36f));
 }
 
-// Lanes of `m` whose ray, not cut off by surfaces, could find a light.
+// Returns the lanes of `m` whose rays, ignoring occlusion, could hit a light.
 template <int W>
 PRIMRAY_RARE vbool<W> may_meet(const LightHierarchy& met, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
                                vfloat<W> bsdf_pdf) {
@@ -52,7 +55,7 @@ PRIMRAY_RARE vbool<W> may_meet(const LightHierarchy& met, vbool<W> m, const vvec
   return found;
 }
 
-// What a light's multipliers leave of its radiance, by how the path last scattered; the camera sees it whole.
+// Factor of a light's radiance by how the path last scattered (UsdLux inputs:diffuse and inputs:specular); 1 for camera rays.
 template <int W>
 PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
   const vvec3<W> one(vfloat<W>(1.0f));
@@ -61,8 +64,8 @@ PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
   return select(p.depth == vint<W>(0), one, mixed);
 }
 
-// The probability with which light `i` was chosen at `p`, with normal `n`, on a surface that wears row `link`; `total` from
-// total_at.
+// Probability with which light `i` is chosen at point `p` with normal `n`, on a surface of link row `link`; `total` is
+// total_at().
 template <int W>
 PRIMRAY_INLINE vfloat<W> probability_at(const LightTable& lights, int i, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
                                         vfloat<W> total, vint<W> link) {
@@ -70,7 +73,7 @@ PRIMRAY_INLINE vfloat<W> probability_at(const LightTable& lights, int i, vbool<W
   return light_probability(lights, i, m, p, n, total);
 }
 
-// What that needs where each light is weighed.
+// Sum of the importances of all lights at `p`, where lights are chosen by weighing each of them; otherwise 1.
 template <int W>
 PRIMRAY_INLINE vfloat<W> total_at(const LightTable& lights, const vvec3<W>& p, vint<W> link) {
   if (lights.by_tree()) return vfloat<W>(1.0f);
@@ -78,7 +81,7 @@ PRIMRAY_INLINE vfloat<W> total_at(const LightTable& lights, const vvec3<W>& p, v
   return lights.count > 1 ? total_importance(lights, p) : vfloat<W>(1.0f);
 }
 
-// Lanes that see a light's body, which and how far away.
+// Lanes that see a light as a body, and for these the light and its distance.
 template <int W>
 struct MetLights {
   vbool<W> covered{false};
@@ -86,7 +89,8 @@ struct MetLights {
   vint<W> light{-1};
 };
 
-// A ray's direction for a light that moves, and what it meets of it; `from`: where the ray left the last surface.
+// Ray queries against a light that moves, evaluated at the rays' times; `from` is the origin on the last surface that
+// scattered.
 template <int W>
 PRIMRAY_RARE vvec3<W> to_row(const LightTable& lights, size_t path, const Rays<W>& ray) {
   return stances_of(lights.motion.paths[path], ray.time).vector_to_row(ray.d);
@@ -98,12 +102,12 @@ PRIMRAY_RARE LocalHit<W> moving_light_hit(const LightTable& lights, int i, size_
   return light_hit<W>(lights, i, stances.point_to_row(from), stances.vector_to_row(ray.d), L);
 }
 
-// What hears of each light that is met: nobody.
+// Default listener of intersect_lights(): ignores every light.
 struct NobodyListens {};
 
-// Adds what area and distant lights send back along the rays to `gathered`, through `medium` where there is one, which begins
-// `lead` before the rays. `listener` is told of each light's part, and of bodies
-// at the end.
+// Adds the radiance of area and distant lights that the rays hit to `gathered`, attenuated by `medium` if there is one; the
+// path in the medium begins `lead` before the ray's origin. `listener` receives the contribution of each light, and at the end
+// those of bodies.
 template <int W, class Listener = NobodyListens>
 PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
                                         vfloat<W> t_surface, vvec3<W>& gathered, const Medium<W>* medium = nullptr,
@@ -170,7 +174,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
   return seen;
 }
 
-// Radiance of all domes along the rays; right in lanes `m`.
+// Returns the radiance of all domes along the rays; valid in lanes `m`.
 template <int W, class Listener = NobodyListens>
 PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const PathLanes<W>& p, const Listener& listener = {}) {
   using F = vfloat<W>;

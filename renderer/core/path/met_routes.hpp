@@ -1,4 +1,4 @@
-// What rays meet by themselves, light by light, for light path expressions; path/shade.hpp has the sums of it.
+// Contributions of emission hit by path rays to light path expressions, light by light; path/shade.hpp adds the sums.
 #pragma once
 
 #include "path/emission.hpp"
@@ -8,7 +8,7 @@
 
 namespace primray {
 
-// Notes `L`, which lanes `m` met of lights that end so, with those multipliers.
+// Records radiance `L` of lights of kind `end` that lanes `m` hit; `factors` are the lights' lobe multipliers.
 template <int W>
 PRIMRAY_INLINE void note_met(RouteStore& store, vbool<W> m, vint<W> end, const vvec3<W>& L, LobeFactors factors) {
   const vfloat<W> zero(0.0f);
@@ -19,7 +19,7 @@ PRIMRAY_INLINE void note_met(RouteStore& store, vbool<W> m, vint<W> end, const v
   for (int i = 0; i < W; ++i) met.end[i] = end[i], met.L[0][i] = L.x[i], met.L[1][i] = L.y[i], met.L[2][i] = L.z[i];
 }
 
-// Hears of all lights that rays meet.
+// Listener of intersect_lights() that records each light for light path expressions.
 template <int W>
 struct RouteListener {
   const LightTable& lights;
@@ -40,15 +40,15 @@ struct RouteListener {
   }
 };
 
-// Of lanes whose lights are sought in media, and what is left of their light on the way.
+// Medium in which lanes look for lights, and its extra distance before the ray's origin.
 template <int W>
 struct RoutesInMedium {
   const Medium<W>* medium = nullptr;
   vfloat<W> lead{0.0f};
 };
 
-// Notes what gather_met_light() is about to gather, where `hit` tells what surfaces were met. `outlines`: camera rays of pixels
-// whose lights have rays of their own bring nothing of these.
+// Records what gather_met_light() is about to gather; `hit` are the lanes that hit a surface. Camera rays of pixels in which a
+// light has its own outline rays contribute nothing of that light.
 template <int W>
 PRIMRAY_RARE void note_met_lights(Round& round, vbool<W> looks, const PathLanes<W>& p, const Hits<W>& hits, vbool<W> hit,
                                   const RoutesInMedium<W>& in = {}) {
@@ -69,7 +69,7 @@ PRIMRAY_RARE void note_met_domes(Round& round, vbool<W> escaped, const PathLanes
   meet_domes(round.scene.lights, escaped, p, RouteListener<W>{round.scene.lights, *round.worker.routes});
 }
 
-// Of surfaces that glow: `L`.
+// Records radiance `L` of emissive surfaces that lanes `m` hit.
 template <int W>
 PRIMRAY_RARE void note_shown(Round& round, vbool<W> m, const Hits<W>& hits, const Interaction<W>& it, const vvec3<W>& L) {
   const Scene& scene = round.scene;
@@ -87,7 +87,7 @@ PRIMRAY_RARE void note_shown(Round& round, vbool<W> m, const Hits<W>& hits, cons
   }
 }
 
-// Adds all that was noted, path by path, so that no number of lanes would give other sums. `weight`: of what is noted.
+// Adds all recorded contributions, multiplied by `weight`, path by path, so that the sums do not depend on the lane count.
 template <int W>
 PRIMRAY_RARE void add_noted(Round& round, const PathLanes<W>& p, const vvec3<W>& weight) {
   RouteStore& store = *round.worker.routes;
@@ -104,7 +104,8 @@ PRIMRAY_RARE void add_noted(Round& round, const PathLanes<W>& p, const vvec3<W>&
   store.met.clear();
 }
 
-// Light samples that are about to be queued: `special` to the queue of those.
+// Stores the light path states of light samples that are about to be queued; lanes `special` go to the queue of special
+// shadows.
 template <int W, class Lobes>
 PRIMRAY_RARE void put_shadow_routes(Round& round, vbool<W> special, vbool<W> other, const PathLanes<W>& p, const BsdfEval<W>& f,
                                     vbool<W> beyond, vint<W> light) {
@@ -123,8 +124,8 @@ PRIMRAY_RARE void put_shadow_routes(Round& round, vbool<W> special, vbool<W> oth
   put(other, store.shadows, w.shadows.count);
 }
 
-// Rays `n` in lanes `m`, about to be queued as shadow rays to all domes together: of which one a channel's light is, is drawn
-// by what each brings.
+// Stores the light path states of rays `n` in lanes `m` that are about to be queued as shadow rays towards all domes. Each
+// color channel is attributed to one dome, drawn in proportion to the domes' radiance.
 template <int W>
 PRIMRAY_RARE void put_sky_routes(Round& round, vbool<W> m, const PathLanes<W>& n) {
   RouteStore& store = *round.worker.routes;

@@ -1,5 +1,5 @@
-// Camera rays of their own for lights that end in a pixel (build/lights/light_outlines.hpp): they look for that light as a
-// body, and for what hides it, and scatter nowhere. The paths of such a pixel then bring nothing of that light's body.
+// Extra camera rays for lights whose outline crosses a pixel (build/lights/light_outlines.hpp): they test visibility of the
+// light as a body and do not scatter. The paths of such a pixel then contribute nothing of that light's body.
 #pragma once
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 
 namespace primray {
 
-// By sample of the pixel and light that ends in it.
+// Outline rays per sample of the pixel, for each light whose outline crosses it.
 constexpr int kOutlineRays = 4;
 
-// Notes what ends in the pixels that the worker has listed; whether there is anything.
+// Looks up the light outlines in each pixel that the worker has listed; returns whether there are any.
 inline bool find_outlines(Round& round) {
   bool some = false;
   for (int i = 0; i < round.pixels; ++i) {
@@ -23,7 +23,7 @@ inline bool find_outlines(Round& round) {
   return some;
 }
 
-// What rays that are about to be queued see of a light as a body.
+// Stores the light path states of outline rays that are about to be queued.
 template <int W>
 PRIMRAY_RARE void put_outline_routes(Round& round, vbool<W> m, int32_t light) {
   Worker& w = round.worker;
@@ -31,7 +31,7 @@ PRIMRAY_RARE void put_outline_routes(Round& round, vbool<W> m, int32_t light) {
   for (int k = 0; k < __builtin_popcount(bits(m)); ++k) w.routes->shadows.put(w.shadows.count + k, seen);
 }
 
-// Appends what the rays see of one light in pixel number `pixel` of the worker to the shadow queue, and traces that when it is
+// Appends the outline rays towards one light in pixel number `pixel` of the worker to the shadow queue, which is traced when
 // full.
 template <int W>
 PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines::Part& part) {
@@ -67,7 +67,7 @@ PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines:
     if (!any(seen)) continue;
     if (w.shadows.count > ShadowQueue::kSize - 2 * W) trace_shadows<W>(round), w.shadows.count = 0;
     if (round.needs.routes) put_outline_routes(round, seen, part.light);
-    // From where the camera begins to see.
+    // Starts at the camera's near plane.
     w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(met.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
                      load<W>(slot), p.ray.time, round.needs);
   }
@@ -83,7 +83,7 @@ PRIMRAY_RARE void look_for_outlines(Round& round) {
   trace_shadows<W>(round), w.shadows.count = 0;
 }
 
-// Which of the camera rays `m` met a light that has rays of its own in their pixel.
+// Returns the camera rays of `m` that hit a light which has outline rays in their pixel.
 template <int W>
 PRIMRAY_RARE vbool<W> is_outlined(const Round& round, vbool<W> m, vint<W> slot, vint<W> light) {
   vint<W> found(0);

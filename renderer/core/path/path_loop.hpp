@@ -1,4 +1,4 @@
-// The path loop. Included by lanes_<W>.cpp alone, one translation unit for each number of lanes.
+// Wavefront path tracing loop. Included only by lanes_<W>.cpp, one translation unit per lane count.
 #pragma once
 
 #include <algorithm>
@@ -29,7 +29,7 @@ inline void clear_queues(Round& round) {
   if (round.has_special()) w.special_shadows->rays.count = 0;
 }
 
-// Rounds, until no path is left.
+// Runs rounds until no path is left.
 template <int W>
 void run_rounds(Round& round, int slots) {
   while (true) {

@@ -1,5 +1,5 @@
-// Light that samples bring and the picture leaves out because the user asked for it: caustics, and what a clamp takes. The film
-// counts both (film/film.hpp), so the bias of a picture is known.
+// Light that the image leaves out at the user's request: caustics, and what the clamp on indirect light takes. The film sums
+// both (film/film.hpp), so that the bias of an image is known.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace primray {
 
-// Splits the sums of samples [0, slots) into what the picture keeps and caustics, which are summed in `w.caustics`. Sums are
-// built from light paths' classes again, since subtracting a bright caustic would leave its rounding.
+// Splits the sums of samples [0, slots) into the part that the image keeps and caustics, which are summed in `w.caustics`. Sums
+// are rebuilt from the classes of light paths: subtracting a bright caustic would leave rounding errors.
 inline void leave_out_caustics(Worker& w, int slots, bool clamps) {
   RouteStore& routes = *w.routes;
   const int classes = int(routes.tables.members.size());
@@ -28,14 +28,14 @@ inline void leave_out_caustics(Worker& w, int slots, bool clamps) {
         if (into == out) std::fill_n(part, slots, 0.0f);
       }
     }
-    // A sample whose caustics are not finite would have been invalid with them.
+    // A sample whose caustics are not finite stays invalid, as it would have been with them.
     for (int s = 0; s < slots; ++s)
       if (!std::isfinite(out[s])) colors[c][s] = out[s];
   }
 }
 
-// Adds light of two scatterings and more to samples [0, slots), scaled so that its largest channel is `most` at most; light
-// path expressions take the same factor. What was taken away is left where that light was summed.
+// Adds the indirect light (two scattering events and more) to samples [0, slots), scaled so that its largest channel is at most
+// `most`; light path expressions are scaled alike. The part that was removed remains in the sums of indirect light.
 inline void clamp_indirect(Worker& w, int slots, float most) {
   float* const colors[] = {w.r, w.g, w.b};
   for (int s = 0; s < slots; ++s) {

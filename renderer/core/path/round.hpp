@@ -1,8 +1,8 @@
-// What all stages of the path loop share: the scene, one task's samples, and the thread that takes them.
+// State that all stages of the path loop share: the scene, one task's samples, and the worker that renders them.
 //
-// A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors
-// packed in the other pool and shadow rays in a queue), trace the shadow rays. Each stage is a file of free functions over
-// this.
+// A round advances every path of the pool by one vertex: refill with camera rays, trace, shade (which leaves the surviving
+// paths compacted in the other pool and shadow rays in a queue), trace the shadow rays. Each stage is a file of free functions
+// over this.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@
 
 namespace primray {
 
-// What paths of this scene carry along.
+// Optional state that paths of this scene carry.
 inline PathNeeds path_needs(const Scene& scene, const IntegratorSettings& settings) {
   return {.travelled = scene.has_thin,
           .cones = scene.has_inputs,
@@ -31,11 +31,11 @@ struct Round {
   Worker& worker;
   RayRecorder* recorder;
   const PathNeeds needs;
-  const int samples;      // of a pixel, both replicates
+  const int samples;      // per pixel, both replicates together
   int pixels = 0;         // of the block, as the worker lists them
-  int next_slot = 0;      // whose camera ray comes next
-  int first_camera = 0;   // where the pool's camera rays begin
-  bool outlined = false;  // lights end in some pixels of this tile
+  int next_slot = 0;      // slot of the next camera ray
+  int first_camera = 0;   // index in the pool of the first camera ray
+  bool outlined = false;  // outlines of lights cross some pixels of this tile
 
   Round(const Scene& s, const IntegratorSettings& asked, const TileBlock& task, Worker& thread, RayRecorder* log)
       : scene(s),
@@ -57,17 +57,18 @@ struct Round {
   bool follows_bodies() const { return scene.interiors.followed; }
   bool leaves_out_caustics() const { return settings.routes && settings.routes->leaves_out >= 0; }
 
-  // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
-  // with the next. The parts of a split path have indices of their own, so there their first two directions do.
+  // Index of the film point in the chain of linked dimensions that it forms with the following directions: each even link
+  // shares a 4D point of a sequence with the next. Parts of a split path have indices of their own, so there the first two
+  // directions are paired.
   int first_link() const { return settings.splits > 1 ? 1 : 0; }
-  // The k-th sample of a pixel: the first replicate's come first.
+  // Replicate of a pixel's k-th sample: those of the first replicate come first.
   int replicate(int k) const { return k < block.count[0] ? 0 : 1; }
   uint32_t index(int k) const { return uint32_t(replicate(k) ? block.first[1] + k - block.count[0] : block.first[0] + k); }
   int pixel_x(int i) const { return block.x0 + worker.pixel_x[i] * block.stride_x; }
   int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
 };
 
-// When rays see the scene, of a number in [0, 1), through a pixel of the frame.
+// Returns ray times within the shutter interval for numbers u in [0, 1), at pixels (x, y), with rolling shutter.
 template <int W>
 PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vint<W> y) {
   const MotionTable& motion = round.scene.motion;
@@ -76,26 +77,26 @@ PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vin
   return min(max(time + to_float(x) * motion.per_column + to_float(y) * motion.per_row, 0.0f), vfloat<W>(1.0f));
 }
 
-// Whether the paths at `at` were in a medium: cross_media() has seen to lights that those rays meet.
+// Whether the paths at `at` were in a medium: cross_media() has already added the lights that those rays hit.
 template <int W>
 PRIMRAY_RARE vbool<W> has_crossed_medium(const Round& round, int at) {
   return round.worker.inside->pool->template at<W>(at).medium(round.scene).exists();
 }
 
-// What of radiance that they meet the paths at `at` bring (medium/bodies.hpp).
+// Factor of radiance that the paths at `at` receive (medium/bodies.hpp).
 template <int W>
 PRIMRAY_RARE vfloat<W> radiance_met(const Round& round, int at) {
   return radiance_from(round.scene, round.worker.inside->pool->template at<W>(at).bodies);
 }
 
-// The sum that light belongs to which reaches samples `slot` over so many scatterings.
+// Index of the sum for light that reaches samples `slot` after that many scattering events.
 template <int W>
 PRIMRAY_INLINE vint<W> sum_of(const Round& round, vint<W> slot, vint<W> scatterings) {
   if (!round.settings.clamps()) return slot;
   return slot + select(scatterings > vint<W>(1), vint<W>(Worker::kSlots), vint<W>(0));
 }
 
-// Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.
+// Adds `c` to the slots of lanes `m`; most paths contribute nothing at most vertices.
 template <int W>
 PRIMRAY_INLINE void add_to_slots(const Round& round, vbool<W> m, vint<W> slot, const vvec3<W>& c) {
   Worker& w = round.worker;

@@ -1,4 +1,4 @@
-// Next-event estimation: a light is chosen for the vertex, a point of it sampled, and a shadow ray queued with what it brings.
+// Next-event estimation: chooses a light for each vertex, samples a point on it, and queues a shadow ray with its contribution.
 #pragma once
 
 #include "emitter/emitter.hpp"
@@ -11,7 +11,7 @@
 
 namespace primray {
 
-// A light for each lane, with how shiny surfaces weighed in.
+// Light chosen in each lane, and the glossy surfaces that influenced the choice.
 template <int W>
 struct ChosenLight {
   LightChoice<W> choice;
@@ -31,7 +31,8 @@ PRIMRAY_INLINE void choose_light_at(const Round& round, vbool<W> scatters, const
                          : choose_light(lights, scatters, from, facing(v), number, chosen.any_shiny ? &chosen.shiny : nullptr);
 }
 
-// A point of that light, seen from `from`: of domes with portals and of lights that are geometry by ways of their own.
+// Samples a point on the chosen light, seen from `from`. Domes with portals and geometry lights have their own sampling
+// routines.
 template <int W, class Lobes>
 PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, vint<W> light, const Vertex<W, Lobes>& v,
                                            const PathLanes<W>& p, const vvec3<W>& from) {
@@ -59,7 +60,7 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
   return s;
 }
 
-// What the vertex reflects of light from `s`, cosine included, with the light's multipliers.
+// BSDF times cosine for light from `s`, with the light's lobe multipliers.
 template <int W>
 PRIMRAY_INLINE vvec3<W> reflected_of(const LightTable& lights, vint<W> light, const BsdfEval<W>& f) {
   if (!lights.lobe_factors) return f.diffuse + f.specular;
@@ -67,7 +68,7 @@ PRIMRAY_INLINE vvec3<W> reflected_of(const LightTable& lights, vint<W> light, co
   return f.diffuse * row(kDiffuseFactor) + f.specular * row(kSpecularFactor);
 }
 
-// The weight of this way to the light against rays that meet it by themselves.
+// MIS weight of the light sample against BSDF-sampled rays that hit the light.
 template <int W, class Lobes>
 PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool<W> special, const ChosenLight<W>& chosen,
                                       const LightSample<W>& s, vfloat<W> pdf, vfloat<W> scattered_pdf,
@@ -76,8 +77,8 @@ PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool
   const vint<W> light = chosen.choice.light;
   vbool<W> alone = s.is_delta | special;
   if (!lights.hierarchy.empty()) alone |= rarely_met(lights, light, from, scattered_pdf);
-  // For MIS the choice is as if no surface shone, which is all that a ray that meets the light knows: weights of both ways
-  // add up to 1, whatever the densities in them.
+  // For MIS the choice is treated as if no surface were glossy, since that is all that a ray which hits the light knows. The
+  // weights of both techniques then add up to 1, whatever the densities in them.
   vfloat<W> known_pdf = pdf;
   if (chosen.any_shiny) {
     const vbool<W> m = useful & chosen.shiny.shiny;
@@ -86,7 +87,7 @@ PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool
   return select(alone, vfloat<W>(1.0f), mis_weight(known_pdf, scattered_pdf));
 }
 
-// Turns rays of lanes `m`, which go from `o` now and went from `from`, to the same point of the light.
+// Redirects samples of lanes `m` from origin `from` to origin `o`, towards the same point of the light.
 template <int W>
 PRIMRAY_INLINE void aim_from(vbool<W> m, const vvec3<W>& from, const vvec3<W>& o, LightSample<W>& s) {
   const vvec3<W> to = s.wi * s.t - (o - from);
@@ -95,8 +96,8 @@ PRIMRAY_INLINE void aim_from(vbool<W> m, const vvec3<W>& from, const vvec3<W>& o
   s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
 }
 
-// Moves the start of rays in lanes `below`, below the triangle's plane, out to `o`, with the direction from there on to the
-// same point of the light; which of them get out.
+// Moves the origins of rays in lanes `below`, which start below the triangle's plane, to the smooth surface at `o`, and
+// redirects them to the same point of the light; returns the lanes for which that succeeds.
 template <int W, class Lobes>
 PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
                                       const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
@@ -105,7 +106,7 @@ PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex
   return lifted;
 }
 
-// Starts rays of lanes `m` on the other side of the surface, towards the same point of the light.
+// Moves the origins of rays of lanes `m` to the other side of the surface, towards the same point of the light.
 template <int W, class Lobes>
 PRIMRAY_RARE void start_beyond(vbool<W> m, const Vertex<W, Lobes>& v, const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
   o = select(m, v.it.p - v.ng * v.it.offset, o);
@@ -113,7 +114,7 @@ PRIMRAY_RARE void start_beyond(vbool<W> m, const Vertex<W, Lobes>& v, const vvec
   aim_from(m, from, o, s);
 }
 
-// Before shadow rays of those lanes are queued.
+// Stores the medium stacks of shadow rays that are about to be queued.
 template <int W>
 PRIMRAY_RARE void put_shadow_bodies(Round& round, vbool<W> special, vbool<W> other, vbool<W> beyond, const Crossing<W>& c,
                                     vfloat<W> lead) {
@@ -128,7 +129,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   using B = vbool<W>;
   using V = vvec3<W>;
   const LightTable& lights = round.scene.lights;
-  // From where scattered rays start, so that both agree on which lights lie before the surface.
+  // Same origin as scattered rays, so that both techniques agree on which lights are above the surface.
   const V from = v.it.p + v.ng * v.it.offset;
   ChosenLight<W> chosen;
   choose_light_at(round, scatters, v, p, from, chosen);
@@ -144,7 +145,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
   const V reflected = reflected_of(lights, light, f);
   const vfloat<W> pdf = s.pdf * chosen.choice.probability;
-  B special(false);  // no other way leads to those
+  B special(false);  // no other technique finds these lights
   if (round.has_special()) special = (LightRow<W>(lights, light).flags() & vint<W>(kSpecial)) != vint<W>(0);
   const vfloat<W> scattered_pdf = scattered_density(round, v, s.wi, f.pdf);
   const vfloat<W> weight = light_weight(round, useful, special, chosen, s, pdf, scattered_pdf, v, from);
@@ -168,7 +169,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (any(useful)) w.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, sum, p.ray.time, round.needs);
 }
 
-// One sample of the lights; at a path's first surface that is no mirror, as many as pilots found worth their rays.
+// Takes one light sample per vertex; at a path's first surface that is not a mirror, as many as the pilot renders chose.
 template <int W, class Lobes>
 void sample_lights(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int samples = round.settings.light_samples;

@@ -1,4 +1,4 @@
-// Sends paths on from a vertex: a direction, what they carry there, and which of them end.
+// Scattering: samples the next direction of each path, updates its state, and ends paths by Russian roulette.
 #pragma once
 
 #include <algorithm>
@@ -12,25 +12,24 @@
 
 namespace primray {
 
-// A scattered ray's cone is wider by the angle of a cone that holds a 256th of the solid angle 1 / pdf which the ray stands
-// for: pi (w / 2)^2 = 1 / (256 pdf); an eighth of a radian for diffuse ones. A choice: wider ones would carry colours and light
-// from one part of a texture to another that lies beside it in the image alone. Mirrors and refractions keep the cone; their
-// curvature is not followed.
+// Widening of the ray cone at a scattering event: the angle w of a cone that holds 1/256 of the solid angle 1 / pdf of the
+// sample, from pi (w / 2)^2 = 1 / (256 pdf); an eighth of a radian for diffuse lobes. A wider cone would blur distant parts of
+// a texture that are adjacent only in the image. Mirrors and refractions keep the cone; curvature is ignored.
 constexpr float kLobeSpread = 0.0705236979f;
-// Roulette: from this scattering on a path survives with probability min(1, kRouletteKeep * its largest throughput). On the
-// Cornell box (relMSE, rays a sample, 64 samples): keep 1 from 4 on 0.00180, 5.2; 2 from 3: 0.00162, 5.1; 4 from 2: 0.00139,
-// 5.9; 8 from 3: 0.00134, 6.5; none: 0.00132, 7.6. Of paths split in four, 2 costs the Cornell box as much as 4, and a terrain
-// under a sky, where the last rays are cheap, half as much again.
+// Russian roulette: from this vertex on a path survives with probability min(1, kRouletteKeep * its largest throughput). On the
+// Cornell box (relMSE, rays per sample, 64 samples): keep 1 from vertex 4: 0.00180, 5.2; 2 from 3: 0.00162, 5.1; 4 from 2:
+// 0.00139, 5.9; 8 from 3: 0.00134, 6.5; none: 0.00132, 7.6. With paths split in four, 2 costs as much as 4 on the Cornell box,
+// and half as much again on a terrain under a sky, where the last rays are cheap.
 constexpr int kRouletteStart = 2;
 constexpr float kRouletteKeep = 4;
-// From here on not even a lossless path survives for certain: one that is caught for good between mirrors or by total
-// reflection would otherwise never end. What it brings is weighed accordingly. With a share a of light left by each scattering
-// the weights' squares add up as long as a^2 is below what is kept: 0.98 left a closed room of albedo 0.998 6 % too dark in any
-// render.
+// Beyond this depth even lossless paths may end: one that is trapped between mirrors or by total internal reflection would
+// never end otherwise. If each scattering event keeps a share a of the light, the variance of the weights stays finite as long
+// as a^2 is below the survival probability: 0.98 made a closed room of albedo 0.998 6 % too dark in any render.
 constexpr int kRouletteDeep = 1024;
 constexpr float kRouletteDeepKeep = 0.999f;
 
-// Camera rays that pass what is not there, or what the camera does not see, before anything else (path/coverage.hpp).
+// Marks the samples of camera rays that pass only gaps: surfaces that are not present, or hidden from the camera
+// (path/coverage.hpp).
 template <int W>
 PRIMRAY_RARE void note_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) {
   for (uint32_t b = bits(gaps & (p.vertex == vint<W>(0))); b; b &= b - 1) {
@@ -39,7 +38,7 @@ PRIMRAY_RARE void note_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) 
   }
 }
 
-// Of camera rays that go straight on from `v`: whether there was nothing, or something that light passes.
+// Updates the gap marks of camera rays that pass straight through `v`: set for a gap, cleared for a transmissive surface.
 template <int W, class Lobes>
 PRIMRAY_RARE void note_straight(Round& round, vbool<W> straight, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
                                 const PathLanes<W>& p) {
@@ -54,8 +53,8 @@ PRIMRAY_RARE void note_straight(Round& round, vbool<W> straight, const Vertex<W,
   }
 }
 
-// A direction by the BSDF, the guide or photons. `splits`: among how many paths each sample is split, photons change it.
-// `own`: where photons are asked, the density without them.
+// Samples a direction from the BSDF, the guide or the caustic photons. `splits`: number of parts of each sample, which photons
+// change. `own`: with photons, the density without them.
 template <int W, class Lobes>
 PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
                                               vfloat<W>& splits, vfloat<W>& own) {
@@ -64,7 +63,7 @@ PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W
   Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
   const vfloat<W> lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : vfloat<W>(0.0f);
   const vbool<W> by_guide = guide ? choose_guide(v.place, u.u) : vbool<W>(false);
-  // Inlined for what most paths take; a compiler counts the guided ones as well and would call it for all.
+  // Inlined for the common case; the compiler would otherwise count the guided branch as well and emit a call for all.
   const auto sample = [&](vfloat<W> l) __attribute__((always_inline)) {
     BsdfSample<W> found = v.bsdf.sample(v.wo, l, u.u, u.v);
     if (guide) sample_guided(*guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, found);
@@ -75,21 +74,21 @@ PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W
   return sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, round.settings.splits, sample, density, splits, own);
 }
 
-// Starts the rays of `n` on the side that they leave to; which of them leave to where `s` says.
+// Offsets the origins of `n` to the side on which they leave; returns the lanes that leave on the side that `s` sampled.
 template <int W, class Lobes>
 PRIMRAY_INLINE vbool<W> leave_surface(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
                                       vfloat<W> time, PathLanes<W>& n) {
   const vfloat<W> zero(0.0f), out = dot(v.ng, n.ray.d);
   n.ray.o = v.it.p + v.ng * (v.it.offset * select(out > zero, vfloat<W>(1.0f), vfloat<W>(-1.0f)));
-  // The true surface, or the one that its smooth normals stand for, decides which side a direction is on, whatever the
-  // shading normal says.
+  // The true surface, or the smooth surface that its normals approximate, decides on which side a direction is, whatever the
+  // shading normal.
   vbool<W> above = out > zero;
   if (const vbool<W> below = scatters & v.it.smooth & !above & !s.transmits & (max_component(n.beta) > zero); any(below))
     above |= start_lifted(round, below, v, n.ray.d, time, n.ray.o);
   return scatters & ((s.transmits & (out < zero)) | (above & !s.transmits));
 }
 
-// What a scene asks paths to carry from vertex to vertex.
+// Updates the optional path state that the scene needs at the next vertex.
 template <int W, class Lobes>
 PRIMRAY_INLINE void carry_on(const Round& round, const Vertex<W, Lobes>& v, const PathLanes<W>& p, const BsdfSample<W>& s,
                              PathLanes<W>& n) {
@@ -103,15 +102,15 @@ PRIMRAY_INLINE void carry_on(const Round& round, const Vertex<W, Lobes>& v, cons
   if (round.needs.normals) n.normal = select(s.straight, p.normal, facing(v));
   if (round.needs.links) n.link = select(s.straight, p.link, v.it.link);
   if (round.needs.diffuse_shares) n.diffuse_share = select(s.straight, p.diffuse_share, s.diffuse_share);
-  // What was guided counts as its surface would have sent it, until it next scatters widely.
+  // Guided paths keep their surface's split count until the next diffuse scattering event.
   if (round.settings.caustics) {
     const vbool<W> widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
     n.splits = select(widely, min(n.splits, float(round.settings.splits)), n.splits);
   }
 }
 
-// Russian roulette: ends paths among `alive`, and weighs those that go on; the probability with which each did. `expected`: see
-// expected_light().
+// Plays Russian roulette among `alive`, divides the throughput of survivors, and returns the survival probabilities.
+// `expected`: see expected_light().
 template <int W>
 PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vfloat<W> expected, PathLanes<W>& n,
                                        vbool<W>& alive) {
@@ -131,7 +130,7 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
   return survive;
 }
 
-// What becomes of a path among bodies that goes on as `s` says.
+// Stores the medium state of paths that continue with the BSDF sample `s`.
 template <int W>
 PRIMRAY_RARE void put_inside(Round& round, const Compaction<W>& kept, const Crossing<W>& crossing, const BsdfSample<W>& s,
                              vfloat<W> lead) {
@@ -148,7 +147,7 @@ PRIMRAY_RARE void look_for_sky_inside(Round& round, vbool<W> lit, const Crossing
   round.worker.inside->shadows.put(round.worker.shadows.count, Compaction<W>(lit), BodiesAround<W>{inside.bodies, lead});
 }
 
-// Of last rays only whether they meet the sky counts: a shadow ray tells that for less.
+// On the last bounce only visibility of the environment matters, so a cheaper shadow ray is traced.
 template <int W>
 PRIMRAY_INLINE void look_for_sky(Round& round, vbool<W> last, const PathLanes<W>& n, const Crossing<W>* crossing,
                                  const BsdfSample<W>& s, vfloat<W> lead) {
@@ -176,10 +175,10 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   n.beta = p.beta * s.weight;
   B alive = leave_surface(round, scatters, v, s, p.ray.time, n) & (max_component(n.beta) > F(0.0f));
   n.vertex = p.vertex + I(1);
-  // What enters below a surface has not scattered from it before it comes out.
+  // A path that enters below a surface has not scattered until it leaves again.
   n.depth = p.depth + select(s.straight | s.enters, I(0), I(1));
   alive &= n.depth <= I(round.settings.max_depth);
-  // The last vertex only looks for light: without any that a ray could meet, there is nothing to look for.
+  // Rays from the last vertex can only collect emission; end the paths if no ray could hit a light.
   const B last = n.depth == I(round.settings.max_depth);
   if (!scene.rays_find_light) alive &= !last;
   n.bsdf_pdf = select(s.straight, p.bsdf_pdf, v.caustics ? own : s.pdf);
@@ -188,17 +187,17 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   const F expected =
       round.needs.first_received ? expected_light(*round.settings.guide, v.place, n.ray.d, n.first_received) : F(0.0f);
   const F survive = play_roulette(round, s.straight, expected, n, alive);
-  // Nor are there lights for it that light sampling does not find.
+  // End the paths as well if light sampling alone finds all lights near them.
   if (scene.only_met_lights_found)
     alive &= (!last) | s.straight | s.enters |
              may_meet(scene.lights.hierarchy, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
   if (!any(alive)) return;
-  // What the camera does not see beyond its far plane it does not see through a gap either.
+  // The far plane also applies to what the camera sees through a gap.
   n.ray.tnear = F(0.0f);
   if constexpr (Lobes::kFibres)
     n.ray.tnear = way_through_tube(alive & v.bsdf.is_hair & s.transmits & !s.straight, v.it, n.ray.d);
   n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));
-  // No light is sampled on a walk below a surface.
+  // No lights are sampled during a random walk below a surface.
   const bool crosses = Lobes::kAmongBodies && v.crossing;
   if (crosses) n.bsdf_pdf = select(v.crossing->inside.walks(), F(0.0f), n.bsdf_pdf);
   if (const B sky = alive & last & !(s.straight | s.enters); scene.only_domes_found && any(sky)) {
@@ -213,7 +212,7 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   round.worker.next->append(kept, n, round.needs);
 }
 
-// A path at its first surface that is no mirror is split, which spends more on what comes after than on finding that surface.
+// Splits each path at its first surface that is not a mirror: more work goes to what follows than to finding that surface.
 template <int W, class Lobes>
 void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int splits = round.settings.splits;

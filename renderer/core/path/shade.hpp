@@ -1,4 +1,4 @@
-// The third stage of a round: at what each ray has met, light met, light sampled, next ray.
+// Third stage of a round, at each ray's hit: collects emission, samples lights, and scatters.
 #pragma once
 
 #include <algorithm>
@@ -12,13 +12,13 @@
 
 namespace primray {
 
-// Below this cosine the area that a cone cuts out of a surface is taken as no larger.
+// Lower limit of the cosine when a ray cone's footprint is projected onto a surface.
 constexpr float kGrazing = 0.05f;
-// Offsets that a front hit and one on a back lie ahead of the ray's start at least: 3 hits in 1e8 rays at a closed box lay
-// inside.
+// Minimum distance of front and back hits from the ray's origin, in surface offsets: 3 hits in 1e8 rays at a closed box were
+// inside it.
 constexpr float kAhead = 0.25f, kBackAhead = 16;
 
-// What of a sample comes to nothing straight through surfaces that it met covers nothing of its pixel.
+// Samples that escape through transparent surfaces do not contribute to alpha.
 template <int W>
 PRIMRAY_RARE void see_through(Round& round, vbool<W> seen, const PathLanes<W>& p) {
   for (uint32_t b = bits(seen); b; b &= b - 1) {
@@ -27,7 +27,7 @@ PRIMRAY_RARE void see_through(Round& round, vbool<W> seen, const PathLanes<W>& p
   }
 }
 
-// Samples that escape straight: what has passed gaps alone, as through holes, and what brings no light (`nothing`).
+// Removes from alpha samples that escape straight: those that passed only gaps, and those that see no light (`nothing`).
 template <int W>
 PRIMRAY_RARE void escape_straight(Round& round, vbool<W> escaped, vbool<W> nothing, const PathLanes<W>& p) {
   const uint32_t unseen = bits(nothing);
@@ -38,8 +38,8 @@ PRIMRAY_RARE void escape_straight(Round& round, vbool<W> escaped, vbool<W> nothi
   }
 }
 
-// Light that comes back along the ray from lights it meets, and from afar. A body that is met leaves nothing of `hit`. `looks`:
-// lanes that have not met lights on their way through a medium (path/cross_media.hpp).
+// Returns emission along the rays: from lights that they hit, and from the environment. Removes lanes that a light's body
+// covers from `hit`. `looks`: lanes whose lights were not already added in a medium (path/cross_media.hpp).
 template <int W>
 PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, vbool<W> looks, const PathLanes<W>& p,
                                          const Hits<W>& hits, vbool<W>& hit) {
@@ -68,17 +68,17 @@ PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, vbool<W>
   return gathered;
 }
 
-// What was noted of the packet at `at`, for light path expressions.
+// Adds the emission recorded for the packet at `at` to light path expressions.
 template <int W>
 PRIMRAY_RARE void add_met_routes(Round& round, int at, const PathLanes<W>& p) {
   add_noted(round, p, round.follows_bodies() ? p.beta * radiance_met<W>(round, at) : p.beta);
 }
 
-// Paths scatter on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
-// the wrong one lets light through closed surfaces at their edges. Such hits are seen edge-on, or lie behind the ray's
-// start (Embree's distance is wrong where the start is almost in the triangle's plane; the point is not), or on a back so
-// near to the start that this may have been on the wrong side of the next face, or on the edge of a triangle's back whose
-// inside the ray would not see: it came in past the outline of a body.
+// Returns the lanes in which the side of the surface that the ray came from is certain. Where rounding hides it, the path ends:
+// choosing the wrong side would leak light through the edges of closed surfaces. Uncertain hits are seen edge-on; or lie behind
+// the ray's origin (Embree's distance is wrong where the origin is almost in the triangle's plane; the point is not); or lie on
+// a back so near to the origin that this may have been on the wrong side of the next face; or lie on the edge of a back-facing
+// triangle that the ray would miss a little further inside, which means that it passed the silhouette.
 template <int W>
 PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLanes<W>& p, const Hits<W>& hits,
                                         const Interaction<W>& it, vfloat<W> facing) {
@@ -90,7 +90,7 @@ PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLa
   return certain;
 }
 
-// Lanes that met hair from within, and go straight on: what such a hit is taken for cannot let light in.
+// Returns the lanes that hit hair from within and continue straight: misjudging the side of such hits leaks no light.
 template <int W>
 PRIMRAY_RARE vbool<W> is_within_fibre(const SurfaceRows<W>& rows, vfloat<W> facing) {
   return ((truncate(rows(kFlags)) & vint<W>(kHair)) != vint<W>(0)) & !(facing > vfloat<W>(0.0f));
@@ -102,7 +102,7 @@ void go_on(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const Pat
   if constexpr (Lobes::kAmongBodies) {
     if (v.crossing) lit &= !v.crossing->inside.walks();
   }
-  // From within a fibre all goes on straight.
+  // Paths inside a fibre continue straight.
   if constexpr (Lobes::kFibres) lit &= v.bsdf.presence > vfloat<W>(0.0f);
   if (round.scene.lights.count > 0) sample_lights(round, lit, v, p);
   scatter(round, scatters, v, p);
@@ -116,7 +116,7 @@ PRIMRAY_RARE void go_on_guided(Round& round, vbool<W> scatters, Vertex<W, Lobes>
   go_on(round, scatters, v, p);
 }
 
-// Light is sampled and paths are sent on from the hits `it`.
+// Samples lights and scatters at the hits `it`.
 template <class Lobes, int W, class... More>
 PRIMRAY_INLINE void scatter_at(Round& round, vbool<W> scatters, const PathLanes<W>& p, const Hits<W>& hits,
                                const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
@@ -150,14 +150,14 @@ PRIMRAY_RARE void scatter_with_hair(Round& round, vbool<W> scatters, const PathL
   scatter_at<BsdfWithHair<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);
 }
 
-// A Lambert surface from which light goes out among bodies.
+// White Lambert lobes through which light leaves a subsurface medium.
 template <int W>
 struct WhiteLobes : Bsdf<W> {
   static constexpr bool kAmongBodies = true;
   using Bsdf<W>::Bsdf;
 };
 
-// Where what has scattered below a surface comes out again: light is sampled and paths go on as from a white Lambert surface.
+// Exit of a subsurface random walk: lights are sampled and paths continue as from a white Lambert surface.
 template <int W>
 PRIMRAY_RARE void come_out(Round& round, vbool<W> lanes, const PathLanes<W>& p, const Hits<W>& hits, Interaction<W> it,
                            const Inside<W>& inside) {
@@ -171,7 +171,7 @@ PRIMRAY_RARE void come_out(Round& round, vbool<W> lanes, const PathLanes<W>& p, 
   }();
   Crossing<W> crossing{{inside.bodies, {}, {}}, Boundary<W>(inside.bodies), {}};
   it.color = vvec3<W>(F(1.0f));
-  // As if a path had come from outside, head-on.
+  // Treat the path as if it had arrived from outside, along the normal.
   PathLanes<W> outside = p;
   const Frame<F> frame(it.ns);
   outside.ray.d = -it.ns;
@@ -179,7 +179,7 @@ PRIMRAY_RARE void come_out(Round& round, vbool<W> lanes, const PathLanes<W>& p, 
                             vbool<W>(true), &crossing);
 }
 
-// Paths that go on as they came, from behind what they met.
+// Returns the paths continued straight, from behind the surface that they hit.
 template <int W>
 PRIMRAY_RARE PathLanes<W> beyond(const PathLanes<W>& p, const Interaction<W>& it, const vvec3<W>& ng) {
   PathLanes<W> n = p;
@@ -192,7 +192,7 @@ PRIMRAY_RARE PathLanes<W> beyond(const PathLanes<W>& p, const Interaction<W>& it
   return n;
 }
 
-// Boundaries that are not there, since another body of a higher priority is: paths go on as they came.
+// Passes boundaries that a medium of higher priority overrides: paths continue straight.
 template <int W>
 PRIMRAY_RARE void pass_unseen(Round& round, vbool<W> lanes, const PathLanes<W>& p, const Interaction<W>& it, const vvec3<W>& ng,
                               const Inside<W>& inside) {
@@ -201,11 +201,12 @@ PRIMRAY_RARE void pass_unseen(Round& round, vbool<W> lanes, const PathLanes<W>& 
   round.worker.next->append(kept, beyond(p, it, ng), round.needs);
 }
 
-// A mean free path below a surface of fewer of its offsets than this is none: light comes out where it went in. A channel whose
-// own is shorter than the second has that.
+// Mean free paths below a surface shorter than kLeastOffsets of its ray offsets are treated as zero: light leaves where it
+// entered. Channels with a shorter one than kLeastSteps offsets are raised to that.
 constexpr float kLeastOffsets = 64, kLeastSteps = 8;
 
-// The same among bodies (medium/bodies.hpp), of paths from `at` on in the pool; `hit`: lanes that met a surface.
+// Shades hits in scenes with media (medium/bodies.hpp), for the paths from `at` on in the pool; `hit` are the lanes that hit a
+// surface.
 template <int W>
 PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> scatters, PathLanes<W> p, const Hits<W>& hits,
                                  const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
@@ -218,13 +219,13 @@ PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> sc
   const OpenPbrRows<W> row{rows.open_pbr, select(is_open, truncate(rows(kOpenPbrRow)), vint<W>(0)) * vint<W>(kOpenPbrFields)};
   const vbool<W> deep = is_open & (row(kOpenBelow) > F(0.0f)), walks = inside.walks();
   const vbool<W> leaves = deep & walks & !front & (p.depth < vint<W>(round.settings.max_depth));
-  // A walk that meets a front has come out unseen.
+  // A random walk that hits a front face has left unnoticed.
   scatters &= !(walks & deep);
   Crossing<W> crossing{inside, Boundary<W>(scene, scatters, inside.bodies, it.surface, front), {}};
   const Boundary<W>& b = crossing.boundary;
   vbool<W> enterable = deep;
   if (any(deep)) {
-    // Shorter steps would be lost in the rounding of what they start from.
+    // Shorter steps would be lost in the rounding of their start.
     const F most = 1.0f / (kLeastSteps * max(it.offset, 1e-30f));
     const V extinction = row.color(kOpenBelowExtinction) * scene.interiors.per_length;
     const V capped{min(extinction.x, most), min(extinction.y, most), min(extinction.z, most)};
@@ -249,8 +250,8 @@ PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> sc
   });
 }
 
-// Of lanes that met surfaces those that the camera sees. Paths go on straight from what is hidden from it; what it holds out
-// covers nothing of a pixel, and no path goes on from there.
+// Handles surfaces hidden from camera rays and mattes (holdouts): paths pass hidden surfaces straight; a matte covers nothing
+// of its pixel, and its paths end.
 template <int W>
 PRIMRAY_RARE void heed_camera(Round& round, int at, const PathLanes<W>& p, const Interaction<W>& it, vbool<W>& hit) {
   using F = vfloat<W>;
@@ -270,7 +271,7 @@ PRIMRAY_RARE void heed_camera(Round& round, int at, const PathLanes<W>& p, const
   round.worker.next->append(Compaction<W>(hidden), beyond(p, it, ng), round.needs);
 }
 
-// One vertex of the paths at [at, at + W).
+// Shades one vertex of the paths at [at, at + W).
 template <int W>
 void shade_lanes(Round& round, int at, vbool<W> active) {
   using F = vfloat<W>;
@@ -295,7 +296,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   SurfaceRows<W> rows(scene.surfaces, it.surface);
   LaneRows<W> varying;
   if (any_inputs(scene, hit, it.surface)) {
-    // Whatever the angle, as much area as the cone cuts out of the surface.
+    // Footprint of the ray cone on the surface, whatever the angle.
     const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
     rows = evaluate_inputs(scene, hit, hits, it.surface, width * width / max(cosine, kGrazing), it.p, it.ng, it.ns, varying);
   }
@@ -318,7 +319,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   const vbool<W> front = facing > F(0.0f);
   const F side = select(front, F(1.0f), F(-1.0f));
   const V ng = it.ng * side;
-  // A shading normal that faces away from the viewer cannot be seen: use the true one.
+  // A shading normal that faces away from the viewer is replaced by the geometric normal.
   const V ns = it.ns * side;
   const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
   if (among_bodies) return scatter_inside(round, at, hit, scatters, p, hits, it, rows, ng, frame, front);

@@ -1,4 +1,4 @@
-// Surfaces that reflect sharply enough for that to decide which of many lights is sampled.
+// Surfaces glossy enough to influence which of many lights is sampled.
 #pragma once
 
 #include "bsdf/bsdf.hpp"
@@ -6,12 +6,13 @@
 
 namespace primray {
 
-// Those that send on so much of their light by a lobe no wider than this.
+// Minimum albedo, and maximum roughness (alpha), of a specular lobe that influences the choice.
 constexpr float kShiny = 0.04f, kDullAlpha = 0.6f;
-// Lights are chosen as if this much at least were sent on in all directions, since the lobe is only about what it is taken for.
+// Minimum weight of the diffuse remainder, since the preview lobe is only approximate.
 constexpr float kLeastRest = 0.02f;
 
-// Which of the lanes `scatters` are, seen along unit wo (of the world), and how they reflect; whether there are any.
+// Finds the lanes of `scatters` whose surface, seen along unit wo (world space), is glossy, and their lobes; returns whether
+// there are any.
 template <int W, class Lobes>
 PRIMRAY_RARE bool find_shiny(vbool<W> scatters, const Lobes& b, const vvec3<W>& wo, ShinyLanes<W>& s) {
   const vbool<W> by_coat = b.any_coat ? b.p_coat > b.p_specular : vbool<W>(false);

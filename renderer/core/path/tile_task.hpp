@@ -1,5 +1,5 @@
-// One task: some samples of both replicates for one tile. Paths of W lanes at a time, in a pool kept full.
-// What a path adds to its slot comes in the same order whatever W is, so W does not show in the image.
+// Render task: some samples of both replicates for one tile, rendered by W lanes at a time from a pool that is kept full.
+// Contributions are added to each sample slot in the same order for every W, so W does not change the image.
 #pragma once
 
 #include <cmath>
@@ -19,8 +19,8 @@
 
 namespace primray {
 
-// Samples [first, first + count) of each replicate, kBlock at most, for one tile: the pixels (x0 + i stride_x, y0 + j stride_y)
-// before (x1, y1), which stand in the film from (film_x, film_y) on, side by side.
+// Samples [first, first + count) of each replicate, at most kBlock, of one tile: pixels (x0 + i stride_x, y0 + j stride_y)
+// before (x1, y1), stored in the film contiguously from (film_x, film_y).
 struct TileBlock {
   int x0, y0, x1, y1;
   int film_x, film_y;
@@ -28,22 +28,22 @@ struct TileBlock {
   int first[kReplicates] = {}, count[kReplicates] = {};
 };
 
-// One thread's memory and measurements; lives as long as the thread.
+// Memory and measurements of one thread; lives as long as the thread.
 struct Worker {
-  // Paths of this round, and those that the round leaves for the next.
+  // Paths of this round, and those that continue in the next.
   PathPool pools[2];
   PathPool* pool = &pools[0];
   PathPool* next = &pools[1];
   ShadowQueue shadows;
-  std::unique_ptr<SpecialShadowQueue> special_shadows;  // of scenes with special lights
-  std::unique_ptr<InsideStore> inside;                  // of scenes whose bodies are followed
+  std::unique_ptr<SpecialShadowQueue> special_shadows;  // in scenes with special lights
+  std::unique_ptr<InsideStore> inside;                  // in scenes with participating media
   std::unique_ptr<RouteStore> routes;                   // for light path expressions
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
-  // With a clamp, light of two scatterings and more is summed kSlots further on (path/removed_light.hpp).
+  // With a clamp, indirect light is summed separately, kSlots further on (path/removed_light.hpp).
   static constexpr int kSums = 2 * kSlots;
   alignas(64) float r[kSums], g[kSums], b[kSums], a[kSlots];
-  std::vector<float> caustics;  // of samples, channel by channel, where these are left out of the picture
-  std::vector<vec3> weights;    // of samples, behind a lens that takes some of their light
+  std::vector<float> caustics;  // by channel, then by sample; where caustics are left out of the image
+  std::vector<vec3> weights;    // of samples, for lenses that absorb part of their light
   uint8_t pixel_x[kTile * kTile], pixel_y[kTile * kTile];
   std::span<const LightOutlines::Part> outlines[kTile * kTile];
   EntryChoice camera_entry, scattered_entry, shadow_entry;
@@ -51,7 +51,7 @@ struct Worker {
   int64_t busy_lanes = 0, shaded_lanes = 0;  // occupancy of the shading steps
 };
 
-// Lists the block's pixels in Morton order, so that neighbours in a packet are neighbours on the film; their number.
+// Lists the block's pixels in Morton order, so that neighbours in a packet are neighbours on the film; returns their number.
 inline int list_pixels(const TileBlock& block, Worker& worker) {
   int pixels = 0;
   for (int m = 0; m < kTile * kTile; ++m) {
@@ -63,7 +63,7 @@ inline int list_pixels(const TileBlock& block, Worker& worker) {
   return pixels;
 }
 
-// Records every ray in the order it was traced, for the benchmark that replays them through Embree alone.
+// Records every ray in the order in which it was traced, for the benchmark that replays them in Embree alone.
 struct RayRecorder;
 
 template <int W>

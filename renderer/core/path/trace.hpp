@@ -1,4 +1,4 @@
-// The second stage of a round: what the pool's rays meet.
+// Second stage of a round: intersects the pool's rays with the scene.
 #pragma once
 
 #include <algorithm>

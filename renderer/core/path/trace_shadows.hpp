@@ -1,4 +1,4 @@
-// The last stage of a round: the shadow rays that it has queued. What arrives is added to the slots of their samples.
+// Last stage of a round: traces the queued shadow rays and adds the contributions that arrive to their samples.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace primray {
 
-// What the ray at `at` carries.
+// Radiance that the rays from `at` on carry.
 template <int W>
 PRIMRAY_INLINE vvec3<W> carried_at(const ShadowQueue& q, int at) {
   return {load<W>(q.r + at), load<W>(q.g + at), load<W>(q.b + at)};

@@ -1,4 +1,4 @@
-// What scattering at a vertex needs to know of it, and what a vertex asks the scene.
+// Path vertex: its interaction, frame and lobes, and queries that scattering makes to the scene.
 #pragma once
 
 #include "accel/query.hpp"
@@ -10,37 +10,37 @@
 
 namespace primray {
 
-// How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
+// Distance inside a triangle, as a fraction of the way to its centroid, at which hits on its edge are tested again.
 constexpr float kWithin = 0x1p-12f;
 
-// `Lobes`: a Bsdf, or one with OpenPBR's where the scene has such surfaces.
+// Path vertex in W lanes. `Lobes` is a Bsdf, or one with OpenPBR or hair lobes if the scene has such surfaces.
 template <int W, class Lobes>
 struct Vertex {
   Interaction<W> it;
-  vvec3<W> ng;  // on the side where the ray came from
+  vvec3<W> ng;  // on the side that the ray came from
   Frame<vfloat<W>> frame;
   vvec3<W> wo;  // in that frame
   Lobes bsdf;
   const Hits<W>& hits;
-  GuidePlace<W> place;              // region -1: scattered by the BSDF alone
-  const CausticLanes<W>* caustics;  // null: no ray is guided into them
-  const Crossing<W>* crossing;      // null: no bodies are followed
+  GuidePlace<W> place;              // region -1: sampled by the BSDF alone
+  const CausticLanes<W>* caustics;  // null: no caustic guiding
+  const Crossing<W>* crossing;      // null: no media
 };
 
-// The side by which lights are chosen: none where light from both is sent on.
+// Normal of the hemisphere in which lights are chosen; 0 if the surface transmits light from both sides.
 template <int W, class Lobes>
 PRIMRAY_INLINE vvec3<W> facing(const Vertex<W, Lobes>& v) {
   return select(v.bsdf.lets_through(), vvec3<W>(vfloat<W>(0.0f)), v.frame.n);
 }
 
-// The density of `wi` (of the world) without photons.
+// Density of `wi` (world space) without caustic photons.
 template <int W, class Lobes>
 PRIMRAY_INLINE vfloat<W> scattered_density(const Round& round, const Vertex<W, Lobes>& v, const vvec3<W>& wi,
                                            vfloat<W> by_bsdf) {
   return round.settings.guide ? mixed_pdf(*round.settings.guide, v.place, wi, by_bsdf) : by_bsdf;
 }
 
-// Whether a ray that met the edge of a triangle also meets it a little further inside.
+// Confirms hits on a triangle's edge: whether a ray a little further inside hits the same triangle.
 template <int W>
 vbool<W> sees_within(Round& round, vbool<W> m, const PathLanes<W>& p, const Hits<W>& h, const Interaction<W>& it) {
   const SurfacePoint<W> at(round.scene, m, h);
@@ -52,8 +52,8 @@ vbool<W> sees_within(Round& round, vbool<W> m, const PathLanes<W>& p, const Hits
   return m & (seen.geom == h.geom) & (seen.prim == h.prim) & (seen.inst == h.inst) & (seen.inst_prim == h.inst_prim);
 }
 
-// Which rays along `wi` of lanes `below`, smooth ones and below the triangle's plane, go out all the same: from `o`. Nothing
-// may stand on the way there, or light would come through it.
+// Moves the origins of rays along `wi` in lanes `below`, which start below the triangle's plane at a smooth surface, up to `o`
+// on that surface; returns the lanes for which it succeeds. Nothing may block the way there, or light would leak.
 template <int W, class Lobes>
 vbool<W> start_lifted(Round& round, vbool<W> below, const Vertex<W, Lobes>& v, const vvec3<W>& wi, vfloat<W> time,
                       vvec3<W>& o) {

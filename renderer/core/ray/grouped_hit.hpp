@@ -1,4 +1,4 @@
-// The numbers of a hit in an instance that stands in another instance, packed into the fields that Embree has for one.
+// Encoding of hits in nested instances: the ids of both levels, packed into the fields that Embree has for one.
 #pragma once
 
 #include "math/lanes.hpp"
@@ -6,13 +6,13 @@
 namespace primray {
 
 // geom_id: the geometry in its lowest bits, above them the placement inside the group. inst_id: the highest bit, and the outer
-// instance. inst_prim_id: the instance within the inner placement, as Embree gives it.
+// instance. inst_prim_id: the instance within the inner placement, as Embree returns it.
 constexpr int kGeometryBits = 4;
 constexpr uint32_t kGroupedBit = 0x80000000u;
 
 template <int W>
 struct GroupedHit {
-  vbool<W> grouped;  // the rest is for these lanes
+  vbool<W> grouped;  // lanes with a nested instance, for which the rest is valid
   vint<W> geom, placement, outer;
   GroupedHit(vbool<W> instanced, vint<W> geom_id, vint<W> inst_id)
       : grouped(instanced & (inst_id < vint<W>(-1))),

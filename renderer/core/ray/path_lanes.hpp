@@ -1,4 +1,4 @@
-// Paths on lanes: what each carries from one vertex to the next.
+// Path state in lanes, carried from one vertex to the next.
 #pragma once
 
 #include "ray/rays.hpp"
@@ -6,13 +6,13 @@
 
 namespace primray {
 
-// W paths out of a pool: what each carries from one vertex to the next.
+// W paths out of a pool: the state that each carries from one vertex to the next.
 template <int W>
 struct PathLanes {
   Rays<W> ray;
   vvec3<W> beta;        // throughput
-  vfloat<W> bsdf_pdf;   // density of the ray's direction; 0: camera or delta
-  vfloat<W> splits;     // paths among which the sample was split
+  vfloat<W> bsdf_pdf;   // solid-angle density of the ray's direction; 0: camera ray or delta lobe
+  vfloat<W> splits;     // number of parts that the sample was split into
   vfloat<W> travelled;  // see PathPool
   vfloat<W> cone_width, cone_spread;
   vvec3<W> diffuse_share;
@@ -24,8 +24,8 @@ struct PathLanes {
   Sampler<W> sampler;
 };
 
-// What paths of a scene carry beyond the rest: through see-through surfaces, over textures, to lights with lobe factors, to
-// lights that are linked, while a shutter is open, among many lights, with a guide, for light path expressions.
+// Optional path state that the scene needs: transmissive surfaces, textures, lights with lobe factors, linked lights, an open
+// shutter, many lights, a guide, light path expressions.
 struct PathNeeds {
   bool travelled, cones, diffuse_shares, links, time, normals, first_received, routes;
 };

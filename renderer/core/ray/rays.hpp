@@ -1,4 +1,4 @@
-// W rays, and what they hit.
+// W rays and their hits.
 #pragma once
 
 #include "math/vec3.hpp"
@@ -9,16 +9,16 @@ template <int W>
 struct Rays {
   vvec3<W> o, d;
   vfloat<W> tnear, tfar;
-  vfloat<W> time = vfloat<W>(0.0f);  // within the shutter's opening, [0, 1]
+  vfloat<W> time = vfloat<W>(0.0f);  // within the shutter interval, [0, 1]
 };
 
 template <int W>
 struct Hits {
-  vfloat<W> t;  // the ray's own tfar where nothing is hit
-  vvec3<W> ng;  // as Embree gives it: for spheres the unit normal in object space
+  vfloat<W> t;  // the ray's own tfar if nothing was hit
+  vvec3<W> ng;  // as Embree returns it: for spheres the unit normal in object space
   vfloat<W> u, v;
-  vint<W> prim, geom, inst, inst_prim;  // geom -1: nothing hit; of pairs, prim counts triangles
-  vfloat<W> time = vfloat<W>(0.0f);     // the ray's
+  vint<W> prim, geom, inst, inst_prim;  // geom -1: no hit; for pairs, prim counts triangles
+  vfloat<W> time = vfloat<W>(0.0f);     // of the ray
 };
 
 }  // namespace primray

@@ -1,7 +1,8 @@
-// Light path expressions as one automaton over what happens to a path: made by renderer/primray/light_paths, read by path/.
+// Light path expressions compiled to one automaton over scattering events: built by renderer/primray/light_paths, evaluated in
+// path/.
 //
-// A path is in one of up to 256 states, which each scattering takes on to the next. Where it ends at a light, state and light
-// give its class: the set of expressions that it matches.
+// A path is in one of up to 256 states, and each scattering event moves it to the next. When it ends at a light, the state and
+// the light determine its class: the set of expressions that it matches.
 #pragma once
 
 #include <array>
@@ -10,8 +11,7 @@
 
 namespace primray {
 
-// How a path goes on from a vertex: reflected or transmitted, by a lobe that is diffuse, glossy or singular; straight through;
-// by a medium.
+// Scattering events: reflected or transmitted, by a diffuse, glossy or singular lobe; straight through a surface; in a medium.
 enum RouteEvent : int32_t {
   kReflectedDiffuse,
   kReflectedGlossy,
@@ -23,20 +23,20 @@ enum RouteEvent : int32_t {
   kVolume,
   kRouteEvents
 };
-// Where it ends: at a light, at a dome, which is a light and the background, or at a surface that glows by itself.
+// Ends of a path: a light, a dome (both a light and the background), or an emissive surface.
 enum RouteEnd : int32_t { kEndLight, kEndDome, kEndObject, kRouteEnds };
 
-// A number for where it ends, with the light's group; 0 is none.
+// Number of an end: its kind, with the light's group; group 0 is none.
 constexpr int32_t end_number(int32_t group, RouteEnd kind) { return group * kRouteEnds + kind; }
 
 struct RouteTables {
   static constexpr int kMostStates = 256, kMostExpressions = 32, kMostEnds = 1 << 10;
-  std::array<uint8_t, kMostStates * kRouteEvents> next{};  // state, event
-  std::vector<uint8_t> class_of;                           // state, end
-  std::vector<uint32_t> members;                           // by class: a bit for each expression
+  std::array<uint8_t, kMostStates * kRouteEvents> next{};  // indexed by state, event
+  std::vector<uint8_t> class_of;                           // indexed by state, end
+  std::vector<uint32_t> members;                           // by class: one bit per expression
   int ends = 0, expressions = 0;
-  int leaves_out = -1;           // a bit of `members`: light that matches it is no part of the picture; -1: none
-  bool counts_straight = false;  // some state is left straight through a surface
+  int leaves_out = -1;           // bit of `members` whose light is left out of the image; -1: none
+  bool counts_straight = false;  // some state changes at a straight transmission
 
   bool is_left_out(int of_class) const { return leaves_out >= 0 && (members[size_t(of_class)] >> leaves_out & 1); }
   uint8_t class_at(int32_t state, int32_t end) const { return class_of[size_t(state) * size_t(ends) + size_t(end)]; }

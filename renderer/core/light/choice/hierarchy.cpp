@@ -1,4 +1,4 @@
-// Built by halves: the lights of a node are split at the median of their centres along its longest side.
+// Construction of the light hierarchy: the lights of a node are split at the median of their centers along its longest side.
 #include "light/choice/hierarchy.hpp"
 
 #include <algorithm>
@@ -11,7 +11,7 @@ namespace {
 struct Build {
   LightHierarchy& tree;
   const std::vector<int32_t>& numbers;
-  const std::vector<LightBox>& boxes;  // by position in tree.lights before any is moved
+  const std::vector<LightBox>& boxes;  // by index into tree.lights before any is moved
   std::vector<int32_t> order;
 
   float center(int32_t i, int axis) const { return 0.5f * boxes[i].low[axis] + 0.5f * boxes[i].high[axis]; }
@@ -19,7 +19,7 @@ struct Build {
   void add(int32_t first, int32_t end) {
     constexpr float inf = std::numeric_limits<float>::infinity();
     LightBox box{{inf, inf, inf}, {-inf, -inf, -inf}};
-    float low[3] = {inf, inf, inf}, high[3] = {-inf, -inf, -inf};  // of the centres
+    float low[3] = {inf, inf, inf}, high[3] = {-inf, -inf, -inf};  // bounds of the centers
     for (int32_t i = first; i < end; ++i) {
       for (int a = 0; a < 3; ++a) {
         box.low[a] = std::min(box.low[a], boxes[order[i]].low[a]), box.high[a] = std::max(box.high[a], boxes[order[i]].high[a]);
@@ -41,7 +41,7 @@ struct Build {
       const int32_t middle = first + (end - first) / 2;
       std::nth_element(order.begin() + first, order.begin() + middle, order.begin() + end, [&](int32_t i, int32_t j) {
         const float x = center(i, axis), y = center(j, axis);
-        return x != y ? x < y : i < j;  // one order whatever the library
+        return x != y ? x < y : i < j;  // the same order with every standard library
       });
       add(first, middle);
       add(middle, end);

@@ -1,7 +1,7 @@
-// Light and shadow linking: which surfaces are in which collections, and the choice among the lights that reach a surface.
+// Light and shadow linking: which surfaces are in which collections, and the choice among the lights that illuminate a surface.
 //
-// Surfaces wear a row, lights name a collection; number 0 holds everything. Scenes without linking have no table, and pay
-// nothing.
+// Surfaces are assigned a row of the table, lights name a collection; collection 0 holds everything. Scenes without linking
+// have no table and no cost.
 #pragma once
 
 #include <cstdint>
@@ -13,12 +13,12 @@
 
 namespace primray {
 
-// The row of rays that left no surface yet: every light may show itself to the camera.
+// Link row of rays that have left no surface yet: every light is visible to the camera.
 constexpr int32_t kUnlinkedRow = -1;
 
 struct LinkTable {
-  int rows = 0, words = 0;    // words of 32 collections a row
-  std::vector<int32_t> bits;  // row by row: whether what wears the row is in the collection
+  int rows = 0, words = 0;    // words of 32 collections per row
+  std::vector<int32_t> bits;  // membership[row][collection], one bit each
   bool any() const { return built::kLinks && words > 0; }
   bool holds(int row, int collection) const {
     return collection == 0 || (uint32_t(bits[size_t(row) * words + (collection >> 5)]) >> (collection & 31) & 1);
@@ -30,7 +30,7 @@ inline constexpr int32_t kBits[32] = {1 << 0,  1 << 1,  1 << 2,  1 << 3,  1 << 4
                                       1 << 16, 1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21, 1 << 22, 1 << 23,
                                       1 << 24, 1 << 25, 1 << 26, 1 << 27, 1 << 28, 1 << 29, 1 << 30, int32_t(0x80000000u)};
 
-// Lanes whose row is in the collection; all of those without a row.
+// Returns the lanes whose row is in the collection, or that have no row.
 template <int W>
 PRIMRAY_INLINE vbool<W> in_collection(const LinkTable& table, vint<W> row, int collection) {
   if (collection == 0 || !table.any()) return vbool<W>(true);
@@ -38,7 +38,7 @@ PRIMRAY_INLINE vbool<W> in_collection(const LinkTable& table, vint<W> row, int c
   return (row < vint<W>(0)) | ((word & vint<W>(kBits[collection & 31])) != vint<W>(0));
 }
 
-// The same for a collection of its own in every lane.
+// Returns the lanes whose row is in the lane's own collection.
 template <int W>
 PRIMRAY_INLINE vbool<W> in_collection(const LinkTable& table, vint<W> row, vint<W> collection) {
   if (!table.any()) return vbool<W>(true);
@@ -47,19 +47,19 @@ PRIMRAY_INLINE vbool<W> in_collection(const LinkTable& table, vint<W> row, vint<
   return (row < vint<W>(0)) | (collection == vint<W>(0)) | ((word & bit) != vint<W>(0));
 }
 
-// By row of the LinkTable, the lights that reach it, ascending, and the tree by which they are chosen: where there are too many
-// lights to weigh each. Rows that the same lights reach share both. Empty if that would take too much memory: the choice is
-// then among all lights.
+// Lights that illuminate each row of the LinkTable, in ascending order, and the light tree over them where there are too many
+// to weigh each. Rows with the same lights share both. Empty if it would need too much memory: lights are then chosen among
+// all.
 struct LinkedLights {
   std::vector<int32_t> first, count, root;  // root -1: no light
   std::vector<int32_t> lights;
-  std::vector<LightTree::Place> places;  // of `lights`
+  std::vector<LightTree::Place> places;  // positions of `lights` in the tree
   int longest = 0;
   static constexpr size_t kMost = size_t(1) << 23;
   bool any() const { return !first.empty(); }
 };
 
-// The last i in [0, count) with table[base + i] <= x; 0 where count is 0. `longest`: no count is larger.
+// Returns the last i in [0, count) with table[base + i] <= x, or 0 where count is 0. `longest`: upper limit of count.
 template <class T, int W>
 PRIMRAY_INLINE vint<W> last_not_above(const T* table, vint<W> base, vint<W> count, int longest, Vector<T, W> x) {
   vint<W> lo(0);

@@ -1,6 +1,6 @@
-// Built from the root down: the costliest range of a node's lights is split until the node is full, each time where the cost is
-// least among some planes across the box (the surface area orientation heuristic of Conty Estevez and Kulla 2018, section 4.4,
-// with the box's diagonal for its area, which small lights often have none of).
+// Top-down construction of the light tree: the costliest range of a node's lights is split until the node is full, each time at
+// the cheapest of several planes across its box. Cost: surface area orientation heuristic of Conty Estevez and Kulla 2018,
+// section 4.4, with the box's diagonal in place of its area, which is 0 for many small lights.
 #include "light/choice/tree.hpp"
 
 #include <algorithm>
@@ -16,18 +16,18 @@ namespace {
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr int kBins = 12;
-// Ranges deeper than this are halved by number, so that no arrangement of lights makes the tree a list.
+// Ranges deeper than this are halved by index, so that no arrangement of lights degenerates the tree into a list.
 constexpr int kDeepest = 12;
 
 using Block = LightTree::Block;
 using Place = LightTree::Place;
 
-// What a range of lights sums up to.
+// Sums over a range of lights.
 struct Sum {
   double intensity = 0, count = 0;
   float low[3] = {kInf, kInf, kInf}, high[3] = {-kInf, -kInf, -kInf};
-  double axis[3] = {0, 0, 0};  // of the directed ones, summed
-  bool around = false;         // some emit all around
+  double axis[3] = {0, 0, 0};  // sum of the axes of directed lights
+  bool around = false;         // some light emits in all directions
 
   void add(const LightBounds& b) {
     intensity += b.intensity, count += 1;
@@ -43,8 +43,8 @@ struct Sum {
     for (int a = 0; a < 3; ++a)
       low[a] = std::min(low[a], b.low[a]), high[a] = std::max(high[a], b.high[a]), axis[a] += b.axis[a];
   }
-  // Conty Estevez and Kulla 2018, section 4.4: the integral of what emits over directions, for lights whose axes lie about as
-  // wide as their mean is short.
+  // Orientation measure of Conty Estevez and Kulla 2018, section 4.4: the integral of the emission over directions, for lights
+  // whose axes spread about as far as their mean is short.
   double orientation() const {
     if (around) return 4 * std::numbers::pi;
     const double mean = std::sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]) / count;
@@ -71,7 +71,7 @@ struct Builder {
   const std::vector<LightBounds>& bounds;
   const std::vector<int32_t>& numbers;
   std::vector<Place>& places;
-  std::vector<int32_t> order;  // of positions in `numbers`
+  std::vector<int32_t> order;  // indices into `numbers`
 
   const LightBounds& at(int32_t i) const { return bounds[size_t(numbers[size_t(order[size_t(i)])])]; }
 
@@ -85,12 +85,12 @@ struct Builder {
     const int32_t middle = r.first + r.count() / 2;
     std::nth_element(order.begin() + r.first, order.begin() + middle, order.begin() + r.end, [&](int32_t i, int32_t j) {
       const float x = bounds[size_t(numbers[size_t(i)])].center[axis], y = bounds[size_t(numbers[size_t(j)])].center[axis];
-      return x != y ? x < y : i < j;  // one order whatever the library
+      return x != y ? x < y : i < j;  // the same order with every standard library
     });
     return middle;
   }
 
-  // Where the range's second part begins, after it was put in order.
+  // Orders the range and returns where its second part begins.
   int32_t split(const Range& r, int depth) {
     float low[3] = {kInf, kInf, kInf}, high[3] = {-kInf, -kInf, -kInf};
     for (int32_t i = r.first; i < r.end; ++i)
@@ -127,7 +127,7 @@ struct Builder {
     return int32_t(middle - order.begin());
   }
 
-  // The slot of a light, or of a range of them, without its child.
+  // Fills the slot of a light, or of a range of lights, except for its child.
   void put(Block& block, int s, const Range& r) const {
     const LightBounds& only = at(r.first);
     double intensity = 0, center[3] = {0, 0, 0}, floor = 0, axis[3] = {0, 0, 0};
@@ -153,7 +153,8 @@ struct Builder {
       if (b.directed()) cos_axis = std::min(cos_axis, float(axis[0] * b.axis[0] + axis[1] * b.axis[1] + axis[2] * b.axis[2]));
     }
     cos_end = end;
-    // Of lights all over a ball of radius R, the mean of 1 / d^2 at its centre is 3 / R^2, their mean square distance 3/5 R^2.
+    // For lights spread all over a sphere of radius R, the mean of 1 / d^2 at its center is 3 / R^2, and their mean squared
+    // distance is 3/5 R^2.
     if (r.count() > 1) least2 = only.far ? 1.0f : std::max(float(spread / intensity * (5.0 / 9.0)), 1e-24f);
     if (cos_end > -1.5f && !(length_of_axis > 1e-3 * r.count())) cos_end = -2;
     const bool directed = cos_end > -1.5f;
@@ -163,7 +164,7 @@ struct Builder {
     }
     block.near[s] = only.far ? 0.0f : 1.0f;
     block.intensity[s] = float(intensity), block.least2[s] = least2;
-    // Wider than rounding.
+    // The margin exceeds rounding errors.
     if (r.count() > 1) cos_axis = std::max(cos_axis - 1e-5f, -1.0f);
     block.cos_axis[s] = directed ? cos_axis : 1.0f;
     block.sin_axis[s] = directed ? std::sqrt(std::max(1 - cos_axis * cos_axis, 0.0f)) : 0.0f;
@@ -176,26 +177,26 @@ struct Builder {
     if (r.count() > 1 && !only.far) block.clusters |= 1u << s;
   }
 
-  // A few more in place of nodes below them that would be nearly empty, and fewer where those below are then full: a block that
-  // is not weighed, and not kept, is worth more than smaller clusters.
+  // Number of slots for `count` lights: a few more where the nodes below would be nearly empty, and fewer where those would
+  // then be full. A block that is neither weighed nor stored is worth more than smaller clusters.
   static int most_in(int count) {
     if (count <= LightTree::kLastSlots) return LightTree::kLastSlots;
     return count <= LightTree::kBlock * LightTree::kBlock ? LightTree::kBlock : LightTree::kMostSlots;
   }
 
-  // A node over these ranges.
+  // Adds a node over these ranges.
   int32_t add_node(const std::vector<Range>& slots, int32_t parent, int32_t parent_slot, int depth) {
     const int32_t node = int32_t(tree.nodes.size()), first = int32_t(tree.blocks.size());
     const int32_t blocks = int32_t((slots.size() + LightTree::kBlock - 1) / LightTree::kBlock);
     tree.nodes.push_back({first, blocks, parent, parent_slot});
     tree.blocks.resize(size_t(first + blocks), Block{});
-    // Slot by slot across the blocks: those that are weighed in the same lane of them are neighbours.
+    // Distribute slots across the blocks, so that slots weighed in the same lane of different blocks are neighbours.
     const auto slot_of = [&](size_t k) { return int(k) % blocks * LightTree::kBlock + int(k) / blocks; };
     const auto block_of = [&](int slot) -> Block& { return tree.blocks[size_t(first + slot / LightTree::kBlock)]; };
     for (size_t k = 0; k < size_t(blocks) * LightTree::kBlock; ++k) {
       const int slot = slot_of(k), s = slot % LightTree::kBlock;
       if (k >= slots.size()) {
-        block_of(slot).least2[s] = 1;  // nothing must be divided by zero
+        block_of(slot).least2[s] = 1;  // avoids a division by zero
         continue;
       }
       put(block_of(slot), s, slots[k]);
@@ -213,7 +214,7 @@ struct Builder {
     return node;
   }
 
-  // The ranges split, the costliest first, until there are `most` or each is one light.
+  // Splits the ranges, the costliest first, until there are `most` or each is a single light.
   std::vector<Range> parts(std::vector<Range> ranges, int most, int depth) {
     while (int(ranges.size()) < most) {
       size_t widest = ranges.size();
@@ -222,7 +223,7 @@ struct Builder {
       if (widest == ranges.size()) break;
       const Range r = ranges[widest];
       const int32_t middle = split(r, depth);
-      // In the order of space, so that numbers close to each other choose lights close to each other.
+      // Keep the spatial order, so that close sample values choose close lights.
       ranges[widest] = range(r.first, middle);
       ranges.insert(ranges.begin() + ptrdiff_t(widest) + 1, range(middle, r.end));
     }
@@ -237,7 +238,7 @@ int32_t add_light_tree(LightTree& tree, const std::vector<LightBounds>& bounds, 
   Builder b{tree, bounds, numbers, places, std::vector<int32_t>(numbers.size())};
   places.resize(numbers.size());
   std::iota(b.order.begin(), b.order.end(), 0);
-  // Lights that are infinitely far stand beside the tree of the others, in the root itself where they are few.
+  // Lights at infinity are kept beside the tree of the others; in the root itself where they are few.
   const auto near =
       std::stable_partition(b.order.begin(), b.order.end(), [&](int32_t i) { return bounds[size_t(numbers[size_t(i)])].far; });
   const int32_t far = int32_t(near - b.order.begin()), all = int32_t(numbers.size());

@@ -1,4 +1,4 @@
-// Looking up a cumulative distribution by lane.
+// Lookup in cumulative distributions, by lane.
 #pragma once
 
 #include <vector>
@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// The last i in [0, n) with cdf[base + i] <= u, for cdf ascending from 0.
+// Returns the last i in [0, n) with cdf[base + i] <= u, for cdf ascending from 0.
 template <int W>
 PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, int n, vfloat<W> u) {
   vint<W> lo(0);
@@ -20,7 +20,7 @@ PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, int n, vflo
   return lo;
 }
 
-// The same, where `cuts` has been filled by add_cuts(): from `cut_base` on, pieces + 1 numbers. Chen and Asau 1974, "On
+// Returns the same index by a guide table from add_cuts(), of pieces + 1 numbers from `cut_base` on. Chen and Asau 1974, "On
 // Generating Random Variates from an Empirical Distribution".
 template <int W>
 PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, const int32_t* cuts, vint<W> cut_base, int pieces,
@@ -35,9 +35,9 @@ PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, const int32
   return lo;
 }
 
-// A power of two, so that u * pieces is exact.
+// Number of pieces: a power of two, so that u * pieces is exact.
 inline int pieces_of(int n) { return n < 8 ? 1 : 1 << (28 - __builtin_clz(unsigned(n))); }
-// Appends where the intervals of 0, 1 / pieces, ... 1 are in a distribution of n.
+// Appends the guide table: the positions of 0, 1 / pieces, ... 1 in a distribution of n.
 inline void add_cuts(const float* cdf, int n, std::vector<int32_t>& cuts) {
   const int pieces = pieces_of(n);
   int i = 0;

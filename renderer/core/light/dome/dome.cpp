@@ -1,4 +1,4 @@
-// The distribution by which a dome's image is sampled.
+// Sampling distribution of a dome's image.
 #include "light/dome/dome.hpp"
 
 #include <algorithm>
@@ -11,10 +11,12 @@
 namespace primray {
 namespace {
 
-// Cells in a column of the grid over an image that is not lat-long, at most; each is then looked at in more places.
+// Maximum number of rows of the grid over an image that is not lat-long; cells are larger than texels beyond, and are sampled
+// at more points.
 constexpr int kMostRows = 1024;
 
-// Mean luminance over each texel of the bilinearly read image: the tent's integral, weights 1/8 6/8 1/8 along each axis.
+// Mean luminance over each texel of the bilinearly interpolated image: the integral of the tent, weights 1/8 6/8 1/8 along each
+// axis.
 std::vector<double> texel_means(const Dome& d) {
   const int w = d.width, h = d.height;
   const auto lum = [&](int x, int y) {
@@ -33,7 +35,7 @@ std::vector<double> texel_means(const Dome& d) {
   return mean;
 }
 
-// Rows that are as high as the finest texels of the image.
+// Number of rows that resolves the finest texels of the image.
 int finest_rows(const Dome& d) {
   switch (d.format) {
     case DomeFormat::kMirroredBall:
@@ -48,7 +50,7 @@ int finest_rows(const Dome& d) {
   return d.height;
 }
 
-// Mean luminance over each cell, looked at twice a texel along each axis.
+// Mean luminance over each cell, sampled twice per texel along each axis.
 std::vector<double> cell_means(const Dome& d) {
   const int steps = std::max(2, (2 * finest_rows(d) + d.rows - 1) / d.rows);
   std::vector<double> mean(size_t(d.columns) * d.rows);
@@ -67,15 +69,15 @@ std::vector<double> cell_means(const Dome& d) {
   return mean;
 }
 
-// Gives the texels of a round image whose middles lie outside its disc what is at its edge, so that the edge is read without
-// what happens to surround it (black, in most files).
+// Extends a round image: texels whose centers are outside its disc get the value at its edge, so that lookups at the edge do
+// not read the surroundings (black in most files).
 void extend_disc(Dome& d) {
   const std::vector<float> was = d.texels;
   for (int y = 0; y < d.height; ++y)
     for (int x = 0; x < d.width; ++x) {
       const double dx = 2 * (x + 0.5) / d.width - 1, dy = 2 * (y + 0.5) / d.height - 1, r = std::hypot(dx, dy);
       if (r <= 1) continue;
-      // So far inwards of the edge that the middle of the texel there lies inside: half of its diagonal.
+      // Far enough inwards for the texel's center to be inside: half of its diagonal.
       const double to = std::max(1 - 1.4143 / std::min(d.width, d.height), 0.0) / r;
       const int fx = std::clamp(int((dx * to + 1) * 0.5 * d.width), 0, d.width - 1);
       const int fy = std::clamp(int((dy * to + 1) * 0.5 * d.height), 0, d.height - 1);
@@ -83,7 +85,7 @@ void extend_disc(Dome& d) {
     }
 }
 
-// `needed`: the BSDF's rays do not look for the dome at all.
+// `needed`: BSDF-sampled rays do not look for the dome at all.
 void build_distribution(Dome& d, bool needed) {
   constexpr double pi = std::numbers::pi;
   const int w = d.columns, h = d.rows;
@@ -102,7 +104,7 @@ void build_distribution(Dome& d, bool needed) {
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
   d.mean = total / (4 * pi);
-  // Where a cell is looked at here and there only, none is left out.
+  // Cells that are only sampled at points keep a minimum density.
   const double least = d.format == DomeFormat::kLatLong ? 0 : 1e-3 * d.mean;
   const double left = needed ? -least : dome_compensation(weight, solid_angle, w, d.mean);
   if (!(left < std::numeric_limits<double>::infinity())) {
@@ -155,7 +157,7 @@ void finish_dome_image(Dome& d) {
 void build_dome_distribution(Dome& d) {
   d.sampled = false;
   d.mean = luminance(dvec3(d.tint));
-  if (d.width > 0) build_distribution(d, false);  // under a constant sky the BSDF's rays alone are as good as it gets
+  if (d.width > 0) build_distribution(d, false);  // under a constant sky the BSDF's rays alone are best
 }
 
 void build_whole_dome_distribution(Dome& d) {

@@ -1,9 +1,9 @@
-// A dome: radiance from all directions, constant or from an image; sampled where its image exceeds its mean.
+// Dome light: radiance from all directions, constant or from an image, importance sampled where the image exceeds its mean.
 //
-// Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi; other
-// formats are in dome_format.hpp. Texels are read bilinearly. Sampling chooses a cell of a lat-long grid, which is the image's
-// own if that is lat-long, by a row and a column distribution, then uniformly in its solid angle. A part of its radiance is
-// left to the BSDF's own rays everywhere (dome_compensation.hpp); a constant dome so needs no light samples at all.
+// Orientation: UsdLux DomeLight, pole +y, image center +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi; other
+// formats are in dome_format.hpp. Texels are interpolated bilinearly. Sampling chooses a cell of a lat-long grid, which is the
+// image's own grid if that is lat-long, by a row and a column distribution, then a point uniformly in its solid angle. Part of
+// the radiance is left to BSDF-sampled rays everywhere (dome_compensation.hpp); a constant dome needs no light samples at all.
 #pragma once
 
 #include <vector>
@@ -17,7 +17,7 @@
 namespace primray {
 
 struct Dome {
-  Affine<float> world_from_light;  // rotation
+  Affine<float> world_from_light;  // a rotation
   vec3 tint{1.0f, 1.0f, 1.0f};
   DomeFormat format = DomeFormat::kLatLong;
   int width = 0, height = 0;  // 0: constant
@@ -25,21 +25,21 @@ struct Dome {
   // Sampling: cumulative probabilities of rows, and of columns in each row; probability density of each cell per steradian.
   int columns = 0, rows = 0;                        // of the grid of cells
   std::vector<float> row_cdf, column_cdf, density;  // rows + 1, rows (columns + 1), rows columns
-  std::vector<int32_t> row_cuts, column_cuts;       // into those, for looking them up; of columns row by row
-  // Of each row, at its upper and lower edge, 1 - |cos| of the angle from the pole that it is nearer to (the upper one, if to
-  // both): there cosines themselves have no digits for rows that are a thousandth of a radian high.
+  std::vector<int32_t> row_cuts, column_cuts;       // guide tables of those; column tables row by row
+  // 1 - |cos| of the angle from the nearer pole (the upper one for a row that touches both) at the upper and lower edge of each
+  // row: cosines themselves have no precision for rows that are a thousandth of a radian high.
   std::vector<float> row_edges;  // 2 rows
   int upper_rows() const { return (rows + 1) / 2; }
   bool sampled = false;
   double mean = 0;        // luminance over all directions
-  double irradiance = 0;  // upper estimate from what is sampled, for choosing among lights
+  double irradiance = 0;  // upper estimate for the sampled part, used in choosing among lights
 };
 
-// Prepares the texels of formats other than lat-long, and the grid's size. Before anything else.
+// Prepares the texels of formats other than lat-long, and the size of the grid. Must be called first.
 void finish_dome_image(Dome& dome);
-// Fills the distributions from the texels, which read dome_radiance or folded_radiance.
+// Builds the sampling distributions from the texels.
 void build_dome_distribution(Dome& dome);
-// The same for a dome that nothing but light sampling finds: all of its light is sampled, also a constant one's.
+// Builds them for a dome that only light sampling finds: all of its light is sampled, even if it is constant.
 void build_whole_dome_distribution(Dome& dome);
 
 template <int W>
@@ -52,10 +52,10 @@ PRIMRAY_INLINE vvec3<W> dome_local(const Dome& dome, const vvec3<W>& w) {
 template <int W>
 struct DomeCoordinates {
   vfloat<W> s, t;
-  // `w` in the dome's frame.
+  // Maps `w`, in the dome's frame, to image coordinates.
   PRIMRAY_INLINE explicit DomeCoordinates(const vvec3<W>& w) {
     s = clamp(0.5f - atan2(w.x, w.z) * (0.5f * kInvPi), 0.0f, 0x1.fffffep-1f);
-    // By the tangent: close to a pole the cosine has no digits.
+    // Uses the tangent: close to a pole the cosine has no precision.
     t = clamp(atan2(sqrt(w.x * w.x + w.z * w.z), w.y) * kInvPi, 0.0f, 0x1.fffffep-1f);
   }
 };
@@ -67,7 +67,7 @@ PRIMRAY_INLINE vvec3<W> dome_radiance(const Dome& dome, const DomeCoordinates<W>
                               BilinearAxis<W>(c.t * float(dome.height), dome.height));
 }
 
-// The same of an image that is not lat-long, from unit `w` in the dome's frame.
+// Radiance of an image that is not lat-long, from unit `w` in the dome's frame.
 template <int W>
 PRIMRAY_RARE vvec3<W> folded_radiance(const Dome& dome, const vvec3<W>& w) {
   const vvec3<W> tint(vfloat<W>(dome.tint.x), vfloat<W>(dome.tint.y), vfloat<W>(dome.tint.z));
@@ -76,7 +76,7 @@ PRIMRAY_RARE vvec3<W> folded_radiance(const Dome& dome, const vvec3<W>& w) {
          read_bilinear(dome.texels.data(), dome.width, BilinearAxis<W>(p.x, dome.width), BilinearAxis<W>(p.y, dome.height));
 }
 
-// Radiance from unit direction `w` and the density with which dome_sample chooses it.
+// Radiance from unit direction `w`, and the density with which dome_sample() chooses it.
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_eval(const Dome& dome, const vvec3<W>& world, vfloat<W>& pdf) {
   if (dome.width == 0) {
@@ -93,7 +93,7 @@ PRIMRAY_INLINE vvec3<W> dome_eval(const Dome& dome, const vvec3<W>& world, vfloa
   return dome.format == DomeFormat::kLatLong ? dome_radiance(dome, c) : folded_radiance(dome, w);
 }
 
-// Direction in world space with its density; only for a dome that is sampled.
+// Samples a direction in world space, with its density; only for a dome that is sampled.
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) {
   const float *rows = dome.row_cdf.data(), *columns = dome.column_cdf.data();

@@ -1,7 +1,7 @@
-// Variances for a Lambert surface in the open, summed over the ways that it may face: of one ray by the cosine, and of such a
-// ray and a sample of the dome together (multiple importance sampling by the power heuristic), which costs a ray more, for each
-// of several radiances that are left to the first. Karlik et al. leave the mean; but half of a sky is above its mean, and light
-// samples that go there are lost to a sun.
+// Choice of the radiance that MIS compensation leaves to BSDF-sampled rays. For several such levels, variances are computed for
+// a Lambert surface in the open and summed over its orientations: of one cosine-sampled ray, and of such a ray and a dome
+// sample together (MIS with the power heuristic), which costs one ray more. Karlik et al. leave the mean; but half of a sky is
+// above its mean, and light samples that go there are lost to a sun.
 #include "light/dome/dome_compensation.hpp"
 
 #include <algorithm>
@@ -16,29 +16,30 @@
 namespace primray {
 namespace {
 
-// Of the grid that the dome is looked at on.
+// Resolution of the grid on which the dome is sampled.
 constexpr int kRows = 32, kColumns = 64;
-// What may be left to the rays, in means; and beyond, where radiance is parted so that a sun counts as what it is, however
-// small.
+// Number of levels to choose from, in multiples of the mean; and of levels beyond, into which radiance is split so that a sun
+// counts as what it is, however small.
 constexpr int kChoices = 7, kLevels = 13;
 constexpr std::array<double, kLevels> kMeans = {1, 1.5, 2, 3, 4, 6, 8, 16, 32, 64, 256, 1024, 4096};
-// Two rays cost twice as much as one, of which the second also finds the way on: what the second may be worse by.
+// Variance ratio that justifies a second ray: two rays cost twice as much as one, but the second also continues the path.
 constexpr double kWorth = 1.5;
-// Rays by the cosine are split and well stratified, and what they find is smooth: of their variance so much counts beside that
-// of light samples. Metals under a sky with a weak sun, relMSE at 32 samples: 0.00099 with the mean left, 0.00043 with twice.
+// Weight of the variance of cosine-sampled rays beside that of light samples: they are split and well stratified, and what they
+// find is smooth. Metals under a sky with a weak sun, relMSE at 32 samples: 0.00099 with the mean left to rays, 0.00043 with
+// twice the mean.
 constexpr double kRays = 0.25;
-// Least is left of what is nearly as good, for surfaces that are not Lambert.
+// Among levels that are nearly as good, the lowest is chosen, for surfaces that are not Lambert.
 constexpr double kNearly = 1.05;
 
-// Of luminance and its square, by solid angle.
+// Luminance and its square, integrated over solid angle.
 struct Light {
   double solid_angle = 0, sum = 0, squares = 0;
 };
 
-// What a cell of the grid has between two levels.
+// Part of a cell's light between two levels.
 struct Part {
   dvec3 direction;
-  size_t level;  // how many are below
+  size_t level;  // number of levels below
   Light light;
 };
 
@@ -67,10 +68,10 @@ std::vector<Part> coarse(std::span<const double> luminance, std::span<const doub
 }
 
 struct Variances {
-  double by_cosine = 0, rays = 0, lights = 0;  // of one ray alone; of the two together, apart
+  double by_cosine = 0, rays = 0, lights = 0;  // variance of one ray alone; of both techniques in MIS, separately
 };
 
-// With the radiance of the level `left` left to rays.
+// Variances if the radiance up to level `left` is left to rays.
 Variances variances(const std::vector<Part>& parts, size_t left, double mean) {
   using std::numbers::pi;
   double excess = 0;
@@ -84,7 +85,7 @@ Variances variances(const std::vector<Part>& parts, size_t left, double mean) {
         const dvec3 n = normalize(dvec3{double(i), double(j), double(k)});
         double one = 0, rays = 0, lights = 0, value = 0, found = 0, sampled = 0;
         for (const auto& [direction, level, light] : parts) {
-          const double p = std::max(dot(direction, n), 0.0) / pi;  // the cosine's density, and what it weighs radiance by
+          const double p = std::max(dot(direction, n), 0.0) / pi;  // density of cosine sampling, and its weight
           if (p == 0) continue;
           value += light.sum * p, one += light.squares * p;
           const double q = level > left ? (light.sum / light.solid_angle - kMeans[left] * mean) / excess : 0;

@@ -1,21 +1,21 @@
-// Where a dome's image has the light of a direction, by the image's format (UsdLux DomeLight inputs:texture:format).
+// Image formats of domes (UsdLux DomeLight inputs:texture:format): maps directions to image coordinates.
 //
-// The text fixes lat-long alone. The others are taken to show +z at their centre, as lat-long does, with +y up:
-// - kMirroredBall: a mirroring sphere photographed from far away on its +z side, so +x is on the right; what is seen at radius
-//   r of the disc comes from the angle 2 asin r off the centre.
-// - kAngular: "similar", but the angle is pi r (also Debevec's angular maps, which have +x on the right and +z at the centre).
+// The UsdLux text defines lat-long only. The others are assumed to show +z at their center, as lat-long does, with +y up:
+// - kMirroredBall: a mirroring sphere photographed from far away on its +z side, so +x is on the right; radius r of the disc
+// shows the direction at angle 2 asin r from the center.
+// - kAngular: "similar", but the angle is pi r (also Debevec's angular maps, which have +x on the right and +z at the center).
 // - kVerticalCross: six views from the inside, 90 degrees each, in three columns and four rows, folded out around the middle
-//   one, +z: +y above it, +x to its left and -x to its right as in lat-long, -y below, and under that -z, which hangs on -y.
+// one, +z: +y above it, +x to its left and -x to its right as in lat-long, -y below, and under that -z, attached to -y.
 #pragma once
 
 #include "math/transcendental.hpp"
 
 namespace primray {
 
-// Order of DOME_FORMATS in scene_upload.
+// Values of DOME_FORMATS in scene_upload.
 enum class DomeFormat : int32_t { kLatLong, kMirroredBall, kAngular, kVerticalCross };
 
-// A point of the image in texels, y from the top.
+// Point of the image in texels, y from the top.
 template <int W>
 struct ImagePoint {
   vfloat<W> x, y;
@@ -29,7 +29,7 @@ PRIMRAY_INLINE ImagePoint<W> on_disc(const vvec3<W>& w, vfloat<W> radius_by_sine
 template <int W>
 PRIMRAY_INLINE ImagePoint<W> mirrored_ball_point(const vvec3<W>& w, int width, int height) {
   const vfloat<W> sine = max(sqrt(w.x * w.x + w.y * w.y), 1e-20f);
-  // sin(theta / 2) / sin(theta), by way of the half-angle's cosine or sine, whichever has digits.
+  // sin(theta / 2) / sin(theta), from the half-angle's cosine or sine, whichever is precise.
   const vfloat<W> ratio =
       select(w.z > vfloat<W>(0.0f), 1.0f / sqrt(max(2.0f * (1.0f + w.z), 1e-20f)), sqrt(max(0.5f * (1.0f - w.z), 0.0f)) / sine);
   return on_disc(w, ratio, width, height);
@@ -41,8 +41,8 @@ PRIMRAY_INLINE ImagePoint<W> angular_point(const vvec3<W>& w, int width, int hei
   return on_disc(w, atan2(sine, w.z) * kInvPi / sine, width, height);
 }
 
-// On the face that w meets, no nearer to its edge than the middles of its outer texels: other faces beside it are no
-// neighbours.
+// Point on the cube face that w hits, no nearer to its edge than the centers of its outer texels: faces adjacent in the image
+// are not neighbours on the cube.
 template <int W>
 PRIMRAY_INLINE ImagePoint<W> vertical_cross_point(const vvec3<W>& w, int width, int height) {
   const vfloat<W> ax = abs(w.x), ay = abs(w.y), az = abs(w.z);

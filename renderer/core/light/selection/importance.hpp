@@ -1,12 +1,12 @@
-// What one light could bring to a point: the weights by which lights are chosen, one by one or in the leaves of a tree.
+// Importance of one light at a point: the weight by which lights are chosen, one by one or in the leaves of a tree.
 #pragma once
 
 #include "light/light.hpp"
 
 namespace primray {
 
-// Upper estimate of the irradiance at p from one light; 0 only where it can bring none. Depends on the position alone, so that
-// the next vertex can find the choice's probability again from the ray's origin.
+// Upper estimate of the irradiance at p from one light; 0 only if it cannot reach p. Depends on the position alone, so that the
+// next vertex can recompute the probability of the choice from the ray's origin.
 template <int W>
 PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
   vfloat<W> found(row[kImportance]);
@@ -17,7 +17,8 @@ PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
   return found;
 }
 
-// Of a light that moves: as if all of it could be at the nearest place that it passes. The choice knows no time.
+// Importance of a light that moves, as if all of it could be at the nearest point of its path. The choice does not depend on
+// time.
 template <int W>
 PRIMRAY_RARE vfloat<W> passing_importance(const LightPath& path, const float* row, const vvec3<W>& p) {
   const vfloat<W> power(row[kImportance]);
@@ -26,7 +27,7 @@ PRIMRAY_RARE vfloat<W> passing_importance(const LightPath& path, const float* ro
   return power * path.spread / max(dot(to, to), path.radius * path.radius);
 }
 
-// The same with the light's shaping: what light number `i` of the table is weighed by at p.
+// Weight of light number `i` at p: its importance, with its shaping.
 template <int W>
 PRIMRAY_INLINE vfloat<W> light_weight(const LightTable& table, int i, const vvec3<W>& p) {
   const float* row = table.row(i);

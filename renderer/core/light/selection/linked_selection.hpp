@@ -1,4 +1,4 @@
-// selection.hpp where lights are linked: a surface chooses among the lights that reach it, and no other.
+// Light selection with light linking: a surface chooses only among the lights that illuminate it.
 #pragma once
 
 #include "base/flush_denormals.hpp"
@@ -47,7 +47,7 @@ PRIMRAY_RARE LightChoice<W> choose_linked_light(const LightTable& table, vbool<W
   return {light, select(total > vfloat<W>(0.0f), chosen / max(total, kLeastNormal), vfloat<W>(0.0f))};
 }
 
-// The probability with which choose_linked_light picks a light of its own in every lane of `m`; all of them reach their lanes.
+// Probability with which choose_linked_light() chooses each lane's own light, which illuminates it, in the lanes of `m`.
 template <int W>
 PRIMRAY_RARE vfloat<W> linked_probability_of(const LightTable& table, vint<W> light, vbool<W> m, const vvec3<W>& p,
                                              const vvec3<W>& n, vint<W> link) {
@@ -69,8 +69,8 @@ PRIMRAY_RARE vfloat<W> linked_probability_of(const LightTable& table, vint<W> li
   return chosen / max(total, kLeastNormal);
 }
 
-// The probability with which choose_linked_light picks light number `i`, which reaches the lanes `m`; `total` from
-// linked_total_importance (few lights).
+// Probability with which choose_linked_light() chooses light number `i`, which illuminates the lanes `m`; `total` from
+// linked_total_importance() (few lights).
 template <int W>
 PRIMRAY_RARE vfloat<W> linked_probability(const LightTable& table, int i, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
                                           vfloat<W> total, vint<W> link) {

@@ -1,18 +1,18 @@
 // Portals: rectangles through which a dome is sampled, such as the windows of a room (UsdLux PortalLight, DomeLight portals).
 //
-// They guide samples alone: light comes from every direction, through a portal or not. A dome with portals is sampled by the
-// mixture of its image's way and of directions through a portal that is chosen for the point, as a rectangle light would be;
-// where no portal can be seen, or only from the side that it does not transmit to (-z), by its image alone. What moves, the
-// dome and portals each by themselves, stands as it does at the time of the ray.
+// Portals only guide samples: light arrives from every direction, through a portal or not. A dome with portals is sampled from
+// a mixture of its image's distribution and of directions through a portal, which is chosen for the point like a rectangle
+// light; where no portal is visible, or only from the side that it does not transmit to (-z), by the image alone. Domes and
+// portals that move are taken as they are at the time of the ray.
 #pragma once
 
 #include "light/selection/selection.hpp"
 
 namespace primray {
 
-constexpr float kPortalShare = 0.5f;  // of the samples of a dome whose image is sampled too
+constexpr float kPortalShare = 0.5f;  // share of portal samples, for a dome whose image is sampled too
 
-// The share of samples at p that go through portals.
+// Share of samples at p that go through portals.
 template <int W>
 PRIMRAY_INLINE vfloat<W> portal_share(const Dome& dome, const LightTable& portals, const vvec3<W>& p) {
   const vfloat<W> share(dome.sampled ? kPortalShare : 1.0f);
@@ -39,7 +39,7 @@ PRIMRAY_INLINE vfloat<W> portal_pdf(const LightTable& portals, const vvec3<W>& p
   return pdf;
 }
 
-// Density of the whole mixture for dome number `k`, whose image's own is `by_image`.
+// Density of the mixture for dome number `k`; `by_image` is that of its image.
 template <int W>
 PRIMRAY_RARE vfloat<W> dome_pdf(const LightTable& table, int k, const vvec3<W>& p, const vvec3<W>& wi, vfloat<W> by_image,
                                 vfloat<W> time) {
@@ -49,8 +49,8 @@ PRIMRAY_RARE vfloat<W> dome_pdf(const LightTable& table, int k, const vvec3<W>& 
   return by_image * (1.0f - share) + portal_pdf(portals, p, wi, time) * share;
 }
 
-// Replaces the samples of lanes `m`, whose `light` is a dome, by those of the mixture where the dome has portals. `choice`, in
-// [0, 1), is a number of its own.
+// Replaces the samples of lanes `m`, whose `light` is a dome, by samples of the mixture if the dome has portals. `choice`: an
+// independent random number in [0, 1).
 template <int W>
 PRIMRAY_RARE void sample_portals(const LightTable& table, vbool<W> m, vint<W> light, const vvec3<W>& p, vfloat<W> choice,
                                  vfloat<W> u, vfloat<W> v, vfloat<W> time, LightSample<W>& s) {

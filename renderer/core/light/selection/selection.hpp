@@ -1,4 +1,5 @@
-// Which light to sample from a point: each weighed by the irradiance it could bring there, or by a tree where there are many.
+// Choice of the light to sample from a point: each light is weighed by the irradiance that it could cause, or by a tree if
+// there are many.
 #pragma once
 
 #include "base/flush_denormals.hpp"
@@ -6,7 +7,7 @@
 
 namespace primray {
 
-// The chosen light and its probability; 0 where no light can reach p.
+// Chosen light and its probability; 0 if no light can reach p.
 template <int W>
 struct LightChoice {
   vint<W> light;
@@ -20,8 +21,8 @@ PRIMRAY_INLINE vfloat<W> total_importance(const LightTable& table, const vvec3<W
   return total;
 }
 
-// For the lanes of `m`, with 32 random bits each. `n`: the normal on the lit side, which many lights are chosen by; 0: any.
-// `shiny`: many lights are also chosen by how these surfaces reflect; probability_of() does not know that.
+// Chooses lights in the lanes of `m`, with 32 random bits each. `n`: normal on the lit side, which the choice among many lights
+// takes into account; 0: any. `shiny`: glossy surfaces, whose lobes it takes into account; probability_of() does not.
 template <int W>
 PRIMRAY_INLINE LightChoice<W> choose_light(const LightTable& table, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
                                            vuint<W> u, const ShinyLanes<W>* shiny = nullptr) {
@@ -45,7 +46,7 @@ PRIMRAY_INLINE LightChoice<W> choose_light(const LightTable& table, vbool<W> m, 
   return choice;
 }
 
-// The probability with which choose_light picks light number `i` in lanes `m`; `total` from total_importance (few lights).
+// Probability with which choose_light() chooses light number `i` in lanes `m`; `total` from total_importance() (few lights).
 template <int W>
 PRIMRAY_INLINE vfloat<W> light_probability(const LightTable& table, int i, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
                                            vfloat<W> total) {
@@ -54,7 +55,7 @@ PRIMRAY_INLINE vfloat<W> light_probability(const LightTable& table, int i, vbool
   return light_weight(table, i, p) / max(total, kLeastNormal);
 }
 
-// The same for a light of its own in every lane of `m`.
+// Probability with which choose_light() chooses each lane's own light, in the lanes of `m`.
 template <int W>
 PRIMRAY_INLINE vfloat<W> probability_of(const LightTable& table, vint<W> light, vbool<W> m, const vvec3<W>& p,
                                         const vvec3<W>& n) {

@@ -1,9 +1,10 @@
-// Choosing a light by the tree of light/choice/tree.hpp, and finding the probability of a choice again.
+// Sampling of the light tree (light/choice/tree.hpp), and the probability of a given light.
 //
-// Slots are weighed by about the irradiance that they bring to a surface at p with normal n, and by 0 only where all of it
-// comes from below the surface or is sent elsewhere. A cluster about whose middle that says little, since the surface's plane
-// cuts it or the point is close, is weighed by the sum of its own slots (cf. the paper's adaptive splitting). Paths go down one
-// after the other; the lanes of a vector are slots, in an order of additions that does not depend on how many this machine has.
+// Slots are weighed by approximately the irradiance that they cause on a surface at p with normal n, and by 0 only if all of it
+// comes from below the surface or is emitted elsewhere. Where a cluster's mean is a poor estimate, since the surface's plane
+// cuts the cluster or the point is close, it is weighed by the sum of its own slots (cf. the paper's adaptive splitting). Paths
+// traverse the tree one after the other; the lanes of a vector are slots, added up in an order that does not depend on the
+// vector width of this machine.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +14,7 @@
 
 namespace primray {
 
-// Lanes in which slots are weighed, whatever the number of paths side by side.
+// Lanes in which slots are weighed, however many paths are rendered at once.
 #if defined(__AVX512F__)
 constexpr int kTreeLanes = 16;
 #elif defined(__AVX2__)
@@ -22,8 +23,8 @@ constexpr int kTreeLanes = 8;
 constexpr int kTreeLanes = 4;
 #endif
 
-// How surfaces whose reflections are sharp enough to tell lights apart send light on: towards unit wo, a GGX lobe with the part
-// `specular` of what they reflect, beside `rest` in all directions.
+// Preview of glossy surfaces for telling lights apart: a GGX lobe about the mirror direction of unit wo with share `specular`
+// of the albedo, and `rest` in all directions.
 template <int W>
 struct ShinyLanes {
   vbool<W> shiny;
@@ -31,11 +32,11 @@ struct ShinyLanes {
   vfloat<W> alpha2, specular, rest;
 };
 
-// Where light is wanted: a point, and the normal of its surface on the side that is lit; 0: from all around.
+// Shading point: position, and the normal on its lit side; 0: lit from all around.
 struct LitPoint {
   float p[3], n[3], across[3];  // `across`: |n|
   bool has_normal, shiny = false;
-  float wo[3], alpha2, specular, rest;  // where `shiny`
+  float wo[3], alpha2, specular, rest;  // if `shiny`
 
   template <int W>
   PRIMRAY_INLINE LitPoint(const vvec3<W>& at, const vvec3<W>& normal, int lane)
@@ -51,8 +52,8 @@ struct LitPoint {
   }
 };
 
-// How a cluster lies: its middle from the point, the square of the distance that it takes and the distance's inverse, its
-// height above the surface, and half of what it takes up of heights.
+// Geometry of a cluster: its mean position relative to the point, the clamped squared distance and its inverse, its height
+// above the surface, and half of its extent in height.
 template <int N>
 struct SlotPlace {
   using F = vfloat<N>;
@@ -71,15 +72,15 @@ struct SlotPlace {
   }
 };
 
-// The surface's cosine towards a cluster, about its mean.
+// Cosine at the surface towards a cluster, approximately averaged over it.
 template <int N>
 PRIMRAY_INLINE vfloat<N> cosine_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
   if (!x.has_normal) return F(1.0f);
   const F up = s.h + s.reach;
   F above = s.h;
-  // The mean height of what is above the surface: that of the middle if all is; otherwise as if it were spread evenly over
-  // heights, but of what lies mostly below no more than Cantelli's inequality leaves to be above at all.
+  // Mean height of the part above the surface: that of the mean position if all of it is; otherwise as if it were uniform over
+  // heights, but for clusters mostly below, no more than Cantelli's inequality allows to be above at all.
   if (any((s.h < s.reach) & (up > F(0.0f)))) {
     const F spread2 = load<N>(block.least2 + at), below = min(s.h, 0.0f);
     const F part = 0.25f * up * (up * spread2 / (s.reach * (spread2 + below * below)));
@@ -88,8 +89,8 @@ PRIMRAY_INLINE vfloat<N> cosine_of_slots(const LightTree::Block& block, int at, 
   return select(up > F(0.0f), max(above * s.inverse, 1e-6f), F(0.0f));
 }
 
-// The square of cosine / d^2 at most for clusters whose lights could all be at their place nearest to the point, or at their
-// highest above the surface; 0 for those that are seen from afar, and whole.
+// Upper bound of the squared cosine / d^2 for clusters whose lights could all be at the nearest position, or at the highest one
+// above the surface; 0 for clusters that are far away and entirely visible.
 template <int N>
 PRIMRAY_INLINE vfloat<N> most_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
@@ -103,7 +104,7 @@ PRIMRAY_INLINE vfloat<N> most_of_slots(const LightTree::Block& block, int at, co
   return select(close & (up >= zero), cos2 / (least2 * least2 * least2), zero);
 }
 
-// The part that is sent towards the point by lights that do not emit all around.
+// Share of the emission that directed lights send towards the point.
 template <int N>
 PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, const SlotPlace<N>& s) {
   using F = vfloat<N>;
@@ -115,7 +116,7 @@ PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, co
     const F sine = safe_sqrt(one - cosine * cosine), sin_seen = min(load<N>(block.radius + at) * s.inverse, one);
     const F cos_seen = safe_sqrt(one - sin_seen * sin_seen);
     const F cos_axis = load<N>(block.cos_axis + at), sin_axis = load<N>(block.sin_axis + at);
-    // The angle off the nearest axis from the nearest place, as a cosine: that of the sum of both is all that can be gained.
+    // Cosine of the smallest possible angle off the axis as seen from the nearest position: bounded by the sum of both angles.
     const F cos_sum = cos_axis * cos_seen - sin_axis * sin_seen, sin_sum = sin_axis * cos_seen + cos_axis * sin_seen;
     const vbool<N> within = (sin_seen >= one) | (cosine >= cos_sum) | (sin_sum < none);
     off = select(within, one, cosine * cos_sum + sine * sin_sum);
@@ -123,8 +124,8 @@ PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, co
   return select(off > load<N>(block.cos_end + at), max(off, load<N>(block.floor + at)), none);
 }
 
-// How much of a cluster's light a shiny surface sends on, over what a white Lambert surface does: about pi times its BRDF, with
-// the lobe widened by the cluster's own angle.
+// Response of a glossy surface to a cluster, relative to a white Lambert surface: about pi times its BRDF, with the lobe
+// widened by the cluster's angular size.
 template <int N>
 PRIMRAY_INLINE vfloat<N> sent_on_from_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
@@ -136,7 +137,7 @@ PRIMRAY_INLINE vfloat<N> sent_on_from_slots(const LightTree::Block& block, int a
   return x.rest + x.specular * 0.25f * x.alpha2 / (q * q);
 }
 
-// Weights of a block's slots, and the squares of the most that they could be by the places of their lights.
+// Weights of a block's slots, and the squares of their upper bounds over the positions of their lights.
 PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block& block, const LitPoint& x, float* weights,
                                 float* most2) {
   constexpr int N = kTreeLanes;
@@ -152,7 +153,7 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
       store(most2 + at, most_of_slots<N>(block, at, x, place) * all * all);
     }
     if (x.shiny) w = w * sent_on_from_slots<N>(block, at, x, place);
-    // Never 0 for being small.
+    // Small weights must not become 0.
     w = select((w > F(0.0f)) & (intensity > F(0.0f)), max(w * intensity, 1e-36f), F(0.0f));
     store(weights + at, w);
   }
@@ -167,7 +168,7 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
   }
 }
 
-// Sums of 16 weights up to each and with it, added in one order on every machine: each to those 1, 2, 4 and 8 before it.
+// Inclusive prefix sums of 16 weights, added in the same order on every machine: each to those 1, 2, 4 and 8 before it.
 PRIMRAY_INLINE void running_sums(const float* weights, float* sums) {
   constexpr int N = kTreeLanes, kVectors = 16 / N;
   const vint<N> lane = lane_numbers<N>();
@@ -187,18 +188,18 @@ PRIMRAY_INLINE void running_sums(const float* weights, float* sums) {
   for (int k = 0; k < kVectors; ++k) store(sums + k * N, s[k]);
 }
 
-// The sum of 16 weights, added in one order on every machine.
+// Sum of 16 weights, added in the same order on every machine.
 PRIMRAY_INLINE float sum_of_block(const float* w) {
   const vfloat<4> s = (load<4>(w) + load<4>(w + 8)) + (load<4>(w + 4) + load<4>(w + 12));
   return (s[0] + s[2]) + (s[1] + s[3]);
 }
 
-// A cluster is looked into if it could have so much of its node's weight, and so many times what its middle says. On three
-// halls of 500 lamps, 64 samples, relMSE fell by 12 to 37 %; from 2 on in place of 100 it is another 0 to 3 %, for 50 to 90 %
-// more CPU seconds.
+// A cluster's slots are weighed if it could have at least the share kWorthwhile of its node's weight, and kDoubtful times the
+// weight of its mean. On three halls of 500 lamps, 64 samples, relMSE fell by 12 to 37 %; kDoubtful = 2 instead of 100 gains
+// another 0 to 3 %, for 50 to 90 % more CPU time.
 constexpr float kWorthwhile = 0.5f, kDoubtful = 100;
 
-// A node's slots, weighed: slots of the same lane in all blocks are a column, and columns follow each other.
+// Weighed slots of a node: slots of the same lane in all blocks are a column, and columns follow each other.
 struct WeighedNode {
   alignas(64) float weights[LightTree::kLastSlots], columns[LightTree::kBlock], sums[LightTree::kBlock];
 
@@ -247,7 +248,7 @@ struct WeighedNode {
   static float total_of_node(const LightTable& table, int32_t node, const LitPoint& x);
   PRIMRAY_INLINE float total() const { return sums[LightTree::kBlock - 1]; }
 
-  // The slot where the running sum exceeds `wanted`, in [0, total()), and where `wanted` lies in it, in [0, 1).
+  // Returns the slot where the prefix sum exceeds `wanted`, in [0, total()), and the position of `wanted` within it, in [0, 1).
   PRIMRAY_INLINE int find(int blocks, double wanted, double& within) const {
     constexpr int N = kTreeLanes;
     uint32_t beyond = 0, some = 0;
@@ -285,7 +286,7 @@ struct TreeChoice {
   float probability;  // 0: no light of the tree can reach the point
 };
 
-// The light that the number u in [0, 1) stands for.
+// Chooses a light by the number u in [0, 1).
 inline TreeChoice choose_from_node(const LightTable& table, int32_t root, const LitPoint& x, double u) {
   double probability = 1;
   for (int32_t at = root;;) {
@@ -301,7 +302,7 @@ inline TreeChoice choose_from_node(const LightTable& table, int32_t root, const 
   }
 }
 
-// With what probability that finds the light that stands at `place`.
+// Probability with which choose_from_node() chooses the light at `place`.
 inline float probability_from_leaf(const LightTable& table, LightTree::Place place, const LitPoint& x) {
   double probability = 1;
   while (place.node >= 0) {
@@ -315,7 +316,7 @@ inline float probability_from_leaf(const LightTable& table, LightTree::Place pla
   return float(probability);
 }
 
-// The same for the lanes of `m`, each with a tree of its own by `root`, and a number of 32 bits.
+// Chooses a light in the lanes of `m`, each from the tree with its `root`, by 32 random bits.
 template <int W>
 PRIMRAY_RARE void choose_in_tree(const LightTable& table, vint<W> root, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
                                  vuint<W> u, vint<W>& light, vfloat<W>& probability, const ShinyLanes<W>* shiny = nullptr) {
@@ -329,7 +330,7 @@ PRIMRAY_RARE void choose_in_tree(const LightTable& table, vint<W> root, vbool<W>
   }
 }
 
-// `places` and `at`: each lane's light stands at places[at].
+// Probability of the light at places[at] in each lane of `m`.
 template <int W>
 PRIMRAY_RARE vfloat<W> probability_in_tree(const LightTable& table, const LightTree::Place* places, vint<W> at, vbool<W> m,
                                            const vvec3<W>& p, const vvec3<W>& n) {

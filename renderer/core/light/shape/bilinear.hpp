@@ -1,24 +1,24 @@
-// Reading a light's image, rows of three floats a texel, between its texels.
+// Bilinear interpolation of a light's image, rows of three floats per texel.
 #pragma once
 
 #include "math/vec3.hpp"
 
 namespace primray {
 
-// Texels before and after a coordinate in texels (the first one's middle at 0.5), and how near it is to the second.
+// Texels before and after a coordinate in texels (the center of the first is at 0.5), and the weight of the second.
 template <int W>
 struct BilinearAxis {
   vint<W> first, second;
   vfloat<W> weight;
 
-  // Clamped at the edges.
+  // Clamps at the edges.
   PRIMRAY_INLINE BilinearAxis(vfloat<W> at, int size) {
     const vfloat<W> x = at - 0.5f;
     const vint<W> i = floor_to_int(x), last(size - 1);
     weight = x - to_float(i);
     first = min(max(i, 0), last), second = min(max(i + vint<W>(1), 0), last);
   }
-  // The first texel follows the last; `at` is in [0, size).
+  // Wraps around: the first texel follows the last; `at` is in [0, size).
   PRIMRAY_INLINE static BilinearAxis around(vfloat<W> at, int size) {
     BilinearAxis r(at, size);
     const vint<W> i = floor_to_int(at - 0.5f), count(size);

@@ -1,23 +1,23 @@
-// A rectangle that is near and yet seen as a sliver, too narrow for its solid angle to keep its digits: a strip along its
-// longer side is chosen evenly, and on the strip a point by the angle that it is seen under.
+// Sampling of a rectangle that is near but seen nearly edge-on, whose solid angle is too small for the precision of the
+// spherical rectangle: chooses a strip along its longer side uniformly, and a point on the strip by its solid angle.
 //
-// Seen from height h over the plane and distance c from the strip's line, a piece dx of it has solid angle proportional to
-// dx h / (c^2 + x^2)^(3/2), so s = x / sqrt(c^2 + x^2) is uniform, x counted from the foot on the line. What is kept is
-// q = 1 - |s|, which has its digits where both ends lie far off on one side. The density per solid angle is then that of the
-// strip alone, c^2 / (2 half h (s1 - s0)).
+// Seen from height h over the plane and distance c from the strip's line, a piece dx of it has solid angle proportional to dx h
+// / (c^2 + x^2)^(3/2), so s = x / sqrt(c^2 + x^2) is uniform, with x counted from the foot point on the line. The code stores q
+// = 1 - |s|, which is precise if both ends are far away on one side. The density per solid angle is then that of the strip
+// alone, c^2 / (2 half h (s1 - s0)).
 #pragma once
 
 #include "light/shape/local_shape.hpp"
 
 namespace primray {
 
-// The smallest q: x = c / sqrt(2 q) stays finite.
+// Smallest q: x = c / sqrt(2 q) stays finite.
 constexpr float kFarAlong = 1e-30f;
 
 template <int W>
 class Sliver {
  public:
-  // The rectangle |x| <= hx, |y| <= hy in the plane z = 0, seen from p.
+  // Rectangle |x| <= hx, |y| <= hy in the plane z = 0, seen from p.
   PRIMRAY_INLINE Sliver(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy)
       : turned_(hy > hx),
         across_(select(turned_, p.x, p.y)),
@@ -26,12 +26,13 @@ class Sliver {
         x1_(max(hx, hy) - select(turned_, p.y, p.x)),
         height_(-p.z) {}
 
-  // From the point to one of the rectangle.
+  // Samples the vector from the point to a point of the rectangle.
   PRIMRAY_INLINE vvec3<W> sample(vfloat<W> u, vfloat<W> v) const {
     const vfloat<W> side = (2.0f * v - 1.0f) * half_ - across_;
     const vfloat<W> c = sqrt(side * side + height_ * height_);
     const vfloat<W> q0 = rest(x0_, c), q1 = rest(x1_, c), one(1.0f);
-    // Both ends on one side of the foot: between q0 and q1. Else s itself, from -(1 - q0) to 1 - q1.
+    // Both ends are on one side of the foot point: interpolate q between q0 and q1. Otherwise interpolate s, from -(1 - q0) to
+    // 1 - q1.
     const vbool<W> beside = x0_ * x1_ > vfloat<W>(0.0f);
     const vfloat<W> s = q0 - one + u * (one - q0 + one - q1);
     const vfloat<W> q = max(select(beside, q0 + u * (q1 - q0), one - abs(s)), kFarAlong);

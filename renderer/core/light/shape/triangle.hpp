@@ -1,10 +1,10 @@
-// A triangle sampled by solid angle where it is near.
+// Sampling of a triangle by solid angle where it is near.
 //
-// A point uniform over the spherical triangle, as Arvo 1995, "Stratified Sampling of Spherical Triangles", cuts it: first a
-// part of its area by an arc from one corner, then a place on that arc. The arc's end is found by the tangents of half angles:
-// of the triangle (v0, v1, x) the half area A' / 2 has the tangent det(v0, v1, x) / (1 + v0.v1 + (v0 + v1).x) (van Oosterom and
-// Strackee 1983, "The Solid Angle of a Plane Triangle"), and with x on the arc from v0 to v2 that is linear in the tangent of
-// half of x's angle from v0.
+// A point is uniform over the spherical triangle, divided as in Arvo 1995, "Stratified Sampling of Spherical Triangles": first
+// a share of its area by an arc from one corner, then a point on that arc. The end of the arc is found from tangents of half
+// angles: in the triangle (v0, v1, x) half of the area A' has the tangent det(v0, v1, x) / (1 + v0.v1 + (v0 + v1).x) (van
+// Oosterom and Strackee 1983, "The Solid Angle of a Plane Triangle"), and with x on the arc from v0 to v2 that is linear in the
+// tangent of half of x's angle from v0.
 #pragma once
 
 #include "base/flush_denormals.hpp"
@@ -15,7 +15,7 @@ namespace primray {
 
 template <int W>
 struct SphericalTriangle {
-  vvec3<W> v0, v1, v2;  // unit, towards the corners, det(v0, v1, v2) >= 0
+  vvec3<W> v0, v1, v2;  // unit vectors towards the corners, det(v0, v1, v2) >= 0
   vfloat<W> solid_angle;
 
   SphericalTriangle() = default;
@@ -40,25 +40,25 @@ struct SphericalTriangle {
   }
 };
 
-// Whether the triangle with edges e1, e2 from `a` is so far that its area does as well: twice the distance of its farthest
-// corner from its middle.
+// Whether the triangle with edges e1, e2 from `a` is so far that sampling its area does as well: its centroid is more than
+// twice as far as its farthest corner is from the centroid.
 template <int W>
 PRIMRAY_INLINE vbool<W> triangle_is_far(const vvec3<W>& a, const vvec3<W>& e1, const vvec3<W>& e2) {
   const vvec3<W> half = (e1 + e2) * (1.0f / 3), middle = a + half, b = e1 - half, c = e2 - half;
   return dot(middle, middle) > 4.0f * max(dot(half, half), max(dot(b, b), dot(c, c)));
 }
 
-// A smaller solid angle would be off by more than 1e-4 of itself: it is a difference of numbers near 1.
+// Smallest solid angle sampled: below, it would be off by more than 1e-4 of itself, as a difference of numbers near 1.
 constexpr float kSmallTriangle = 0.005f;
 
-// Heitz 2019, "A Low-Distortion Map Between Triangle and Square": barycentrics of e1 and e2.
+// Barycentrics of e1 and e2: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
 template <int W>
 PRIMRAY_INLINE void triangle_by_area(vfloat<W> u, vfloat<W> v, vfloat<W>& b1, vfloat<W>& b2) {
   const vbool<W> upper = v > u;
   b1 = select(upper, u * 0.5f, u - v * 0.5f), b2 = select(upper, v - u * 0.5f, v * 0.5f);
 }
 
-// Where the ray along `w` from the origin meets the plane of that triangle, in barycentrics inside it.
+// Intersection of the ray along `w` from the origin with the plane of that triangle, in barycentrics clamped to it.
 template <int W>
 PRIMRAY_INLINE void triangle_along(const vvec3<W>& w, const vvec3<W>& a, const vvec3<W>& e1, const vvec3<W>& e2, vfloat<W>& b1,
                                    vfloat<W>& b2) {

@@ -1,8 +1,8 @@
-// Photometric profiles: luminous intensity over two angles, read bilinearly; outside its angles a profile is 0.
+// IES photometric profiles: luminous intensity over two angles, interpolated bilinearly; 0 outside its angles.
 //
-// Directions come in the profile's frame: z up, so that the first vertical angle (nadir) of types C and B lies along -z, and
-// the plane of horizontal angle 0 along +x; ANSI/IESNA LM-63-2002, section 3. Types A and C share their planes' vertical axis
-// and are one here (translation shifts type A's angles); type B's planes share the horizontal axis y instead.
+// Directions are given in the profile's frame: z up, so that the first vertical angle (nadir) of types C and B is along -z, and
+// the plane of horizontal angle 0 along +x; ANSI/IESNA LM-63-2002, section 3. Types A and C share the vertical axis of their
+// planes and are one here (translation shifts type A's angles); type B's planes share the horizontal axis y instead.
 #pragma once
 
 #include <cstdint>
@@ -14,13 +14,13 @@ namespace primray {
 
 struct IesTable {
   std::vector<float> data;  // by profile: vertical angles, horizontal angles, intensities by horizontal angle; radians
-  // By profile.
+  // Offsets and sizes, by profile.
   std::vector<int32_t> first, verticals, horizontals, about_y;
-  int longest = 2;  // most angles of one kind
+  int longest = 2;  // largest number of angles of one kind
   bool any_about_y = false;
 };
 
-// The last i in [0, count - 2] with data[base + i] <= x, or 0.
+// Returns the last i in [0, count - 2] with data[base + i] <= x, or 0.
 template <int W>
 PRIMRAY_INLINE vint<W> find_angle(const IesTable& table, vint<W> base, vint<W> count, vfloat<W> x) {
   vint<W> lo(0);
@@ -33,7 +33,7 @@ PRIMRAY_INLINE vint<W> find_angle(const IesTable& table, vint<W> base, vint<W> c
   return lo;
 }
 
-// Where x lies among the angles at `base`: cell, part of it, and whether it is within them at all.
+// Position of x among the angles at `base`: cell, fraction of it, and whether x is within the angles.
 template <int W>
 struct IesCell {
   vint<W> i;
@@ -48,7 +48,7 @@ struct IesCell {
   }
 };
 
-// Intensity of `profile` along `w` (any length), with theta, the angle from -z, taken to min((theta - origin) scale + origin,
+// Intensity of `profile` along `w` (any length); theta, the angle from -z, is remapped to min((theta - origin) scale + origin,
 // pi).
 template <int W>
 PRIMRAY_INLINE vfloat<W> ies_intensity(const IesTable& table, vint<W> profile, const vvec3<W>& w, vfloat<W> scale,
@@ -62,7 +62,7 @@ PRIMRAY_INLINE vfloat<W> ies_intensity(const IesTable& table, vint<W> profile, c
     const vbool<W> about_y = gather<W>(table.about_y.data(), profile) != vint<W>(0);
     const SinCos<W> t = sincos_turns(vertical * (0.5f * kInvPi));
     const vfloat<W> flat = t.sin / max(across, 1e-30f), x = w.x * flat, y = w.y * flat;
-    // In type B, v turns about y from -z towards x, and h leans from there, clockwise seen from above: towards -y.
+    // In type B, v turns about y from -z towards x, and h tilts from there, clockwise seen from above: towards -y.
     vertical = select(about_y, atan2(x, t.cos), vertical);
     horizontal = select(about_y, atan2(-y, sqrt(x * x + t.cos * t.cos)), horizontal);
     horizontal = select((!about_y) & (horizontal < vfloat<W>(0.0f)), horizontal + 2.0f * kPi, horizontal);

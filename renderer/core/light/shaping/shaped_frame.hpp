@@ -1,4 +1,4 @@
-// The frame by which a light's shaping knows directions, where the light stands so.
+// Frame in which a light's shaping is evaluated, from the light's transform.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace primray {
 
-// The light's axes in the world; perpendicular ones in place of those that a flat matrix lacks.
+// World axes of the light; axes that a degenerate matrix lacks are replaced by perpendicular ones.
 inline daffine whole_axes(const daffine& m) {
   if (m.determinant() != 0) return m;
   const double x = length(m.x), y = length(m.y), z = length(m.z);
@@ -21,7 +21,7 @@ inline daffine whole_axes(const daffine& m) {
   return {s, cross(n, s), n, m.o};
 }
 
-// As a row of the ShapingTable has it: its -z, unit, in the world, and columns of the photometric profile's frame from world.
+// Frame fields of a row of the ShapingTable: the light's -z axis (unit, world space), and the columns of profile_from_world.
 struct ShapedFrame {
   dvec3 axis, x, y, z;
 };

@@ -1,7 +1,7 @@
-// What UsdLux's ShapingAPI makes of a light's emission by its direction: focusTerm * coneTerm * iesTerm.
+// Directional emission by UsdLux's ShapingAPI: focusTerm * coneTerm * iesTerm.
 //
-// Angles are taken in world space, between the direction of emission and the light's -Z axis as its matrix carries it; profiles
-// are asked in the light's own space, with its scale and shear, as ShapingAPI's inputs:shaping:ies:file has it.
+// Angles are taken in world space, between the direction of emission and the light's transformed -Z axis; profiles are
+// evaluated in the light's own space, with its scale and shear, as ShapingAPI's inputs:shaping:ies:file requires.
 #pragma once
 
 #include "light/shaping/ies.hpp"
@@ -9,20 +9,20 @@
 namespace primray {
 
 enum ShapingField : int {
-  kShapedAxis,  // unit, world
+  kShapedAxis,  // unit, world space
   kFocus = kShapedAxis + 3,
   kFocusTint,
   kConeCutoff = kFocusTint + 3,  // radians
   kConeSteepness,                // 1 / angle over which a soft cone fades; 0: hard
-  kIesProfile,                   // 1 + number in IesTable; 0: none
-  kIesFrame,                     // columns: the profile's frame from world
-  kIesScale = kIesFrame + 9,     // of theta
+  kIesProfile,                   // 1 + index in IesTable; 0: none
+  kIesFrame,                     // columns of profile_from_world
+  kIesScale = kIesFrame + 9,     // scale of theta
   kIesOrigin,
-  kIesFactor,    // one over what the profile is divided by
+  kIesFactor,    // reciprocal of the profile's normalization
   kReach,        // no light beyond this angle from the axis
-  kReachRadius,  // of a ball about the light's centre that holds it
-  kPeak,         // the factor's luminance is at most so much
-  kMean,         // and about so much on average over all directions
+  kReachRadius,  // radius of the light's bounding sphere
+  kPeak,         // upper bound of the factor's luminance
+  kMean,         // approximate mean of it over all directions
   kShapingFields
 };
 
@@ -33,13 +33,13 @@ struct ShapingTable {
   const float* row(int number) const { return rows.data() + (number - 1) * kShapingFields; }
 };
 
-// How lights stand that are not as their rows have them: kShapedAxis and kIesFrame.
+// Current kShapedAxis and kIesFrame of lights that move.
 template <int W>
 struct ShapedLanes {
   vvec3<W> axis, x, y, z;
 };
 
-// The factor of rows `number` (from 1) for emission along unit `e`. `now`: null, or in place of the rows' frames.
+// Shaping factor of rows `number` (from 1) for emission along unit `e`. `now`: frames that replace those of the rows, or null.
 template <int W>
 PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, const vvec3<W>& e,
                                      const ShapedLanes<W>* now = nullptr) {
@@ -55,7 +55,7 @@ PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, 
   const F cosine = dot(axis, e), sin2 = dot(across, across);
   const F theta = atan2(sqrt(sin2), cosine);
   const F left = get(kConeCutoff) - theta, steepness = get(kConeSteepness), fading = clamp(left * steepness, 0.0f, 1.0f);
-  // 1 - smoothstep(theta) is smoothstep of what is left.
+  // 1 - smoothstep(theta) is smoothstep of the complement.
   const F soft = fading * fading * (3.0f - 2.0f * fading);
   const F cone = select(steepness > none, soft, select(left >= none, one, none));
   vvec3<W> factor(cone);
@@ -77,8 +77,8 @@ PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, 
   return factor;
 }
 
-// What is weighed of a light for its shaping, where its centre is `to` away: 0 only where nothing of it comes, however large
-// the light is.
+// Weight of a light's shaping in light selection, for a light whose center is at `to` from the point: 0 only if nothing is
+// emitted there, however large the light is.
 template <int W>
 PRIMRAY_RARE vfloat<W> shaping_importance(const ShapingTable& table, int number, const vvec3<W>& to) {
   using F = vfloat<W>;

@@ -1,4 +1,4 @@
-// The anchor of a round light, by which LightRow::outside keeps its digits.
+// Anchor of a round light: a surface point that keeps LightRow::outside() precise.
 #pragma once
 
 #include "light/types/light_row.hpp"
@@ -7,10 +7,10 @@
 
 namespace primray {
 
-// The point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin. `axial`: what the
-// light's axis counts in distances.
+// Stores the point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin. `axial`:
+// weight of the light's axis in distances.
 inline void put_anchor(float* row, const daffine& m, float axial) {
-  if (m.determinant() == 0) return;  // such a light is left out
+  if (m.determinant() == 0) return;  // such a light is skipped
   dvec3 out = inverse(m).point(dvec3(0.0));
   const double along = axial == 0 ? out.x : 0.0;
   out.x -= along;

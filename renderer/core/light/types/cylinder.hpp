@@ -1,22 +1,22 @@
-// A cylinder along x, radius r, |x| <= h, emitting outwards from its lateral area, without caps: sampled by solid angle.
+// Cylinder light along x, radius r, |x| <= h, emitting outwards from its lateral area, without caps: sampled by solid angle.
 //
 // With theta the angle around the cylinder's direction as seen from the point, from the axis, and beta the elevation above the
-// plane across it, the solid angle is d theta d sin(beta). Theta is chosen evenly over the angle in which the cylinder is seen,
-// then sin(beta) evenly between the ends of the line that is met at theta. The density is even but for how that line's solid
-// angle changes with theta: not at all for a cylinder that is far, or long.
+// plane across it, the solid angle is d theta d sin(beta). Theta is chosen uniformly over the angle that the cylinder subtends,
+// then sin(beta) uniformly between the ends of the line hit at theta. The density only varies with that line's solid angle over
+// theta: not at all for a cylinder that is far, or long.
 #pragma once
 
 #include "light/types/light_type.hpp"
 
 namespace primray {
 
-// The line of the cylinder at a distance from the point, across the axis: the sine of the elevation of its farther end, as
-// what is missing to 1, and the difference between those of its ends, both without cancellation.
+// Line of the cylinder at a distance from the point, across the axis: the sine of its farther end's elevation, as the
+// complement to 1, and the difference of the sines of both ends, both without cancellation.
 template <int W>
 struct CylinderLine {
   vfloat<W> distance, farther, nearer;  // farther, nearer: along the axis from the point, positive towards the farther end
   vfloat<W> missing, difference;
-  vbool<W> forwards;  // farther is the end at +h
+  vbool<W> forwards;  // the farther end is at +h
 
   PRIMRAY_INLINE CylinderLine(vfloat<W> px, vfloat<W> h, vfloat<W> across) : distance(across), forwards(px < vfloat<W>(0.0f)) {
     farther = h + abs(px);
@@ -24,12 +24,12 @@ struct CylinderLine {
     const vfloat<W> distance2 = distance * distance, to_farther = sqrt(distance2 + farther * farther);
     const vfloat<W> to_nearer = sqrt(distance2 + nearer * nearer);
     missing = distance2 / (to_farther * (to_farther + farther));
-    // Of sines a / A and b / B, with a^2 B^2 - b^2 A^2 = distance^2 (a^2 - b^2), and a - b = 2 h.
+    // For sines a / A and b / B, with a^2 B^2 - b^2 A^2 = distance^2 (a^2 - b^2), and a - b = 2 h.
     const vfloat<W> cross = farther * to_nearer, other = nearer * to_farther;
     const vfloat<W> beyond = distance2 * (2.0f * h) * (farther + nearer) / (cross + other);
     difference = select(nearer > vfloat<W>(0.0f), beyond, cross - other) / (to_farther * to_nearer);
   }
-  // Along the axis from the point, towards +x.
+  // Sampled coordinate along the axis from the point, towards +x.
   PRIMRAY_INLINE vfloat<W> along(vfloat<W> v) const {
     const vfloat<W> below = missing + v * difference;  // 1 - sin(beta)
     const vfloat<W> x = distance * (1.0f - below) / sqrt(max(below * (2.0f - below), 1e-30f));
@@ -38,18 +38,18 @@ struct CylinderLine {
   }
 };
 
-// `outside`: rho^2 - r^2, where rho is the distance from the axis.
+// Samples the cylinder from p. `outside`: rho^2 - r^2, where rho is the distance from the axis.
 template <int W>
 PRIMRAY_INLINE LocalSample<W> cylinder_sample(const vvec3<W>& p, vfloat<W> r, vfloat<W> h, vfloat<W> outside, vfloat<W> u,
                                               vfloat<W> v) {
   const vfloat<W> rho = sqrt(p.y * p.y + p.z * p.z);
   const vfloat<W> theta_max = atan2(r, safe_sqrt(outside));
   const SinCos<W> theta = sincos_turns((2.0f * u - 1.0f) * theta_max * (0.5f * kInvPi));
-  // Half the chord across the cylinder: r^2 - rho^2 sin^2, by what is outside.
+  // Half the chord across the cylinder: r^2 - rho^2 sin^2, computed from `outside`.
   const vfloat<W> chord = safe_sqrt(r * r * theta.cos * theta.cos - outside * theta.sin * theta.sin);
   const vfloat<W> distance = outside / (rho * theta.cos + chord);
   const CylinderLine<W> line(p.x, h, distance);
-  // Towards the axis and across, then turned from the point's meridian to the light's frame.
+  // Offset towards the axis and across, then rotated from the point's meridian to the light's frame.
   const vfloat<W> inwards = distance * theta.cos, across = distance * theta.sin, cy = p.y / rho, cz = p.z / rho;
   const vvec3<W> to{line.along(v), -cy * inwards - cz * across, -cz * inwards + cy * across};
   const vfloat<W> d = length(to), pdf = 1.0f / (2.0f * theta_max * line.difference);
@@ -75,7 +75,7 @@ PRIMRAY_INLINE LocalHit<W> cylinder_hit(const vvec3<W>& p, const vvec3<W>& w, vf
 struct CylinderLight : LightTypeDefaults {
   static constexpr LightType kType = LightType::kCylinder;
   static constexpr const char* kName = "CYLINDER";
-  static constexpr float kAxial = 0;  // what its axis counts in LightRow::outside
+  static constexpr float kAxial = 0;  // weight of its axis in LightRow::outside()
 
   template <int W>
   static PRIMRAY_INLINE LocalSample<W> sample(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local, vfloat<W> u,
@@ -114,7 +114,7 @@ struct CylinderLight : LightTypeDefaults {
   static void sizes(const LightSize& light, const dvec3& axes, double scale, double (&size)[2]) {
     size[0] = light.radius * axes.y * scale, size[1] = 0.5 * light.length * axes.x * scale;
   }
-  // Its ends, and its sides as lines where the camera sees its middle end.
+  // Outline: its ends, and its sides as lines where the camera sees the middle of the cylinder end.
   template <class Camera>
   static void outline(const float* row, Camera& camera) {
     const dvec3 x = light_vector(row, kAxisX), y = light_vector(row, kAxisY), z = light_vector(row, kAxisZ);

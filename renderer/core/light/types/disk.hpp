@@ -1,19 +1,18 @@
-// A disc of radius r in its plane z = 0, emitting along -z: sampled by solid angle, far away by area.
+// Disk light of radius r in its plane z = 0, emitting along -z: sampled by solid angle, if far away by area.
 //
-// From a point a disc is seen as the inside of an elliptic cone. In the equal-area map of the sphere about the cone's axis it
-// is nearly the ellipse through the ends of its axes (exactly so for a circle): the angle about the axis is chosen as of a
-// point in that ellipse, and then the height uniformly. The density is even to 1 part in 50 all around, to 1 in 8 as seen from
-// the disc's very rim, and no direction is lost. (Guillen et al. 2017, "Area-Preserving
-// Parameterizations for Spherical Ellipses", is exact, by elliptic integrals in tables; Gamito 2016, "Solid Angle Sampling of
-// Disk and Cylinder Lights", rejects directions from a rectangle.)
+// From a point a disk is seen as the inside of an elliptic cone. In the equal-area map of the sphere about the cone's axis it
+// is nearly the ellipse through the ends of its axes (exactly so for a circle): the angle about the axis is chosen as that of a
+// point in the ellipse, and then the height uniformly. The density is uniform to 1 part in 50 all around, to 1 in 8 as seen
+// from the disk's very rim, and no direction is lost. (Guillen et al. 2017, "Area-Preserving Parameterizations for Spherical
+// Ellipses", is exact, with tabulated elliptic integrals; Gamito 2016, "Solid Angle Sampling of Disk and Cylinder Lights",
+// rejects directions from a rectangle.)
 #pragma once
 
 #include "light/types/light_type.hpp"
 
 namespace primray {
 
-// Uniform point of the unit disc that keeps strata together: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and
-// Square".
+// Maps the square to the unit disk, preserving strata: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
 template <int W>
 PRIMRAY_INLINE void concentric_disk(vfloat<W> u, vfloat<W> v, vfloat<W>& x, vfloat<W>& y) {
   const vfloat<W> a = 2.0f * u - 1.0f, b = 2.0f * v - 1.0f;
@@ -25,23 +24,24 @@ PRIMRAY_INLINE void concentric_disk(vfloat<W> u, vfloat<W> v, vfloat<W>& x, vflo
   y = r * select(wide, phi.sin, phi.cos);
 }
 
-// Whether the disc is so far that points even on its area are nearly even in solid angle: relative variance 0.0003 straight
-// below it, 0.07 at most in its plane, where it gives little.
+// Whether the disk is so far that uniform area sampling is nearly uniform in solid angle: relative variance 0.0003 straight
+// below it, at most 0.07 in its plane, where it contributes little.
 template <int W>
 PRIMRAY_INLINE vbool<W> disk_is_far(const vvec3<W>& p, vfloat<W> r) {
   return dot(p, p) > 32.0f * r * r;
 }
 
-// The cone in which a disc is seen. With near and far the distances of the ends of the diameter that lies in one plane with the
-// point and the disc's axis, and d that of its middle: the cone's axis halves the angle between the ends, the half angle in
-// that plane has the tangent 2 r z / g, the half angle across it the sine 2 r / (near + far), where g = near far + d^2 - r^2.
+// Elliptic cone in which a disk is seen. With near and far the distances to the ends of the diameter in the plane of the point
+// and the disk's axis, and d the distance to its center: the cone's axis bisects the angle between the ends, the half angle in
+// that plane has the tangent 2 r z / g, and the half angle across it the sine 2 r / (near + far), where g = near far + d^2 -
+// r^2.
 template <int W>
 struct DiskCone {
-  vfloat<W> z, farthest;              // of the point: below the plane; and the greatest distance
-  vfloat<W> towards_x, towards_y;     // unit, in the plane: from the point to the disc's axis
-  vfloat<W> axis_out, axis_up;        // the cone's axis: along towards, and up
-  vfloat<W> tan2_across, tan2_ratio;  // squared tangents of the half angles: of that across, and it over the other
-  vfloat<W> map2_ratio;               // across over along in the map of equal area, squared
+  vfloat<W> z, farthest;              // depth of the point below the plane; and the greatest distance
+  vfloat<W> towards_x, towards_y;     // unit vector in the plane, from the point to the disk's axis
+  vfloat<W> axis_out, axis_up;        // cone axis: components along `towards`, and up
+  vfloat<W> tan2_across, tan2_ratio;  // squared tangents of the half angles: across, and across over the other
+  vfloat<W> map2_ratio;               // across over along in the equal-area map, squared
 
   PRIMRAY_INLINE DiskCone(const vvec3<W>& p, vfloat<W> r) : z(-p.z) {
     const vfloat<W> rho = sqrt(p.x * p.x + p.y * p.y);
@@ -68,16 +68,16 @@ struct DiskCone {
     const vfloat<W> secant = sqrt(1.0f + tan2);
     return secant + secant * secant;
   }
-  // 1 - cos of the half angle in the direction whose squared cosine and sine about the axis are given.
+  // 1 - cos of the half angle in the direction about the axis with these squared cosine and sine.
   PRIMRAY_INLINE vfloat<W> one_minus_cos(vfloat<W> cos2, vfloat<W> sin2) const {
     const vfloat<W> tan2 = tan2_across / (cos2 * tan2_ratio + sin2);
     return tan2 / steepness(tan2);
   }
-  // Density per solid angle in that direction, whose one_minus_cos is `height`.
+  // Density per solid angle in that direction, whose one_minus_cos() is `height`.
   PRIMRAY_INLINE vfloat<W> pdf(vfloat<W> cos2, vfloat<W> sin2, vfloat<W> height) const {
     return sqrt(map2_ratio) / ((cos2 * map2_ratio + sin2) * (2.0f * kPi) * height);
   }
-  // The sample for a point (x, y) of the unit disc.
+  // Sample for a point (x, y) of the unit disk.
   PRIMRAY_INLINE void sample(vfloat<W> x, vfloat<W> y, LocalSample<W>& s) const {
     const vfloat<W> across = y * sqrt(map2_ratio), flat2 = x * x + across * across;
     const vbool<W> aside = flat2 > vfloat<W>(0.0f);
@@ -88,7 +88,7 @@ struct DiskCone {
     const vfloat<W> up = axis_up * (1.0f - height) - axis_out * sine * cos_phi;
     const vfloat<W> out = axis_out * (1.0f - height) + axis_up * sine * cos_phi, beside = sine * sin_phi;
     s.w = {towards_x * out - towards_y * beside, towards_y * out + towards_x * beside, up};
-    s.t = select(up > vfloat<W>(0.0f), min(z / up, farthest), farthest);  // rounding does not lead beyond the far end
+    s.t = select(up > vfloat<W>(0.0f), min(z / up, farthest), farthest);  // rounding must not lead beyond the far end
     s.pdf = pdf(cos2, sin2, edge);
   }
 };

@@ -1,4 +1,4 @@
-// A light infinitely far away, seen under a cone about +z of its frame (it emits along -z). Angle 0: one direction.
+// Distant light: infinitely far away, seen under a cone about +z of its frame (it emits along -z). Angle 0: a single direction.
 #pragma once
 
 #include "light/types/light_type.hpp"
@@ -19,7 +19,7 @@ PRIMRAY_INLINE LocalSample<W> distant_sample(vfloat<W> spread, vfloat<W> u, vflo
 
 template <int W>
 PRIMRAY_INLINE LocalHit<W> distant_hit(const vvec3<W>& w, vfloat<W> spread) {
-  // 1 - cos = sin^2 / (1 + cos) in front, so that a sun of half a degree keeps its digits.
+  // 1 - cos = sin^2 / (1 + cos) in the front half, which stays precise for a sun of half a degree.
   const vfloat<W> sin2 = w.x * w.x + w.y * w.y;
   const vfloat<W> one_minus_cos = select(w.z > vfloat<W>(0.0f), sin2 / (1.0f + w.z), 1.0f - w.z);
   const vbool<W> hit = (spread > vfloat<W>(0.0f)) & (one_minus_cos <= spread);
@@ -47,7 +47,7 @@ struct DistantLight : LightTypeDefaults {
   static PRIMRAY_INLINE vfloat<W> importance(const float*, const vvec3<W>&, vfloat<W>, vfloat<W> power) {
     return power;
   }
-  // Its light comes from +z, out of a cone with 1 - cos = kSize0: that direction, and how far others lie from it.
+  // Direction to the light (+z of its frame), and the spread of the cone about it, 1 - cos = kSize0.
   static dvec3 far_direction(const float* row) { return light_vector(row, kAxisZ); }
   static double far_reach(const float* row) {
     const double spread = row[kSize0];

@@ -1,4 +1,4 @@
-// A dome among the lights: what its row says. Its image and how that is sampled are in light/dome/.
+// Dome light as a light type: its row. Its image and how that is sampled are in light/dome/.
 #pragma once
 
 #include "light/types/light_type.hpp"

@@ -1,4 +1,4 @@
-// The distribution by which a rectangle light's image is sampled.
+// Sampling distribution of a rectangle light's image.
 #include "light/types/light_image.hpp"
 
 #include <algorithm>
@@ -7,12 +7,13 @@
 namespace primray {
 namespace {
 
-// Some light samples always take the plain rectangle, whatever the image: their density bounds the estimate everywhere.
+// Upper limit of the share of image samples: some samples always take the plain rectangle, whose density bounds the estimate
+// everywhere.
 constexpr double kMostExcess = 1 - 0x1p-8;
 // Densities below this share of the mean cost more in rounding than they gain.
 constexpr double kWhole = 0x1p24;
 
-// Mean luminance over each texel of the image as it is read: the tent's integral, weights 1/8 6/8 1/8 along each axis.
+// Mean luminance over each texel of the interpolated image: the integral of the tent, weights 1/8 6/8 1/8 along each axis.
 std::vector<double> texel_means(const LightImage& image) {
   const int w = image.width, h = image.height;
   const auto at = [&](int x, int y) {
@@ -31,7 +32,7 @@ std::vector<double> texel_means(const LightImage& image) {
   return mean;
 }
 
-// Cumulative shares from 0 to 1 in whole multiples of 2^-24, as the sampler's numbers are.
+// Writes cumulative probabilities from 0 to 1 in multiples of 2^-24, like the sampler's numbers.
 void put_cdf(const double* weight, int n, double total, float* cdf) {
   double run = 0;
   for (int i = 0; i < n; ++i) {
@@ -58,7 +59,7 @@ void build_light_image(LightImage& image) {
     }
     excess += of_row[y];
   }
-  // Less than this is not worth a sample of its own.
+  // A smaller excess is not worth sampling.
   if (!(excess > 0.02 * total)) return;
   image.excess = float(std::min(excess / total, kMostExcess));
   image.row_cdf.resize(h + 1), image.column_cdf.resize(size_t(h) * (w + 1));

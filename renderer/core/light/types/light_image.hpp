@@ -1,7 +1,7 @@
-// An image that a rectangle light shines through: read bilinearly, clamped at the edge, and sampled where it exceeds its mean.
+// Image of a rectangle light: interpolated bilinearly, clamped at the edge, and importance sampled where it exceeds its mean.
 //
-// What is at or below the mean is left to sampling the plain rectangle, so that a light sample is drawn from the mixture of
-// both (textured_rect.hpp): a constant image is sampled as no image is, one small bright spot almost always there.
+// The part at or below the mean is left to uniform sampling of the rectangle, so that light samples come from a mixture of both
+// (textured_rect.hpp): a constant image is sampled like none, a single small bright spot almost always at the spot.
 #pragma once
 
 #include <vector>
@@ -14,23 +14,24 @@ namespace primray {
 struct LightImage {
   int width = 0, height = 0;
   std::vector<float> texels;               // 3 (width) (height), first row at the top
-  std::vector<float> row_cdf, column_cdf;  // of what exceeds the mean: height + 1, height (width + 1); empty where nothing does
-  float excess = 0;                        // the share of light samples that take it
+  std::vector<float> row_cdf, column_cdf;  // of the excess over the mean: height + 1, height (width + 1); empty if there is
+                                           // none
+  float excess = 0;                        // share of light samples drawn from the image
   double mean = 0;                         // luminance
 };
 
-// Fills the distributions and the mean from the texels.
+// Computes the distributions and the mean from the texels.
 void build_light_image(LightImage& image);
 
-// Radiance's factor at (s, t) in [0, 1], t from the top.
+// Factor of the radiance at (s, t) in [0, 1], t from the top.
 template <int W>
 PRIMRAY_INLINE vvec3<W> image_value(const LightImage& image, vfloat<W> s, vfloat<W> t) {
   return read_bilinear(image.texels.data(), image.width, BilinearAxis<W>(s * float(image.width), image.width),
                        BilinearAxis<W>(t * float(image.height), image.height));
 }
 
-// Density at (s, t) of image_sample, per unit square; 0 where nothing exceeds the mean. From the distributions themselves, so
-// that it is what is drawn to the last bit.
+// Density of image_sample() at (s, t), per unit square; 0 where the image is below its mean. Computed from the distributions,
+// so that it matches the sampling to the last bit.
 template <int W>
 PRIMRAY_INLINE vfloat<W> image_density(const LightImage& image, vfloat<W> s, vfloat<W> t) {
   if (image.row_cdf.empty()) return vfloat<W>(0.0f);
@@ -42,7 +43,7 @@ PRIMRAY_INLINE vfloat<W> image_density(const LightImage& image, vfloat<W> s, vfl
   return of_row * of_column * (float(image.width) * float(image.height));
 }
 
-// (s, t) where the image exceeds its mean: a texel in proportion to that, then a point uniform in it.
+// Samples (s, t) where the image exceeds its mean: a texel in proportion to its excess, then a uniform point in it.
 template <int W>
 PRIMRAY_INLINE void image_sample(const LightImage& image, vfloat<W> u, vfloat<W> v, vfloat<W>& s, vfloat<W>& t) {
   const float *rows = image.row_cdf.data(), *columns = image.column_cdf.data();

@@ -1,8 +1,8 @@
-// A light's row of floats, which every type lays out alike, and how lanes read it.
+// Row of floats that describes one light, with the same layout for every type, and how lanes read it.
 //
-// Area lights live in a frame of their own without size (their size is in kSize0, kSize1), so that sampling by solid angle
-// there is sampling by solid angle here; only a sheared frame changes it, by the Jacobian |det A| / |A w|^3 of directions under
-// A. Lights are not geometry: they shadow nothing, and emit from their front alone.
+// Area lights have a frame of their own without scale (their size is in kSize0, kSize1), so that sampling by solid angle there
+// is sampling by solid angle in world space; only a sheared frame changes it, by the Jacobian |det A| / |A w|^3 of directions
+// under A. Lights are not geometry: they cast no shadows, and emit from their front only.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace primray {
 
-// What a row's kType holds.
+// Values of a row's kType.
 enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh, kLine };
 
 enum LightField : int {
@@ -24,21 +24,22 @@ enum LightField : int {
   kInverseY = kInverseX + 3,
   kInverseZ = kInverseY + 3,
   kInverseDet = kInverseZ + 3,  // |det light_from_world|; 1 unless sheared
-  kSize0,                       // half width, radius (a mesh's: of a ball about it), or 1 - cos of a distant light's half-angle
-  kSize1,                       // half height, half length, a dome's number, or a mesh's in EmitterTable
-  kRadiance,                    // radiance; radiant intensity of a point, of a line by length; irradiance of a sun of angle 0
-  kAnchor = kRadiance + 3,      // a sphere's or cylinder's: a point of its surface near the core's origin, and its normal there
+  kSize0,                       // half width, radius (of a mesh: bounding sphere), or 1 - cos of a distant light's half-angle
+  kSize1,                       // half height, half length, index of a dome, or index of a mesh in EmitterTable
+  kRadiance,                    // radiance; of a point: radiant intensity; of a line: intensity per length; of a sun with angle
+                                // 0: irradiance
+  kAnchor = kRadiance + 3,      // of a sphere or cylinder: a point of its surface near the core's origin, and its normal there
   kAnchorNormal = kAnchor + 3,  // in the light's frame
-  kImportance = kAnchorNormal + 3,  // luminance of what selection weighs
+  kImportance = kAnchorNormal + 3,  // luminance of what light selection weighs
   kDiffuseFactor,
   kSpecularFactor,
-  kImage,  // of a rectangle: its texture in LightTable::images, counted from 1; 0: none
-  kGlow,   // of geometry: what it makes of its material's glow, or its own radiance (kOwnRadiance)
+  kImage,  // of a rectangle: 1 + index of its texture in LightTable::images; 0: none
+  kGlow,   // of geometry: factor of its material's emission, or its own radiance (kOwnRadiance)
   kLightFlags = kGlow + 3,
-  kShaping,  // its number in ShapingTable, from 1; 0: none
+  kShaping,  // 1 + index in ShapingTable; 0: none
   kLightFields,
-  // A mesh needs no inverse and has no one radiance, but its ball's centre, half its edges where it is a rectangle, and the
-  // placement (-1: none) and its instance.
+  // Mesh lights have no inverse and no single radiance. In place of these they store the center of the bounding sphere, half
+  // edges if the mesh is a rectangle, and the placement (-1: none) and its instance.
   kMeshCenter = kInverseX,
   kMeshHalfX = kInverseY,
   kMeshHalfY = kInverseZ,
@@ -47,25 +48,27 @@ enum LightField : int {
 };
 enum LightFlag : int32_t {
   kSheared = 1,
-  kGeometry = 2,   // rays meet it as a shape of the scene, not as a light
-  kRectangle = 4,  // a mesh that is one (build/emitters/emitter_rectangles.hpp)
-  kHidden = 16,    // the camera does not see it
-  kSpecial = 32,   // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
-  // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):
-  kOwnRadiance = 1 << 10,  // it gives kGlow, whatever glow its material has
-  kPassing = 1 << 11,      // it moves: the row is of a ball about its way, by which it is chosen (emitter/passing_emitter.hpp)
+  kGeometry = 2,   // rays hit it as a shape of the scene, not as a light
+  kRectangle = 4,  // a mesh that is a rectangle (build/emitters/emitter_rectangles.hpp)
+  kHidden = 16,    // hidden from the camera
+  kSpecial = 32,   // its shadows differ from those of the geometry: found by light sampling only, with weight 1
+                   // (light/shadow.hpp)
+  // Geometry with UsdLux LightAPI (light:materialSyncMode):
+  kOwnRadiance = 1 << 10,  // emits kGlow, whatever its material emits
+  kPassing = 1 << 11,      // it moves: the row has the bounding sphere of its path, by which it is chosen
+                           // (emitter/passing_emitter.hpp)
 };
 
 template <int W>
 struct LightSample {
   vvec3<W> wi;       // unit
-  vfloat<W> t, pdf;  // distance, density per solid angle without the choice of the light; 0: nothing
+  vfloat<W> t, pdf;  // distance; density per solid angle excluding the choice of the light, 0: no contribution
   vvec3<W> L;
   vbool<W> is_delta;
   vint<W> light;
 };
 
-// One lane's light each; reads the table once where all lanes chose the same.
+// Rows of each lane's light; the table is read once if all lanes chose the same light.
 template <int W>
 struct LightRow {
   const float* rows;
@@ -77,7 +80,7 @@ struct LightRow {
   PRIMRAY_INLINE LightRow(const Table& table, vint<W> light) : rows(table.rows.data()), offset(light * vint<W>(kLightFields)) {
     uniform = all(offset == vint<W>(offset[0])) ? offset[0] : -1;
   }
-  // A row for every lane, one after the other.
+  // One row per lane, stored one after the other.
   static PRIMRAY_INLINE LightRow by_lane(const float* rows) { return {rows, lane_numbers<W>() * vint<W>(kLightFields), -1}; }
   // One row for all lanes.
   explicit PRIMRAY_INLINE LightRow(const float* row) : rows(row), offset(0), uniform(0) {}
@@ -92,9 +95,8 @@ struct LightRow {
   PRIMRAY_INLINE vvec3<W> to_light(const vvec3<W>& v) const {
     return vector(kInverseX) * v.x + vector(kInverseY) * v.y + vector(kInverseZ) * v.z;
   }
-  // How far p lies outside a sphere (`axial` 1) or cylinder (0) of that radius, as distance^2 - radius^2. By way of a point of
-  // its surface, since where it is large beside the scene a difference of squares has no digits left: |r n + q|^2 - r^2 =
-  // |q|^2 + 2 r n.q.
+  // distance^2 - radius^2 of p from a sphere (`axial` 1) or cylinder (0) of that radius. Computed from a point of its surface,
+  // since for lights large beside the scene a difference of squares is imprecise: |r n + q|^2 - r^2 = |q|^2 + 2 r n.q.
   PRIMRAY_INLINE vfloat<W> outside(const vvec3<W>& p, vfloat<W> radius, vfloat<W> axial) const {
     const vvec3<W> q = to_light(p - vector(kAnchor)), n = vector(kAnchorNormal);
     return q.x * q.x * axial + q.y * q.y + q.z * q.z + 2.0f * radius * dot(n, q);

@@ -1,16 +1,16 @@
-// What a type of light says of itself. Each is a struct of static functions and constants:
+// Interface of a light type: a struct of static functions and constants.
 //
-//   kType, kName       its number in rows, and what Python calls it
-//   sample, hit        in its frame: a direction from a point, and where a ray meets it (none: rays don't); or sample_world
-//   is_delta           no ray can meet it by chance; of types that sample in their frame
-//   importance         an upper estimate of the irradiance that it brings to a point, as light_importance() has it
-//   reach, ball        along a coordinate axis from its centre; of a ball about that
-//   spread             by what it is chosen in a tree; or far_direction, far_reach, of what is infinitely far away
+//   kType, kName       its number in rows, and its name in Python
+//   sample, hit in its frame: samples a direction from a point, intersects a ray (absent: rays do not hit it); or sample_world
+//   is_delta           rays cannot hit it by chance; for types that sample in their frame
+//   importance         upper estimate of the irradiance at a point; see light_importance()
+//   reach, ball        half extent along a coordinate axis from its center; radius of its bounding sphere
+//   spread             its bounds in a light tree; or far_direction, far_reach for lights at infinity
 //   is_round, sizes    when its axes keep it without shear; its sizes from a description
-//   place              another frame than the description's; of types for which less than that matters
-//   outline            where the camera sees its edge
+//   place              a frame that differs from the description's; for types that depend on only part of it
+//   outline            its silhouette as seen by the camera
 //
-// LightTypeDefaults holds what most have in common.
+// LightTypeDefaults holds what most types have in common.
 #pragma once
 
 #include <algorithm>
@@ -24,30 +24,30 @@
 
 namespace primray {
 
-// A light's sizes as a description gives them.
+// Sizes of a light as a description gives them.
 struct LightSize {
   double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
 };
 
-// Squares of sizes must stay floats; a light smaller than this is as good as one of this size and the same power.
+// Smallest size, so that squares of sizes remain floats; a smaller light is replaced by one of this size and the same power.
 constexpr double kSmallestLight = 1e-15;
-// What is left of a flat light's importance where it is seen from its edge.
+// Lower limit of a flat light's importance when seen edge-on.
 constexpr float kFlatFloor = 1e-3f;
 
-// What a tree multiplies a light's power with, and the least squared distance from its centre that it reckons with.
+// Factor of a light's power in the tree, and the lower limit of the squared distance from its center.
 struct LightSpread {
   double factor = 1, least2 = 0;
 };
 
 inline dvec3 light_vector(const float* row, int field) { return {row[field], row[field + 1], row[field + 2]}; }
 
-// |x|, |y|, |z|: how far its axes go along a coordinate axis.
+// |x|, |y|, |z|: extents of its axes along a coordinate axis.
 struct AxisParts {
   double x, y, z;
   AxisParts(const float* row, int axis)
       : x(std::fabs(row[kAxisX + axis])), y(std::fabs(row[kAxisY + axis])), z(std::fabs(row[kAxisZ + axis])) {}
 };
-// The lengths of its axes; 1 unless it is sheared.
+// Lengths of its axes; 1 unless it is sheared.
 struct AxisLengths {
   double x, y, z;
   explicit AxisLengths(const float* row) : x(of(row + kAxisX)), y(of(row + kAxisY)), z(of(row + kAxisZ)) {}
@@ -65,18 +65,18 @@ inline bool is_as_long(const dvec3& a, const dvec3& b) {
 
 struct LightTypeDefaults {
   static constexpr int kCenter = kOrigin;  // the row's field
-  static constexpr bool kFlat = false;     // it lies in its plane z = 0, and needs no depth
+  static constexpr bool kFlat = false;     // lies in its plane z = 0, and needs no depth
   static double reach(const float*, int) { return 0; }
   static double ball(const float*) { return 0; }
   static LightSpread spread(const float*, LightBounds&) { return {}; }
   static bool is_round(const daffine&) { return true; }
-  // What is left of its emission where its sizes are kept from being too small.
+  // Factor of the emission that compensates for sizes that were raised to kSmallestLight.
   static double emission_scale(const double (&size)[2], const double (&kept)[2], double) {
     return size[0] / kept[0] * (size[1] / kept[1]);
   }
 };
 
-// What flat lights have in common. They emit where local z is negative, whatever shears x and y.
+// Defaults of flat lights. They emit where local z is negative, whatever shears x and y.
 struct FlatLight : LightTypeDefaults {
   static constexpr bool kFlat = true;
   static LightSpread spread_of(const float* row, double area, LightBounds& b) {
@@ -84,7 +84,7 @@ struct FlatLight : LightTypeDefaults {
     b.cos_end = 0, b.floor = kFlatFloor;
     return {area, area / std::numbers::pi};
   }
-  // `to`: from the light to the point, whose squared length is d2.
+  // `to`: from the light to the point, with squared length d2.
   template <int W>
   static PRIMRAY_INLINE vfloat<W> importance_of(const float* row, float area, const vvec3<W>& to, vfloat<W> d2,
                                                 vfloat<W> power) {

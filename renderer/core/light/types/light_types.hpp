@@ -1,4 +1,4 @@
-// The types of lights. A new one is a file beside these, whose struct is one line here.
+// List of the light types. A new one is a file beside these, whose struct is one line here.
 #pragma once
 
 #include "light/types/cylinder.hpp"
@@ -36,20 +36,20 @@ template <class F>
 PRIMRAY_INLINE void for_light_types(const F& f) {
   LightTypes::for_each(f);
 }
-// Calls it for the type of a light's row.
+// Calls f for the type of a light's row.
 template <class F>
 PRIMRAY_INLINE void with_light_type(const float* row, const F& f) {
   LightTypes::with(LightType(int(row[kType])), f);
 }
 
-// The row's field with its centre.
+// Field of the row that holds its center.
 PRIMRAY_INLINE int light_center(const float* row) {
   int field = kOrigin;
   with_light_type(row, [&]<class T>(T) { field = T::kCenter; });
   return field;
 }
 
-// Whether rays can meet lights of that type, other than as geometry or as a background.
+// Whether rays can hit lights of that type, other than as geometry or as background.
 PRIMRAY_INLINE bool can_be_met(LightType type) {
   bool found = false;
   LightTypes::with(type, [&]<class T>(T) { found = MetLightType<T>; });

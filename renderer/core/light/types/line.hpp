@@ -1,15 +1,15 @@
-// A line along the unit axis: the limit of a cylinder whose radius goes to 0 while its power stays. Rays never meet it.
+// Line light along the unit axis: the limit of a cylinder whose radius goes to 0 at constant power. Rays never hit it.
 //
-// A piece dx sends I dx sin psi along a direction at angle psi from the axis. From a point at distance rho from the line, a
-// piece at t along it, d away, gives I rho / d^3 dt of irradiance across the ray, which is I / rho ds with s = t / d: so s is
-// sampled uniformly, and every sample carries the same.
+// A piece dx emits I dx sin psi in a direction at angle psi from the axis. From a point at distance rho from the line, a piece
+// at t along it, at distance d, causes irradiance I rho / d^3 dt across the ray, which is I / rho ds with s = t / d: so s is
+// sampled uniformly, and every sample has the same contribution.
 #pragma once
 
 #include "light/types/light_type.hpp"
 
 namespace primray {
 
-// The point chosen (unit wi, distance t), and what all of the line is worth there, per unit of I; `usable`: not on the line.
+// Sampled point (unit wi, distance t), and the irradiance of the whole line there, per unit of I; `usable`: not on the line.
 template <int W>
 struct LineSample {
   vvec3<W> wi;
@@ -17,18 +17,18 @@ struct LineSample {
   vbool<W> usable;
 };
 
-// `to_center`: from the point to the line's centre.
+// `to_center`: from the point to the line's center.
 template <int W>
 PRIMRAY_RARE LineSample<W> line_sample(const vvec3<W>& to_center, const vvec3<W>& axis, vfloat<W> half_length, vfloat<W> u) {
   using F = vfloat<W>;
   const F none(0.0f), middle = dot(to_center, axis), a = middle - half_length, b = middle + half_length;
   const vvec3<W> across = to_center - axis * middle;
   const F rho2 = dot(across, across), rho = sqrt(rho2), da = sqrt(rho2 + a * a), db = sqrt(rho2 + b * b);
-  // sb - sa = (b da - a db) / (da db); where both ends lie to one side its numerator is rho^2 (b^2 - a^2) / (b da + a db).
+  // sb - sa = (b da - a db) / (da db); if both ends are on one side its numerator is rho^2 (b^2 - a^2) / (b da + a db).
   const vbool<W> aside = a * b > none;
   const F numerator = select(aside, rho2 * (4.0f * half_length * middle) / (b * da + a * db), b * da - a * db);
   const F width = numerator / (da * db);
-  // s from whichever end of [-1, 1] is nearer, as the difference c from it; of an end beyond, 1 - |s| = rho^2 / (d (d + |t|)).
+  // s from whichever end of [-1, 1] is nearer, as the difference c from it; for an end beyond, 1 - |s| = rho^2 / (d (d + |t|)).
   const F ca = select(a > none, 1.0f + a / da, rho2 / (da * (da - min(a, 0.0f))));
   const F cb = select(b < none, 1.0f - b / db, rho2 / (db * (db + max(b, 0.0f))));
   const F from_a = ca + u * width, from_b = cb + (1.0f - u) * width;

@@ -1,4 +1,4 @@
-// A mesh that emits, among the lights: what its row says. How it is sampled is in emitter/.
+// Mesh light as a light type: its row. How it is sampled is in emitter/.
 #pragma once
 
 #include "base/flush_denormals.hpp"
@@ -15,15 +15,15 @@ struct MeshLight : LightTypeDefaults {
   static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
     if (int(row[kLightFlags]) & kRectangle) {
       const LightRow<W> r(row);
-      const vvec3<W> quarter = cross(r.vector(kMeshHalfX), r.vector(kMeshHalfY));  // of its area
+      const vvec3<W> quarter = cross(r.vector(kMeshHalfX), r.vector(kMeshHalfY));  // a quarter of its area
       const vfloat<W> area = max(4 * length(quarter), kLeastNormal), far = 4 * abs(dot(quarter, to)) / (d2 * sqrt(d2));
       return power / area * min(max(far, 1e-6f), kPi);
     }
-    // A quarter of a closed surface's area is seen from afar, half of an open one's on average.
+    // A quarter of a closed surface's area is visible from afar, half of an open one's on average.
     return 0.5f * power / max(d2, row[kSize0] * row[kSize0]);
   }
-  // Of a ball about it in its group's space: its size went by the cube root of the matrix's determinant. An uneven matrix
-  // reaches further.
+  // Radius of the bounding sphere in its group's space: its size was scaled by the cube root of the matrix's determinant, and
+  // non-uniform scale extends further.
   static double own_radius(const float* row, double without_size) {
     const dvec3 a = light_vector(row, kAxisX), b = light_vector(row, kAxisY), c = light_vector(row, kAxisZ);
     const double size = std::cbrt(std::fabs(dot(cross(a, b), c)));

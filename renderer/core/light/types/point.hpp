@@ -1,4 +1,4 @@
-// A point that gives the same radiant intensity in all directions. Rays never meet it.
+// Point light with the same radiant intensity in all directions. Rays never hit it.
 #pragma once
 
 #include "light/types/light_type.hpp"

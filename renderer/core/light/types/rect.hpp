@@ -1,8 +1,8 @@
-// A rectangle in its plane z = 0, |x| <= hx, |y| <= hy, emitting along -z: sampled by solid angle where it is near.
+// Rectangle light in its plane z = 0, |x| <= hx, |y| <= hy, emitting along -z: sampled by solid angle where it is near.
 //
-// Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
-// Rectangles". Far (its half-diagonal less than half of the distance): by area, which has nearly the same variance. Near, but
-// seen as a sliver, whose solid angle would lose digits: light/shape/sliver.hpp.
+// Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical Rectangles".
+// Far (its half-diagonal is less than half of the distance): by area, which has nearly the same variance. Near, but seen
+// edge-on so that the solid angle would be imprecise: light/shape/sliver.hpp.
 #pragma once
 
 #include "light/shape/sliver.hpp"
@@ -15,7 +15,7 @@ struct SphericalRect {
   vfloat<W> x0, x1, y0, y1, z0;  // corners relative to the point, z0 < 0
   vfloat<W> b0, b1, k, solid_angle;
 
-  // Solid angle as a sum of arc sines, which keeps its digits for a small rectangle straight ahead.
+  // Solid angle as a sum of arc sines, which stays precise for a small rectangle straight ahead.
   PRIMRAY_INLINE SphericalRect(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy)
       : x0(-hx - p.x), x1(hx - p.x), y0(-hy - p.y), y1(hy - p.y), z0(p.z) {
     const vfloat<W> z2 = z0 * z0;
@@ -42,7 +42,7 @@ struct SphericalRect {
   }
 };
 
-// The arc sines leave an error of 2e-6 in the solid angle: a sliver smaller than this would be off by more than 1e-4.
+// The arc sines leave an error of 2e-6 in the solid angle: that of a smaller sliver would be off by more than 1e-4.
 constexpr float kSliver = 0.02f;
 
 template <int W>
@@ -50,7 +50,7 @@ PRIMRAY_INLINE vbool<W> rect_is_far(const vvec3<W>& p, vfloat<W> hx, vfloat<W> h
   return dot(p, p) > 4.0f * (hx * hx + hy * hy);
 }
 
-// Density of rect_sample towards the point at `to`, seen from p, which lies in front; `by_area` where that is how it is chosen.
+// Density of rect_sample() towards the point at `to`, seen from p, which is in front; `by_area` if it is sampled by area.
 template <int W>
 PRIMRAY_INLINE vfloat<W> near_rect_pdf(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, const vvec3<W>& to, vbool<W> far,
                                        vfloat<W> by_area) {
@@ -64,7 +64,7 @@ PRIMRAY_INLINE vfloat<W> near_rect_pdf(const vvec3<W>& p, vfloat<W> hx, vfloat<W
 template <int W>
 PRIMRAY_INLINE LocalSample<W> rect_sample(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, vfloat<W> u, vfloat<W> v) {
   const vbool<W> front = p.z < vfloat<W>(0.0f), far = rect_is_far(p, hx, hy);
-  // Coordinates seen from the point: the plane lies at -p.z along +z.
+  // Coordinates relative to the point: the plane is at -p.z along +z.
   vvec3<W> to{(2.0f * u - 1.0f) * hx - p.x, (2.0f * v - 1.0f) * hy - p.y, -p.z};
   vfloat<W> near_pdf(0.0f);
   if (any(front & !far)) {
@@ -85,7 +85,7 @@ PRIMRAY_INLINE LocalSample<W> rect_sample(const vvec3<W>& p, vfloat<W> hx, vfloa
   return {to * (1.0f / d), d, select(front & (pdf > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf, vfloat<W>(0.0f))};
 }
 
-// The density of rect_sample towards the point at `to`, seen from p.
+// Density of rect_sample() towards the point at `to`, seen from p.
 template <int W>
 PRIMRAY_INLINE vfloat<W> rect_pdf(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, const vvec3<W>& to) {
   const vbool<W> far = rect_is_far(p, hx, hy);

@@ -1,21 +1,21 @@
-// A sphere of radius r about the origin, emitting outwards: sampled uniformly over the cone in which it is seen.
+// Sphere light of radius r about the origin, emitting outwards: sampled uniformly over the cone that it subtends.
 //
-// Pharr, Jakob and Humphreys, Physically Based Rendering 4th ed., 6.2.4, with 1 - cos by sin^2 / (1 + cos) so that small
-// and far spheres keep their digits.
+// Pharr, Jakob and Humphreys, Physically Based Rendering 4th ed., 6.2.4, with 1 - cos as sin^2 / (1 + cos), which stays precise
+// for small and distant spheres.
 #pragma once
 
 #include "light/types/light_type.hpp"
 
 namespace primray {
 
-// 1 - cos of the half-angle under which the sphere is seen; `outside`: d2 - r^2.
+// 1 - cos of the half-angle that the sphere subtends; `outside`: d2 - r^2.
 template <int W>
 PRIMRAY_INLINE vfloat<W> sphere_one_minus_cos(vfloat<W> d2, vfloat<W> r, vfloat<W> outside) {
   return r * r / d2 / (1.0f + safe_sqrt(outside / d2));
 }
 
-// Distance along unit w to the sphere's near side, infinite if missed; accurate for far spheres: Haines et al. 2019, "Precision
-// Improvements for Ray/Sphere Intersection".
+// Distance along unit w to the sphere's near side, infinite if missed; precise for distant spheres: Haines et al. 2019,
+// "Precision Improvements for Ray/Sphere Intersection".
 template <int W>
 PRIMRAY_INLINE vfloat<W> sphere_distance(const vvec3<W>& p, const vvec3<W>& w, vfloat<W> r, vfloat<W> outside) {
   const vfloat<W> b = -dot(p, w);
@@ -50,7 +50,7 @@ PRIMRAY_INLINE LocalHit<W> sphere_hit(const vvec3<W>& p, const vvec3<W>& w, vflo
 struct SphereLight : LightTypeDefaults {
   static constexpr LightType kType = LightType::kSphere;
   static constexpr const char* kName = "SPHERE";
-  static constexpr float kAxial = 1;  // what its axis counts in LightRow::outside
+  static constexpr float kAxial = 1;  // weight of its axis in LightRow::outside()
 
   template <int W>
   static PRIMRAY_INLINE LocalSample<W> sample(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local, vfloat<W> u,
@@ -84,7 +84,7 @@ struct SphereLight : LightTypeDefaults {
   static void sizes(const LightSize& light, const dvec3& axes, double scale, double (&size)[2]) {
     size[0] = size[1] = light.radius * axes.x * scale;
   }
-  // Of a sheared one, a sphere about as large.
+  // Outline; of a sheared sphere, that of a sphere of about the same size.
   template <class Camera>
   static void outline(const float* row, Camera& camera) {
     const dvec3 x = light_vector(row, kAxisX), y = light_vector(row, kAxisY), z = light_vector(row, kAxisZ);

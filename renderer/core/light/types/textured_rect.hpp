@@ -1,7 +1,7 @@
-// A rectangle light with an image: sampled by the mixture of the plain rectangle's way and of where the image is bright.
+// Rectangle light with an image: sampled from a mixture of the plain rectangle and of the image's bright parts.
 //
-// UsdLux RectLight: the image's first column and row lie at +x and +y, its last at -x and -y, so that it is upright and not
-// mirrored for whoever it shines at.
+// UsdLux RectLight: the image's first column and row are at +x and +y, its last at -x and -y, so that it is upright and not
+// mirrored for a viewer whom it faces.
 #pragma once
 
 #include "light/types/light_image.hpp"
@@ -9,7 +9,7 @@
 
 namespace primray {
 
-// What the mixture's density is towards the point (x, y) of the rectangle, `distance` from p: `plain` that of rect_sample.
+// Density of the mixture towards the point (x, y) of the rectangle, `distance` from p; `plain`: density of rect_sample().
 template <int W>
 PRIMRAY_INLINE vfloat<W> textured_rect_pdf(const LightImage& image, vfloat<W> s, vfloat<W> t, vfloat<W> plain, vfloat<W> hx,
                                            vfloat<W> hy, vfloat<W> distance, vfloat<W> height) {
@@ -17,7 +17,7 @@ PRIMRAY_INLINE vfloat<W> textured_rect_pdf(const LightImage& image, vfloat<W> s,
   return plain * (1.0f - image.excess) + by_area * (distance * distance * distance / height) * image.excess;
 }
 
-// `value`: the image's at the point.
+// `value`: that of the image at the point.
 template <int W>
 PRIMRAY_RARE LocalSample<W> textured_rect_sample(const LightImage& image, const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy,
                                                  vfloat<W> u, vfloat<W> v, vvec3<W>& value) {
@@ -39,7 +39,7 @@ PRIMRAY_RARE LocalSample<W> textured_rect_sample(const LightImage& image, const 
   return {w, distance, select(front & (pdf > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf, vfloat<W>(0.0f))};
 }
 
-// Of a ray p + distance w (w unit) that met the rectangle, `plain` from rect_hit.
+// Density for a ray p + distance w (w unit) that hit the rectangle; `plain` from rect_hit().
 template <int W>
 PRIMRAY_RARE vfloat<W> textured_rect_hit(const LightImage& image, const vvec3<W>& p, const vvec3<W>& w, vfloat<W> hx,
                                          vfloat<W> hy, vfloat<W> distance, vfloat<W> plain, vvec3<W>& value) {

@@ -1,4 +1,5 @@
-// A vertex among bodies: what is on either side of it, and what a ray that leaves it is in.
+// Vertex in a scene with media: the media on both sides of the surface, and the one that a ray enters when it leaves the
+// vertex.
 #pragma once
 
 #include "bsdf/basics/scattering.hpp"
@@ -8,11 +9,11 @@ namespace primray {
 
 template <int W>
 struct Crossing {
-  Inside<W> inside;  // of the path that came
+  Inside<W> inside;  // of the incoming path
   Boundary<W> boundary;
-  Medium<W> entered;  // what is below opaque surfaces, of those that may be entered
+  Medium<W> entered;  // medium below opaque surfaces that may be entered (subsurface)
 
-  // Of a path that goes on as `s` says.
+  // State of the path after the scattering event `s`.
   PRIMRAY_INLINE Inside<W> after(const BsdfSample<W>& s) const {
     Inside<W> r;
     r.bodies = select(s.transmits & !s.enters, boundary.beyond, boundary.here);
@@ -21,7 +22,8 @@ struct Crossing {
     r.below.phase = select(s.enters, entered.phase, inside.below.phase);
     return r;
   }
-  // Of light on a way of length `t` from here; of lanes `beyond` from the other side.
+  // Transmittance over distance `t` from here, times the radiance scale of the medium; in lanes `beyond` on the far side of the
+  // surface.
   PRIMRAY_RARE vvec3<W> left_towards(const Scene& scene, vbool<W> beyond, vfloat<W> t) const {
     const BodyLanes<W> around = select(beyond, boundary.beyond, boundary.here);
     return medium_of(scene, around).left_after(t) * radiance_from(scene, around);

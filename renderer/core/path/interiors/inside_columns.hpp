@@ -1,4 +1,4 @@
-// What paths carry of the bodies that they are in, beside the pool's own columns; only where Interiors::followed.
+// Medium state of paths, stored beside the columns of the path pool; only present where Interiors::followed.
 #pragma once
 
 #include "medium/bodies.hpp"
@@ -6,15 +6,16 @@
 
 namespace primray {
 
-// One packet of paths. `below`: of those that have entered an opaque surface, what they scatter in until they come out.
+// Medium state of one packet of paths. `below` is the subsurface medium of paths that have entered an opaque surface, until
+// they leave it.
 template <int W>
 struct Inside {
   BodyLanes<W> bodies;
   Medium<W> below;
-  vfloat<W> lead{0.0f};  // how far behind the ray's start its way begins, on the surface
+  vfloat<W> lead{0.0f};  // distance between the surface point and the ray's offset origin, which the medium also fills
 
   PRIMRAY_INLINE vbool<W> walks() const { return below.exists(); }
-  // What fills the space around a path.
+  // Medium that surrounds each path.
   PRIMRAY_INLINE Medium<W> medium(const Scene& scene) const {
     const vbool<W> walks_on = walks();
     if (!any(walks_on)) return medium_of(scene, bodies);
@@ -26,9 +27,9 @@ struct Inside {
   }
 };
 
-// Calls f(k, lanes) for lanes of each of the masks `kinds`, none of which overlap. Parts of one sample may stand side by side
-// (`parted`), and what they bring is added in the order of calls: by runs of lanes then, so that no other number of lanes would
-// give other bits.
+// Calls f(k, lanes) for the lanes of each of the disjoint masks `kinds`. If samples are split (`parted`), parts of one sample
+// may be adjacent lanes whose contributions are added in the order of the calls; the masks are then processed in runs of lanes,
+// so that the result has the same bits for every lane count.
 template <int W, int K, class F>
 PRIMRAY_INLINE void for_kinds(bool parted, const vbool<W> (&kinds)[K], const F& f) {
   uint32_t masks[K], all = 0;
@@ -65,7 +66,7 @@ struct InsideColumns {
     r.lead = load<W>(lead + i);
     return r;
   }
-  // At `i`, the lanes that `c` holds.
+  // Stores at `i` the lanes that `c` selects.
   template <int W>
   PRIMRAY_INLINE void put(int i, const Compaction<W>& c, const Inside<W>& r) {
     for (int k = 0; k < kMostBodies; ++k) c.append(inside[k] + i, r.bodies.inside[k]);
@@ -77,7 +78,7 @@ struct InsideColumns {
   }
 };
 
-// Bodies around the starts of shadow rays, where those may go straight through boundaries.
+// Medium stacks at the origins of shadow rays, which may pass straight through boundaries.
 struct ShadowBodies {
   alignas(64) int32_t inside[kMostBodies][ShadowQueue::kSize];
   alignas(64) float lead[ShadowQueue::kSize];
@@ -96,7 +97,7 @@ struct ShadowBodies {
   }
 };
 
-// A worker's, of its two pools and of its shadow queues.
+// Medium state of one worker: for its two path pools and its shadow queues.
 struct InsideStore {
   InsideColumns columns[2];
   InsideColumns* pool = &columns[0];

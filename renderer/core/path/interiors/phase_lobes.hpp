@@ -1,4 +1,4 @@
-// What scatters in a medium, in the place of a surface's lobes: all directions are sent on, by the phase function.
+// Phase function in the place of a surface's lobes, for vertices inside a medium: all directions are transmitted.
 #pragma once
 
 #include "bsdf/bsdf.hpp"
@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// In a frame whose +z points back along the ray.
+// Local frame: +z points back along the ray.
 template <int W>
 struct PhaseLobes : Bsdf<W> {
   static constexpr bool kInMedium = true, kAmongBodies = true;
@@ -29,7 +29,7 @@ struct PhaseLobes : Bsdf<W> {
   }
 
  private:
-  // Of surfaces nothing is asked here.
+  // Row of a surface without lobes; nothing of it is evaluated.
   static SurfaceRows<W> plain() {
     static const float row[kSurfaceFields] = {};
     return SurfaceRows<W>(row, vint<W>(0), nullptr);

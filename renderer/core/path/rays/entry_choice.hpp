@@ -1,7 +1,6 @@
-// Packets or single rays, by what measures best here: camera rays, scattered rays and shadow rays each choose for themselves.
+// Choice between packet and single-ray traversal by measured time; camera, scattered and shadow rays choose separately.
 //
-// A hit has the same bits as a packet's and as a single ray's (tests/kernels/test_intersection.py), so a choice by the clock
-// leaves the image alone.
+// Hits have the same bits either way (tests/kernels/test_intersection.py), so a choice by the clock does not change the image.
 #pragma once
 
 #include <x86intrin.h>
@@ -13,25 +12,25 @@ namespace primray {
 
 class EntryChoice {
  public:
-  // Of the next chunk of rays.
+  // Whether the next chunk of rays is traced as packets.
   bool packet() {
     if (++chunk_ == due_) trials_ = 0;
     return measuring() ? (trials_ & 1) : packet_;
   }
   bool measuring() const { return trials_ < kTrials; }
   static uint64_t now() { return __rdtsc(); }
-  // Cycles that `rays` rays took by the way that packet() named.
+  // Records the cycles that `rays` rays took in the mode that packet() returned.
   void record(uint64_t cycles, int rays) {
     cost_[trials_ & 1][trials_ / 2] = float(cycles) / float(rays);
     if (++trials_ < kTrials) return;
     packet_ = trimmed(cost_[1]) <= trimmed(cost_[0]);
-    // Again soon, as memory was cold and the first tile may be unlike the others; later one in 256 chunks is a trial.
+    // Measures again soon, since caches were cold and the first tile may be atypical; later one chunk in 256 is a trial.
     due_ = chunk_ + std::clamp<int64_t>(chunk_, kTrials, 256 * kTrials);
   }
 
  private:
-  static constexpr int kTrials = 64;  // chunks of W rays, taken by turns
-  // The sum without the highest eighth: the operating system may have taken the processor away for longer than all else took.
+  static constexpr int kTrials = 64;  // chunks of W rays, alternating between both modes
+  // Sum of the costs without the highest eighth, during which the thread may have been descheduled.
   static float trimmed(float (&cost)[kTrials / 2]) {
     constexpr int kKept = kTrials / 2 - kTrials / 16;
     std::sort(cost, cost + kTrials / 2);

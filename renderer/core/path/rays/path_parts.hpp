@@ -1,11 +1,12 @@
-// Parts of a path that splits: each carries its share, and they take the numbers after each other in a sequence so much longer.
+// Parts of a split path: each carries an equal share of the throughput, and they take consecutive indices of a sample sequence
+// that is `parts` times longer.
 #pragma once
 
 #include "path/rays/pool.hpp"
 
 namespace primray {
 
-// One of `parts` in lanes `split`, without a number yet; elsewhere the path itself.
+// Returns one of `parts` parts in lanes `split`, not yet numbered; other lanes keep the path.
 template <int W>
 PRIMRAY_INLINE PathLanes<W> part_of(const PathLanes<W>& p, vbool<W> split, int parts) {
   PathLanes<W> part = p;
@@ -13,7 +14,7 @@ PRIMRAY_INLINE PathLanes<W> part_of(const PathLanes<W>& p, vbool<W> split, int p
   return part;
 }
 
-// Makes it the k-th.
+// Makes `part` the k-th of its path.
 template <int W>
 PRIMRAY_INLINE void number_part(PathLanes<W>& part, const PathLanes<W>& p, vbool<W> split, int parts, int k) {
   const vuint<W> number = reverse_bits(p.sampler.reversed_index) * vuint<W>(uint32_t(parts)) + vuint<W>(uint32_t(k));

@@ -1,4 +1,4 @@
-// The paths that a thread has under way: structures of arrays, kept dense, so that every lane of every step has a path.
+// Pool of a thread's paths in flight: structure of arrays, kept dense, so that every lane has a path in every step.
 #pragma once
 
 #include "base/integrator_settings.hpp"
@@ -9,9 +9,9 @@
 namespace primray {
 
 constexpr int kPool = 512;
-constexpr int kPadded = kPool + 16;  // whole vectors are stored at any position
+constexpr int kPadded = kPool + 16;  // room to store whole vectors at any position
 
-// For every mask of 8 lanes, the numbers of those that are set, in order, a byte each.
+// For every mask of 8 lanes, the indices of its set bits in order, one byte each.
 struct CompactionTable {
   uint64_t order[256];
   constexpr CompactionTable() : order{} {
@@ -24,7 +24,7 @@ struct CompactionTable {
 };
 inline constexpr CompactionTable kCompaction;
 
-// Lanes of `m` in order, then any: for permute(); and their number.
+// Permutation that moves the lanes of `m` to the front, in order, and their number.
 template <int W>
 struct Compaction {
   vint<W> from;
@@ -54,34 +54,34 @@ struct Compaction {
   }
 };
 
-// One path between two vertices: its ray, and what it needs to go on.
+// Path state between two vertices: the ray, and what the next vertex needs.
 struct PathPool {
   alignas(64) float ox[kPadded], oy[kPadded], oz[kPadded], dx[kPadded], dy[kPadded], dz[kPadded], tnear[kPadded], tfar[kPadded];
   alignas(64) float beta_r[kPadded], beta_g[kPadded], beta_b[kPadded];
-  alignas(64) float bsdf_pdf[kPadded];  // density of the ray's direction; 0: camera or delta
-  alignas(64) int32_t slot[kPadded];    // where its radiance is summed
+  alignas(64) float bsdf_pdf[kPadded];  // solid-angle density of the ray's direction; 0: camera ray or delta lobe
+  alignas(64) int32_t slot[kPadded];    // sample whose radiance this is
   alignas(64) uint32_t reversed_index[kPadded], seed[kPadded];
-  alignas(64) int32_t depth[kPadded];   // scatterings so far; passing straight through is none
-  alignas(64) int32_t vertex[kPadded];  // surfaces met so far: whose sampler dimensions come next
-  alignas(64) float splits[kPadded];    // paths among which this one's sample was split
-  // Only where a surface lets light straight through: how far behind the ray's origin lies the vertex that `bsdf_pdf` is of.
+  alignas(64) int32_t depth[kPadded];   // scattering events so far; passing straight through a surface is none
+  alignas(64) int32_t vertex[kPadded];  // surfaces hit so far, which selects the next sample dimensions
+  alignas(64) float splits[kPadded];    // number of parts that this path's sample was split into
+  // Present if a surface lets light pass straight through: distance from the ray's origin back to the vertex that `bsdf_pdf`
+  // belongs to.
   alignas(64) float travelled[kPadded];
-  // Only where surfaces have varying inputs: the ray's cone, its width at the origin and how much wider it gets per distance.
+  // Present if surfaces have varying inputs: ray cone, its width at the origin and its growth per unit of distance.
   alignas(64) float cone_width[kPadded], cone_spread[kPadded];
-  // Only where lights have lobe factors, and for light path expressions: the part of the last scattering's f_cos that was
-  // diffuse.
+  // Present if lights have lobe factors, and for light path expressions: diffuse share of f_cos at the last scattering event.
   alignas(64) float diffuse_share_r[kPadded], diffuse_share_g[kPadded], diffuse_share_b[kPadded];
-  // Only where the shutter is open for a while.
+  // Present if the shutter interval is not empty.
   alignas(64) float time[kPadded];
-  // Only where lights, or triangles of lights, are chosen by a tree: the normal of the surface that scattered last, on the side
-  // that is lit.
+  // Present if lights, or triangles of mesh lights, are chosen by a tree: shading normal at the last scattering event, on the
+  // lit side.
   alignas(64) float nx[kPadded], ny[kPadded], nz[kPadded];
-  // Only with a guide: what the first surface that it knows receives; see expected_light().
+  // Present with a guide: radiance received at the first surface in the guide; see expected_light().
   alignas(64) float first_received[kPadded];
-  // Only where lights are linked: the row of the surface that scattered last, or kUnlinkedRow.
+  // Present if lights are linked: link row of the surface that scattered last, or kUnlinkedRow.
   alignas(64) int32_t link[kPadded];
-  // Only for light path expressions: the states of the path's channels if it left the last vertex by a diffuse lobe, of which
-  // diffuse_share is the part, and else.
+  // Present for light path expressions: automaton states of the path's channels if it left the last vertex by a diffuse lobe
+  // (probability diffuse_share), and otherwise.
   alignas(64) int32_t route_diffuse[kPadded], route_other[kPadded];
   int count = 0;
 
@@ -121,7 +121,7 @@ struct PathPool {
     p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
     return p;
   }
-  // Adds the lanes that `c` holds.
+  // Appends the lanes that `c` selects.
   template <int W>
   PRIMRAY_INLINE void append(const Compaction<W>& c, const PathLanes<W>& p, PathNeeds needs) {
     const int at = count;
@@ -159,7 +159,7 @@ struct PathPool {
   }
 };
 
-// Moves hits to `at`: the lanes that `c` holds.
+// Stores at `at` the hits of the lanes that `c` selects.
 template <int W>
 PRIMRAY_INLINE void put_hits(PathPool& pool, int at, const Compaction<W>& c, const Hits<W>& h) {
   c.append(pool.t + at, h.t), c.append(pool.ngx + at, h.ng.x), c.append(pool.ngy + at, h.ng.y), c.append(pool.ngz + at, h.ng.z);
@@ -167,14 +167,14 @@ PRIMRAY_INLINE void put_hits(PathPool& pool, int at, const Compaction<W>& c, con
   c.append(pool.inst + at, h.inst), c.append(pool.inst_prim + at, h.inst_prim);
 }
 
-// Shadow rays with what they carry if nothing blocks them. From a vertex a path sends so many to lights, and one to a dome in
-// place of its last scattered ray; a path that splits takes the pool's room of all its parts.
+// Queue of shadow rays with the radiance that each carries if it is not blocked. A vertex sends up to kMostLightSamples towards
+// lights, and one towards the domes in place of its last scattered ray; the parts of a split path share the pool's room.
 struct ShadowQueue {
   static constexpr int kSize = (kMostLightSamples + 1) * kPool + 16;
   alignas(64) float ox[kSize], oy[kSize], oz[kSize], dx[kSize], dy[kSize], dz[kSize], tfar[kSize];
   alignas(64) float r[kSize], g[kSize], b[kSize];
   alignas(64) int32_t slot[kSize];
-  alignas(64) float time[kSize];  // only where the shutter is open for a while
+  alignas(64) float time[kSize];  // present if the shutter interval is not empty
   int count = 0;
 
   template <int W>
@@ -198,7 +198,7 @@ struct ShadowQueue {
   }
 };
 
-// Shadow rays to special lights, each with its light.
+// Queue of shadow rays towards special lights, with the light of each.
 struct SpecialShadowQueue {
   ShadowQueue rays;
   alignas(64) int32_t light[ShadowQueue::kSize];

@@ -1,4 +1,4 @@
-// Every ray of a render as it was traced: by packet or single, nearest hit or occlusion. For the benchmark's replay.
+// Recording of every traced ray (packet or single, nearest hit or occlusion) for the benchmark that replays them.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ struct RayRecorder {
   struct Call {
     bool shadow, packet;
     uint32_t active;
-    size_t first;  // offset into `rays`, 9 W floats: origin, direction, tnear, tfar, time, each of W lanes
+    size_t first;  // offset into `rays`: 9 W floats (origin, direction, tnear, tfar, time, each for W lanes)
     int lanes;
   };
   std::vector<Call> calls;

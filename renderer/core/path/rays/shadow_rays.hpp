@@ -1,5 +1,5 @@
-// Shadow rays that must look at what they hit: surfaces that let light straight through, and lights whose shadows are special
-// (light/shadow.hpp). Others only ask Embree whether anything is in the way.
+// Shadow rays that need their hits: through surfaces that let light pass straight, and towards lights with special shadows
+// (light/shadow.hpp). All other shadow rays are plain occlusion queries.
 #pragma once
 
 #include "accel/query.hpp"
@@ -19,15 +19,15 @@ PRIMRAY_RARE vvec3<W> straight_with_open_pbr(const SurfaceRows<W>& rows, vbool<W
   return straight_transmittance(BsdfWithOpenPbr<W>(rows, active, wo, front, beside));
 }
 
-// What a shadow ray met, and the part of its light that goes straight on.
+// Surface hit by a shadow ray, and its transmittance for light that continues straight.
 template <int W>
 struct ShadowStep {
   Interaction<W> it;
   vbool<W> front;
   vvec3<W> through;
-  vbool<W> unseen{false};  // boundaries that are not there
+  vbool<W> unseen{false};  // boundaries of lower priority inside overlapping media
 
-  // `around`: the bodies around the ray, where they are followed; left as they are behind what was met.
+  // `around`: medium stack along the ray, if media are followed; updated to the one behind the surface.
   PRIMRAY_INLINE ShadowStep(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits,
                             BodiesAround<W>* around)
       : it(interact(scene, active, rays, hits)), front(dot(it.ng, rays.d) < vfloat<W>(0.0f)), through(vfloat<W>(0.0f)) {
@@ -37,7 +37,7 @@ struct ShadowStep {
     SurfaceRows<W> rows(scene.surfaces, it.surface);
     LaneRows<W> varying;
     if (any_inputs(scene, active, it.surface)) {
-      // Normal maps bend no light that goes straight on, and shadow rays have no cones.
+      // Normal maps do not bend light that passes straight, and shadow rays have no ray cones.
       vvec3<W> unbent = it.ns;
       rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
     }
@@ -58,8 +58,8 @@ struct ShadowStep {
     around.bodies = select(active, b.beyond, around.bodies);
     around.lead = select(active, lead_of(it.offset, it.ng, rays.d), around.lead);
   }
-  // Goes on from the point that was hit, as far as is left: to the same end, since that may lie so close to its light's surface
-  // that a ray beside it would meet that.
+  // Advances rays past the hit, towards the same end point: it may be so close to the light's surface that a ray aimed beside
+  // it would hit that surface.
   PRIMRAY_INLINE void go_on(Rays<W>& rays) const {
     const vvec3<W> o = it.p + it.ng * (it.offset * select(front, vfloat<W>(-1.0f), vfloat<W>(1.0f)));
     const vfloat<W> left = rays.tfar - dot(o - rays.o, rays.d);
@@ -72,14 +72,14 @@ struct ShadowStep {
   }
 };
 
-// Of the light of rays that have nothing before them any more.
+// Transmittance and radiance scale over the last segment of shadow rays, which nothing blocks.
 template <int W>
 PRIMRAY_RARE vvec3<W> left_at_end(const Scene& scene, const BodiesAround<W>& around, const Rays<W>& rays) {
   return medium_of(scene, around.bodies).left_after(rays.tfar + around.lead) * radiance_from(scene, around.bodies);
 }
 
-// Follows shadow rays through surfaces that let light straight through; what arrives is left in `carried`. `around`: see
-// ShadowStep. `passed`, where asked for: counts what each went through.
+// Traces shadow rays through surfaces that let light pass straight, attenuates `carried`, and returns the lanes that arrive.
+// `around`: see ShadowStep. `passed`, if given, counts the surfaces passed by each ray.
 template <int W>
 PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried,
                                 BodiesAround<W>* around, vint<W>* passed = nullptr) {
@@ -105,9 +105,9 @@ PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool
   return arrived;
 }
 
-// What shadow rays to special lights bring of their light. The first opaque caster ends a shadow; panes before it tint it. Each
-// weighs by its distance; hits on what casts no shadow of the light are passed. A light that is geometry always hides its own
-// far side, which is no shadow. `passed` as of pass_thin.
+// Traces shadow rays towards special lights; returns the factor of their light. The first opaque caster ends a shadow,
+// transmissive casters before it tint it. Each caster is weighted by its distance; surfaces that cast no shadow of the light
+// are skipped. Geometry that is a light always hides its own far side, which is not a shadow. `passed`: see pass_thin().
 template <int W>
 PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light,
                                    BodiesAround<W>* around, vint<W>* passed = nullptr) {

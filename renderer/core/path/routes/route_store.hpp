@@ -1,5 +1,5 @@
-// What a thread keeps for light path expressions, beside the pool's own columns: what shadow rays have been through, and each
-// sample's light by class.
+// Per-thread storage for light path expressions, beside the columns of the path pool: states of shadow rays, and the radiance
+// of each sample by class.
 #pragma once
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 
 namespace primray {
 
-// States of the three channels of a path, a byte each. A path is split between the lobes that it may have left a vertex by,
-// and that choice is made channel by channel, by each one's share (resolve_routes()).
+// Automaton state of one of a path's three channels, a byte each. A path is split between the lobes by which it may have left a
+// vertex, and one of them is chosen channel by channel, by its share (resolve_routes()).
 PRIMRAY_INLINE int32_t state_of(int32_t route, int channel) { return route >> (8 * channel) & 255; }
-// The same of where light comes from, ten bits each: what a shadow ray brings of several domes is of one of them a channel.
+// Light end of one channel, ten bits each: a shadow ray towards several domes attributes each channel to one of them.
 PRIMRAY_INLINE int32_t end_of(int32_t ends, int channel) { return ends >> (10 * channel) & 1023; }
 PRIMRAY_INLINE int32_t same_ends(int32_t end) { return end | end << 10 | end << 20; }
 
@@ -23,8 +23,8 @@ inline int32_t step(const RouteTables& t, int32_t route, RouteEvent event) {
   return r;
 }
 
-// Light on its way to a sample: what it has been through if its last scattering was diffuse, and else; where it comes from; how
-// much of it is diffuse.
+// Light on its way to a sample: the path's states if its last scattering was diffuse, and otherwise; where it ends; and the
+// diffuse share per channel.
 struct RoutedLight {
   int32_t diffuse, other, ends;
   float share[3];
@@ -41,18 +41,18 @@ struct ShadowRoutes {
   }
 };
 
-// Radiance of one light that some of a packet's rays met, by lane.
+// Radiance of one light that some rays of a packet hit, by lane.
 struct MetLight {
   uint32_t lanes;
   int32_t end[16];
   float L[3][16];
-  float diffuse, specular;  // the light's multipliers
+  float diffuse, specular;  // the light's lobe multipliers
 };
 
 struct RouteStore {
   const RouteTables& tables;
   int slots;
-  std::vector<float> sums;  // class, channel, slot
+  std::vector<float> sums;  // indexed by class, channel, slot
   std::vector<MetLight> met;
   ShadowRoutes shadows, special_shadows;
 
@@ -81,7 +81,8 @@ struct RouteStore {
   }
 };
 
-// Adds what of shadow rays at `at` arrives, `passed`: surfaces that each went straight through.
+// Adds the contributions `c` of shadow rays at `at` that arrive; `passed` counts the surfaces that each passed straight
+// through.
 template <int W>
 PRIMRAY_RARE void add_arrived(RouteStore& s, const ShadowRoutes& routes, int at, vbool<W> m, vint<W> slot, const vvec3<W>& c,
                               vint<W> passed) {

@@ -1,4 +1,4 @@
-// What scattering does to the routes of paths.
+// Transitions of light path states at scattering events.
 #pragma once
 
 #include "bsdf/basics/scattering.hpp"
@@ -6,12 +6,12 @@
 
 namespace primray {
 
-// Before paths scatter again: by which lobe they had left the last vertex, channel by channel, with each one's share as its
-// chance.
+// Resolves, before paths scatter again, by which lobe they left the last vertex: channel by channel, with the lobe's share as
+// its probability.
 template <int W>
 PRIMRAY_RARE void resolve_routes(PathLanes<W>& p) {
   if (!any(p.route_diffuse != p.route_other)) return;
-  // A number that only a camera ray has a use for.
+  // This sample dimension is used by camera rays only.
   const vfloat<W> u = p.sampler.single(p.vertex, Purpose::kFilm);
   for (int i = 0; i < W; ++i) {
     int32_t mask = 0;
@@ -23,7 +23,7 @@ PRIMRAY_RARE void resolve_routes(PathLanes<W>& p) {
   }
 }
 
-// The same in lanes `m` alone.
+// Resolves the states in lanes `m` only.
 template <int W>
 PRIMRAY_RARE void resolve_where(vbool<W> m, PathLanes<W>& p) {
   PathLanes<W> resolved = p;
@@ -32,7 +32,7 @@ PRIMRAY_RARE void resolve_where(vbool<W> m, PathLanes<W>& p) {
   p.route_other = select(m, resolved.route_other, p.route_other);
 }
 
-// `n`: paths `p`, resolved, that go on as `s` says.
+// Sets the states of `n`: paths `p`, already resolved, that continue with the BSDF sample `s`.
 template <bool kInMedium, int W>
 PRIMRAY_RARE void step_routes(const RouteTables& t, const PathLanes<W>& p, const BsdfSample<W>& s, PathLanes<W>& n) {
   for (int i = 0; i < W; ++i) {
@@ -44,14 +44,14 @@ PRIMRAY_RARE void step_routes(const RouteTables& t, const PathLanes<W>& p, const
                              : (s.is_delta[i] ? kReflectedSingular : kReflectedGlossy);
       if (s.straight[i]) diffuse = other = kStraight;
     }
-    // What enters below an opaque surface has scattered there once it comes out.
+    // A path that enters an opaque surface takes its transition when it leaves.
     const bool stays = s.enters[i];
     n.route_diffuse.set(i, stays ? route : step(t, route, diffuse)),
         n.route_other.set(i, stays ? route : step(t, route, other));
   }
 }
 
-// The same of paths that scatter in media.
+// Advances the states of paths that scatter in a medium.
 template <int W>
 PRIMRAY_RARE void step_in_medium(const RouteTables& t, vbool<W> m, PathLanes<W>& n) {
   for (uint32_t b = bits(m); b; b &= b - 1) {
@@ -61,13 +61,13 @@ PRIMRAY_RARE void step_in_medium(const RouteTables& t, vbool<W> m, PathLanes<W>&
   }
 }
 
-// Part of f_cos that is diffuse, where a light's multipliers weigh both.
+// Diffuse share of f_cos, weighted by the light's lobe multipliers.
 PRIMRAY_INLINE float share_of(float diffuse, float specular) {
   const float sum = diffuse + specular;
   return sum > 0 ? diffuse / sum : 0.0f;
 }
 
-// Of light samples from vertices where paths `p`, resolved, scatter: by lane.
+// State of the light sample in lane `i` at vertices where the resolved paths `p` scatter.
 template <bool kInMedium, int W>
 PRIMRAY_INLINE RoutedLight sampled_route(const RouteTables& t, const PathLanes<W>& p, const BsdfEval<W>& f, bool beyond,
                                          float diffuse, float specular, int32_t end, int i) {
