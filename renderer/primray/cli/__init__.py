@@ -1,7 +1,7 @@
-"""The command `primray`: one file per subcommand; this one turns errors into a line and an exit code.
+"""The command `primray`: one file per subcommand; this module turns errors into a message and an exit code.
 
-Exit codes: 0 done, 1 render failed, 2 usage, 3 scene rejected, 4 a limit was reached, 5 ended above the target error,
-6 a comparison is undecided, 130 interrupted (Ctrl-C, SIGTERM).
+Exit codes: 0 success, 1 render failed, 2 usage error, 3 scene refused, 4 a limit was exceeded, 5 the target error was not
+reached, 6 a comparison is undecided, 130 interrupted (Ctrl-C, SIGTERM).
 """
 
 from __future__ import annotations
@@ -24,34 +24,33 @@ from .terminal.streams import finish, make_lasting
 
 def main() -> None:
     """Entry point of the console script."""
-    install(interrupt)  # first: pxr is imported later, and a signal in between is not to be lost
+    install(interrupt)  # first, because pxr is imported later, and a signal before that must not be lost
     process_memory.owns_process = True
     arguments = sys.argv[1:]
     code = run(arguments, _start)
-    install(end_at_once)  # all is written
+    install(end_at_once)  # everything is written
     if arguments[:1] != ["render"]:
         sys.exit(finish(code))
     _leave(code)
 
 
 def _start() -> None:
-    """Set what makes imports quicker; all of it together takes a fifth of their time."""
-    # Some 10^5 objects are made that stay: searching them for cyclic garbage at the usual pace is most of that fifth.
+    """Set up the process for fast imports; together these settings save a fifth of the import time."""
+    # Imports create about 10^5 long-lived objects: scanning them for cyclic garbage at the default rate is most of that fifth.
     gc.set_threshold(200_000, 20, 20)
-    sys.setdlopenflags(os.RTLD_LAZY)  # thousands of functions of USD's libraries are never called
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would spin beside the imports; nothing here needs them
+    sys.setdlopenflags(os.RTLD_LAZY)  # most functions of USD's libraries are never called
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would spin during imports, and are not needed
     make_lasting()
 
 
 def _leave(code: int) -> NoReturn:
-    """End at once. What is written is written; taking the stage, the scene and Python apart piece by piece takes as long as
-    opening them did."""
+    """Exit without cleanup, since destroying the stage, the scene and Python's objects takes as long as creating them did."""
     atexit._run_exitfuncs()
     os._exit(finish(code))
 
 
 def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
-    """Run one command line after `start`; its exit code."""
+    """Run one command line after `start`; return its exit code."""
     verbose, as_json = False, "--json" in arguments
     try:
         start()
@@ -78,14 +77,14 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
 
 
 def _too_long(error: OSError) -> PrimrayError | None:
-    """Return the error of a file that the command line names by more than file systems hold."""
+    """Return the error of a file name that is longer than file systems allow, or None for other errors."""
     from ..images.output_path import too_long
 
     return too_long(error, str(error.filename or ""))
 
 
 def _is_interrupt(end: SystemExit) -> bool:
-    """Return whether Typer made this end from a KeyboardInterrupt, without a word."""
+    """Return whether Typer made this SystemExit from a KeyboardInterrupt."""
     error: BaseException | None = end
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__

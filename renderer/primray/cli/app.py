@@ -1,4 +1,4 @@
-"""The commands of `primray`, put together; those of other packages come in by `installed`."""
+"""The Typer application with all commands of `primray`; commands of other packages are added by `installed`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _named = {
     "output_flags": output_flags,
     "show_flags": show_flags,
 }
-vars(render_module).update(_named)  # for its annotations
+vars(render_module).update(_named)  # names in its annotations, which it imports only for type checking
 app.command()(render_module.render)
 app.command()(estimate)
 app.command()(merge)

@@ -1,4 +1,4 @@
-"""Flags of commands that have a default of their own."""
+"""Flags for commands that have their own default."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typer.models import OptionInfo
 
 
 def with_own_default(flag: Any) -> OptionInfo:
-    """The option of a flag, with the command's own default in the help."""
+    """Return the option of a flag, showing the command's own default in the help."""
     [option] = get_args(flag)[1:]
     own: OptionInfo = copy(option)
     own.show_default = True

@@ -1,4 +1,4 @@
-"""The facts of `primray inspect` as a person reads them: a name and a line each, long lists cut short unless verbose."""
+"""The facts of `primray inspect` as text: a name and a value per line, with long lists truncated unless verbose."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from ..notices.diagnostics_text import diagnostics_lines, fidelity_text
 
-_SHOWN = 10  # of each list, unless verbose
+_SHOWN = 10  # entries per list, unless verbose
 
 Row = tuple[str, str]
 

@@ -1,6 +1,6 @@
-"""Commands that other packages add, by the entry-point group `primray.commands`: the render service's, if it is there.
+"""Commands added by other packages, such as the render service, through the entry-point group `primray.commands`.
 
-An entry point leads to a table of name -> ("module:function", one line of help), in a module that imports nothing heavy.
+An entry point names a table of name -> ("module:function", one line of help), in a module that imports nothing heavy.
 The function's module is imported when its command is used; `--help` shows the lines of the table.
 """
 
@@ -26,7 +26,7 @@ Table = Mapping[str, tuple[str, str]]
 
 
 class LazyCommand(TyperCommand):
-    """Stands for a command in lists; makes way for it when it is to run."""
+    """Placeholder of a command in lists, replaced by the command when it is run."""
 
     def __init__(self, name: str, target: str, help: str) -> None:
         super().__init__(name, help=help)
@@ -37,7 +37,7 @@ class LazyCommand(TyperCommand):
 
 
 def loaded(name: str, target: str) -> Any:
-    """The command of "module:function", or of "module:app" for one that has commands of its own."""
+    """Return the command of "module:function", or of "module:app" for a command with subcommands."""
     module, _, attribute = target.partition(":")
     found = getattr(import_module(module), attribute)
     if not isinstance(found, typer.Typer):
@@ -48,7 +48,7 @@ def loaded(name: str, target: str) -> Any:
 
 
 class CommandGroup(TyperGroup):
-    """The command line's own commands, and after them those of other packages; the latter are looked for when needed."""
+    """Primray's own commands followed by those of other packages, which are looked up only when needed."""
 
     _is_complete = False
 
@@ -76,7 +76,7 @@ class CommandGroup(TyperGroup):
 
 
 def installed() -> dict[str, tuple[str, str]]:
-    """The tables of all packages, the first that has a name."""
+    """Return the merged command tables of all packages; the first package that has a name wins."""
     from importlib.metadata import entry_points
 
     commands: dict[str, tuple[str, str]] = {}

@@ -1,4 +1,4 @@
-"""What `--json` prints to stdout: one JSON object a line, each with its "type" (progress, report, scene, error)."""
+"""Output of `--json`: one JSON object per line on stdout, each with a "type" (progress, report, scene, error)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ def print_line(line: Mapping[str, Any]) -> None:
 
 
 def dumps(value: Any, *, indent: int | None = None, ascii: bool = False) -> str:
-    """JSON in the strict sense: numbers that are not finite become null. Bytes of a file's name that are no UTF-8 are escaped,
-    and with `ascii` every other letter beyond it."""
+    """Return strict JSON, with null for numbers that are not finite.
+
+    Bytes of a file name that are not UTF-8 are escaped, and with `ascii` every character beyond ASCII.
+    """
     text = json.dumps(_finite(value), indent=indent, ensure_ascii=ascii, allow_nan=False)
-    return text.encode("utf-8", "backslashreplace").decode()  # lone surrogates: \udcxx is JSON too
+    return text.encode("utf-8", "backslashreplace").decode()  # lone surrogates become \udcxx, which is valid JSON
 
 
 def _is_unicode(stream: Any) -> bool:

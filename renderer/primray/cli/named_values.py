@@ -1,4 +1,4 @@
-"""Errors of numeric options that name the value as it was typed and the form that is wanted, whatever Typer's own words are."""
+"""Error messages for numeric options that quote the value as typed and name the expected form, instead of Typer's own."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import typer
 _WANTED = re.compile(r"valid (integer|number|float)")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _WITH_UNIT = re.compile(rf"({_NUMBER})\s*([A-Za-z%]+)")
-_FACTORS = {"%": 0.01, "k": 1e3, "K": 1e3, "M": 1e6}  # of what may be meant; other units count as 1
+_FACTORS = {"%": 0.01, "k": 1e3, "K": 1e3, "M": 1e6}  # for the suggested value; other units have factor 1
 
 
 def naming_values(command: Any) -> Any:
-    """Return the command, or the group with its commands, whose options name the value that they refuse."""
+    """Return the command, or the group with its commands, with options whose errors quote the refused value."""
     for inner in getattr(command, "commands", {}).values():
         naming_values(inner)
     for param in getattr(command, "params", ()):

@@ -1,4 +1,4 @@
-"""`primray render --ray`: the executor that another package has for it, by the entry-point group `primray.executors`."""
+"""`primray render --ray`: the Ray executor, provided by another package through the entry-point group `primray.executors`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ GROUP, RAY = "primray.executors", "ray"
 
 
 def ray_executor(address: str) -> AbstractContextManager[PartsExecutor]:
-    """Of the cluster there; it connects when a frame begins. SettingsError where no package has one."""
+    """Return the executor for the Ray cluster at `address`; it connects when a frame begins.
+
+    SettingsError if no package provides one.
+    """
     from importlib.metadata import entry_points
 
     for entry in entry_points(group=GROUP, name=RAY):
@@ -25,7 +28,7 @@ def ray_executor(address: str) -> AbstractContextManager[PartsExecutor]:
 
 
 def require_parts(flags: Mapping[str, Any]) -> None:
-    """SettingsError for flags that are of a render on this machine."""
+    """Raise SettingsError for flags that need a render on this machine."""
     for flag, value in flags.items():
         if value is not None:
             raise SettingsError(f"{flag} is for renders on this machine, not with --ray", code="parts-setting")

@@ -1,4 +1,4 @@
-"""The plain-text values that options take, as settings; this module imports nothing of Typer (see quick.py)."""
+"""Conversion of option values from text to settings. This module does not import Typer (see quick.py)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_en
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK, check_stops
 from .standard_output import suffix_of
 
-_LEAST_MEMORY = 2**20  # less is a number whose unit is missing
+_LEAST_MEMORY = 2**20  # a smaller number most likely lacks its unit
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
 class Complexity(Enum):
-    """usdrecord's and husk's: each halves the edges of the one before, as a level of refinement does there."""
+    """Complexity of usdrecord and husk. Each level halves the edges of the previous one, like a refinement level there."""
 
     LOW = "low"
     MEDIUM = "medium"
@@ -28,7 +28,7 @@ class Complexity(Enum):
     VERYHIGH = "veryhigh"
 
 
-# Pixels that an edge may cover.
+# Longest edge in pixels.
 DICING_RATES = {Complexity.LOW: 16.0, Complexity.MEDIUM: 8.0, Complexity.HIGH: 4.0, Complexity.VERYHIGH: 2.0}
 
 
@@ -40,19 +40,19 @@ class OnOff(Enum):
 
 
 class ColorCorrection(Enum):
-    """usdrecord's."""
+    """Colour correction mode of usdrecord."""
 
     DISABLED = "disabled"
     SRGB = "sRGB"
     OPENCOLORIO = "openColorIO"
 
 
-# By the names that OpenColorIO's built-in configurations have; None: the display's default.
+# View names of OpenColorIO's built-in configurations; None: the display's default.
 VIEWS = {ColorCorrection.DISABLED: "Raw", ColorCorrection.SRGB: "Un-tone-mapped", ColorCorrection.OPENCOLORIO: None}
 
 
 def camera_of(camera: str | None) -> str | None:
-    """`-c` is a complexity in usdrecord; say so instead of looking for a camera of that name."""
+    """Return the camera. SettingsError, with advice, if usdrecord's complexity was given as `-c`."""
     if camera in [complexity.value for complexity in Complexity]:
         sentence = f"-c names a camera here; usdrecord's complexity is --complexity {camera}"
         raise SettingsError(sentence, code="camera")
@@ -60,7 +60,7 @@ def camera_of(camera: str | None) -> str | None:
 
 
 def render_settings_of(prim: str | None) -> str | None:
-    """A path; a name alone is one in /Render, as husk takes it."""
+    """Return the prim path; a name alone is a prim in /Render, as in husk."""
     return f"/Render/{prim}" if prim and not prim.startswith("/") else prim
 
 
@@ -85,14 +85,14 @@ def view_of(view: str | None, correction: ColorCorrection | None) -> str | None:
 
 
 def exposure_of(stops: str | None) -> float | Literal["auto"] | None:
-    """Return the exposure of views; None where it is left to the stage."""
+    """Return the exposure of views; None leaves it to the stage."""
     if stops is None or stops == "auto":
         return None if stops is None else "auto"
     return check_stops(stops, "--exposure")
 
 
 def threads_of(threads: int | None) -> int | None:
-    """0: all; below 0: all but so many, as husk counts."""
+    """Return the number of threads, or None for all. Negative numbers leave that many cores free, as in husk."""
     if threads is None or threads > 0:
         return threads
     if threads == 0:
@@ -116,7 +116,7 @@ def frames_of(
     scene: str | None,
     session_layer: str | None,
 ) -> str | None:
-    """Return the frame list that is meant, with the stage's `start` and `end` as numbers; None: the stage's default time."""
+    """Return the frame list, with the stage's `start` and `end` as numbers; None: the stage's default time."""
     if default_time and (frames, count, increment) != (None, None, None):
         raise SettingsError("--defaultTime and frames contradict each other; give one", code="frames")
     if frames is not None and scene is not None and names_ends(frames):
@@ -129,7 +129,7 @@ def frames_of(
 
 
 def time_codes_of(frames: str | None) -> list[float] | None:
-    """Return the frames of a list, each once: lists such as 1-3,2 overlap."""
+    """Return the frames of a list, without duplicates: lists such as 1-3,2 overlap."""
     return None if frames is None else list(dict.fromkeys(parse_frames(frames)))
 
 
@@ -153,30 +153,30 @@ def mask_of(mask: list[str] | None) -> tuple[str, ...] | None:
 
 
 def _paths(texts: list[str] | None) -> tuple[str, ...] | None:
-    """Also several in one, by commas or spaces, as usdrecord's --mask takes them; None for no texts at all."""
+    """Return the paths, separated by commas or spaces as in usdrecord's --mask; None if there are none."""
     paths = tuple(path for text in texts or () for path in text.replace(",", " ").split())
     return paths or None
 
 
 def codes_of(texts: list[str] | None) -> tuple[str, ...]:
-    """Return codes of diagnostics, several in a text by commas or spaces."""
+    """Return diagnostic codes, separated by commas or spaces."""
     return _paths(texts) or ()
 
 
 def purposes_of(text: str | None) -> tuple[str, ...] | None:
-    """By commas or spaces; `default` is always among them, as in usdrecord, and is what husk calls geometry."""
+    """Return purposes, separated by commas or spaces. `default` is always included, as in usdrecord; husk calls it geometry."""
     if text is None:
         return None
     names = ["default" if name == "geometry" else name for name in text.replace(",", " ").split()]
     return tuple(dict.fromkeys(names if "default" in names else ["default", *names]))
 
 
-# But for commas within the braces and quotes of light path expressions.
+# Commas, except within the braces and quotes of light path expressions.
 _AT_COMMAS = re.compile(r",(?![^{}]*\})(?=(?:[^']*'[^']*')*[^']*$)")
 
 
 def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...] | None:
-    """None: as the stage's product says, unless no output could hold them."""
+    """Return the chosen AOVs; None: those of the stage's product, or none if no output can hold them."""
     chosen = aovs_of(texts)
     if any(suffix_of(name).lower() == ".exr" for name in outputs):
         return chosen
@@ -186,7 +186,7 @@ def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...]
 
 
 def aovs_of(texts: list[str] | None) -> tuple[str, ...] | None:
-    """None: as the stage's product says."""
+    """Return the chosen AOVs; None: those of the stage's product."""
     if texts is None:
         return None
     names = tuple(name.strip() for text in texts for name in _AT_COMMAS.split(text) if name.strip())
@@ -197,7 +197,10 @@ def aovs_of(texts: list[str] | None) -> tuple[str, ...] | None:
 def encoding_of(
     bit_depth: int | None, half: list[str] | None, compression: str | None = None, metadata: list[str] | None = None
 ) -> Encoding:
-    """SettingsError for bits that no format has, and for a compression or metadata that no EXR has."""
+    """Return the encoding of output files.
+
+    SettingsError for a bit depth that no format has, and for a compression or metadata that no EXR has.
+    """
     known = sorted({bits for depths in BIT_DEPTHS.values() for bits in depths})
     if bit_depth is not None and bit_depth not in known:
         listed = ", ".join(map(str, known))
@@ -217,7 +220,7 @@ def _attribute_of(text: str) -> tuple[str, str]:
 
 
 def sample_range_of(text: str | None) -> tuple[int, int] | None:
-    """ "A:B", whole numbers; RenderSettings checks them."""
+    """Return the sample range written A:B, whole numbers; RenderSettings checks them."""
     if text is None:
         return None
     match = re.fullmatch(r"\s*(\d{1,12}):(\d{1,12})\s*", text)
@@ -230,7 +233,10 @@ def sample_range_of(text: str | None) -> tuple[int, int] | None:
 
 
 def bytes_of(text: str | None) -> int | None:
-    """ "4G", "500M", "1.5GiB" or plain bytes, units being powers of 1024; "auto": what this process may hold at most."""
+    """Return an amount of memory in bytes.
+
+    "4G", "500M" and "1.5GiB" use powers of 1024; "auto" is the most this process may use.
+    """
     if text is None:
         return None
     if text.strip() == "auto":
@@ -244,11 +250,11 @@ def bytes_of(text: str | None) -> int | None:
     return size
 
 
-PREVIEW_SPP = 16  # a denoised picture of fewer samples loses detail that this keeps
+PREVIEW_SPP = 16  # denoising with fewer samples loses detail
 
 
 def previewed(
     spp: int | None, target_error: float | None, time_limit: float | None, denoise: bool | None
 ) -> tuple[int | None, bool]:
-    """Return samples a pixel, and whether the picture is denoised, where a preview is asked for: unless that is refused."""
+    """Return samples per pixel and whether to denoise for a preview, unless flags say otherwise."""
     return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), denoise is not False

@@ -1,4 +1,4 @@
-"""What comes out of a command, where and how it looks."""
+"""Flags for the output of a command: files, their format, and how pictures look."""
 
 from __future__ import annotations
 

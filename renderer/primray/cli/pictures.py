@@ -1,6 +1,6 @@
-"""Pictures as a command leaves them: what can be written is found out before, and what came of them is told after.
+"""Output pictures of a command: checks before rendering, writing, and reporting after it.
 
-Nothing of Typer is imported here (see quick.py).
+This module does not import Typer (see quick.py).
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ Held = Callable[[str, "Image"], "Image"]
 
 @dataclass(frozen=True)
 class Looks:
-    """How messages and pictures are to look, and whether their folders are to be made."""
+    """How messages and pictures look, and whether output folders are created."""
 
     as_json: bool
     verbose: bool
     view: str | None = None
     display: str | None = None
     look: str | None = None
-    exposure: float | Literal["auto"] | None = None  # None: as the stage's product asks, else 0
+    exposure: float | Literal["auto"] | None = None  # None: that of the stage's product, else 0
     make_folders: bool = False
     chose_exposure: bool = False
     tev: TevOutputs = field(default_factory=TevOutputs)
     encoding: Encoding = field(default_factory=Encoding)
     notices: SequenceNotices = field(default_factory=SequenceNotices)
-    names_space: bool = False  # --rendering-color-space was given, so that views rest on no assumption about it
+    names_space: bool = False  # --rendering-color-space was given, so views need not assume a space
 
     @property
     def is_chosen(self) -> bool:
         return not self.view == self.display == self.look is None
 
     def settled(self, image: Image) -> Looks:
-        """With the exposure that "auto" is for this picture; those after it look the same."""
+        """Return these looks with "auto" replaced by the exposure for this picture, which later pictures share."""
         if self.exposure != "auto":
             return self
         from ..images.exposure import exposure_that_serves
@@ -61,7 +61,7 @@ class Looks:
         return replace(self, exposure=exposure_that_serves(image.seen, self.view_of(image)), chose_exposure=True)
 
     def settled_if_it_can_be(self, image: Image) -> Looks:
-        """`settled`; or as it is where the view fails, which is reported where a file needs it."""
+        """Return `settled`, or these looks if the view fails, which is reported when a file needs it."""
         try:
             return self.settled(image)
         except Exception:
@@ -71,7 +71,7 @@ class Looks:
         return image.view_of(self.view, self.display, self.look)
 
     def stops_of(self, image: Image) -> float:
-        """Return the exposure of views of the image."""
+        """Return the exposure of views of the image, in stops."""
         return image.file.view.exposure if self.exposure is None else 0.0 if self.exposure == "auto" else self.exposure
 
     def view_from(self, space: ColorSpace) -> View:
@@ -81,7 +81,7 @@ class Looks:
 
 
 def check_shots(shots: Sequence[Shot], looks: Looks) -> None:
-    """`check_outputs` of the first picture, and the places of all others: a name may have the frame in its folder."""
+    """Check the outputs of the first shot, and the paths of all others, whose folders may depend on the frame."""
     from ..images.image import check_output_path
     from ..images.output_path import make_folder
 
@@ -98,7 +98,7 @@ def check_shots(shots: Sequence[Shot], looks: Looks) -> None:
 
 
 def check_reports(files: Sequence[str], make_folders: bool) -> None:
-    """SettingsError where a report cannot be written."""
+    """Raise SettingsError if a report cannot be written."""
     from ..images.output_path import check_folder, make_folder
 
     for name in dict.fromkeys(files):
@@ -108,7 +108,7 @@ def check_reports(files: Sequence[str], make_folders: bool) -> None:
 
 
 def check_outputs(files: list[str], report: str | None, looks: Looks, settings: RenderSettings | None = None) -> None:
-    """Find out before rendering what cannot be written after it. `settings`: of the render, where one follows."""
+    """Check before rendering that outputs can be written. `settings` are those of the render that follows, if any."""
     from ..images.files.encoding import check_bit_depth, check_half
     from ..images.image import check_output_path, shows_view
     from ..images.output_path import make_folder
@@ -132,7 +132,10 @@ def check_outputs(files: list[str], report: str | None, looks: Looks, settings: 
 
 
 def _check_view(looks: Looks, settings: RenderSettings | None) -> None:
-    """From the space that is asked for. One that the stage names is known later: what fails then keeps the record."""
+    """Check the view from the requested colour space.
+
+    A space authored in the stage is known only later; if the view fails then, the EXR is kept.
+    """
     from ..color.color_space import REC709
     from ..color.ocio import rendering_space
 
@@ -165,7 +168,10 @@ def _as_it_is(file: str, image: Image) -> Image:
 
 
 def write(image: Image, shot: Shot, looks: Looks) -> bool:
-    """Write and tell what came of a render; False if a file could not be written, which is told, and the others were."""
+    """Write a render's files and report its results; return False if any file could not be written.
+
+    Such a file is reported, and the others are written.
+    """
     files, held = shot.files, shot.image_in
     start = time.perf_counter()
     written, looks = save_all(files, lambda file, looks: save(held(file, image), file, looks), looks, image)
@@ -177,8 +183,10 @@ def write(image: Image, shot: Shot, looks: Looks) -> bool:
 
 
 def save_all(files: list[str], saving: Callable[[str, Looks], None], looks: Looks, image: Image) -> tuple[list[str], Looks]:
-    """Those that could be written, and how they look. Records come first: a view that fails, or a reader of standard output
-    that is gone, costs none of them."""
+    """Write files; return those that were written, and the looks used.
+
+    Records come first, so that a failing view or a closed standard output costs none of them.
+    """
     records = [file for file in files if is_record(file)]
     written = {file for file in records if is_written(partial(saving, file, looks), looks)}
     looks = looks.settled_if_it_can_be(image)
@@ -187,12 +195,12 @@ def save_all(files: list[str], saving: Callable[[str, Looks], None], looks: Look
 
 
 def is_record(file: str) -> bool:
-    """Whether the file holds all of the picture, as an EXR on disk does."""
+    """Return whether the file holds the whole picture, as an EXR on disk does."""
     return not is_tev(file) and not is_standard(file) and file.lower().endswith(".exr")
 
 
 def is_finished(image: Image) -> bool:
-    """Whether all that is made after the samples is there."""
+    """Return whether all post-processing succeeded."""
     return all(row["code"] != UNFINISHED for row in image.report["diagnostics"])
 
 
@@ -202,8 +210,10 @@ def has_samples(image: Image) -> bool:
 
 
 def _keep_record(image: Image, lost: list[str], written: list[str], looks: Looks) -> list[str]:
-    """The EXR that is written in place of a picture which could not be, so that its samples are not lost: no output has them,
-    and nothing else has its name. None of all that is there is overwritten."""
+    """Write an EXR instead of a picture that could not be written, so that its samples are not lost.
+
+    This happens only if no other output is an EXR and no existing file would be overwritten.
+    """
     places = [Path(file).with_suffix(".exr") for file in lost if not is_tev(file) and not is_standard(file)]
     free = [place for place in places if str(place) not in lost and not place.exists()]
     if any(map(is_record, written)) or not free:
@@ -215,12 +225,12 @@ def _keep_record(image: Image, lost: list[str], written: list[str], looks: Looks
 
 
 def finished_report(image: Image, written: list[str], seconds: float, looks: Looks, held: Held = _as_it_is) -> dict[str, Any]:
-    """With the files, what writing them took, and what views of them do not show."""
+    """Return the report with the files, the time to write them, and what views of them do not show."""
     stages_s = {**image.report["stages_s"], "write": seconds}
     report = {**image.report, "outputs": written, "stages_s": stages_s}
     rows = [row for file in written for row in held(file, image).report.get("diagnostics", ())]
     report["diagnostics"] = [*report["diagnostics"], *(row for row in rows if row not in report["diagnostics"])]
-    with suppress(Exception):  # what fails here has failed, and was reported, where the file was written
+    with suppress(Exception):  # the same failure was already reported when the file was written
         report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks, held)]
     if looks.chose_exposure:
         report["view_exposure"] = looks.exposure
@@ -228,7 +238,7 @@ def finished_report(image: Image, written: list[str], seconds: float, looks: Loo
 
 
 def write_report(report: Mapping[str, Any], file: str, looks: Looks) -> bool:
-    """False if it could not be written, which is told."""
+    """Write the report; return False if that failed, which is reported."""
     from ..images.image import write_text
     from .json_lines import dumps
 
@@ -240,7 +250,7 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
     from .json_lines import print_line
 
     settings = report["settings"]
-    frame = settings["time_code"], settings.get("orbit_deg", 0.0)  # a turntable turns at one time
+    frame = settings["time_code"], settings.get("orbit_deg", 0.0)  # all frames of a turntable have one time code
     print_diagnostics(looks.notices.new(report["diagnostics"], frame), verbose=looks.verbose)
     if looks.as_json:
         print_line({"type": "report", **report})
@@ -250,13 +260,13 @@ def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
 
 
 def tell_of_all(looks: Looks) -> None:
-    """Say after the last frame which warnings concern how many of them."""
+    """Print after the last frame how many frames each warning concerns."""
     for line in looks.notices.lines():
         print(line, file=sys.stderr)
 
 
 def is_refused(image: Image, settings: RenderSettings, looks: Looks) -> bool:
-    """Say whether the settings refuse what came up while the picture was made, which is printed; the picture is written."""
+    """Return whether the settings refuse diagnostics that arose during rendering, and print them; the picture is kept."""
     from ..diagnostics import Diagnostics
     from ..errors import UnsupportedError
     from ..render.in_parts import diagnostics_of
@@ -288,7 +298,7 @@ def _faults_of_view(image: Image, files: list[str], looks: Looks, held: Held) ->
 
 
 def _held_by_exrs(image: Image, files: list[str], held: Held) -> list[Image]:
-    """The image as its EXRs hold it, once where it is the same in all."""
+    """Return the images that the EXRs hold, without duplicates."""
     found = [held(file, image) for file in files if not is_tev(file) and suffix_of(file).lower() == ".exr"]
     return list({id(held_image): held_image for held_image in found}.values())
 
@@ -298,7 +308,7 @@ def is_written(writing: Callable[[], None], looks: Looks) -> bool:
 
     try:
         writing()
-    except Exception as error:  # whatever it is, what was rendered is worth more: other files follow
+    except Exception as error:  # continue with the other files after any error
         print_error(error, looks.as_json)
         return False
     return True
@@ -323,7 +333,7 @@ def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str
 
 
 def _error_line(report: dict[str, Any]) -> str:
-    """How wrong the picture is, and why the render stopped there."""
+    """Return the picture's error, and why the render stopped."""
     if any(diagnostic["code"] == "empty-picture" for diagnostic in report["diagnostics"]):
         return f"nothing is seen, so no error is known; stopped by {report['stop']['reason']}"
     metric = report["settings"]["error_metric"]
@@ -345,7 +355,7 @@ def _error_line(report: dict[str, Any]) -> str:
 
 
 def _too_few(samples: int) -> str:
-    """Say why there is no error, of the least samples that a pixel has."""
+    """Return why there is no error estimate, from the smallest number of samples of a pixel."""
     return {0: "some pixels have no sample", 1: "one sample a pixel"}.get(samples, "no display's view can be made")
 
 

@@ -1,7 +1,7 @@
-"""Reads plain `primray render` command lines by itself, since Typer and what it needs take longer to import than NumPy.
+"""Fast parser for plain `primray render` command lines, because Typer takes longer to import than NumPy.
 
-Not a second command line: help, anything that is wrong or merely unusual is Typer's, which then reads the whole line;
-`test_quick.py` holds the table against what Typer was told.
+It is not a second command line: help, errors and anything unusual are left to Typer, which then parses the whole line.
+`test_quick.py` checks the table against Typer's options.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any
 from ..settings import AutoCamera, DefaultWrap, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
 from .option_values import ColorCorrection, Complexity, OnOff
 
-FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
-LIST, PAIR, SPAN, FOUR = "list", "pair", "span", "four"  # values that add up; two whole numbers; two numbers; four
+FLAG, SWITCH = "flag", "switch"  # True; True for the first name, False for the second
+LIST, PAIR, SPAN, FOUR = "list", "pair", "span", "four"  # repeatable values; two integers; two numbers; four numbers
 Kind = Callable[[str], Any] | str
 
 
@@ -30,7 +30,7 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-# Flags of one parameter, which is named first.
+# Parameters with their kind and flags.
 TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "outputs": (LIST, ("--output", "-o")),
     "camera": (str, ("--camera", "-c", "-cam")),
@@ -126,7 +126,7 @@ _BY_FLAG = {flag: (name, kind) for name, (kind, flags) in TABLE.items() for flag
 
 
 def render_arguments(line: Sequence[str]) -> dict[str, Any] | None:
-    """What `render` is to be called with; None if the line is for another command or not as plain as that."""
+    """Return the arguments of `render`, or None if the line is for another command or not plain."""
     if not line or line[0] != "render":
         return None
     try:

@@ -1,4 +1,4 @@
-"""How a picture is sampled, and when that ends: flags of every command that renders, or has it done."""
+"""Flags for sampling and stopping, shared by all commands that render or submit renders."""
 
 from __future__ import annotations
 

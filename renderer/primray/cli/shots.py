@@ -1,4 +1,4 @@
-"""What one command renders, picture by picture: frames of the stage, or of several of its products."""
+"""The pictures that one command renders: frames of the stage, or of several of its products."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture and the files it is written to; `report`: the JSON file beside them."""
+    """One picture and the files it is written to. `report` is the JSON file beside them."""
 
     settings: RenderSettings
     files: list[str]
     report: str | None = None
-    products: Mapping[str, Product] = field(default_factory=dict)  # by file, where a file holds what a product orders
-    with_record: bool = False  # products hold the picture and its standard errors, ordered or not
-    reports: list[dict[str, Any]] | None = None  # of all renders of the frame so far, where its products have one report file
+    products: Mapping[str, Product] = field(default_factory=dict)  # the product that each file is for, if any
+    with_record: bool = False  # files of products include the picture and its standard errors, ordered or not
+    reports: list[dict[str, Any]] | None = None  # reports of the frame's renders so far, if its products share a report file
 
     def report_file_of(self, report: dict[str, Any]) -> dict[str, Any]:
-        """Return what the report file is to hold once this render is done: with products, the reports of the whole frame."""
+        """Return the content of the report file after this render; for products, the reports of the whole frame."""
         if self.reports is None:
             return report
         self.reports.append(report)
         return {"renders": self.reports}
 
     def image_in(self, file: str, image: Image) -> Image:
-        """The image as the file is to hold it."""
+        """Return the image with the content of the file."""
         product = self.products.get(file)
         return image if product is None else product.image_of(image, record=self.with_record)
 
 
 def moments(time_codes: list[float] | None) -> list[float | None]:
-    """The frames asked for, or the stage's default time."""
+    """Return the requested frames, or the stage's default time."""
     return [*time_codes] if time_codes else [None]
 
 
 def require_only_products(chosen_twice: bool, are_named: bool, checkpoint: str | None) -> None:
-    """SettingsError for flags that do not go with products: both ways to choose them, names of files, checkpoints."""
+    """Raise SettingsError for flags that exclude products: both ways to choose them, file names, checkpoints."""
     faults = {
         "--all-products and --product both choose products; give one": chosen_twice,
         "-o names one file, products have names of their own: --output-dir says where they are written": are_named,
@@ -67,8 +67,10 @@ def product_shots(
     with_record: bool = False,
     report: str | None = None,
 ) -> tuple[OpenedStage, list[Shot]]:
-    """The stage, and the products asked for (None: all), frame by frame, under their own names; relative ones are below
-    `folder`. `report` is the file that has the reports of a frame's renders."""
+    """Return the opened stage, and shots of the requested products (None: all), frame by frame, under their own names.
+
+    Relative names are below `folder`. `report` is the file for the reports of a frame's renders.
+    """
     from ..render import open_once
     from ..render.products import check_files, products_of, renders_of
 
@@ -92,8 +94,8 @@ def product_shots(
 
 def _name_in_frames(product: Product, time_codes: list[float] | None) -> FrameName:
     name = frame_name(product.file_name)
-    if time_codes is None and name.has_holder:  # the stage's author meant one
+    if time_codes is None and name.has_holder:  # the stage's author intended frames
         raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
-    # A name without a place for the number gets one, which holds fractions as well.
+    # A name without a frame placeholder gets one, which has room for fractions.
     check_names([name if name.has_holder else frame_name(f"{name}.$FF")], time_codes)
     return name

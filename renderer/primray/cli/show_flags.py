@@ -1,4 +1,4 @@
-"""Flags of `primray render` alone that are for showing a thing: what is behind it, a look from all around, a quick picture."""
+"""Flags of `primray render` for presentation: background, turntable, preview."""
 
 from __future__ import annotations
 

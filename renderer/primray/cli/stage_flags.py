@@ -1,6 +1,6 @@
-"""What of a stage is looked at, and how it is composed: flags of every command that opens one, or has it opened.
+"""Flags for the stage: camera, frames, composition and lighting, shared by all commands that open one.
 
-What their values mean is in option_values.py.
+Their values are converted in option_values.py.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Outputs on standard output: "-" is an EXR there, "png:-" a PNG. What is told goes to stderr then.
+"""Outputs on standard output: "-" writes an EXR there, "png:-" a PNG; messages then go to stderr.
 
-Nothing of Typer is imported here (see quick.py).
+This module does not import Typer (see quick.py).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def is_standard(output: str) -> bool:
 
 
 def suffix_of(output: str) -> str:
-    """Of the file that an output is, or would be: ".exr" for "-"."""
+    """Return the suffix of the output's file, or of the equivalent file: ".exr" for "-"."""
     if not is_standard(output):
         return Path(output).suffix
     kind = output.rpartition(":")[0]
@@ -33,7 +33,7 @@ def suffix_of(output: str) -> str:
 
 
 def check_standard(outputs: Sequence[str], as_json: bool) -> None:
-    """SettingsError where several outputs, or JSON lines too, would be on standard output."""
+    """Raise SettingsError if several outputs, or JSON lines as well, would go to standard output."""
     standard = [output for output in outputs if is_standard(output)]
     if len(standard) > 1 or (standard and as_json):
         beside = "JSON lines" if as_json else "another picture"
@@ -49,7 +49,7 @@ def check_standard(outputs: Sequence[str], as_json: bool) -> None:
 
 
 def write_standard(write: Callable[[Path], object], output: str) -> None:
-    """What `write` makes of a file, on standard output: formats are written back and forth, which a pipe is not."""
+    """Write the file that `write` makes to standard output. A temporary file is used because formats need to seek."""
     with tempfile.TemporaryDirectory(prefix="primray-") as folder:
         path = Path(folder, f"picture{suffix_of(output)}")
         write(path)

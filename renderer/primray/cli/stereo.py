@@ -1,6 +1,6 @@
-"""`primray render --stereo`: both eyes of each picture, into one EXR or a file each, with one report.
+"""`primray render --stereo`: both eyes of each picture, into one EXR or one file each, with one report.
 
-Nothing of Typer is imported here (see quick.py).
+This module does not import Typer (see quick.py).
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 
 def require_whole_renders(given: dict[str, object]) -> None:
-    """SettingsError for flags of what is one picture's: a pair has no checkpoints, and no picture so far."""
+    """Raise SettingsError for flags of single pictures: a stereo pair has neither checkpoints nor snapshots."""
     for flag, value in given.items():
         if value is not None:
             raise SettingsError(f"{flag} is for one picture; without --stereo, each eye can have its own", code="stereo-flags")
 
 
 def require_files(outputs: list[str]) -> None:
-    """SettingsError for standard output, which holds one picture."""
+    """Raise SettingsError for standard output, which holds only one picture."""
     for output in outputs:
         if is_standard(output):
             raise SettingsError("a pair needs files, and standard output is one", where=output, code="stereo-flags")
 
 
 def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoImage | None:
-    """None if it was interrupted before there was a picture of both."""
+    """Render both eyes; return None if interrupted before both have samples."""
     from ..images.stereo import StereoImage
     from ..keeping.frames import quiet_frames
     from ..render.stereo import StereoSettings
@@ -65,7 +65,7 @@ def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoIma
 
 
 def _keep_left(image: Image, shot: Shot, looks: Looks) -> None:
-    """The left eye's picture alone, under its own name, where the right one's has failed."""
+    """Write the left eye's picture under its own name, after the right one's has failed."""
     from ..images.stereo import name_of_eye
 
     own = [name_of_eye(file, Eye.LEFT) for file in shot.files if not is_tev(file)]
@@ -74,7 +74,10 @@ def _keep_left(image: Image, shot: Shot, looks: Looks) -> None:
 
 
 def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
-    """Write and tell both; False if a file could not be written, which is told, and the others were."""
+    """Write both pictures and report the results; return False if a file could not be written.
+
+    Such a file is reported, and the others are written.
+    """
     from ..images.stereo import is_joint, name_of_eye
 
     start = time.perf_counter()

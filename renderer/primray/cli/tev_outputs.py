@@ -1,6 +1,6 @@
-"""Outputs that are pictures in tev: what they are called, and the connections that one command keeps to them.
+"""Outputs shown in tev: their names, and the connections of one command.
 
-Nothing of Typer is imported here (see quick.py).
+This module does not import Typer (see quick.py).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from ..images.image import Image
     from ..images.tev import TevPicture
 
-EVERY_S = 0.25  # between two pictures so far
-MOST_SHARE = 0.1  # of the time of a render, that sending them may take
+EVERY_S = 0.25  # seconds between two updates
+MOST_SHARE = 0.1  # largest share of the render time spent on updates
 
 
 def is_tev(output: str) -> bool:
@@ -24,7 +24,7 @@ def is_tev(output: str) -> bool:
 
 
 def output_name(output: str, stem: str, many: bool) -> FrameName:
-    """An output's name in every frame; a picture in tev is called after its stage where nothing else is said."""
+    """Return an output's name in every frame. A picture in tev is named after its stage by default."""
     rest = output[len("tev://") :]
     if not is_tev(output) or rest.partition("/")[2]:
         return frame_name(output)
@@ -32,19 +32,19 @@ def output_name(output: str, stem: str, many: bool) -> FrameName:
 
 
 class TevOutputs:
-    """Of one command; pictures are opened when they are first needed."""
+    """The tev pictures of one command; connections are opened when first needed."""
 
     def __init__(self) -> None:
         self._open: dict[str, TevPicture] = {}
         self._lost: set[str] = set()
 
     def check(self, output: str) -> None:
-        """SettingsError unless somebody listens there now."""
+        """Raise SettingsError unless a tev listens at the output's address."""
         self._picture(output)
         self._open.pop(output).close()
 
     def show_so_far(self, image: Image, outputs: list[str]) -> None:
-        """What cannot be sent is told once; the render goes on without, and the picture is tried again at the end."""
+        """Update the pictures. A failure is reported once; rendering continues, and the picture is sent again at the end."""
         for output in outputs:
             if output in self._lost:
                 continue
@@ -55,7 +55,7 @@ class TevOutputs:
                 print(f"warning: the picture so far is not shown: {error}", file=sys.stderr)
 
     def show(self, image: Image, output: str) -> None:
-        """The finished picture; PrimrayError ("write-failed") where it cannot be sent."""
+        """Show the finished picture; PrimrayError ("write-failed") if it cannot be sent."""
         self._show(image, output)
         self._open.pop(output).close()
 
@@ -66,7 +66,7 @@ class TevOutputs:
             broken = self._open.pop(output, None)
             if broken is not None:
                 broken.close()
-            if isinstance(error, SettingsError):  # it was there before
+            if isinstance(error, SettingsError):  # the connection existed before
                 raise PrimrayError(error.message, where=output, code="write-failed") from error
             raise
 

@@ -1,4 +1,4 @@
-"""`--turntable N`: N pictures from once around what is drawn, and with `--fps` a movie of them, by ffmpeg."""
+"""`--turntable N`: N pictures from an orbit around the scene, and with `--fps` a movie of them, made by ffmpeg."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ NO_PROGRAM = (
     "run `pip install imageio-ffmpeg`, or leave --fps out to get the pictures alone"
 )
 FPS_ALONE = "--fps is the rate of a --turntable's movie; a stage's own is framesPerSecond of its root layer"
-# H.264 for every player: even sides, and chroma of half the resolution.
+# H.264 that every player supports: even sides, and 4:2:0 chroma.
 CODEC = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p"]
 
 
 def turntable_numbers(count: int | None, fps: float | None, time_codes: Sequence[float] | None) -> list[float] | None:
-    """Return the numbers of the pictures in their names, from 1; None where no turntable is asked for."""
+    """Return the picture numbers used in file names, from 1; None if no turntable is requested."""
     if count is None:
         if fps is not None:
             raise SettingsError(FPS_ALONE, where="--fps", code="turntable")
@@ -61,7 +61,7 @@ def turntable_shots(
 
 @dataclass(frozen=True)
 class Movie:
-    """An MP4 that is written beside the pictures that `frames` names, by the ffmpeg at `program`."""
+    """An MP4 beside the pictures that `frames` names, made by the ffmpeg at `program`."""
 
     frames: FrameName
     fps: float
@@ -69,7 +69,7 @@ class Movie:
 
 
 def movie_of(names: Sequence[FrameName], fps: float | None) -> Movie | None:
-    """Return the movie that --fps asks for, or None; raise SettingsError, before the first picture, where it cannot be made."""
+    """Return the movie that --fps requests, or None; SettingsError if it cannot be made. Called before the first picture."""
     if fps is None:
         return None
     frames = _playable(names)
@@ -92,7 +92,7 @@ def write_movie(movie: Movie, numbers: Sequence[float]) -> None:
     files = [Path(movie.frames.of(number)).absolute() for number in numbers]
     path = files[0].with_name(f"{_without_number(files[0].stem)}.mp4")
     listing = "".join(f"file {_quoted(str(file))}\nduration {1 / movie.fps:.9g}\n" for file in files)
-    # The listing is a file: of one that comes through a pipe, ffmpeg 9 takes each name for an address of the pipe.
+    # The listing is a file, because ffmpeg 9 resolves names in a piped listing as addresses relative to the pipe.
     with TemporaryDirectory() as folder:
         listed = Path(folder, "pictures.txt")
         listed.write_text(listing, encoding="utf-8")
@@ -106,17 +106,17 @@ def write_movie(movie: Movie, numbers: Sequence[float]) -> None:
 
 
 def _without_number(stem: str) -> str:
-    """The part of a name before the number at its end."""
+    """Return the part of a name before the number at its end."""
     return stem.rstrip("0123456789").rstrip("._-") or stem
 
 
 def _quoted(path: str) -> str:
-    """As ffmpeg's concat demuxer reads names: between single quotes nothing is special but they."""
+    """Return a path quoted for ffmpeg's concat demuxer: within single quotes only these are special."""
     return "'" + path.replace("'", "'\\''") + "'"
 
 
 def _program() -> str | None:
-    """Return the path of ffmpeg, or None where there is none; the package has none for some platforms."""
+    """Return the path of ffmpeg, or None. The package imageio-ffmpeg lacks it on some platforms."""
     found = shutil.which("ffmpeg")
     if found is None and find_spec("imageio_ffmpeg") is not None:
         with suppress(RuntimeError):

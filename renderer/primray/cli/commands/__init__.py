@@ -1,1 +1,1 @@
-"""One file a subcommand of `primray`."""
+"""The subcommands of `primray`, one file each."""

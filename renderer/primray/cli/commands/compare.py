@@ -1,7 +1,6 @@
 """`primray compare`: have two pictures, sequences or folders changed, beyond their noise?
 
-Exit codes 0 unchanged, 1 changed, 6 undecided, 2 usage; of sequences and folders 2 if any pair cannot be compared, however the
-others are.
+Exit codes: 0 unchanged, 1 changed, 6 undecided, 2 usage error, or a pair of a sequence or folder that cannot be compared.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ class FurtherMetric(Enum):
     FLIP = "flip"
 
 
-EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 6}  # 3 to 5 say something else of renders
+EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 6}  # 3 to 5 have other meanings for renders
 
 
 def compare(
@@ -79,13 +78,15 @@ def compare(
         found = pairing(a, b)
         code = EXIT_CODES[_compare_pictures(asked)] if found is None else _compare_pairs(asked, found)
     except PrimrayError as error:
-        error.exit_code = 2  # whatever went wrong: 1 would say that the picture has changed
+        error.exit_code = 2  # for any error, because 1 means that the picture has changed
         raise
     raise typer.Exit(code)
 
 
 @dataclass(frozen=True)
 class Asked:
+    """The arguments of the command."""
+
     a: str
     b: str
     alpha: float
@@ -193,7 +194,7 @@ def _compare_pairs(asked: Asked, found: Pairing) -> int:
 
 
 def _difference_names(asked: Asked, found: Pairing) -> Callable[[Pair], Path] | None:
-    """Where each pair's difference goes: a name with the frame's place filled in, or its own name below a folder."""
+    """Return the path of each pair's difference: the name with its frame number filled in, or the pair's name in a folder."""
     from ...compare.difference_picture import check_difference_path
     from ...images.output_path import make_folder
     from ...render.frame_names import frame_name

@@ -1,4 +1,4 @@
-"""`primray estimate`: what an error would cost in samples and seconds, from a pilot of a few seconds."""
+"""`primray estimate`: samples and seconds that a target error would cost, from a pilot render of a few seconds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...examining.estimated import CostEstimate
     from ...sampling.prediction import Prediction
 
-VAGUE = 2.0  # the factor by which the pilot's error may be larger, from which on that is said
+VAGUE = 2.0  # factor by which the pilot's error may be underestimated, from which a warning is printed
 
 
 def estimate(

@@ -1,4 +1,4 @@
-"""`primray merge`: checkpoints of renders of one picture's samples to the picture of all."""
+"""`primray merge`: merges checkpoints of different samples of one picture."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""`primray render`: a stage to picture files. Flags are usdrecord's and husk's where they have one.
+"""`primray render`: renders a stage to picture files. Flags have the names of usdrecord's and husk's where those exist.
 
-Typer and the options are named in annotations only, which app.py has read: quick.py calls this function without them.
+Typer and the options occur only in annotations, which app.py evaluates; quick.py calls `render` without importing Typer.
 """
 
 from __future__ import annotations
@@ -320,7 +320,7 @@ def _shots_of(
     report: str | None,
     checkpoint: str | None,
 ) -> list[Shot]:
-    """One for each frame, with its own names; the checkpoint's has to be one, too."""
+    """Return one shot for each frame, with its own file names; the checkpoint's name must differ by frame, too."""
     check_names([*names, *(frame_name(name) for name in (report, checkpoint) if name)], time_codes)
     return [
         Shot(replace(settings, time_code=t), [name.of(t) for name in names], name_of_frame(report, t) if report else None)
@@ -329,17 +329,17 @@ def _shots_of(
 
 
 def _files_of(names: list[FrameName]) -> list[str]:
-    """Return the names that are files; frame holders stay in them."""
+    """Return the names that are files; frame placeholders are kept."""
     return [str(name) for name in names if not is_tev(str(name))]
 
 
-REFUSED = 3  # the exit code of a picture that --strict or --fail-on refuse after it was made
-TARGET_MISSED = 5  # the exit code of a render that ended above its target error
+REFUSED = 3  # exit code of a picture that --strict or --fail-on refuse after it was rendered
+TARGET_MISSED = 5  # exit code of a render that did not reach its target error
 
 
 def _names_of(outputs: list[str], scene: str, time_codes: list[float] | None) -> list[FrameName]:
-    """Without any, one after the stage."""
-    stem = Path(scene.rstrip("]").replace("[", "/")).stem  # a usdz member gives its own name
+    """Return the output names; the default is named after the stage."""
+    stem = Path(scene.rstrip("]").replace("[", "/")).stem  # for a layer in a usdz package, the layer's name
     many = time_codes is not None and len(time_codes) > 1
     return [output_name(name, stem, many) for name in outputs] or [default_name(stem, many)]
 
@@ -359,7 +359,10 @@ def _checkpointing(
 
 
 def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing | None]:
-    """Before rendering; of several frames, those that have no checkpoint to go on from yet begin."""
+    """Check checkpoints before rendering.
+
+    If several frames are rendered and some have a checkpoint, the others begin from the first sample.
+    """
     begun = [c is not None and c.resume is not None and c.resume.exists() for c in frames]
     some = len(frames) > 1 and any(begun)
     found = [c if c is None or there or not some else replace(c, resume=None) for c, there in zip(frames, begun, strict=True)]
@@ -397,7 +400,7 @@ def _render_shots(
 
 
 def _render_on_ray(address: str, scene: str, shots: list[Shot], looks: Looks) -> None:
-    """As _render_shots, each frame in parts on the nodes of a cluster."""
+    """Render shots like `_render_shots`, each frame split over the nodes of a Ray cluster."""
     from ...render.in_parts import render_in_parts
 
     with ray_executor(address) as executor:
@@ -409,8 +412,11 @@ def _render_on_ray(address: str, scene: str, shots: list[Shot], looks: Looks) ->
 
 
 def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot], looks: Looks, rendering: list[Shot]) -> None:
-    """A picture that cannot be written is told and makes the command fail, and the next one is rendered. `rendering` has the
-    shot under way."""
+    """Render and write all shots.
+
+    If a picture cannot be written, this is reported, the next one is rendered, and the command fails at the end. `rendering`
+    holds the current shot.
+    """
     from ...render.interruption import INTERRUPTED, terminate_as_interrupt
     from ..terminal.progress import Show, showing
 
@@ -424,9 +430,9 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
             showing_now.append(show)
             image = next(images)
         has_picture = has_samples(image) or not image.report["interrupted"]
-        # Files of an earlier render are worth more than a picture without any sample.
+        # Files of an earlier render are not replaced by a picture without samples.
         unsaved = not write(image, shot if has_picture else replace(shot, files=[], report=None), looks) or unsaved
-        looks = looks.settled_if_it_can_be(image)  # the first frame's: a sequence does not flicker
+        looks = looks.settled_if_it_can_be(image)  # the first frame's exposure is kept, so that sequences do not flicker
         if image.report["interrupted"]:
             said = "the picture so far was saved" if has_picture else "no picture was written, as there was no sample of it yet"
             print(f"interrupted: {said}{_how_to_go_on(image.report)}", file=sys.stderr)
@@ -438,7 +444,7 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
 
 
 def _end(looks: Looks, unsaved: bool, refused: bool, missed: bool) -> None:
-    """Raise SystemExit where not all went well."""
+    """Raise SystemExit if something failed."""
     tell_of_all(looks)
     for code, happened in ((1, unsaved), (REFUSED, refused), (TARGET_MISSED, missed)):
         if happened:
@@ -446,7 +452,7 @@ def _end(looks: Looks, unsaved: bool, refused: bool, missed: bool) -> None:
 
 
 def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> None:
-    """As _render_shots, both eyes of each."""
+    """Render shots like `_render_shots`, both eyes of each."""
     from ...render import open_once
     from ...render.interruption import INTERRUPTED, terminate_as_interrupt
 
@@ -470,7 +476,10 @@ def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> 
 
 
 def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown: bool) -> list[Snapshots]:
-    """Written to the files of the shot under way, and `shown` in tev. What cannot be is told; the render goes on."""
+    """Return snapshots that write the files of the current shot and, if `shown`, update tev.
+
+    Failures are reported, and rendering continues.
+    """
     from ...render.snapshots import Snapshots
 
     def write_so_far(image: Image) -> None:
@@ -479,7 +488,7 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
                 continue
             held = rendering[0].image_in(file, image)
             if held.file.contents is not None and not held.file.contents.picture:
-                continue  # the product orders nothing of the picture
+                continue  # the product does not include the picture
             try:
                 save(held, file, looks)
             except Exception as error:  # the render continues

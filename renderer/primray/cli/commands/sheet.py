@@ -1,6 +1,6 @@
-"""`primray sheet`: small pictures on one sheet, to see at a glance what works and what is odd.
+"""`primray sheet`: contact sheets of small pictures.
 
-Of a folder every stage, as a page; of one stage its frames, cameras and variants, as a picture.
+For a folder, a page with every stage; for one stage, a picture of its frames, cameras and variants.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def sheet(
 
 
 def _checked(flags: list[str]) -> tuple[tuple[str, ...], int | None]:
-    """Return the further flags and the width that they give, if any; a usage error, before any render, for unknown ones."""
+    """Return the further render flags and the width they set, if any; a usage error for unknown flags, before any render."""
     from typer.main import get_command
 
     from ..app import app

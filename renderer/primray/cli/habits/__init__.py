@@ -1,1 +1,1 @@
-"""The habits of usdrecord and husk: their flags that primray reads in its own way, does anyway, or refuses with advice."""
+"""Command lines written for usdrecord and husk: flags that primray interprets differently, ignores, or refuses with advice."""

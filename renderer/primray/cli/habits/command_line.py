@@ -1,6 +1,6 @@
-"""Command lines with habits of usdrecord and husk, as primray's own parsers read them.
+"""Conversion of command lines in the style of usdrecord and husk to primray's own.
 
-Only flags that primray has no meaning for, and husk's `--verbose LEVEL`, are looked at; all else is left as it is.
+Only flags that primray does not have, sizes like 320x200, and husk's `--verbose LEVEL` are converted; the rest is unchanged.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from collections.abc import Iterator, Sequence
 from ...errors import SettingsError
 from .foreign_flags import DONE_ANYWAY, REFUSED
 
-COMMANDS = ("render", "estimate", "inspect", "submit")  # those that one of the two has a counterpart of
+COMMANDS = ("render", "estimate", "inspect", "submit")  # commands with a counterpart in usdrecord or husk
 
-_LEVEL = re.compile(r"[aAcCeEpPtT]*(\d)[aAcCeEpPtT]*")  # husk's: a digit among letters for how lines look
+_LEVEL = re.compile(r"[aAcCeEpPtT]*(\d)[aAcCeEpPtT]*")  # husk's level: a digit among letters for the line format
 SIZES = ("--res", "--resolution", "-r")
 _SIZE = re.compile(r"(\d+)[x,X\u00d7](\d+)")
 _STARTS_NUMBER = re.compile(r"-?\d")
-QUIET_LEVEL = 2  # husk's default; more is --verbose here
+QUIET_LEVEL = 2  # husk's default; higher levels are primray's --verbose
 
 
 def without_habits(arguments: Sequence[str]) -> list[str]:
-    """The command line without what is done anyway; SettingsError, saying what to use, for a flag that is refused."""
+    """Return the command line in primray's own style. SettingsError, with advice, for a flag that is refused."""
     arguments = [*_with_sizes_apart(iter(arguments))]
     if not arguments or arguments[0] not in COMMANDS:
         return arguments
@@ -29,7 +29,7 @@ def without_habits(arguments: Sequence[str]) -> list[str]:
 
 
 def _with_sizes_apart(words: Iterator[str]) -> Iterator[str]:
-    """The words with a size that is one word, such as 320x200, as two; SettingsError for a size of one number."""
+    """Yield the words, splitting sizes like 320x200 into two; SettingsError for a size of one number."""
     for word in words:
         flag, joined, size = word.partition("=") if word.startswith("--") else (word, "", "")
         if word == "--" or flag not in SIZES:
@@ -53,7 +53,7 @@ def _with_sizes_apart(words: Iterator[str]) -> Iterator[str]:
 
 
 def _words(words: Iterator[str]) -> Iterator[str]:
-    """`words` are taken as they are needed, since a flag may have its value in the next."""
+    """Yield the words without ignored flags. `words` is consumed lazily, since a flag may take its value from the next word."""
     pending: list[str] = []
     while (word := pending.pop() if pending else next(words, None)) is not None:
         if word == "--":
@@ -90,7 +90,7 @@ def _refuse(flag: str) -> None:
 
 
 def _size(words: Iterator[str]) -> list[str]:
-    """The word behind -r; SettingsError for usdrecord's -r, which names a renderer."""
+    """Return the word after -r; SettingsError for usdrecord's -r, which names a renderer."""
     word = next(words, None)
     if word is not None and word[:1].isalpha():
         raise SettingsError(f"-r is --res W H here; as usdrecord's --renderer: {REFUSED['--renderer']}", code="foreign-flag")

@@ -1,7 +1,6 @@
-"""Flags of usdrecord and husk that primray has no counterpart of, with what to use in their place; and those that ask for what
-is done anyway.
+"""Flags of usdrecord and husk without a counterpart in primray, with the alternative; and flags that primray can ignore.
 
-docs/from-usdrecord-and-husk.md lists every flag of both; tests/docs/flags holds page, tables and parser together.
+docs/from-usdrecord-and-husk.md lists every flag of both; tests/docs/flags keeps page, tables and parser consistent.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _LIST_INSPECT = (
     "`primray inspect` shows what a stage is made of, and --render-settings lists what there is if it finds no such prim"
 )
 
-# What to use instead.
+# Refused flags, with the alternative.
 REFUSED: dict[str, str] = {
     # usdrecord
     "--disableDrawMode": f"draw modes are followed; to undo one, set model:drawMode to default: {_SESSION}",
@@ -132,7 +131,7 @@ REFUSED: dict[str, str] = {
     "--pdg": _NO_LICENSE,
 }
 
-# Flag -> the number of values behind it, and why there is nothing to do.
+# Ignored flags, with their number of values and the reason.
 DONE_ANYWAY: dict[str, tuple[int, str]] = {
     "--disableGpu": (0, "no GPU is used"),
     "--no-mplay": (0, "there is no mplay"),

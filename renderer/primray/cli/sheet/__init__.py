@@ -1,1 +1,1 @@
-"""`primray sheet`: what it runs, and the page of what came of it."""
+"""`primray sheet`: render processes, and the contact sheet of their results."""

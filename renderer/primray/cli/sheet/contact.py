@@ -1,4 +1,4 @@
-"""A contact sheet as one picture: pictures with their labels in a grid, and the reason in place of one that failed."""
+"""A contact sheet as one picture: labelled pictures in a grid, with the error message in place of a failed one."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from ...arrays import Floats
 from .runs import Outcome
 
-_SHEET, _BEHIND, _FAILED = 0.10, 0.25, (0.32, 0.08, 0.08)  # behind all, behind transparent pictures, in place of failed ones
+_SHEET, _BEHIND, _FAILED = 0.10, 0.25, (0.32, 0.08, 0.08)  # colours of the sheet, behind pictures, and of failed pictures
 _WHITE, _ODD = (0.92, 0.92, 0.92), (1.0, 0.65, 0.2)
 _FONT, _TITLE_FONT = 13, 17  # pixels
-_GAP, _STRIP, _LINE, _TITLE = 8, 20, 15, 30  # between cells, below each picture, of each further line there, above all
-Text = tuple[int, int, str, int, tuple[float, float, float]]  # x, y of the base line, words, size, colour
+_GAP, _STRIP, _LINE, _TITLE = 8, 20, 15, 30  # pixels between cells, of a label, of each further label line, of the title
+Text = tuple[int, int, str, int, tuple[float, float, float]]  # x, y of the baseline, text, size, colour
 _ERROR = re.compile(r"^error: ", re.MULTILINE)
 
 
@@ -60,7 +60,7 @@ def _picture(outcome: Outcome) -> Floats | None:
 
 
 def reason(outcome: Outcome) -> str:
-    """Say in a line why there is no picture: the error that ended its process, or how that ended."""
+    """Return one line on why there is no picture: the error of its process, or how it ended."""
     if outcome.exit_code == "time":
         return "stopped: it took too long"
     errors = _ERROR.split(outcome.message)[1:]
@@ -78,7 +78,7 @@ def _reason(outcome: Outcome, left: int, top: int, width: int, height: int) -> I
 
 
 def _lines(outcome: Outcome, width: int) -> list[str]:
-    """Return the label of a picture in lines that fit, broken at its commas; of a longer word the end, which tells it apart."""
+    """Return the label of a picture broken at commas to lines that fit; of a longer word the end, which is distinctive."""
     label = outcome.stage if not outcome.marks else f"{outcome.stage} ({', '.join(outcome.marks)})"
     first, *words = label.split(", ")
     lines = [first]
@@ -91,7 +91,7 @@ def _lines(outcome: Outcome, width: int) -> list[str]:
 
 
 def _fitting(text: str, width: int, size: int) -> str:
-    """Return as much of the text as fits."""
+    """Return as much of the beginning of the text as fits."""
     if _fits(text, width, size):
         return text
     while text and not _fits(text + "...", width, size):

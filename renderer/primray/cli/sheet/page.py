@@ -1,4 +1,4 @@
-"""A contact sheet as one HTML file: every picture with its seconds, memory, diagnostics and what is odd about it."""
+"""A contact sheet as one HTML file: every picture with its time, memory, diagnostics and anomalies."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Renders in processes of their own with limits of time and memory, one for each stage of a folder: what came of each, and
-what is odd.
+"""Render processes with time and memory limits, one for each stage of a folder, with their outcomes and anomalies.
 
-A process limits its own memory first of all, so that nothing here runs between fork and exec.
+A process limits its own memory first, so that no code runs between fork and exec.
 """
 
 from __future__ import annotations
@@ -22,38 +21,43 @@ from typing import Any
 from ...diagnostic_codes import Severity
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-_RENDERED = (0, 5)  # exit codes of renders whose picture is there; 5: its error is above the target
-_LIMIT_S = "time"  # what Ended.exit_code says of a process that was stopped
+_RENDERED = (0, 5)  # exit codes of renders that wrote a picture; 5: its error is above the target
+_LIMIT_S = "time"  # Ended.exit_code of a process that exceeded its time
 
 
 @dataclass(frozen=True)
 class Limits:
-    width: int  # pixels; the height is no more
+    """Limits and settings of each render."""
+
+    width: int  # pixels; also the largest height
     spp: int
     timeout_s: float
     memory_bytes: int
     threads: int | None
-    flags: tuple[str, ...] = ()  # further ones of `primray render`
-    sized_by_flags: bool = False  # they say how wide a picture is
+    flags: tuple[str, ...] = ()  # further flags of `primray render`
+    sized_by_flags: bool = False  # these flags set the width
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One stage's render. `marks` name what is odd: crash, time, refused, not-finite, black, one-colour, nothing-seen, missing
-    (a part of the picture, as a diagnostic of severity error reports)."""
+    """Outcome of one stage's render.
 
-    stage: str  # relative to the folder; of a sheet of one shot what the picture is of
-    exit_code: int | str  # as `primray render` ends; "time": it was stopped; below 0: killed by that signal
+    `marks` name anomalies: crash, time, refused, not-finite, black, one-colour, nothing-seen, missing (a part of the picture,
+    by a diagnostic of severity error).
+    """
+
+    stage: str  # path relative to the folder; in a sheet of one shot the picture's label
+    exit_code: int | str  # that of `primray render`; "time": stopped by the time limit; negative: killed by that signal
     seconds: float
     peak_rss_bytes: int
     picture: str | None  # a PNG
-    message: str  # of a render that failed
+    message: str  # stderr of a render that failed
     marks: tuple[str, ...]
     report: dict[str, Any] = field(default_factory=dict)
 
     @property
     def failed(self) -> bool:
-        """Whether there is no picture, or one that cannot be used; an odd picture is for a person to judge."""
+        """Whether there is no picture, or an unusable one; other anomalies are left to a person."""
         return bool({"crash", "time", "refused", "not-finite"} & set(self.marks))
 
 
@@ -64,7 +68,7 @@ def stage_files(folder: Path) -> list[Path]:
 def render_all(
     folder: Path, stages: Sequence[Path], limits: Limits, at_once: int, scratch: Path, done: Callable[[Outcome], None]
 ) -> list[Outcome]:
-    """In the order of `stages`; `done` is called as each ends."""
+    """Render all stages; return outcomes in their order. `done` is called as each ends."""
     with processes(at_once) as pool:
         running = {pool.submit(_render, folder, path, limits, scratch / str(k)): k for k, path in enumerate(stages)}
         outcomes: dict[int, Outcome] = {}
@@ -74,13 +78,15 @@ def render_all(
     return [outcomes[k] for k in sorted(outcomes)]
 
 
-_pids: set[int] = set()  # of the processes that run_limited waits for
+_pids: set[int] = set()  # processes that run_limited waits for
 
 
 @contextmanager
 def processes(at_once: int) -> Iterator[ThreadPoolExecutor]:
-    """Yield a pool of threads to call `run_limited` in; if the sheet is interrupted, their processes are stopped and no other
-    one is started."""
+    """Yield a pool of threads in which to call `run_limited`.
+
+    If the sheet is interrupted, running processes are killed and no more are started.
+    """
     with ThreadPoolExecutor(at_once) as pool:
         try:
             yield pool
@@ -119,7 +125,7 @@ def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome
 
 
 def render_command(stage: Path, limits: Limits, exr: Path, png: Path, report: Path) -> list[str]:
-    """Return the command of a process that limits its own memory and renders."""
+    """Return the command line of a process that limits its own memory and renders."""
     command = [sys.executable, "-c", _MAIN.format(limit=limits.memory_bytes), "render", str(stage)]
     command += ["-o", str(exr), "-o", str(png), "--report", str(report)]
     command += [] if limits.sized_by_flags else ["-w", str(limits.width)]
@@ -129,6 +135,8 @@ def render_command(stage: Path, limits: Limits, exr: Path, png: Path, report: Pa
 
 @dataclass(frozen=True)
 class Ended:
+    """How a process ended."""
+
     exit_code: int | str
     seconds: float
     peak_rss_bytes: int
@@ -136,13 +144,13 @@ class Ended:
 
 
 def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
-    """Run a command until it ends or its time is over."""
+    """Run a command until it ends or its time limit is reached."""
     start = time.monotonic()
     with stderr.open("wb") as to:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=to)
         _pids.add(process.pid)
         stopped = False
-        while True:  # wait4 is what tells the memory of this one child
+        while True:  # wait4 reports the memory of this child alone
             pid, status, usage = os.wait4(process.pid, os.WNOHANG)
             if pid:
                 _pids.discard(pid)
@@ -158,7 +166,7 @@ def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
 
 
 def marks(exit_code: int | str, exr: Path, report: Mapping[str, Any]) -> Iterator[str]:
-    """Name what went wrong with a process, or cannot be right of its picture."""
+    """Yield the anomalies of a process and its picture."""
     if exit_code == _LIMIT_S:
         yield "time"
     elif exit_code == 1 or (isinstance(exit_code, int) and exit_code < 0):
@@ -172,7 +180,7 @@ def marks(exit_code: int | str, exr: Path, report: Mapping[str, Any]) -> Iterato
 
 
 def _picture_marks(exr: Path) -> Iterator[str]:
-    """What cannot be right of a picture."""
+    """Yield the anomalies of a picture."""
     import numpy as np
     import OpenImageIO as oiio
 

@@ -1,7 +1,7 @@
-"""One shot at several frames, from several cameras, with several variants: what is rendered of it, and what came of each.
+"""One stage at several frames, from several cameras, with several variants: the renders and their outcomes.
 
-All frames of a camera and a choice of variants are rendered by one process, which keeps the stage open; those that it leaves
-missing are tried again one by one, so that each failure has its own reason and takes nothing else with it.
+All frames of a camera and a choice of variants are rendered by one process, which keeps the stage open. Frames that it did not
+finish are tried again one by one, so that each failure has its own reason and does not affect other frames.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ...errors import SettingsError
 from .runs import Ended, Limits, Outcome, marks, processes, render_command, run_limited
 
 MOST_CELLS = 2_000
-_REJECTED = (2, 3)  # exit codes of what no other frame changes: usage, a scene that cannot be opened
+_REJECTED = (2, 3)  # exit codes that are the same for all frames: usage, a scene that cannot be opened
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Grid:
-    """The cells of a sheet by rows: each combination of cameras and variants begins a row of its own."""
+    """The cells of a sheet by rows; each combination of cameras and variants begins its own row."""
 
     groups: tuple[tuple[Cell, ...], ...]
     columns: int
@@ -44,7 +44,7 @@ class Grid:
 
 
 def variant_choices(texts: Sequence[str]) -> list[list[str]]:
-    """Return what each PRIM:SET=NAME,NAME chooses from, as PRIM:SET=NAME; SettingsError for what is none."""
+    """Return the alternatives of each PRIM:SET=NAME,NAME as PRIM:SET=NAME; SettingsError for other text."""
     found = []
     for text in texts:
         where, equals, names = text.rpartition("=")
@@ -59,7 +59,7 @@ def variant_choices(texts: Sequence[str]) -> list[list[str]]:
 def grid_of(
     frames: Sequence[float] | None, cameras: Sequence[str], choices: Sequence[Sequence[str]], columns: int | None
 ) -> Grid:
-    """Lay out every combination: frames along a row, else cameras; cameras and variants below each other."""
+    """Lay out every combination: frames along a row, or cameras if there is one frame; variants below each other."""
     times: Sequence[float | None] = [None] if frames is None else frames
     views: Sequence[str | None] = cameras or [None]
     looks = list(product(*choices))
@@ -98,7 +98,7 @@ def _label(frame: float | None, camera: str | None, look: Sequence[str], whole_p
 def render_cells(
     stage: Path, grid: Grid, limits: Limits, at_once: int, scratch: Path, done: Callable[[Outcome], None]
 ) -> list[Outcome]:
-    """Render all cells, in their order; `done` is called as each is known."""
+    """Render all cells; return outcomes in their order. `done` is called as each is known."""
     runs = list(_runs(grid.cells, at_once))
     outcomes: dict[Cell, Outcome] = {}
     with processes(at_once) as pool:
@@ -111,7 +111,7 @@ def render_cells(
 
 
 def _runs(cells: Sequence[Cell], at_once: int) -> Iterator[list[Cell]]:
-    """Yield what one process renders: cells that differ in their frame alone, fewer where others would have nothing to do."""
+    """Yield the cells of each process: cells that differ only in their frame, split further if processes would be idle."""
     by_view: dict[tuple[str | None, tuple[str, ...]], list[Cell]] = {}
     for cell in cells:
         by_view.setdefault((cell.camera, cell.variants), []).append(cell)
@@ -151,7 +151,7 @@ def _process(stage: Path, cells: list[Cell], limits: Limits, scratch: Path) -> E
 
 
 def _outcome(cell: Cell, ended: Ended, scratch: Path, shared_by: int) -> Outcome:
-    """Describe what came of a cell; one whose picture is there is well whatever became of others of its process."""
+    """Return the outcome of a cell. A cell with a picture succeeded, whatever happened to others of its process."""
     exr, png, report_file = (_file(scratch, cell, kind) for kind in ("exr", "png", "json"))
     report: dict[str, Any] = json.loads(report_file.read_text()) if report_file.exists() else {}
     exit_code = 0 if png.exists() and exr.exists() else ended.exit_code or 1

@@ -1,1 +1,1 @@
-"""What a command writes to its standard streams while it works, and what becomes of streams that cannot take it."""
+"""Output to the terminal: progress, errors, and standard streams that survive failures."""

@@ -1,4 +1,4 @@
-"""An error as a command tells it: a line on stderr, and one of JSON on stdout where that was asked for."""
+"""Error output of a command: a line on stderr, and a JSON line on stdout if requested."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import sys
 
 from ...errors import InternalError, PrimrayError, UnsupportedError
 
-_MOST_LINES = 40  # of the diagnostics that an error refuses
+_MOST_LINES = 40  # lines of refused diagnostics
 
 
 def print_error(error: Exception, as_json: bool) -> int:
-    """Print an error, after the diagnostics that it refuses if there are several; return its exit code."""
+    """Print an error, preceded by the diagnostics that it refuses if there are several; return its exit code."""
     if isinstance(error, UnsupportedError) and len(error.refused) > 1:
         from ...notices.diagnostics_text import diagnostics_lines
 

@@ -1,4 +1,4 @@
-"""How a render's progress is shown: a bar on a terminal, JSON lines where asked for, else nothing."""
+"""Progress output of a render: a bar on a terminal, JSON lines if requested, else nothing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _JSON_INTERVAL_S = 0.5
 
 @contextmanager
 def showing(what: str, as_json: bool) -> Iterator[Show]:
-    """A function to call with (fraction, samples, rays) while rendering `what`."""
+    """Yield a function to call with (fraction, samples, rays) while rendering `what`."""
     if as_json:
         yield _json_lines(what)
     elif sys.stderr.isatty():

@@ -1,7 +1,7 @@
-"""Standard streams that never break a command: closed ones, readers that went away, full disks, encodings that lack a letter.
+"""Standard streams that never break a command: closed streams, broken pipes, full disks, unencodable characters.
 
-What cannot be written is dropped from then on. A reader that has seen enough (`| head`) changes no exit code; that standard
-output could not be written for another reason is told, and is exit code 1 if the command went well otherwise.
+After a failure, further output is dropped. A broken pipe (`| head`) does not change the exit code; any other failure of
+standard output is reported, with exit code 1 if the command succeeded otherwise.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ WRITE_FAILED = 1  # the exit code
 
 
 class LastingStream(io.TextIOWrapper):
-    """A text stream over a file's buffer; after the first failure, what is written goes nowhere."""
+    """A text stream over a file's buffer that drops output after the first failure."""
 
     failure: OSError | None = None
 
@@ -31,7 +31,7 @@ class LastingStream(io.TextIOWrapper):
             super().flush()
         except OSError as error:
             self._give_up(error)
-            super().flush()  # what is left in the buffer, to nowhere
+            super().flush()  # discard the rest of the buffer
 
     def _give_up(self, error: OSError) -> None:
         self.failure = self.failure or error
@@ -41,14 +41,14 @@ class LastingStream(io.TextIOWrapper):
 
 
 def make_lasting() -> None:
-    """Let the process's streams last. Letters that they cannot encode are written as escapes."""
+    """Replace the standard streams with lasting ones. Characters that they cannot encode are written as escapes."""
     _open_closed()
     sys.stdout = _lasting(sys.stdout, 1)
     sys.stderr = _lasting(sys.stderr, 2)
 
 
 def finish(exit_code: int) -> int:
-    """Write what is left; the exit code that the command ends with."""
+    """Flush the streams; return the exit code of the command."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             stream.flush()
@@ -60,19 +60,19 @@ def finish(exit_code: int) -> int:
 
 
 def _open_closed() -> None:
-    """A descriptor from 0 to 2 that the caller closed would be the next file's that is opened."""
+    """Reopen closed descriptors 0 to 2, which would otherwise be given to the next file that is opened."""
     for descriptor in (0, 1, 2):
         try:
             os.fstat(descriptor)
         except OSError:
-            os.open(os.devnull, os.O_RDONLY if descriptor == 0 else os.O_WRONLY)  # the lowest free one is this one
+            os.open(os.devnull, os.O_RDONLY if descriptor == 0 else os.O_WRONLY)  # gets the lowest free number, this one
 
 
 def _lasting(stream: TextIO | None, descriptor: int) -> Any:
     if stream is None:  # it was closed when Python started
         raw: Any = os.fdopen(descriptor, "wb", closefd=False)
         return LastingStream(raw, encoding="utf-8", errors="backslashreplace")
-    if not isinstance(stream, io.TextIOWrapper):  # somebody's own, such as a test's
+    if not isinstance(stream, io.TextIOWrapper):  # replaced by the caller, such as a test
         return stream
     stream.flush()
     return LastingStream(
