@@ -1,1 +1,1 @@
-"""Colour: RGB spaces by their primaries, and the views of displays through OpenColorIO."""
+"""Colour: RGB spaces by their primaries, spectra, and display views through OpenColorIO."""

@@ -1,8 +1,8 @@
-"""RGB colour spaces by their primaries, white point and curve, and the conversion between any two, in double.
+"""RGB colour spaces by their primaries, white point and transfer curve, and the conversion between any two, in double.
 
 The named ones are GfColorSpaceNames, the interop ids that USD, MaterialX and OpenColorIO share. Conversions are
-GfColorSpace's: through CIE XYZ without chromatic adaptation; ACES's primaries stand there already adapted to D65
-(Bradford), as OpenColorIO's built-in configs have them.
+GfColorSpace's: through CIE XYZ without chromatic adaptation; the ACES primaries are already adapted to D65 (Bradford), as in
+OpenColorIO's built-in configs.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ColorSpace:
     white: Chromaticity
     gamma: float = 1.0
     bias: float = 0.0
-    is_data: bool = False  # no colours: numbers that nothing converts
+    is_data: bool = False  # data, not colours: never converted
 
     @property
     def is_linear(self) -> bool:
@@ -41,7 +41,7 @@ class ColorSpace:
 
 
 _D65, _E = (0.3127, 0.3290), (1 / 3, 1 / 3)
-_XYZ = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), _E)  # RGB is XYZ itself
+_XYZ = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0), _E)  # RGB equals XYZ
 _REC709 = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), _D65)
 _ADOBE = ((0.64, 0.33), (0.21, 0.71), (0.15, 0.06), _D65)
 _P3 = ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06), _D65)
@@ -76,7 +76,7 @@ _NAMED = (
     *(ColorSpace(name, *_XYZ, is_data=True) for name in ("data", "raw", "unknown", "identity")),
 )
 _BY_NAME = {space.name: space for space in _NAMED}
-# UsdUVTexture's token, what earlier releases of USD called some of them, and MaterialX's names for them ("Color Spaces and
+# UsdUVTexture's token, names in earlier releases of USD, and MaterialX's names ("Color Spaces and
 # Color Management Systems" of its specification, with the curves of its library cmlib).
 _OTHER_NAMES = {
     "sRGB": SRGB,
@@ -93,18 +93,21 @@ _OTHER_NAMES = {
 
 
 def named(name: str) -> ColorSpace | None:
-    """A space by its interop id, also without "_scene"."""
+    """Return a space by its interop id, with or without "_scene", or by another of its names; None if unknown."""
     return _BY_NAME.get(name) or _BY_NAME.get(f"{name}_scene") or _OTHER_NAMES.get(name)
 
 
 def linear_spaces() -> list[ColorSpace]:
-    """The named ones that pictures are in."""
+    """Return the named linear spaces that images can be in."""
     return [space for space in _NAMED if space.is_linear and not space.is_data]
 
 
 @lru_cache(maxsize=256)
 def xyz_from_rgb(gamut: tuple[Chromaticity, ...]) -> Doubles:
-    """Of linear values; white has Y = 1. SMPTE RP 177-1993, "Derivation of Basic Television Color Equations", 3.3."""
+    """Return the matrix from linear RGB to XYZ, with Y = 1 for white.
+
+    SMPTE RP 177-1993, "Derivation of Basic Television Color Equations", 3.3.
+    """
     xyz = np.array([[x, y, 1.0 - x - y] for x, y in gamut[:3]]).T
     white_x, white_y = gamut[3]
     white = np.array([white_x / white_y, 1.0, (1.0 - white_x - white_y) / white_y])
@@ -114,7 +117,7 @@ def xyz_from_rgb(gamut: tuple[Chromaticity, ...]) -> Doubles:
 
 
 def luminance_weights(space: ColorSpace) -> tuple[float, float, float]:
-    """What linear values of the space are multiplied with for the CIE's Y, white's being 1."""
+    """Return the weights of a space's linear values in the CIE's Y, which is 1 for white."""
     if space.gamut == _REC709:
         return LUMINANCE_WEIGHTS
     r, g, b = xyz_from_rgb(space.gamut)[1].tolist()
@@ -122,7 +125,7 @@ def luminance_weights(space: ColorSpace) -> tuple[float, float, float]:
 
 
 def is_gamut(space: ColorSpace) -> bool:
-    """Whether there is a matrix: no primaries on one line, and a white with light."""
+    """Return whether the space has a matrix: its primaries are not collinear, and its white has light."""
     numbers = np.array(space.gamut, np.float64)
     if not np.isfinite(numbers).all() or space.white[1] == 0:
         return False
@@ -132,24 +135,24 @@ def is_gamut(space: ColorSpace) -> bool:
 
 @lru_cache(maxsize=256)
 def matrix(source: ColorSpace, target: ColorSpace) -> Doubles | None:
-    """From linear values of one to those of the other; None where they are the same."""
+    """Return the matrix from linear values of one space to those of another; None where they are the same."""
     if source.is_data or target.is_data or source.gamut == target.gamut:
         return None
     made: Doubles = np.asarray(np.linalg.solve(xyz_from_rgb(target.gamut), xyz_from_rgb(source.gamut)), np.float64)
-    if source.white == target.white:  # greys stay what they are, to the last bit of a float
+    if source.white == target.white:  # greys are unchanged to the last bit of a float
         made /= made.sum(axis=1, keepdims=True)
     made.flags.writeable = False
     return made
 
 
 def linear(values: npt.NDArray[np.floating], space: ColorSpace) -> Doubles:
-    """The curve undone, channel by channel; below its straight part, and of powers below 0, numbers go on straight."""
+    """Return values with the transfer curve undone; below its straight part, and for powers below 0, it is linear."""
     v = np.asarray(values, np.float64)
     if space.is_linear:
         return v
     if (space.gamma, space.bias) == _SRGB:  # IEC 61966-2-1, whose constants are rounded; they differ by 2.5e-4 at most
         start, slope = 0.04045, 12.92
-    elif space.bias > 0:  # GfColorSpace: straight and curve meet with one tangent
+    elif space.bias > 0:  # GfColorSpace: the straight part is tangent to the curve
         start = space.bias / (space.gamma - 1)
         slope = start / ((start + space.bias) / (1 + space.bias)) ** space.gamma
     else:
@@ -159,7 +162,7 @@ def linear(values: npt.NDArray[np.floating], space: ColorSpace) -> Doubles:
 
 
 def transformed(values: npt.NDArray[np.floating], by: Doubles | None) -> Floats:
-    """(..., 3) linear values times a matrix, as floats."""
+    """Return (..., 3) linear values times a matrix, as floats."""
     if by is None:
         return np.asarray(values, np.float32)
     made: Floats = (np.asarray(values, np.float64) @ by.T).astype(np.float32)
@@ -167,7 +170,7 @@ def transformed(values: npt.NDArray[np.floating], by: Doubles | None) -> Floats:
 
 
 def converted(values: npt.NDArray[np.floating], source: ColorSpace, target: ColorSpace) -> Doubles:
-    """(..., 3) of one space in a linear one; numbers that are no colours stay."""
+    """Return (..., 3) values of one space in a linear one; data, which are no colours, are unchanged."""
     if source.is_data:
         return np.asarray(values, np.float64)
     by = matrix(source, target)

@@ -1,4 +1,4 @@
-"""Spectra of illuminants: black bodies, daylight, and what a colour space's white stands for."""
+"""Spectra of illuminants: black bodies, daylight, and the daylight of a colour space's white."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .color_space import Chromaticity, ColorSpace, xyz_from_rgb
 from .spectrum import WAVELENGTHS_NM, Spectrum, xyz
 
 SECOND_RADIATION_NM_K = 1.438776877e7  # h c / k: CODATA 2018
-DAYLIGHT_K = (4000.0, 25000.0)  # between which the CIE defines it
+DAYLIGHT_K = (4000.0, 25000.0)  # range of the CIE's definition
 
 # S0, S1, S2 at 380, 390, ... 780 nm: CIE 15:2004, table T.2.
 # fmt: off
@@ -28,22 +28,22 @@ _DAYLIGHT_NM = np.arange(380.0, 781.0, 10.0)
 
 
 def black_body(kelvin: float) -> Spectrum:
-    """Planck's law from 380 to 780 nm, 1 at 560 nm; `kelvin` from 100 on."""
+    """Return Planck's law from 380 to 780 nm, 1 at 560 nm; `kelvin` is at least 100."""
     exponent = SECOND_RADIATION_NM_K / (WAVELENGTHS_NM * kelvin)
     at_560 = SECOND_RADIATION_NM_K / (560.0 * kelvin)
-    # As exponentials of what is apart: those of cold bodies are beyond what floats hold.
+    # Combine exponents before exponentiation: those of cold bodies overflow.
     with np.errstate(over="ignore", under="ignore"):
         ratio = np.exp(at_560 - exponent) * np.expm1(-at_560) / np.expm1(-exponent)
     return Spectrum(WAVELENGTHS_NM, ratio * (560.0 / WAVELENGTHS_NM) ** 5)
 
 
 def daylight(kelvin: float) -> Spectrum:
-    """The CIE's illuminant D of a correlated colour temperature within DAYLIGHT_K (CIE 15:2004, 3.1: D65 is 6504 K)."""
+    """Return the CIE's illuminant D of a correlated colour temperature within DAYLIGHT_K (CIE 15:2004, 3.1: D65 is 6504 K)."""
     return of_chromaticity(daylight_chromaticity(kelvin))
 
 
 def daylight_chromaticity(kelvin: float) -> Chromaticity:
-    """CIE 15:2004, equations 3.2 to 3.4."""
+    """Return the chromaticity of an illuminant D (CIE 15:2004, equations 3.2 to 3.4)."""
     t = 1e3 / kelvin
     if kelvin <= 7000:
         x = 0.244063 + t * (0.09911 + t * (2.9678 - 4.6070 * t))
@@ -53,7 +53,7 @@ def daylight_chromaticity(kelvin: float) -> Chromaticity:
 
 
 def of_chromaticity(white: Chromaticity) -> Spectrum:
-    """The daylight that looks so (CIE 15:2004, equations 3.5 and 3.6); what would be negative of it is 0."""
+    """Return the daylight of a chromaticity (CIE 15:2004, equations 3.5 and 3.6), clamped to 0."""
     x, y = white
     below = 0.0241 + 0.2562 * x - 0.7341 * y
     m1 = (-1.3515 - 1.7703 * x + 5.9114 * y) / below
@@ -63,7 +63,7 @@ def of_chromaticity(white: Chromaticity) -> Spectrum:
 
 
 def rgb_of(spectrum: Spectrum, space: ColorSpace) -> Doubles | None:
-    """(3,) linear values in the space, of luminance 1, as they come out: some may be negative; None for what nobody sees."""
+    """Return (3,) linear RGB of luminance 1, possibly negative where out of gamut; None for invisible spectra."""
     tristimulus = xyz(spectrum)
     if not tristimulus[1] > 0:
         return None

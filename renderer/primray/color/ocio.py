@@ -1,7 +1,7 @@
-"""Colour management: the rendering space to a display's view, and any colour space to the rendering space.
+"""Colour management: the rendering space to a display view, and any colour space to the rendering space.
 
-Spaces that USD names are converted by their primaries (color_space.py); what else the OpenColorIO configuration knows, and
-views, are its work. The configuration is $OCIO's, else OpenColorIO's own default (an ACES config for CG). OpenColorIO is
+Spaces that USD names are converted by their primaries (color_space.py); OpenColorIO handles views, and spaces that only its
+configuration knows. The configuration is $OCIO's, else OpenColorIO's own default (an ACES config for CG). OpenColorIO is
 imported when a colour needs it, so that the command line starts quickly.
 """
 
@@ -22,9 +22,9 @@ from . import color_space
 from .color_space import REC709, ColorSpace
 
 BUILTIN_CONFIG = "ocio://default"
-SCENE_LINEAR = "scene_linear"  # OpenColorIO's role of the space that a studio renders in
-# Under which names configurations know linear spaces, beside the interop id: ACES configs of 2.x and 1.x, older ones. In
-# the order in which they are tried to reach a space that the configuration lacks.
+SCENE_LINEAR = "scene_linear"  # OpenColorIO's role for a studio's rendering space
+# Names of linear spaces in configurations, besides the interop id: ACES configs of 2.x and 1.x, older ones. The spaces are in
+# the order in which they are tried as an intermediate for a space that the configuration lacks.
 CONFIG_NAMES = {
     "lin_rec709_scene": ("Linear Rec.709 (sRGB)", "lin_rec709", "lin_rec709_srgb", "lin_srgb", "Utility - Linear - sRGB"),
     "lin_ap0_scene": ("ACES2065-1", "lin_ap0", "ACES - ACES2065-1", "aces_interchange"),
@@ -34,7 +34,7 @@ CONFIG_NAMES = {
     "lin_ciexyzd65_scene": ("CIE XYZ-D65 - Scene-referred", "cie_xyz_d65_scene"),
 }
 
-# A space of ours, or the name of one that only the configuration knows.
+# A known space, or the name of one that only the configuration knows.
 Source = ColorSpace | str
 
 
@@ -42,8 +42,8 @@ Source = ColorSpace | str
 def _refused(sentence: str, where: str = "") -> Iterator[None]:
     """Turn every exception of OpenColorIO into a SettingsError that begins with `sentence`.
 
-    ExceptionMissingFile (a LUT that is not there) is no OpenColorIO Exception in Python, and pybind11 passes C++'s own on as
-    built-in ones: a LUT's numbers that do not parse, names that are no UTF-8.
+    ExceptionMissingFile (a missing LUT) is no OpenColorIO Exception in Python, and pybind11 translates C++'s standard
+    exceptions to built-in ones: numbers in a LUT that do not parse, names that are not UTF-8.
     """
     import PyOpenColorIO as ocio
 
@@ -71,7 +71,7 @@ def _config() -> Any:
 
 
 def config_name() -> str:
-    """The configuration in use, as its file says it is called."""
+    """Return the name of the configuration in use, as its file says."""
     return str(_config().getName()) or _source()
 
 
@@ -80,7 +80,7 @@ def displays() -> list[str]:
 
 
 def views(display: str | None = None) -> list[str]:
-    """Names of the views of `display` (None: the default one), the default view first."""
+    """Return the names of the views of `display` (None: the default one), the default view first."""
     config = _config()
     display = display or config.getDefaultDisplay()
     names = list(config.getViews(display))
@@ -89,7 +89,7 @@ def views(display: str | None = None) -> list[str]:
 
 
 def check_view(view: str | None, display: str | None = None) -> tuple[str, str]:
-    """The display and view meant (None: the defaults); SettingsError that lists the known ones."""
+    """Return display and view (None: the defaults); SettingsError for unknown ones, with the list of known ones."""
     config = _config()
     if display is not None and display not in displays():
         raise SettingsError(f"no display {display!r}; {config_name()} has: {', '.join(displays())}", code="unknown-display")
@@ -104,11 +104,12 @@ def check_view(view: str | None, display: str | None = None) -> tuple[str, str]:
 
 
 def looks() -> list[str]:
+    """Return the names of the configuration's looks."""
     return list(_config().getLookNames())
 
 
 def check_look(look: str | None) -> None:
-    """SettingsError that lists the known ones."""
+    """Raise SettingsError for an unknown look, with the list of known ones."""
     if look is not None and look not in looks():
         known = ", ".join(looks()) or "none"
         raise SettingsError(f"no look {look!r}; {config_name()} has: {known}", code="unknown-look")
@@ -123,20 +124,20 @@ def to_display(
     look: str | None = None,
     space: ColorSpace = REC709,
 ) -> Floats:
-    """(H, W, 3) of the rendering space `space` to display values, nominally [0,1]; `exposure` in stops, applied first.
+    """Return display values, nominally [0,1], for (H, W, 3) in the rendering space `space`.
 
-    A look takes the place of those that the view has.
+    `exposure` is in stops and applied first. A look replaces those of the view.
     """
     processor, by = _display_processor(view, display, look, space)
     with np.errstate(over="ignore"):
         exposed = rgb * np.float32(2.0**exposure)
-    if exposure > 0:  # what floats do not hold shows as the brightest that they do
+    if exposure > 0:  # values that overflow show as the greatest float
         exposed = np.minimum(exposed, np.finfo(np.float32).max)
     return _applied(processor, color_space.transformed(exposed, by))
 
 
 def from_display(shown: Floats, space: ColorSpace = REC709) -> Floats:
-    """(H, W, 3) display values in [0, 1] to values of `space` that the default view shows so, as nearly as it can."""
+    """Return values of `space` that the default view shows as these (H, W, 3) display values in [0, 1], as nearly as it can."""
     import PyOpenColorIO as ocio
 
     display, view = check_view(None, None)
@@ -150,12 +151,12 @@ def from_display(shown: Floats, space: ColorSpace = REC709) -> Floats:
 
 
 def check_display(view: str | None, display: str | None = None, look: str | None = None, space: ColorSpace = REC709) -> None:
-    """Build what `to_display` applies; SettingsError where that cannot be: unknown names, LUTs that are missing or damaged."""
+    """Build what `to_display` applies; SettingsError where that fails: unknown names, missing or damaged LUTs."""
     _display_processor(view, display, look, space)
 
 
 def failing_views(space: ColorSpace = REC709) -> list[tuple[str, str, str]]:
-    """Display, view and reason of all that the configuration lists and cannot show."""
+    """Return display, view and reason of all views that the configuration lists and cannot show."""
     found = []
     for display in displays():
         for view in views(display):
@@ -169,7 +170,7 @@ def failing_views(space: ColorSpace = REC709) -> list[tuple[str, str, str]]:
 def _display_processor(
     view: str | None, display: str | None, look: str | None, space: ColorSpace
 ) -> tuple[Any, Doubles | None]:
-    """On the CPU, and the matrix that leads to what it takes. A look takes the place of those that the view has."""
+    """Return the CPU processor of a view, and the matrix to the space that it takes; a look replaces those of the view."""
     import PyOpenColorIO as ocio
 
     display, view = check_view(view, display)
@@ -186,7 +187,7 @@ def _display_processor(
 
 
 def assumed_space(space: ColorSpace = REC709) -> str | None:
-    """What views rest on that the configuration does not say: that its scene_linear role is `space`. None where it says."""
+    """Return the assumption on which views rest: that the scene_linear role is `space`; None where the configuration says."""
     if _known_in_config(space) is not None or (role := _find(SCENE_LINEAR)) is None:
         return None
     return (
@@ -196,7 +197,7 @@ def assumed_space(space: ColorSpace = REC709) -> str | None:
 
 
 def space_named(name: str) -> Source | None:
-    """The space that USD or the configuration calls so; None where neither does."""
+    """Return the space that USD or the configuration calls by a name; None where neither does."""
     found = color_space.named(name)
     if found is not None:
         return found
@@ -210,7 +211,7 @@ def space_named(name: str) -> Source | None:
 
 
 def rendering_space(name: str) -> ColorSpace:
-    """A linear RGB space to render in; SettingsError if nobody knows it, or it is none."""
+    """Return a linear RGB space to render in; SettingsError if the name is unknown, or its space is not linear RGB."""
     found = space_named(name)
     if found is None:
         raise SettingsError(f"neither USD nor {config_name()} has a colour space {name!r}", code="unknown-color-space")
@@ -222,12 +223,12 @@ def rendering_space(name: str) -> ColorSpace:
 
 
 def is_rendering_space(space: ColorSpace) -> bool:
-    """Linear, and of primaries: (1, 1, 1) is a light's white there, which it is not in XYZ."""
+    """Return whether a space is linear and has RGB primaries: (1, 1, 1) is a light's white, which it is not in XYZ."""
     return space.is_linear and not space.is_data and color_space.is_gamut(space) and space.name != "lin_ciexyzd65_scene"
 
 
 def convert(rgb: Floats, source: Source, target: ColorSpace) -> Floats:
-    """(..., 3) to a linear space; SettingsError if the configuration cannot."""
+    """Return (..., 3) values converted to a linear space; SettingsError if the configuration cannot."""
     if isinstance(source, ColorSpace):
         return np.asarray(color_space.converted(rgb, source, target), np.float32)
     import PyOpenColorIO as ocio
@@ -247,10 +248,10 @@ def _interop_id(space: Any) -> str:
 
 
 def _in_config(space: ColorSpace, *, assumes: bool = False) -> tuple[str, Doubles | None]:
-    """What the configuration calls the space; or another linear one that it has, and the matrix that leads there.
+    """Return the configuration's name of a space, or of another linear one and the matrix to that.
 
-    `assumes`: where it has none that is known here (configurations of OpenColorIO 1 name them as they like), its scene_linear
-    role is taken for the space; `assumed_space` says so.
+    `assumes`: where it has no linear space with a known name (configurations of OpenColorIO 1 name them freely), its
+    scene_linear role is taken to be the space; `assumed_space` reports that.
     """
     known = _known_in_config(space)
     if known is not None:
@@ -281,7 +282,7 @@ def _find(name: str) -> str | None:
 
 
 def _measured(name: str) -> ColorSpace | None:
-    """A space that only the configuration knows, by what it makes of its primaries; None unless it is linear."""
+    """Return a space that only the configuration knows, measured by converting its primaries; None unless it is linear."""
     probes = np.array([[[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0], [4, 2, 1]]], np.float32)
     xyz_space = color_space.named("lin_ciexyzd65_scene")
     assert xyz_space is not None
@@ -301,7 +302,7 @@ def _measured(name: str) -> ColorSpace | None:
 
 
 def _processor(made: Callable[[Any], Any], what: str) -> Any:
-    """On the CPU; `what` it does, for the error. LUTs are read here, so that their faults are known before pixels are there."""
+    """Return a CPU processor; `what` it does, for errors. LUTs are read here, so that faults are reported before rendering."""
     with _refused(f"the OCIO configuration cannot {what}", _source()):
         return made(_config()).getDefaultCPUProcessor()
 

@@ -1,7 +1,7 @@
-"""What the CIE's standard observer of 1931 (2 degrees) makes of a spectrum: tristimulus values, lumens by the watt.
+"""Spectra as the CIE 1931 standard observer (2 degrees) sees them: tristimulus values, luminous efficacy.
 
-A spectrum is pairs (nm, radiance) joined by straight lines, nothing outside of the first and the last. The observer is
-tabulated from 380 to 780 nm in steps of 5 nm, straight in between as well: integrals are exact sums, however narrow a line is.
+A spectrum is a piecewise linear function given by pairs (nm, radiance), zero outside of the first and the last. The observer
+is tabulated from 380 to 780 nm in steps of 5 nm, and linear in between: integrals are exact sums, however narrow a line is.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _XYZ_BAR = np.array([
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Relative spectral radiance: nowhere negative, `wavelengths_nm` ascend."""
+    """Relative spectral radiance, non-negative; `wavelengths_nm` ascend."""
 
     wavelengths_nm: Doubles  # (N,)
     radiance: Doubles  # (N,)
@@ -55,25 +55,25 @@ class Spectrum:
 
 
 def xyz(spectrum: Spectrum) -> Doubles:
-    """(3,) integrals over the observer's curves, in the spectrum's unit times nm."""
+    """Return (3,) integrals over the observer's curves, in the spectrum's unit times nm."""
     nm = _knots(spectrum)
     bars = np.stack([np.interp(nm, WAVELENGTHS_NM, bar, left=0.0, right=0.0) for bar in _XYZ_BAR])
     return _integrals(nm, bars, spectrum)
 
 
 def watts(spectrum: Spectrum) -> float:
-    """The integral over its whole domain, also what nobody sees of it."""
+    """Return the integral over the whole domain, including the invisible part."""
     return float(np.trapezoid(spectrum.radiance, spectrum.wavelengths_nm))
 
 
 def efficacy(spectrum: Spectrum) -> float:
-    """Lumens by the watt; 0 where it has no power."""
+    """Return the luminous efficacy in lumens per watt; 0 without power."""
     total = watts(spectrum)
     return LUMENS_PER_WATT * float(xyz(spectrum)[1]) / total if total > 0 else 0.0
 
 
 def _knots(spectrum: Spectrum) -> Doubles:
-    """Where the spectrum or the observer bends, within both."""
+    """Return the wavelengths where the spectrum or the observer has a knot, within both."""
     first, last = max(spectrum.wavelengths_nm[0], 380.0), min(spectrum.wavelengths_nm[-1], 780.0)
     if last < first:
         return np.zeros(2)
@@ -82,7 +82,7 @@ def _knots(spectrum: Spectrum) -> Doubles:
 
 
 def _integrals(nm: Doubles, bars: Doubles, spectrum: Spectrum) -> Doubles:
-    """Of the products of two straight lines between neighbours, by Simpson's rule, which is exact for them."""
+    """Return integrals of products of piecewise linear functions by Simpson's rule, which is exact for them."""
     values, steps = spectrum.at(nm), np.diff(nm)
     ends = bars * values
     middles = (bars[:, 1:] + bars[:, :-1]) / 2 * ((values[1:] + values[:-1]) / 2)

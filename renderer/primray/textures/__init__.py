@@ -1,1 +1,1 @@
-"""Image files to texels of the rendering space, and photometric files to profiles. Knows neither USD nor the core."""
+"""Image files read to texels in the rendering space, and photometric files to profiles; independent of USD and of the core."""

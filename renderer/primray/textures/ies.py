@@ -1,15 +1,15 @@
-"""Photometric files: IES LM-63-1986, -1991, -1995, -2002 and -2019 as an IesProfile. Knows neither USD nor the core.
+"""Photometric files (IES LM-63-1986, -1991, -1995, -2002, -2019) read as an IesProfile; independent of USD and of the core.
 
-The frame of a profile, by LM-63-2002 section 3: z points up, nadir (vertical angle 0 of types C and B, -90 of type A) along -z,
-photometric horizontal along +x; horizontal angles turn counterclockwise seen from above in type C, clockwise in types A and B.
-A light has z along its Z, and x along its -X: that is where horizontal angle 0 lies in OpenUSD's reference implementation
-(hdEmbree: phi = atan2(wI.y, wI.x) of the direction *towards* the light, theta = acos(wI.z)) and in the stages by which that was
-compared with Karma and RenderMan (pmolodo/luxtest, usd/iesTest.usda: the camera at 0 degrees looks along -X).
+The frame of a profile, by LM-63-2002 section 3: z points up, nadir (vertical angle 0 of types C and B, -90 of type A) is along
+-z, photometric horizontal along +x; seen from above, horizontal angles turn counterclockwise in type C, clockwise in types A
+and B. A light has z along its Z, and x along its -X: horizontal angle 0 is there in OpenUSD's reference implementation
+(hdEmbree: phi = atan2(wI.y, wI.x) of the direction *towards* the light, theta = acos(wI.z)) and in the stages with which that
+was compared with Karma and RenderMan (pmolodo/luxtest, usd/iesTest.usda: the camera at 0 degrees looks along -X).
 
-What USD's text leaves open is read so: intensities are multiplied by the candela multiplier, ballast factor and ballast-lamp
-photometric factor (but for -2019, which keeps the file's generation type there), not by lamps or lumens, which describe
-what was measured. TILT says how lamps change with the luminaire's tilt and is read over, since candela are given for the tested
-position.
+UsdLux leaves the following open: intensities are multiplied by the candela multiplier, ballast factor and ballast-lamp
+photometric factor (except for -2019, which stores the file's generation type there), and not by lamps or lumens, which
+describe the measurement. TILT describes how lamps depend on the luminaire's tilt and is skipped, since candela are given for
+the tested position.
 """
 
 from __future__ import annotations
@@ -25,26 +25,28 @@ from ..arrays import Doubles
 from ..description.lighting import IesProfile
 
 MAX_BYTES = 16 << 20
-MAX_ANGLES = 4096  # of one kind
+MAX_ANGLES = 4096  # horizontal or vertical
 MAX_INTENSITIES = 1 << 21
 _BRIGHTEST = 1e12  # candela
 _CLOSE_DEG = 1e-3
-_HEMISPHERE = math.pi / 2 + 0.1  # radians of vertical range up to which power is that of a hemisphere (hdEmbree, pxrIES.cpp)
+_HEMISPHERE = math.pi / 2 + 0.1  # radians: up to this vertical range, power is that of a hemisphere (hdEmbree, pxrIES.cpp)
 _SEPARATORS = re.compile(r"[\s,]+")
 
 
 class IesError(ValueError):
-    """A photometric file that cannot be used; the message says in which line."""
+    """An unusable photometric file; the message names the line."""
 
 
 @dataclass(frozen=True)
 class IesFile:
+    """The profile of a photometric file, and notes about what was corrected or ignored."""
+
     profile: IesProfile
-    notes: tuple[str, ...]  # what was put right or left aside
+    notes: tuple[str, ...]  # corrections, and parts that are ignored
 
 
 def parse_ies(content: bytes) -> IesFile:
-    """The profile of a file's bytes; IesError if it is none."""
+    """Return the profile in a file's bytes; IesError if they are not LM-63."""
     if len(content) > MAX_BYTES:
         raise IesError(f"it has {len(content)} bytes, more than {MAX_BYTES}")
     lines = content.decode("latin-1").splitlines()
@@ -67,7 +69,7 @@ def parse_ies(content: bytes) -> IesFile:
 
 
 class _Numbers:
-    """The numbers below the TILT line, in order, each with its line."""
+    """The numbers below the TILT line, in order, each with its line number."""
 
     def __init__(self, lines: Sequence[str], first: int) -> None:
         self._words = [
@@ -102,7 +104,7 @@ class _Numbers:
         return np.array([self.next(f"{what} {i + 1} of {count}") for i in range(count)], np.float64)
 
     def line(self) -> int:
-        """That of the last number."""
+        """Return the line of the last number read."""
         return self._words[self._at - 1][1]
 
     def left(self) -> int:
@@ -118,7 +120,7 @@ def _skip_tilt(numbers: _Numbers) -> None:
 
 @dataclass(frozen=True)
 class _Table:
-    """As in the file, in degrees; candela (H, V) with the multipliers."""
+    """Angles as in the file, in degrees; candela (H, V) include the multipliers."""
 
     kind: str  # A, B or C
     vertical: Doubles
@@ -186,8 +188,11 @@ def _made(vertical: Doubles, horizontal: Doubles, candela: Doubles, horizontal_p
 
 
 def profile_power(vertical_deg: Doubles, horizontal_deg: Doubles, candela: Doubles, horizontal_pole: bool = False) -> float:
-    """The sum over patches of mean intensity times solid angle, over 4 pi, or 2 pi where vertical angles span no more than a
-    hemisphere. A patch's sine is that of its middle, as in hdEmbree's pxrIES.cpp: UsdLux leaves all of this open."""
+    """Return the sum over patches of mean intensity times solid angle, over 4 pi or 2 pi.
+
+    It is 2 pi where vertical angles span no more than a hemisphere. A patch's sine is taken at its centre, as in hdEmbree's
+    pxrIES.cpp; UsdLux leaves all of this open.
+    """
     if len(horizontal_deg) == 1:
         horizontal_deg, candela = np.array([0.0, 360.0]), np.concatenate([candela, candela])
     v, h = np.radians(vertical_deg), np.radians(horizontal_deg)
@@ -203,15 +208,18 @@ def _is(angle: float, wanted: float) -> bool:
 
 
 def _mirrored(horizontal: Doubles, candela: Doubles, about: float) -> tuple[Doubles, Doubles]:
-    """With the mirror image beyond the last plane, or before the first, whichever lies at `about`."""
+    """Return the planes with their mirror image at `about`, beyond the last plane or before the first."""
     if _is(float(horizontal[-1]), about):
         return np.concatenate([horizontal, (2 * about - horizontal)[-2::-1]]), np.concatenate([candela, candela[-2::-1]])
     return np.concatenate([(2 * about - horizontal)[:0:-1], horizontal]), np.concatenate([candela[:0:-1], candela])
 
 
 def _type_c_planes(t: _Table, notes: list[str]) -> tuple[Doubles, Doubles]:
-    """Planes from 0 to 360 degrees. The last one says how a distribution is symmetric: 90 by quadrants, 180 about the plane
-    0-180; from 90 to 270 (LM-63-1995) about the plane 90-270."""
+    """Return planes from 0 to 360 degrees.
+
+    The last plane gives the symmetry: 90 by quadrants, 180 about the plane 0-180; from 90 to 270 (LM-63-1995) about the plane
+    90-270.
+    """
     horizontal, candela = t.horizontal, t.candela
     first, last = float(horizontal[0]), float(horizontal[-1])
     if _is(first, 0) and _is(last, 90):
@@ -226,14 +234,17 @@ def _type_c_planes(t: _Table, notes: list[str]) -> tuple[Doubles, Doubles]:
     if gap <= _CLOSE_DEG:
         return horizontal, candela
     steps = np.diff(horizontal)
-    if _is(gap, float(steps[0])) or _is(gap, float(steps[-1])):  # the last plane is left out, being the first again
+    if _is(gap, float(steps[0])) or _is(gap, float(steps[-1])):  # the last plane is missing, as it equals the first
         return _around(np.append(horizontal, first + 360.0), np.concatenate([candela, candela[:1]]))
     notes.append(f"its planes cover {first:g} to {last:g} degrees only: there is no light in between")
     return _with_gap(horizontal, candela)
 
 
 def _type_a_planes(t: _Table) -> tuple[Doubles, Doubles]:
-    """Clockwise from above: plane h of type A is -h of type C. From 0 on, symmetric about the plane 0; nothing behind."""
+    """Return the planes of type A as type C: plane h is -h, since A counts clockwise; there is no light behind.
+
+    Planes from 0 on are symmetric about the plane 0.
+    """
     horizontal, candela = t.horizontal, t.candela
     if _is(float(horizontal[0]), 0):
         horizontal, candela = _mirrored(horizontal, candela, 0.0)
@@ -241,7 +252,7 @@ def _type_a_planes(t: _Table) -> tuple[Doubles, Doubles]:
 
 
 def _type_b(t: _Table) -> tuple[Doubles, Doubles, Doubles]:
-    """Angles from 0 on stand for both sides, of either kind, as in the reader that hdEmbree uses (Cycles')."""
+    """Return angles and candela with both sides: angles from 0 on are mirrored, as in Cycles' reader, which hdEmbree uses."""
     vertical, horizontal, candela = t.vertical, t.horizontal, t.candela
     if len(horizontal) == 1:
         raise IesError("a file of photometric type B needs more than one horizontal angle")
@@ -254,17 +265,17 @@ def _type_b(t: _Table) -> tuple[Doubles, Doubles, Doubles]:
 
 
 def _with_gap(horizontal: Doubles, candela: Doubles) -> tuple[Doubles, Doubles]:
-    """All around, dark between the last plane and the first: two planes at one angle are a step."""
+    """Return planes all around, dark between the last plane and the first; two planes at one angle are a step."""
     dark = np.zeros_like(candela[:1])
     angles = np.concatenate([horizontal, horizontal[-1:], horizontal[:1] + 360.0, horizontal[:1] + 360.0])
     return _around(angles, np.concatenate([candela, dark, dark, candela[:1]]))
 
 
 def _around(horizontal: Doubles, candela: Doubles) -> tuple[Doubles, Doubles]:
-    """Planes over any 360 degrees as those from 0 to 360."""
+    """Return planes over any 360 degrees as planes from 0 to 360."""
     if _is(float(horizontal[0]), 0):
         return horizontal, candela
-    # Three turns of them, cut at 0 and 360, where what lies between two planes is found along the line between them.
+    # Repeat the planes over three turns, and cut at 0 and 360 by linear interpolation.
     angles = np.concatenate([horizontal[:-1] - 360.0, horizontal[:-1], horizontal + 360.0])
     planes = np.concatenate([candela[:-1], candela[:-1], candela])
     inside = (angles > _CLOSE_DEG) & (angles < 360.0 - _CLOSE_DEG)

@@ -1,7 +1,7 @@
-"""Why OpenImageIO could not read or write something: its messages quote the file, whose bytes need not be text.
+"""Errors of OpenImageIO while reading or writing; its messages quote the file, whose bytes may not be text.
 
-JPEGs need a closer look. libjpeg fills what is missing of one with grey and only warns, which OpenImageIO keeps as an error
-beside pixels that it gives: of the other formats it gives none.
+JPEGs need a closer look. libjpeg fills missing parts with grey and only warns, which OpenImageIO stores as an error although
+it returns pixels: for other formats it returns none.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 from .jpeg_scan import zeroed_part
 
 END_OF_JPEG = b"\xff\xd9"  # the marker EOI: ITU-T T.81, B.2.1
-# Messages of libjpeg (jerror.h) about what is beside the pixels, or read as it was meant.
+# Warnings of libjpeg (jerror.h) that do not affect pixels.
 _HARMLESS = (
     "extraneous bytes before marker",
     "unknown JFIF revision number",
@@ -24,7 +24,7 @@ _ENDS_EARLY = "Premature end of JPEG file"
 
 
 def last_error(source: Any) -> str:
-    """Of OpenImageIO itself or one of its objects, on one line; forgotten there afterwards."""
+    """Return the error of OpenImageIO, or of one of its objects, on one line; this clears it."""
     try:
         return "; ".join(map(str.strip, str(source.geterror()).strip().splitlines()))
     except UnicodeDecodeError:
@@ -32,9 +32,9 @@ def last_error(source: Any) -> str:
 
 
 def fault_of_pixels(image: Any, path: str) -> str:
-    """Why the pixels that `image` just gave are not those of the file; "" where they are. Forgotten there afterwards.
+    """Return why the pixels that `image` just returned are not the file's, "" where they are; this clears its error.
 
-    `image` is an OpenImageIO ImageInput. Progressive JPEGs are decoded as it is opened, so errors since then count.
+    `image` is an OpenImageIO ImageInput. Progressive JPEGs are decoded when they are opened, so errors since then count.
     """
     if not image.has_error:
         return _hole(path) if image.format_name() == "jpeg" else ""
@@ -44,7 +44,7 @@ def fault_of_pixels(image: Any, path: str) -> str:
     if _ENDS_EARLY in message:
         return _hole(path) if _lacks_only_its_end(path) else message
     if any(harmless in message for harmless in _HARMLESS):
-        return _hole(path) if _has_end(path) else _ENDS_EARLY  # the first warning alone is kept
+        return _hole(path) if _has_end(path) else _ENDS_EARLY  # OpenImageIO keeps only the first warning
     return message
 
 
@@ -60,7 +60,7 @@ def _has_end(path: str) -> bool:
 
 
 def _lacks_only_its_end(path: str) -> bool:
-    """Whether all pixels of a JPEG are there, and only the two bytes that end it are not: some cameras leave them out."""
+    """Return whether all pixels of a JPEG exist and only its end marker is missing: some cameras omit it."""
     import OpenImageIO as oiio
 
     with open(path, "rb") as file, tempfile.NamedTemporaryFile(suffix=".jpg") as whole:

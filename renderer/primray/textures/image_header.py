@@ -1,4 +1,4 @@
-"""A picture's header, without its pixels: its size, format and metadata."""
+"""Header of an image file without its pixels: size, format and metadata."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 def read_header(path: str, read: Callable[[str], bytes]) -> oiio.ImageSpec | None:
-    """With the size of the picture; None if it cannot be opened.
+    """Return an image's header with the size of its display window; None if it cannot be opened.
 
-    `read` gives the bytes of a package's member ("package.usdz[member]").
+    `read` returns the bytes of a package's member ("package.usdz[member]").
     """
     if not path.endswith("]"):
         return _of_file(path)

@@ -12,11 +12,11 @@ from .texture_format import Layout, layout_of, prefix_of
 
 # MaterialX, image: "If no value for layer is provided and the input file has multiple layers", these, in this order.
 _UNNAMED = ("default", "rgba")
-_PLAIN = ("rgba", "rgb")  # what applications call the channels without a prefix
+_PLAIN = ("rgba", "rgb")  # names that applications use for channels without a prefix
 
 
 def choose_layer(image: Any, name: str, shown: str) -> tuple[Any, Layout]:
-    """Return the header of the part that holds a layer, and where its channels are; the image stays at that part.
+    """Return the header of the part with a layer, and the layout of its channels; the image is left at that part.
 
     Without a name: the layer that MaterialX names, else the first part. Raises AssetError where the file has no such layer.
     """
@@ -58,7 +58,7 @@ def _default_part(image: Any, spec: Any) -> Any:
 
 
 def _channels(names: tuple[str, ...], label: str, layer: str) -> list[int]:
-    """The channels of a part, which is called `label`, that are of a layer."""
+    """Return the channels of a layer in a part that is named `label`."""
     prefixes = [prefix_of(name) for name in names]
     own = [i for i, prefix in enumerate(prefixes) if prefix == layer]
     if not own and label:
@@ -66,5 +66,5 @@ def _channels(names: tuple[str, ...], label: str, layer: str) -> list[int]:
         own = own or (list(range(len(names))) if label == layer else [])
     if not own and layer.lower() in _PLAIN:
         own = [i for i, prefix in enumerate(prefixes) if not prefix]
-    # One channel by its whole name ("N.Y"), as programs list those of a file: its numbers alone.
+    # A single channel by its full name ("N.Y").
     return own or [i for i, name in enumerate(names) if layer in (name, f"{label}.{name}")]

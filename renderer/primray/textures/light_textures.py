@@ -1,4 +1,4 @@
-"""What becomes of lights once their textures are read: which are left out, and how a dome's image is laid out."""
+"""Lights after their textures are read: which are left out, their brightness, and the layout of dome images."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ FORMAT = "inputs:texture:format"
 
 
 def with_read_textures(lights: Iterable[Light], textures: TextureSet, diagnostics: Diagnostics) -> tuple[Light, ...]:
-    """Rectangles shine without a texture that could not be read; a sky whose image is missing is no plain colour: left out."""
+    """Return the lights with textures that could be read.
+
+    Rectangles shine without a texture that could not be read; domes are left out, since a sky is not a plain colour.
+    """
     kept = []
     measure = _Measure(textures, diagnostics)
     for light in lights:
@@ -34,7 +37,7 @@ def with_read_textures(lights: Iterable[Light], textures: TextureSet, diagnostic
 
 
 class _Measure:
-    """Makes lights as bright as they are to be, through their images; many differ by where they stand alone."""
+    """Scaling of lights to their photometric values through their images, cached for lights that differ only in placement."""
 
     def __init__(self, textures: TextureSet, diagnostics: Diagnostics) -> None:
         self._textures = textures
@@ -62,7 +65,7 @@ class _Measure:
 
 
 def _settled(dome: Light, image: Texture, diagnostics: Diagnostics) -> Light:
-    """With the format that "automatic" turns out to be, by what the file says of itself or, if it says nothing, its shape."""
+    """Return the dome with the format that "automatic" stands for: what the file's metadata say, else by its aspect ratio."""
     height, width, _ = image.shape
     asked = dome.texture_format
     if asked != "automatic":

@@ -1,4 +1,4 @@
-"""Notes tiles of UDIM sets that texture coordinates lie in and that are not there: the fallback is seen in their place."""
+"""Report of UDIM tiles that texture coordinates use and that do not exist: the fallback is visible there."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ from ..description.pattern_reads import plain_images
 from ..diagnostics import Diagnostics
 
 FIRST, ACROSS = 1001, 10  # ten tiles in s, then the next row in t (UsdShade: 1001 to 1100)
-_NEAR = 1e-4  # of a tile: so little of it is rounding, or a bevel at its border
+_NEAR = 1e-4  # of a tile: smaller overlaps are rounding, or a bevel at its border
 _AT_ONCE = 1 << 18  # triangles
 _LISTED = 8
-_OUTSIDE = 0  # in place of a number: beyond all tiles
+_OUTSIDE = 0  # pseudo-tile: outside of all tiles
 
 Triangles = npt.NDArray[np.float64]  # (K, 3, 2) of texture coordinates
 
 
 def note_missing_tiles(description: SceneDescription, diagnostics: Diagnostics) -> None:
+    """Report the missing tiles of each surface."""
     by_surface: dict[int, list[Shape]] | None = None
     per_instance = {p.name for placement in description.placements for p in placement.primvars}
     for number, surface in enumerate(description.surfaces):
@@ -59,7 +60,7 @@ def _message(file: TextureFile, missing: list[int]) -> str:
 
 
 def _sets_of(surface: Surface) -> dict[TextureFile, list[TextureInput]]:
-    """Inputs that read a set of tiles, each way of laying it on once."""
+    """Return the inputs that read a set of tiles, each different placement once."""
     found: dict[TextureFile, dict[object, TextureInput]] = {}
     for reads in (*(reads for _, reads in surface.inputs), *plain_images(surface.pattern)):
         if isinstance(reads, TextureInput) and reads.file.tiles:
@@ -76,13 +77,16 @@ def _by_surface(description: SceneDescription) -> dict[int, list[Shape]]:
 
 
 def _coordinates(shape: Shape, surface: int, reads: TextureInput, per_instance: set[str]) -> Iterator[Triangles]:
-    """Of what the shape has of the surface, some triangles at a time; one point where they are the same everywhere."""
+    """Yield texture coordinates of the parts of a shape with a surface, some triangles at a time.
+
+    A single point where they are the same everywhere.
+    """
     primvar = next((p for p in shape.primvars if p.name == reads.st.name), None)
     if primvar is None or primvar.values.ndim != 2 or primvar.values.shape[1] < 2:
         if reads.st.name not in per_instance:
             yield np.tile(np.asarray(reads.st.fallback[:2], np.float64), (1, 3, 1))
         return
-    if isinstance(shape, Curves | Ribbons):  # between control points, or ends of segments
+    if isinstance(shape, Curves | Ribbons):  # coordinates of control points or segment ends bound those in between
         for first in range(0, len(primvar.values), _AT_ONCE):
             yield np.repeat(primvar.values[first : first + _AT_ONCE, None, :2].astype(np.float64), 3, axis=1)
         return
@@ -107,7 +111,7 @@ def _coordinates(shape: Shape, surface: int, reads: TextureInput, per_instance: 
 
 
 def _corners(shape: Shape) -> tuple[Ints, Ints]:
-    """(K, 3) corners of triangles, numbered through the shape's faces, and (K,) their faces; polygons are cut into fans."""
+    """Return (K, 3) corners of triangles, numbered through the shape's faces, and (K,) their faces; polygons become fans."""
     if isinstance(shape, Mesh):
         count = len(shape.triangles)
         return np.arange(3 * count, dtype=np.int32).reshape(-1, 3), np.arange(count, dtype=np.int32)
@@ -127,7 +131,7 @@ def _moved(st: Triangles, reads: TextureInput) -> Triangles:
 
 
 def tiles_met(triangles: Triangles, known: set[int]) -> set[int]:
-    """The numbers of the tiles that triangles lie in, by more than rounding; 0 for outside. Those `known` need not be found."""
+    """Return the numbers of the tiles that triangles overlap by more than rounding; 0 for outside. `known` ones are skipped."""
     finite = triangles[np.isfinite(triangles).all(axis=(1, 2))]
     low = np.floor(finite.min(axis=1) + _NEAR)
     high = np.maximum(np.ceil(finite.max(axis=1) - _NEAR) - 1, low)
@@ -148,7 +152,7 @@ def tiles_met(triangles: Triangles, known: set[int]) -> set[int]:
 
 
 def _any_overlaps(triangles: Triangles, center: Floats | npt.NDArray[np.float64]) -> bool:
-    """Whether one of them, whose boxes do, overlaps the square of a tile: no edge's line lies between the two."""
+    """Return whether any triangle overlaps a tile that its bounding box overlaps: no edge separates the two."""
     relative = triangles - center
     edges = np.roll(relative, -1, axis=1) - relative
     normals = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)  # (K, 3 edges, 2)

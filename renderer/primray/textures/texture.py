@@ -1,9 +1,9 @@
-"""Texture files as pixels of the rendering space, read with OpenImageIO. Resolving asset paths is USD's work, not done here.
+"""Texture files read with OpenImageIO as pixels in the rendering space; asset paths are resolved elsewhere (USD).
 
-Values are as stored: alpha is straight, never colour-transformed and multiplied with nothing; EXIF's orientation turns
-nothing, and chromaticities in a file convert nothing (UsdUVTexture's "auto" asks a file only whether it is sRGB). "auto" and
-"sRGB" speak of the curve alone (UsdUVTexture): the primaries are those of USD's default space, Rec.709's. An EXR's picture is
-its display window: texture coordinates and directions go from edge to edge of that.
+Values are as stored: alpha is straight, never colour-transformed or premultiplied; EXIF's orientation and chromaticities in a
+file have no effect (UsdUVTexture's "auto" only decides whether a file is sRGB). "auto" and "sRGB" determine only the transfer
+curve (UsdUVTexture): the primaries are those of USD's default space, Rec.709. An EXR's picture is its display window, whose
+edges texture coordinates and directions refer to.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .layers import choose_layer
 from .texture_format import Layout, environment_of, is_srgb, wraps_of
 from .windows import Windows, windows_of
 
-MAX_TEXTURE_MB = 4096  # as float: a little more than 16384 x 16384 in RGB
+MAX_TEXTURE_MB = 4096  # as floats: slightly more than 16384 x 16384 in RGB
 
 ReadAsset = Callable[[str], bytes]
 
@@ -38,17 +38,17 @@ ReadAsset = Callable[[str], bytes]
 class Texture:
     """`pixels` (H, W, C), first row at the top, C: 1 grey; 2 grey, alpha; 3 red, green, blue; 4 with alpha (else it is 1).
 
-    Integers are kept as the file has them, a quarter or half of their size as numbers, which are made at every asking.
+    Integers are stored as in the file, a quarter or half of the size of floats, and converted on each access.
     """
 
-    stored: npt.NDArray[Any]  # uint8, uint16 or what they mean, as float32
-    srgb_channels: int = 0  # of integers: so many of the first channels are through sRGB's curve
-    to_target: Doubles | None = None  # of integers: what the linear red, green and blue are multiplied with
-    bad_texels: int = 0  # NaN or infinite ones, set to 0
-    wrap_s: Wrap = Wrap.BLACK  # what the file says of itself, or what is wanted where it says nothing
+    stored: npt.NDArray[Any]  # uint8, uint16, or linear float32
+    srgb_channels: int = 0  # for integers: the number of channels, from the first, with sRGB's curve
+    to_target: Doubles | None = None  # for integers: matrix for linear red, green and blue
+    bad_texels: int = 0  # NaN or infinite texels, set to 0
+    wrap_s: Wrap = Wrap.BLACK  # from the file, else the default that was passed
     wrap_t: Wrap = Wrap.BLACK
-    turned: bool = False  # the file says it should be shown turned, which texture coordinates do not know
-    environment: str = ""  # what the file says it shows of an environment: "latlong", "cube", or nothing
+    turned: bool = False  # the file has an orientation, which texture coordinates ignore
+    environment: str = ""  # environment layout in the metadata: "latlong", "cube" or ""
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -60,7 +60,7 @@ class Texture:
         return self.channels(0, self.shape[2])
 
     def channels(self, first: int, end: int) -> Floats:
-        """Some of the pixels' channels, contiguous."""
+        """Return a contiguous range of channels."""
         if self.to_target is None or first >= 3:
             return self._unmixed(first, end)
         mixed = self._unmixed(0, max(end, 3))
@@ -80,7 +80,7 @@ class Texture:
         return numbers
 
     def rgb(self) -> Floats:
-        """(H, W, 3), without alpha."""
+        """Return (H, W, 3) pixels without alpha."""
         if self.shape[2] >= 3:
             return self.channels(0, 3)
         return np.repeat(self.channels(0, 1), 3, axis=2)
@@ -94,9 +94,9 @@ def load_texture(
     channels: frozenset[str] = frozenset("rgba"),
     unsaid: Wrap = Wrap.BLACK,
 ) -> Texture:
-    """Read one image, that of `path` for a tile; of its `channels` only those that are asked for need to be there.
+    """Read one image, that at `path` for a tile; only the requested `channels` need to exist.
 
-    `read` gives a path's bytes where it is no plain file ("package.usdz[member]"); `unsaid` is its wrap if it names none.
+    `read` returns the bytes of a path in a package ("package.usdz[member]"); `unsaid` is the wrap if the file names none.
     """
     path = file.path if path is None else path
     if read is not None and path.endswith("]"):
@@ -123,7 +123,7 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsa
 
     oiio.attribute("limits:imagesize_MB", MAX_TEXTURE_MB)
     config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)  # colours as stored, not multiplied by alpha
+    config.attribute("oiio:UnassociatedAlpha", 1)  # colours as stored, not premultiplied
     image = oiio.ImageInput.open(path, config)
     if image is None:
         raise AssetError(f"the texture cannot be read: {last_error(oiio)}", where=shown, code="texture-unreadable")
@@ -162,9 +162,9 @@ def _has_srgb_curve(space: ColorSpace) -> bool:
 
 
 def _clear_bad(pixels: Floats) -> int:
-    """Set texels that are not finite to 0, in place; how many there were."""
-    with np.errstate(invalid="ignore"):  # of Inf - Inf
-        if np.isfinite(pixels.sum(dtype=np.float64)):  # adding up finite floats in double cannot overflow
+    """Set texels that are not finite to 0, in place; return their number."""
+    with np.errstate(invalid="ignore"):  # Inf - Inf
+        if np.isfinite(pixels.sum(dtype=np.float64)):  # a sum of finite floats cannot overflow in double
             return 0
     bad = ~np.isfinite(pixels).all(axis=2)
     pixels[bad] = 0.0
@@ -183,7 +183,7 @@ def _check_size(size: tuple[int, int], layout: Layout, shown: str) -> None:
 
 
 def _read(image: Any, spec: Any, layout: Layout, path: str, shown: str) -> npt.NDArray[Any]:
-    """(H, W, C) as stored: uint8, uint16 or float32."""
+    """Return (H, W, C) texels as stored: uint8, uint16 or float32."""
     import OpenImageIO as oiio
 
     kinds = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}
@@ -200,7 +200,7 @@ def _read(image: Any, spec: Any, layout: Layout, path: str, shown: str) -> npt.N
 
 
 def _pictured(stored: npt.NDArray[Any], windows: Windows, layout: Layout, wanted: frozenset[str]) -> npt.NDArray[Any]:
-    """The display window; what is not stored of it is 0, and its alpha too where the file itself has none."""
+    """Return the display window; texels that are not stored are 0, their alpha too where the file itself has none."""
     has_alpha = len(layout.channels) > layout.colors
     if "a" in wanted and not has_alpha and not windows.covers:
         stored = np.concatenate([stored, np.ones_like(stored[:, :, :1])], axis=2)
@@ -208,11 +208,11 @@ def _pictured(stored: npt.NDArray[Any], windows: Windows, layout: Layout, wanted
 
 
 def _linear(stored: npt.NDArray[Any], colors: int, space: ColorSpace | str, file: TextureFile, shown: str) -> Floats:
-    """The first `colors` channels through the colour space's curve and primaries, the others as numbers."""
+    """Return pixels with the first `colors` channels converted from the colour space, the others as numbers."""
     if stored.dtype.kind == "u":
         pixels = _numbers(stored, _table(stored.dtype.itemsize * 8, False))
     else:
-        pixels = np.asarray(stored, np.float32, order="C")  # nobody else's: changed in place
+        pixels = np.asarray(stored, np.float32, order="C")  # not shared: modified in place
     if isinstance(space, str):
         _convert(pixels, colors, space, file.target, shown)
         return pixels
@@ -225,7 +225,7 @@ def _linear(stored: npt.NDArray[Any], colors: int, space: ColorSpace | str, file
 
 
 def _convert(pixels: Floats, colors: int, space: str, target: ColorSpace, shown: str) -> None:
-    """Through OpenColorIO, in place. Of a grey image only the curve is left: its channels stay equal in any of the spaces."""
+    """Convert pixels through OpenColorIO, in place; grey images keep equal channels, so only the curve affects them."""
     rgb = pixels[:, :, :3] if colors == 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
     try:
         converted = color.convert(rgb, space, target)
@@ -235,7 +235,7 @@ def _convert(pixels: Floats, colors: int, space: str, target: ColorSpace, shown:
 
 
 def _numbers(codes: npt.NDArray[Any], table: Floats) -> Floats:
-    """table[codes], some rows at a time: numpy makes eight bytes of every index first."""
+    """Return table[codes], some rows at a time: numpy expands each index to eight bytes first."""
     numbers = np.empty(codes.shape, np.float32)
     for row in range(0, len(codes), 64):
         numbers[row : row + 64] = table[codes[row : row + 64]]
@@ -244,6 +244,6 @@ def _numbers(codes: npt.NDArray[Any], table: Floats) -> Floats:
 
 @cache
 def _table(bits: int, srgb: bool) -> Floats:
-    """What each integer of so many bits stands for."""
+    """Return the value of each integer of `bits` bits."""
     values: npt.NDArray[np.float64] = np.arange(1 << bits, dtype=np.float64) / ((1 << bits) - 1)
     return (linear(values, SRGB) if srgb else values).astype(np.float32)

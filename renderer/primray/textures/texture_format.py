@@ -1,4 +1,4 @@
-"""What an image file says of itself: which channels are what, whether it is sRGB, how it wraps. Part of texture.py."""
+"""Metadata of an image file: meaning of its channels, whether it is sRGB, its wrap modes. Part of texture.py."""
 
 from __future__ import annotations
 
@@ -8,35 +8,35 @@ from typing import Any
 
 from ..description import Wrap
 
-# OpenImageIO's names for wrap modes, in textures made by maketx.
+# OpenImageIO's names of wrap modes, in textures made by maketx.
 _WRAPS = {"black": Wrap.BLACK, "clamp": Wrap.CLAMP, "periodic": Wrap.REPEAT, "mirror": Wrap.MIRROR}
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the file has grey or red, green and blue, and then alpha if it has any."""
+    """Indices of a file's grey or red, green and blue channels, followed by alpha if it has any."""
 
     channels: tuple[int, ...]
-    colors: int  # 1 or 3: how many come before alpha
+    colors: int  # channels before alpha: 1 or 3
 
     def reduced(self, wanted: frozenset[str]) -> Layout:
-        """Without the channels that nobody reads, as far as a layout remains: "r" alone is a grey image's."""
+        """Return the layout without channels that are not read; "r" alone makes it a grey image's."""
         colors = 1 if self.colors == 3 and not wanted & {"g", "b"} else self.colors
         alpha = self.channels[self.colors :] if "a" in wanted else ()
         return Layout(self.channels[:colors] + alpha, colors)
 
 
 def prefix_of(channel: str) -> str:
-    """Return the layer that a channel's name says: "diffuse" of "diffuse.R", "" of "R"."""
+    """Return the layer in a channel's name: "diffuse" of "diffuse.R", "" of "R"."""
     return channel.rpartition(".")[0]
 
 
 def layout_of(names: tuple[str, ...]) -> Layout:
-    """By name where there are R, G and B, alone or in a layer ("diffuse.R"): those without a layer, those of the layers that
-    MaterialX reads where none is named, else the first; else by their number.
+    """Return the layout of channels: by name where there are R, G and B, alone or in a layer ("diffuse.R"), else by count.
 
-    One channel is grey, two are grey and alpha, three and more red, green, blue and alpha (UsdUVTexture).
+    Channels without a layer come first, then those of the layers that MaterialX reads by default, then the first layer's. By
+    count, one channel is grey, two are grey and alpha, three and more red, green, blue and alpha (UsdUVTexture).
     """
     upper = [name.upper() for name in names]
     layers = [name[:-1] for name in upper if name == "R" or name.endswith(".R")]
@@ -52,7 +52,7 @@ def layout_of(names: tuple[str, ...]) -> Layout:
 
 
 def is_srgb(spec: Any, path: str) -> bool:
-    """What "auto" means: as the file's metadata say, else sRGB for 8 bits with 3 or 4 channels (UsdUVTexture)."""
+    """Return whether "auto" means sRGB: by the file's metadata, else for 8 bits with 3 or 4 channels (UsdUVTexture)."""
     says = _png_says(path)
     if says is not None:
         return says
@@ -64,9 +64,9 @@ def is_srgb(spec: Any, path: str) -> bool:
 
 
 def _png_says(path: str) -> bool | None:
-    """By its sRGB or gAMA chunk, which come before the pixels; None where it is no PNG or has neither.
+    """Return whether a PNG's sRGB or gAMA chunk says sRGB; None for files that are no PNG or have neither.
 
-    OpenImageIO's own attribute does not tell: it is sRGB also for files that say nothing.
+    OpenImageIO's own attribute is sRGB also for files without either chunk.
     """
     gamma = None
     with open(path, "rb") as file:
@@ -88,11 +88,11 @@ def _png_says(path: str) -> bool | None:
 
 
 def wraps_of(spec: Any, unsaid: Wrap) -> tuple[Wrap, Wrap]:
-    """In s and t; `unsaid` where the file does not say."""
+    """Return the wrap modes in s and t, `unsaid` where the file has none."""
     modes = str(spec.getattribute("wrapmodes") or "").split(",")
     return _WRAPS.get(modes[0], unsaid), _WRAPS.get(modes[-1], unsaid)
 
 
 def environment_of(spec: Any) -> str:
-    """OpenEXR's envmap attribute, and what maketx writes, under OpenImageIO's name for both."""
+    """Return the environment layout from OpenEXR's envmap attribute or maketx's metadata, "" without one."""
     return {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}.get(str(spec.getattribute("textureformat")), "")

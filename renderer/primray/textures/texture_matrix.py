@@ -1,4 +1,4 @@
-"""The matrix that a picture's metadata says it was seen through ("worldtoscreen"): where a card made from it stands."""
+"""The "worldtoscreen" matrix in an image's metadata, by which a card that shows the image is placed."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from ..arrays import Doubles
 from .image_header import read_header
 
-# OpenImageIO before 2.2 wrote the first under the name of the second.
+# OpenImageIO before 2.2 wrote "worldtoscreen" as "worldToNDC".
 _NAMES = ("worldtoscreen", "worldToNDC")
 
 
 def read_matrix(path: str, read: Callable[[str], bytes]) -> Doubles | None:
-    """(4, 4), as written: for row vectors. `read` is as in read_header."""
+    """Return the (4, 4) matrix for row vectors as written, None where the file has none; `read` as for read_header."""
     header = read_header(path, read)
     if header is None:
         return None

@@ -1,6 +1,6 @@
-"""Notes textures of which nothing can be seen: black outside 0 to 1, where all of a surface's texture coordinates lie.
+"""Report of textures that cannot be seen: black outside 0 to 1, where all texture coordinates of a surface are.
 
-That is as UsdUVTexture says, whose wraps are black unless the stage or the file says otherwise, and rarely what was meant.
+This follows UsdUVTexture, whose wraps are black unless the stage or the file says otherwise, but is rarely intended.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
 
 def note_textures_outside(description: SceneDescription, textures: Textures, diagnostics: Diagnostics) -> None:
+    """Report the textures of each surface that cannot be seen."""
     black: dict[int, list[tuple[str, TextureInput, list[int]]]] = {}
     for number, surface in enumerate(description.surfaces):
         for name, reads in surface.inputs:
@@ -27,7 +28,7 @@ def note_textures_outside(description: SceneDescription, textures: Textures, dia
     shapes = _shapes_of(description.shapes, black) if black else {}
     for number, found in shapes.items():
         for name, reads, axes in black[number]:
-            if all(_outside(shape, reads, axes) for shape in found):  # most end at their first shape
+            if all(_outside(shape, reads, axes) for shape in found):  # usually decided by the first shape
                 diagnostics.add("texture-outside", description.surfaces[number].path, _sentence(name, reads))
 
 
@@ -39,7 +40,7 @@ def _sentence(name: str, reads: TextureInput) -> str:
 
 
 def _black_axes(reads: TextureInput, tiles: Sequence[tuple[int, Texture]]) -> list[int]:
-    """In which of s and t the image ends; sets of tiles go on."""
+    """Return the axes, of s and t, along which the image is black outside; sets of tiles have none."""
     if len(tiles) != 1 or tiles[0][0]:
         return []
     own = tiles[0][1].wrap_s, tiles[0][1].wrap_t
@@ -57,7 +58,7 @@ def _shapes_of(shapes: Sequence[Shape], surfaces: Collection[int]) -> dict[int, 
 
 
 def _outside(shape: Shape, reads: TextureInput, axes: Sequence[int]) -> bool:
-    """Beyond the image's edge along one of the axes; a shape without the primvar has the fallback, which is inside."""
+    """Return whether a shape's coordinates are all outside along an axis; without the primvar, the fallback is inside."""
     for primvar in shape.primvars:
         values = primvar.values
         if primvar.name == reads.st.name and values.ndim == 2 and values.shape[1] >= 2 and len(values):

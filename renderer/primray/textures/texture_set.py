@@ -1,4 +1,4 @@
-"""All textures of a description, each file read once whoever uses it, several at a time; what cannot be read is noted."""
+"""All textures of a description, each file read once, several in parallel; files that cannot be read are reported."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
 
 THREADS = 8
 LIGHT_LEFT_OUT = "the light is left out"
-BRIGHTEST_TEXEL = 1e15  # of a light: times its tint it must stay a float
+BRIGHTEST_TEXEL = 1e15  # for lights: times the light's colour it must remain a finite float
 
 
 @dataclass
 class _Use:
-    """Who reads a file: its channels, and where to report what is wrong with it."""
+    """Readers of a file: the channels that they read, and where to report problems."""
 
     channels: set[str] = field(default_factory=set)
-    light: str | None = None  # the light that it belongs to
-    without: str = ""  # what becomes of that light where the file cannot be read
+    light: str | None = None  # path of the light that reads it
+    without: str = ""  # consequence for that light where the file cannot be read
     surface: str = ""
 
 
 def load_texture_set(
     description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None, unsaid: Wrap = Wrap.BLACK
 ) -> TextureSet:
-    """The images of every file that can be read, with their tiles' numbers, or 0; files that name no wrap have `unsaid`."""
+    """Return the images of all readable files with their tile numbers, or 0; files that name no wrap get `unsaid`."""
     uses = _uses(description)
     same = _alpha_elsewhere(uses)
     for other in same.values():
@@ -60,7 +60,7 @@ def load_texture_set(
 def note_unreadable(
     description: SceneDescription, unreadable: set[str], diagnostics: Diagnostics, read: ReadAsset | None
 ) -> None:
-    """What loading them would say of these paths, whose headers could not be read."""
+    """Report these paths, whose headers could not be read, as loading them would."""
     uses = _uses(description)
     for file in uses:
         for _, path in _images(file):
@@ -99,14 +99,14 @@ def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
 
 
 def _alpha_elsewhere(uses: dict[TextureFile, _Use]) -> dict[TextureFile, TextureFile]:
-    """For files of which only alpha is read: the same file in another colour space, which leaves alpha as it is."""
+    """Return, for files of which only alpha is read, the same file in another colour space, which has the same alpha."""
     read_more = {_texels_of(f): f for f, use in uses.items() if use.channels != {"a"} and use.light is None}
     only_alpha = [f for f, use in uses.items() if use.channels == {"a"}]
     return {f: read_more[_texels_of(f)] for f in only_alpha if _texels_of(f) in read_more}
 
 
 def _texels_of(file: TextureFile) -> tuple[object, ...]:
-    """What decides a file's texels before any colour space does."""
+    """Return a key for a file's texels before colour conversion."""
     return file.path, file.tiles, file.layer
 
 
@@ -118,9 +118,9 @@ def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> 
     bad, where = texture.bad_texels, use.light or use.surface
     if use.light is not None and texture.to_target is not None and (texture.to_target < 0).any():
         texture = replace(texture, stored=texture.pixels, srgb_channels=0, to_target=None)
-    if use.light is not None and texture.stored.dtype.kind == "f":  # no light is negative
+    if use.light is not None and texture.stored.dtype.kind == "f":  # radiance must not be negative
         negative = _texels(texture.stored < 0)
-        if negative:  # also colours outside the rendering space: the nearest inside keeps its other channels
+        if negative:  # possibly out of gamut: clamping keeps the other channels
             bad += negative
             texture = replace(texture, stored=np.maximum(texture.stored, np.float32(0)))
         bright = _texels(texture.stored > BRIGHTEST_TEXEL)
@@ -138,7 +138,7 @@ def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> 
 
 
 def _texels(marked: npt.NDArray[np.bool_]) -> int:
-    """How many have a channel that is marked, (H, W, C). Most often none, which is seen thirty times as fast."""
+    """Return the number of texels with a marked channel, (H, W, C); checking for none first is thirty times as fast."""
     return int(np.count_nonzero(marked.any(axis=2))) if marked.any() else 0
 
 

@@ -1,4 +1,4 @@
-"""OpenEXR's two windows: the display window is the picture, the data window the part of it, or beyond it, that is stored."""
+"""Display and data windows of OpenEXR images: the picture, and the part of it, or beyond it, that is stored."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-# Of other formats only this one's windows are meant so: a PNG's or TIFF's offset says where a page has the image.
+# Only this format's windows describe the picture: offsets in a PNG or TIFF are positions on a page.
 _FORMAT = "openexr"
 
 
 @dataclass(frozen=True)
 class Windows:
-    """`x`, `y`: where the stored pixels begin, from the picture's upper left; sizes as (width, height)."""
+    """Position (`x`, `y`) of the stored pixels from the picture's upper left, and both sizes as (width, height)."""
 
     x: int
     y: int
@@ -32,7 +32,7 @@ class Windows:
         return all(begin <= 0 and begin + has >= whole for begin, has, whole in sides)
 
     def pictured(self, pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """(H, W, C) of the stored pixels as those of the picture: overscan is left out, what is not stored is 0."""
+        """Return (H, W, C) stored pixels as the picture's: overscan is cropped, missing pixels are 0."""
         (width, height), (has_width, has_height) = self.picture, self.stored
         made = np.zeros((height, width, pixels.shape[2]), pixels.dtype)
         left, right = max(self.x, 0), min(self.x + has_width, width)
@@ -43,7 +43,7 @@ class Windows:
 
 
 def windows_of(spec: Any, format_name: str) -> Windows:
-    """Of a file's header, as OpenImageIO has it."""
+    """Return the windows in a file's header, as read by OpenImageIO."""
     stored = spec.width, spec.height
     if format_name != _FORMAT or spec.full_width < 1 or spec.full_height < 1:
         return Windows(0, 0, stored, stored)

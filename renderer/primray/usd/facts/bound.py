@@ -1,4 +1,4 @@
-"""Which materials prims are bound to: for `primray doctor`, of shapes whose material came to nothing."""
+"""Bound materials of prims, for `primray doctor` to list shapes whose material could not be used."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..querying.guarded import computed
 
 
 def bound_materials(stage: Usd.Stage, paths: Iterable[str]) -> dict[str, str]:
-    """By path, that of the material; shapes that are bound to none are left out. Subsets' own bindings are not looked at."""
+    """Return material paths by prim path, without shapes that are bound to none; subsets' own bindings are ignored."""
     prims = [prim for prim in map(stage.GetPrimAtPath, paths) if prim]
     nothing: tuple[list[UsdShade.Material], list[Usd.Relationship]] = ([], [])
     materials, _ = computed(lambda: UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims), nothing)

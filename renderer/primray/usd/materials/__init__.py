@@ -1,1 +1,1 @@
-"""Shading networks: connections followed, nodes read, textures resolved, bindings gathered."""
+"""Shading networks: connections followed, nodes evaluated, textures resolved, material bindings gathered."""

@@ -1,7 +1,8 @@
-"""What displaces a material's surface: its displacement terminal, or the `displacement` of the UsdPreviewSurface that it has.
+"""Displacement of a material: its displacement terminal, or the `displacement` input of its UsdPreviewSurface.
 
-UsdPreviewSurface's and MaterialX's scalar go along the normal, MaterialX's vector along the tangent, across it and along the
-normal; with `inputs:space` = "object" along the axes of the shape's own space, which its definition does not have.
+Scalars (UsdPreviewSurface, MaterialX) displace along the normal. MaterialX's vectors have components along the tangent, the
+bitangent and the normal; with `inputs:space` = "object", which MaterialX's definition does not have, along the axes of object
+space.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from .primvars_read import SURFACE_SHADERS
 from .pruning import appended, pruned
 from .reducing import NO_PRIMVAR, Reducer
 
-_TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # if there are both, the first counts, or the second
+_TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # the render context decides which comes first
 ALONG_NORMAL, ALONG_TANGENTS, ALONG_AXES = "displacement", "displacement_tangent", "displacement_object"
 _STAYS = "the surface is rendered where its mesh is"
 
 
 @dataclass(frozen=True)
 class _Found:
-    """A displacement, by its name among a surface's inputs, and what it reads."""
+    """A displacement: its name among the surface's inputs, its value, and the pattern that the value reads."""
 
     name: str
     value: Input
@@ -40,7 +41,7 @@ class _Found:
 def displaced(
     surface: Surface, material: Usd.Prim, names: Sequence[str], shader: Node | None, path: str, ctx: Context
 ) -> Surface:
-    """The surface, with what displaces it; `names`: the material's properties, `shader`: of its surface."""
+    """Return the surface with its displacement; `names`: the material's properties, `shader`: its surface shader."""
     found = _found(material, names, shader, path, ctx)
     if found is None:
         return surface
@@ -54,6 +55,7 @@ def displaced(
 
 
 def _found(material: Usd.Prim, names: Sequence[str], shader: Node | None, path: str, ctx: Context) -> _Found | None:
+    """Return the displacement of a material's first displacement terminal, else of its UsdPreviewSurface; None without one."""
     first = _TERMINALS[:: 1 if ctx.settings.render_context is RenderContext.MTLX else -1]
     terminals = [name for name in first if name in names]
     for terminal in terminals:
@@ -69,6 +71,7 @@ def _found(material: Usd.Prim, names: Sequence[str], shader: Node | None, path: 
 
 
 def _of_shader(shader: Node, terminal: str, path: str, ctx: Context) -> _Found | None:
+    """Return the displacement that a shader connected to a displacement terminal computes."""
     if shader.id in SURFACE_SHADERS:
         return _of_preview(shader, ctx)
     definition = definition_of(shader)
@@ -104,11 +107,12 @@ def _note_unknown(shader: Node, terminal: str, path: str, ctx: Context) -> None:
 
 
 def _of_constant(along: str, value: tuple[float, ...]) -> _Found | None:
+    """Return a constant displacement, None for zero."""
     return _Found(along, PrimvarInput(NO_PRIMVAR, value)) if any(value) else None
 
 
 def _of_preview(shader: Node, ctx: Context) -> _Found | None:
-    """UsdPreviewSurface's own input."""
+    """Return the displacement of UsdPreviewSurface's `displacement` input."""
     attribute = shader.prim.GetAttribute("inputs:displacement")
     source = find_source(attribute, ctx) if attribute else None
     if isinstance(source, Constant):

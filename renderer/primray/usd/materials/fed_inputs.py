@@ -1,4 +1,4 @@
-"""Inputs of a UsdPreviewSurface that nodes feed: read as those of any other surface are."""
+"""Connected inputs of a UsdPreviewSurface, evaluated as those of MaterialX surfaces are."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .usd_nodes import is_uv_texture
 
 
 class FedInputs:
-    """Of one surface."""
+    """Evaluation of the connected inputs of one surface."""
 
     def __init__(self, ctx: Context) -> None:
         self._ctx = ctx
@@ -24,7 +24,10 @@ class FedInputs:
     def read(
         self, shader: Node, source: Node, name: str, width: int, *, is_color: bool = False
     ) -> Input | tuple[float, ...] | None:
-        """A constant, or what varies; None, noted, where it cannot be read. A normal is in tangent space, as the surface's."""
+        """Return an input's value, constant or varying; None, reported, where it cannot be read.
+
+        Normals are in tangent space.
+        """
         try:
             value = self._values.output(source, width, shader, name, is_color=is_color)
             if name == "normal":
@@ -38,11 +41,14 @@ class FedInputs:
         return value if isinstance(value, tuple) else None
 
     def pattern_of(self, inputs: Mapping[str, Input]) -> tuple[Pattern | None, dict[str, Input]]:
+        """Return the pattern that varying inputs read, without unused nodes, and the inputs renumbered."""
         return pruned(self._values.expressions.nodes, inputs)
 
     def _normal(self, value: Operand | None, source: Node) -> Input | None:
-        """A texture or a primvar as it is, else by MaterialX's own map, whose texels are from 0 to 1. A map without a file
-        leaves the surface's own normal, whatever its fallback is."""
+        """Return a normal input: a texture or primvar as it is, else a MaterialX normalmap of the value moved to 0 to 1.
+
+        A normal map without a file leaves the surface's own normal, whatever its fallback is.
+        """
         if isinstance(value, tuple):
             faces_out = len(value) == 3 and value[2] > 0 and not is_uv_texture(source.id)
             return PrimvarInput(NO_PRIMVAR, value) if faces_out else None

@@ -1,5 +1,4 @@
-"""Materials of hair: MaterialX's ND_surface of an ND_chiang_hair_bsdf, and UsdPreviewSurface where the material says that it is
-of fibres."""
+"""Hair materials: a MaterialX ND_surface of an ND_chiang_hair_bsdf, or a UsdPreviewSurface with `primray:hair`."""
 
 from __future__ import annotations
 
@@ -22,14 +21,16 @@ from .reducing import Reducer
 BSDF = "ND_chiang_hair_bsdf"
 _PREVIEW = "ND_UsdPreviewSurface_surfaceshader"
 _LOBES = ("R", "TT", "TRT")
-_LOGISTIC = math.sqrt(math.pi / 8)  # of the node's azimuthal roughness (Chiang et al. 2016, equation 12)
+_LOGISTIC = math.sqrt(
+    math.pi / 8
+)  # scale of the logistic distribution for the azimuthal roughness (Chiang et al. 2016, equation 12)
 _WIDTHS = {f.name: len(f.default) if isinstance(f.default, tuple) else 1 for f in fields(Hair)}
 _Read = Callable[[dict[str, Operand], Expressions], dict[str, Operand]]
-_NEUTRAL = (0.3,)  # the azimuthal roughness of what has only one
+_NEUTRAL = (0.3,)  # azimuthal roughness for UsdPreviewSurface, which has only one roughness
 
 
 def hair_bsdf(shader: Node, ctx: Context) -> Node | None:
-    """The hair that a constructor of surfaces is given."""
+    """Return the hair BSDF that is connected to a surface constructor (ND_surface), None for any other BSDF."""
     attribute = shader.prim.GetAttribute("inputs:bsdf")
     source = find_source(attribute, ctx) if attribute else None
     if not isinstance(source, Node) or source.id != BSDF:
@@ -41,7 +42,7 @@ def hair_bsdf(shader: Node, ctx: Context) -> Node | None:
 
 
 def hair_surface(bsdf: Node, path: str, ctx: Context) -> Surface | None:
-    """By the node's own inputs; its normal and direction are those of the fibre."""
+    """Return the surface of a hair BSDF node; its normal and direction inputs have no effect, as fibres have their own."""
     found = definition_of(bsdf)
     assert found is not None
 
@@ -56,7 +57,11 @@ def hair_surface(bsdf: Node, path: str, ctx: Context) -> Surface | None:
 
 
 def preview_hair(shader: Node, path: str, ctx: Context) -> Surface | None:
-    """diffuseColor is the colour of many such fibres, roughness goes along them, ior is theirs; nothing else has an effect."""
+    """Return a hair surface made from UsdPreviewSurface's inputs.
+
+    diffuseColor is the colour of many such fibres, roughness the longitudinal roughness, and ior the fibre's index of
+    refraction; other inputs have no effect.
+    """
     found = definition_of(Node(shader.prim, shader.output, _PREVIEW))
     assert found is not None
 
@@ -75,7 +80,7 @@ def preview_hair(shader: Node, path: str, ctx: Context) -> Surface | None:
 
 
 def _surface(node: Node, found: Definition, read: _Read, path: str, ctx: Context) -> Surface | None:
-    """Of a node with that definition, whose inputs `read` gives in the words of the hair node."""
+    """Return the surface of a node with a definition; `read` maps its inputs to those of the hair BSDF node."""
     values = NodeValues(ctx)
     try:
         inputs = read(values.inputs_of(node, found), values.expressions)
@@ -86,7 +91,7 @@ def _surface(node: Node, found: Definition, read: _Read, path: str, ctx: Context
 
 
 def _of_node(inputs: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
-    """Hair's inputs by their names here."""
+    """Return the inputs of Hair for the inputs of a hair BSDF node."""
     made: dict[str, Operand] = {"absorption": inputs["absorption_coefficient"], "ior": inputs["ior"]}
     for lobe in _LOBES:
         if (tint := inputs.get(f"tint_{lobe}")) is not None:
@@ -102,6 +107,7 @@ def _of_node(inputs: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
 
 
 def _made(inputs: dict[str, Operand], e: Expressions, path: str) -> Surface:
+    """Return a hair Surface from operands, constants and varying inputs set apart."""
     constants: dict[str, float | tuple[float, ...]] = {}
     varying: dict[str, Input] = {}
     reducer = Reducer(e.nodes)

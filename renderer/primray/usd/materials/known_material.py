@@ -1,4 +1,4 @@
-"""A material whose surface shader is a MaterialX node that is known by name: read, reduced, and told of what has no effect."""
+"""Materials with a MaterialX surface shader that is known by name: read, converted to OpenPBR, reduced to a Surface."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .node_values import NodeValues, definition_of
 
 @dataclass(frozen=True)
 class KnownMaterial:
-    """`surface` is None where nothing of it can be read."""
+    """A translated material. `surface` is None where the shader cannot be read."""
 
     surface: Surface | None
     hidden: bool = False
 
 
 def known_material(shader: Node, path: str, ctx: Context) -> KnownMaterial | None:
-    """None where the shader is no surface that is known."""
+    """Return the material of a MaterialX surface shader, None where its definition is not a known surface."""
     found = definition_of(shader)
     if found is None or found.name not in READS:
         return None

@@ -1,7 +1,7 @@
-"""The materials of all shapes and instances: USD is asked once for those that cannot but be bound alike.
+"""Materials of all shapes and instances; USD is asked once for each group of prims that must have the same binding.
 
-Where no collection binds anything, what is bound follows from the nearest prim that binds: the shape itself, whose targets say
-all, or one above it, whose path does.
+Where no collection binds materials, a prim's material follows from the nearest prim with a direct binding: from that binding's
+targets if it is the prim's own, else from the path of the ancestor that has it.
 """
 
 from __future__ import annotations
@@ -21,27 +21,30 @@ from ..resolving.renderer_attributes import OWN_MATERIAL
 from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
 
 HAVE_SUBSETS = frozenset({"Mesh", "TetMesh", "BasisCurves"})  # prim types
-MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
+MAX_EXPRESSED = 1024  # instances that membership expressions may give prototypes of their own
 
 
 def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above: str) -> Hashable:
-    """Equal for prims that have one material; "" for those that have none. `above`: the path of the nearest prim that binds."""
+    """Return a key that is equal for prims with the same material, "" for those without.
+
+    `above`: the path of the nearest ancestor with a direct binding.
+    """
     if not kind.bindings:
         return above
-    if not all(targets) or "MaterialBindingAPI" not in kind.schemas:  # of which USD has something to say, prim by prim
+    if not all(targets) or "MaterialBindingAPI" not in kind.schemas:  # USD has to resolve these bindings prim by prim
         return path
     return kind.bindings, tuple(map(tuple, targets)), above
 
 
 @dataclass(eq=False)
 class NativePrototype:
-    """One object for each native prototype, told apart by its identity: prims take long to compare."""
+    """One object for each native prototype, compared by identity, since comparing prims is slow."""
 
     prim: Usd.Prim
 
     @cached_property
     def binds_inside(self) -> bool:
-        """Whether a prim in it binds materials, or one in the instances in it."""
+        """Whether a prim in it, or in instances in it, binds a material."""
         return _binds_inside(self.prim)
 
 
@@ -55,7 +58,7 @@ def _binds_inside(prototype: Usd.Prim) -> bool:
 def bindings_of(
     instances: list[ResolvedPrim], prototypes: list[NativePrototype], by_collection: bool, ctx: Context
 ) -> list[Binding | None]:
-    """What is bound to each of some instances; where no collection binds anything, one object for those bound alike."""
+    """Return the material binding of each instance; without collection bindings, equal ones are one object."""
     if by_collection:
         return bind_materials([as_bound(instance.prim, instance.inherited) for instance in instances], ctx.material_purposes)
     keys = [_bound_inside_as(instance, prototype) for instance, prototype in zip(instances, prototypes, strict=True)]
@@ -66,18 +69,18 @@ def bindings_of(
 
 
 def _bound_inside_as(instance: ResolvedPrim, prototype: NativePrototype) -> Hashable:
-    """`bound_alike`; how strongly an instance itself binds matters where its prototype binds, too."""
+    """Return the instance's `bound_alike` key, with its binding strengths where its prototype binds materials, too."""
     if isinstance(instance.bound_as, str) or not prototype.binds_inside:
         return _bound_as(instance)
     return _bound_as(instance), strengths_of(instance.prim, binding_names(instance.names))
 
 
 def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
-    """Which of these instances are bound prim by prim, since collections with a material look into them."""
+    """Return which instances are bound prim by prim, because collections that bind materials have members inside them."""
     bindings = ctx.kept.of(CollectionBindings)
     if not bindings.expressed and not bindings.has_members_below:
         return [False] * len(instances)
-    # A collection that is bound inside a prototype is of the prototype's paths, one that is bound around it of the stage's.
+    # A collection bound inside a prototype has the prototype's paths, one bound outside of it has the stage's.
     paths = [{instance.prim.GetPath(), as_bound(instance.prim, instance.inherited).GetPath()} for instance in instances]
     expressed = [any(path.HasPrefix(at) for at in bindings.expressed for path in both) for both in paths]
     if sum(expressed) > MAX_EXPRESSED:
@@ -91,7 +94,7 @@ def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool
 
 
 def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -> None:
-    """Give every shape its material and subsets."""
+    """Set the material and the subsets of every shape."""
     key_of: Callable[[ResolvedPrim], Hashable] = _place if by_collection else _bound_as
     asked: dict[Hashable, int] = {}
     prims: list[Usd.Prim] = []
@@ -119,16 +122,17 @@ def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -
 
 
 def _bound_as(prim: ResolvedPrim) -> Hashable:
-    """`bound_alike`, by the instance whose proxy is asked where it is one."""
+    """Return the prim's `bound_alike` key, with the instance whose proxy is queried, if any."""
     proxy = prim.inherited.proxy
     return (proxy, prim.bound_as) if proxy and prim.bound_as else prim.bound_as
 
 
 def _place(leaf: ResolvedPrim) -> str:
-    """One for what is the same prim in the same instance."""
+    """Return a key that is equal for the same prim in the same instance."""
     return leaf.inherited.proxy + leaf.path
 
 
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
+    """Return the material of the stronger of two bindings: inside a prototype, and of the instance."""
     binding = inner_or_outer(inner, outer)
     return binding.material if binding else None

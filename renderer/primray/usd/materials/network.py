@@ -1,7 +1,7 @@
-"""Following connections through a shading network to what gives an input its value: a constant, or a node's output.
+"""Connections of a shading network, followed from an input to what gives it its value: a constant, or a node's output.
 
-Materials' and node graphs' interfaces are passed through, whatever their depth. A connection that leads nowhere counts as
-none, so that the input's own value holds (UsdShade, "Connections and value resolution").
+Interfaces of materials and node graphs are passed through at any depth. A connection that leads nowhere is ignored, so that
+the input's own value holds (UsdShade, "Connections and value resolution").
 """
 
 from __future__ import annotations
@@ -19,30 +19,33 @@ from ..resolving.color_spaces import color_in_rendering_space, scope_of
 from ..resolving.context import Context
 from ..resolving.read import value
 
-# Not those of halves, which memoryview does not know.
+# Vectors of halves are missing: memoryview does not support them.
 VECTORS = frozenset({Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2i, Gf.Vec3i, Gf.Vec4i})
 
 
 @dataclass(frozen=True)
 class Constant:
+    """A constant value, and the attribute that holds it."""
+
     attribute: Usd.Attribute  # the one that holds the value
     value: Any
 
 
 class ShaderIds(dict[Sdf.Path, str]):
-    """What all shaders of the stage are, as far as it has been asked: USD takes ten microseconds to say so."""
+    """Cache of shader ids by path: reading one from USD takes ten microseconds."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """A shader node, and the output of it that is asked for (its name without "outputs:")."""
+    """A shader node, and the name of the output that is read, without "outputs:"."""
 
     prim: Usd.Prim
     output: str
-    known: str | None = field(default=None, compare=False)  # its id, where that has been asked for before
+    known: str | None = field(default=None, compare=False)  # cached id
 
     @cached_property
     def id(self) -> str:
+        """Shader id, "" where the shader has none."""
         return shader_id(self.prim) if self.known is None else self.known
 
     @property
@@ -52,12 +55,12 @@ class Node:
 
 
 def find_source(attribute: Usd.Attribute, ctx: Context) -> Constant | Node | None:
-    """What gives the attribute its value; None where nothing does."""
+    """Return what gives an attribute its value: a constant or a node; None where nothing does."""
     return _follow(attribute, ctx, ())
 
 
 def _follow(attribute: Usd.Attribute, ctx: Context, passed: tuple[Sdf.Path, ...]) -> Constant | Node | None:
-    """`passed`: the attributes before, each of which is connected to the next."""
+    """Follow connections from an attribute; `passed`: the attributes on the way to it."""
     if passed and attribute.GetPath() in passed:
         _note(attribute, "The connections lead back to where they began: none counts.", ctx)
         return None
@@ -103,11 +106,12 @@ def _note(attribute: Usd.Attribute, message: str, ctx: Context) -> None:
 
 
 def node_path(node: Node, ctx: Context) -> str:
+    """Return a node's path as messages show it."""
     return ctx.shown(str(node.path))
 
 
 def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
-    """A node's input that can only be constant; None, noted, where another node computes it."""
+    """Return the constant of an input that cannot vary; None, reported, where it is connected to a node."""
     attribute = node.prim.GetAttribute(f"inputs:{name}")
     source = find_source(attribute, ctx) if attribute else None
     if isinstance(source, Node):
@@ -122,7 +126,7 @@ def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
 
 
 def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context, *, is_color: bool = False) -> tuple[float, ...]:
-    """As many finite numbers as `default` has; one number stands for itself."""
+    """Return an input's finite numbers, as many as `default` has; `default`, reported, where it has others."""
     found = parameter(node, name, ctx)
     if found is None:
         return default
@@ -135,7 +139,7 @@ def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context, *, 
 
 
 def as_numbers(raw: Any) -> tuple[float, ...] | None:
-    """A number or a vector of them as a tuple; None when it is neither, or not finite."""
+    """Return a number or a vector as a tuple; None where it is neither, or not finite."""
     try:
         values = (float(raw),) if isinstance(raw, (int, float)) else tuple(map(float, _listed(raw)))
     except (TypeError, ValueError):
@@ -144,19 +148,19 @@ def as_numbers(raw: Any) -> tuple[float, ...] | None:
 
 
 def _listed(raw: Any) -> Any:
-    """A vector's numbers at once: USD's own iteration asks for one after the other, and for one more than there are."""
+    """Return a vector's numbers through its buffer: iterating over USD's vectors is slow."""
     return memoryview(raw).tolist() if type(raw) in VECTORS else raw
 
 
 def constant_color(values: tuple[float, ...], source: Constant, ctx: Context) -> tuple[float, ...]:
-    """The first three of a constant's numbers in the rendering space, by the space of the attribute that holds them."""
+    """Return a constant with its first three numbers converted from their attribute's colour space to the rendering space."""
     r, g, b = values[:3]
     rgb = color_in_rendering_space((r, g, b), source.attribute, scope_of(source.attribute, ctx), ctx)
     return (*rgb, *values[3:])
 
 
 def text(node: Node, name: str, default: str, ctx: Context) -> str:
-    """A token or string."""
+    """Return a constant token or string input; the default, reported, where it is of another type."""
     found = parameter(node, name, ctx)
     if found is None:
         return default

@@ -1,6 +1,6 @@
-"""A UsdShade network of MaterialX's nodes as operands: what gives an input its value, through interfaces and node graphs.
+"""Evaluation of a UsdShade network of MaterialX and USD nodes to operands, through interfaces and node graphs.
 
-What leads back to itself, too deep, or to a node that nobody knows is noted, and counts as not connected.
+Cycles, networks that are too deep, and unknown nodes are reported and count as not connected.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from .network import VECTORS, Constant, Node, as_numbers, constant_color, find_s
 from .texture_asset import frame_of, texture_file
 from .usd_nodes import USD_NODES, usd_outputs
 
-DEEPEST = 120  # nodes in a row
-# Inputs that neither the library's graphs nor a tape read, by category: reported where they are not at their defaults.
+DEEPEST = 120  # nodes in a chain of connections
+# Inputs by category that neither the library graphs nor the core read: reported unless at their defaults.
 WITHOUT_EFFECT: dict[str, tuple[str, ...]] = {
     "blur": ("size",),
     "geomcolor": ("index",),
@@ -34,14 +34,14 @@ WITHOUT_EFFECT: dict[str, tuple[str, ...]] = {
 
 
 def definition_of(node: Node) -> Definition | None:
-    """The definition of a node's shader."""
+    """Return the definition of a node's shader, None where it is unknown."""
     name = node.id
     return definition(name) if name.startswith("ND_") and name not in USD_NODES else USD_NODES.get(name)
 
 
 @dataclass
 class NodeValues:
-    """Of one material's network."""
+    """Evaluation of the network of one material."""
 
     ctx: Context
     expressions: Expressions = field(default_factory=Expressions)
@@ -49,8 +49,10 @@ class NodeValues:
     _above: list[Sdf.Path] = field(default_factory=list)
 
     def inputs_of(self, node: Node, found: Definition, beside: frozenset[str] = frozenset()) -> dict[str, Operand]:
-        """Those of a node's inputs that the network says anything of, by name; `beside`: those that the definition does not
-        have, and somebody else reads."""
+        """Return the values of the inputs that a node's prim has, by name.
+
+        `beside`: inputs that the definition does not have, and that the caller reads.
+        """
         known = found.by_name
         given: dict[str, Operand] = {}
         for full in property_names(node.prim):
@@ -81,17 +83,18 @@ class NodeValues:
         return None if source is None else self.constant(source, wanted, node)
 
     def given(self, node: Node, found: Definition, name: str) -> Operand:
-        """What a node's input is given, or its default."""
+        """Return the value of a node's input, or its default."""
         return self.given_as(node, found.by_name[name])
 
     def given_as(self, node: Node, wanted: InputDefinition) -> Operand:
+        """Return the value of a node's input as the type that a definition says, or its default."""
         attribute = node.prim.GetAttribute(f"inputs:{wanted.name}")
         value = self._given(attribute, wanted, node) if attribute else None
         default: Operand = "" if wanted.default is None else wanted.default
         return default if value is None else value
 
     def output(self, source: Node, width: int, reader: Node, name: str, *, is_color: bool = False) -> Operand | None:
-        """What an output of a node gives, as `width` numbers, a colour if `is_color`; None, reported, where it cannot."""
+        """Return a node's output as `width` numbers, a colour if `is_color`; None, reported, where that is not possible."""
         outputs = self._outputs(source, reader, name, width, is_color)
         value = None if outputs is None else outputs.get(source.output)
         if value is None and outputs and len(outputs) == 1 and source.output in ("out", "result"):
@@ -144,7 +147,7 @@ class NodeValues:
         return hair_node(self.expressions, found.name, {**defaults, **given})
 
     def constant(self, source: Constant, wanted: InputDefinition, node: Node) -> Operand | None:
-        """A value as the input's type has it, colours in the rendering space; None, noted, where it is of another."""
+        """Return a constant as the input's type, colours in the rendering space; None, reported, where the type differs."""
         if wanted.type not in WIDTHS:
             if isinstance(source.value, str):
                 return str(source.value)
@@ -162,7 +165,7 @@ class NodeValues:
         return constant_color(values, source, self.ctx) if wanted.type in COLORS else values
 
     def _fitted(self, value: Operand, width: int, reader: Node, name: str) -> Operand | None:
-        """The value as an input of another width takes it: one number for all, or the first of them."""
+        """Return a value converted to the width of the input that reads it: one number repeated, or the first of several."""
         has = self.expressions.width(value)
         if has == width:
             return value
@@ -188,14 +191,14 @@ class NodeValues:
 
 
 def _as_numbers(file: Operand) -> Operand:
-    """The file of an image that gives no colours: numbers as they are, unless a space is said."""
+    """Return an image file that does not give colours, its texels unconverted unless a colour space is authored."""
     if isinstance(file, TextureFile) and file.color_space == "auto":
         return replace(file, color_space="raw", is_color=False)
     return file
 
 
 def _flat(value: object) -> object:
-    """The rows of a matrix in one list; what else there is as it is."""
+    """Return a matrix's rows as one list; other values unchanged."""
     if isinstance(value, (int, float)):
         return float(value)
     if type(value) in VECTORS:

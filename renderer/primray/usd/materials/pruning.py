@@ -1,4 +1,4 @@
-"""Of a graph, the nodes that a surface's inputs read, numbered anew in their order."""
+"""Removal of pattern nodes that no surface input reads, and concatenation of patterns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...description import Input, NodeOutput, Pattern, PatternInput, PatternNode
 
 
 def pruned(nodes: Sequence[PatternNode], inputs: Mapping[str, Input]) -> tuple[Pattern | None, dict[str, Input]]:
-    """The pattern, None where no input reads one, and the inputs with its numbers."""
+    """Return the pattern without unused nodes, None where no input reads one, and the inputs with the new node numbers."""
     waiting = [found.source.node for found in inputs.values() if isinstance(found, PatternInput)]
     if not waiting:
         return None, dict(inputs)
@@ -21,7 +21,7 @@ def pruned(nodes: Sequence[PatternNode], inputs: Mapping[str, Input]) -> tuple[P
             waiting += [operand.node for _, operand in nodes[index].inputs if isinstance(operand, NodeOutput)]
     order = sorted(read)
     number = {index: place for place, index in enumerate(order)}
-    same = next((place for place, index in enumerate(order) if place != index), len(order))  # so many stay as they are
+    same = next((place for place, index in enumerate(order) if place != index), len(order))  # first node with a new number
 
     kept = [_moved(nodes[index], number) for index in order[same:]]
     made = {
@@ -34,7 +34,7 @@ def pruned(nodes: Sequence[PatternNode], inputs: Mapping[str, Input]) -> tuple[P
 
 
 def appended(pattern: Pattern | None, more: Pattern, reads: PatternInput) -> tuple[Pattern, PatternInput]:
-    """Both graphs as one, and what reads the second."""
+    """Return two patterns as one, and the input that reads the second with its new node number."""
     if pattern is None:
         return more, reads
     first = len(pattern.nodes)
@@ -44,7 +44,7 @@ def appended(pattern: Pattern | None, more: Pattern, reads: PatternInput) -> tup
 
 
 def _moved(node: PatternNode, number: Mapping[int, int]) -> PatternNode:
-    """As it is, where it reads no other."""
+    """Return a node with the numbers of the nodes that it reads replaced; the same object where it reads none."""
     for _, operand in node.inputs:
         if type(operand) is NodeOutput:
             break

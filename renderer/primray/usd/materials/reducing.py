@@ -1,7 +1,7 @@
-"""Operands as a surface's inputs: one texture or primvar where that says the same, else an output of the pattern.
+"""Reduction of operands to surface inputs: a single texture or primvar where that is equivalent, else a pattern's output.
 
-An image whose coordinates are a primvar through an affine map, scaled and shifted by constants, is a TextureInput: it needs no
-pattern, and is filtered as textures are.
+An image whose coordinates are an affine map of a primvar, and whose texels are scaled and biased by constants, becomes a
+TextureInput: it needs no pattern and is filtered as textures are.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from ...description.patterns import TRANSFORM_2D, UV_TEXTURE
 from .usd_nodes import channels_of
 
 Numbers = tuple[float, ...]
-Affine = tuple[float, float, float, float, float, float]  # 2 x 3, by rows
+Affine = tuple[float, float, float, float, float, float]  # 2 x 3, row-major
 IDENTITY: Affine = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-NO_PRIMVAR = ""  # no shape has a primvar of this name: a PrimvarInput of it is its fallback
+NO_PRIMVAR = ""  # no shape has a primvar of this name, so a PrimvarInput with it gives its fallback
 _WRAPS = {"periodic": Wrap.REPEAT, "clamp": Wrap.CLAMP, "mirror": Wrap.MIRROR}
 _PLAIN = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
 _WIDTHS = {"float": 1, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
@@ -27,8 +27,10 @@ _WIDTHS = {"float": 1, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
 
 @dataclass(frozen=True)
 class _Scaled:
-    """Channels of an image node's texels ("r", "rgb", "rgba" ...) times a scale, plus a bias: a number for each channel.
-    `default`: what it is where there is no image."""
+    """Channels of an image node's texels ("r", "rgb", "rgba" ...) times a scale plus a bias, one number per channel.
+
+    `default`: the value where there is no image.
+    """
 
     image: int
     channels: str
@@ -38,11 +40,13 @@ class _Scaled:
 
 
 class Reducer:
+    """Reduction of outputs of the nodes of one pattern to surface inputs."""
+
     def __init__(self, nodes: list[PatternNode]) -> None:
         self._nodes = nodes
 
     def input(self, value: NodeOutput, width: int) -> Input:
-        """What varies as a surface's input of 1 or 3 numbers."""
+        """Return a varying value as a surface input of 1 or 3 numbers."""
         node = self._nodes[value.node]
         if node.category == "geompropvalue":
             inputs = dict(node.inputs)
@@ -56,8 +60,10 @@ class Reducer:
         return made or PatternInput(value, self.stand_in(value, width))
 
     def normal(self, value: NodeOutput) -> Input | None:
-        """A normal: in tangent space where a map says it there; a pattern's is in world space. None of a map that has no texels
-        and would turn the surface round."""
+        """Return a normal input: in tangent space where it is a normal map, else a pattern's normal in world space.
+
+        None for a constant map that would turn the surface around.
+        """
         node = self._nodes[value.node]
         inputs = dict(node.inputs)
         frame = (inputs.get("normal"), inputs.get("tangent"), inputs.get("bitangent"))
@@ -81,14 +87,14 @@ class Reducer:
         return PatternInput(value, (0.0, 0.0, 1.0))
 
     def stand_in(self, value: NodeOutput, width: int) -> Numbers:
-        """A constant for what varies: what an image gives where there is none, else the middle grey of numbers from 0 to 1."""
+        """Return a constant in place of a varying value: an image's default, else mid-grey (0.5)."""
         found = self._scaled(value)
         if found is None:
             return (0.5,) * width
         return found.default if len(found.default) == width else (found.default * width)[:width]
 
     def _plain(self, node: PatternNode, width: int) -> TextureInput | None:
-        """What a UsdUVTexture gives: the shorter way to the same, as most textures are read."""
+        """Return a UsdUVTexture as a texture input: a shortcut for the most common node."""
         inputs: dict[str, Any] = dict(node.inputs)
         channels, st = inputs["channels"], self._coordinates(inputs["st"])
         if st is None or len(channels) != width:
@@ -97,6 +103,7 @@ class Reducer:
         return TextureInput(inputs["file"], channels, *st, *wraps, inputs["fallback"], inputs["scale"], inputs["bias"])
 
     def _texture(self, found: _Scaled, width: int) -> TextureInput | None:
+        """Return scaled texels as a texture input, None where that is not possible."""
         node = self._nodes[found.image]
         inputs = dict(node.inputs)
         file = inputs["file"]
@@ -120,7 +127,7 @@ class Reducer:
         )  # fmt: skip
 
     def _four(self, inputs: dict[str, Operand], name: str) -> Numbers:
-        """Of the channels that nobody reads: UsdUVTexture's own numbers."""
+        """Return four numbers of a UsdUVTexture input; its defaults where they are not constant, as of unread channels."""
         value = inputs.get(name)
         return value if isinstance(value, tuple) and len(value) == 4 else _PLAIN[name]
 
@@ -134,13 +141,13 @@ class Reducer:
         return (u, v) if u is not None and v is not None else None
 
     def _wrap(self, mode: Operand | None, default: Numbers) -> Wrap | None:
-        """None where outside of the image there is another colour than black."""
+        """Return the wrap mode of an address mode, None where the colour outside of the image would not be black."""
         if mode == "constant":
             return None if any(default) else Wrap.BLACK
         return _WRAPS.get(mode) if isinstance(mode, str) else None
 
     def _scaled(self, value: NodeOutput) -> _Scaled | None:
-        """None where the value is more than an image, scaled and shifted."""
+        """Return a value as scaled texels of an image, None where it is anything else."""
         node = self._nodes[value.node]
         inputs = dict(node.inputs)
         if node.category == "image":
@@ -190,7 +197,7 @@ class Reducer:
         )
 
     def _combined(self, inputs: dict[str, Operand]) -> _Scaled | None:
-        """Channels of one image put together again."""
+        """Return channels of one image that are combined again."""
         parts = [self._scaled(v) if isinstance(v, NodeOutput) else None for v in (inputs[f"in{i}"] for i in (1, 2, 3))]
         first = parts[0]
         if first is None or any(p is None or p.image != first.image or len(p.channels) != 1 for p in parts):
@@ -205,7 +212,7 @@ class Reducer:
         )
 
     def _coordinates(self, value: Operand) -> tuple[PrimvarInput, Affine] | None:
-        """A primvar and the matrix applied to it, or None; what is constant is a primvar that no shape has."""
+        """Return the primvar and the affine map that give texture coordinates; constants are a primvar that no shape has."""
         if isinstance(value, tuple):
             return PrimvarInput(NO_PRIMVAR, value), IDENTITY
         if value == "UV0":
@@ -244,11 +251,11 @@ class Reducer:
 
 
 def transform_2d(inputs: dict[str, Operand]) -> Affine:
-    """UsdTransform2d: in * scale, then rotated counter-clockwise by degrees, then translated."""
+    """Return UsdTransform2d's map: scale, then rotation counter-clockwise in degrees, then translation."""
     (sx, sy), (tx, ty), (degrees,) = (_numbers(inputs[name]) for name in ("scale", "translation", "rotation"))
     turns, rest = divmod(degrees, 90.0)
     c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
-    for _ in range(int(turns) % 4):  # right angles exactly
+    for _ in range(int(turns) % 4):  # right angles are exact
         c, s = -s, c
     return (c * sx, 0.0 - s * sy, tx, s * sx, c * sy, ty)
 
@@ -259,14 +266,14 @@ def _numbers(value: Operand) -> Numbers:
 
 
 def affine_product(outer: Affine, inner: Affine) -> Affine:
-    """outer * inner."""
+    """Return outer * inner."""
     a, b, c, d, e, f = outer
     g, h, i, j, k, m = inner
     return (a * g + b * j, a * h + b * k, a * i + b * m + c, d * g + e * j, d * h + e * k, d * i + e * m + f)
 
 
 def _turned(amount: Numbers) -> Affine:
-    """MaterialX's rotate2d turns coordinates clockwise."""
+    """Return MaterialX's rotate2d, which rotates coordinates clockwise."""
     c, s = math.cos(math.radians(amount[0])), math.sin(math.radians(amount[0]))
     return (c, s, 0.0, -s, c, 0.0)
 

@@ -1,7 +1,7 @@
-"""A shader's file parameter as a TextureFile: resolved by Ar, sets of tiles tile by tile, with its colour space.
+"""File inputs of shaders as TextureFiles: resolved by Ar, UDIM sets tile by tile, with their colour space.
 
-What says the space: sourceColorSpace other than auto, then the file attribute's colorSpace metadata, then, for colours, the
-nearest ColorSpaceAPI (which speaks of files too: OpenUSD's Color User's Guide) unless sourceColorSpace says auto itself.
+Colour space, in order: sourceColorSpace other than auto; the file attribute's colorSpace metadata; for colours, the nearest
+ColorSpaceAPI (which covers files, too: OpenUSD's Color User's Guide) unless sourceColorSpace is authored as auto.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from ..resolving.read import time_of
 from ..resolving.resolve import ResolvedPrim
 from .network import Constant, Node, find_source, node_path, numbers, parameter, text
 
-# Nodes that hand a file's name on, and the input that has it.
+# Nodes that pass a file name on, and the input that has it.
 _NAMING = {"ND_constant_filename": "value", "ND_dot_filename": "in"}
-_OF_PRIMVARS = {  # and the input that names the primvar
+_OF_PRIMVARS = {  # primvar readers, and the input that names the primvar
     "UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_filename": "varname",
     "ND_geompropvalueuniform_string": "geomprop", "ND_geompropvalueuniform_filename": "geomprop",
 }  # fmt: skip
@@ -33,9 +33,9 @@ _MOST_HANDING_ON = 16
 def texture_file(
     node: Node, ctx: Context, *, is_color: bool = True, name: str = "file", tiles: tuple[str, ...] = ()
 ) -> TextureFile:
-    """What the node reads by that input, as colours or numbers; its path is "" where there is no file, which is noted.
+    """Return the file that an input names, read as colours or numbers; its path is "" without a file, which is reported.
 
-    `tiles`: what stands for <UDIM> in names of files of the node's renderer.
+    `tiles`: what stands for <UDIM> in file names of the node's renderer.
     """
     found = _named(node, name, ctx)
     if tiles and found is not None:
@@ -45,14 +45,14 @@ def texture_file(
 
 
 def missing_text(path: str) -> str:
-    """Of a texture's file that is not there; of a set, none of its tiles."""
+    """Return the message for a texture whose file, or all of whose tiles, cannot be found."""
     if is_tiles(path):
         return f"{path} has no tile from 1001 to 1100: the fallback is used."
     return f"{path} cannot be found: the fallback is used."
 
 
 def in_space(file: TextureFile, space: str | ColorSpace, is_color: bool, ctx: Context) -> TextureFile:
-    """The file in a space, told apart by what makes a difference to its pixels alone."""
+    """Return the file in a colour space, normalised so that files with the same pixels compare equal."""
     if isinstance(space, ColorSpace):
         plain = {SRGB: "sRGB", ctx.rendering_space: "raw"}
         space = "raw" if space.is_data else plain.get(space, space)
@@ -64,14 +64,16 @@ def in_space(file: TextureFile, space: str | ColorSpace, is_color: bool, ctx: Co
 
 
 def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: Context) -> TextureFile:
-    """Of a light's file attribute: what the file says (auto) where nothing is authored."""
+    """Return the texture of a light's file attribute; its space is "auto" where none is authored."""
     space = authored_space(attribute, prim.inherited.colors, ctx)
     return in_space(TextureFile(path, "auto"), "auto" if space is None else space, True, ctx)
 
 
 def _named(node: Node, name: str, ctx: Context) -> Constant | None:
-    """What names the file: the input's own value, that of a node that hands one on, or the fallback of a primvar reader. The
-    primvar itself may differ from shape to shape and is not asked: it is reported with the name that stands in."""
+    """Return the constant that names a node's file: its own value, one passed on by a node, or a primvar reader's fallback.
+
+    The primvar itself may differ between shapes and is not read; this is reported with the file used instead.
+    """
     attribute = node.prim.GetAttribute(f"inputs:{name}")
     source = find_source(attribute, ctx) if attribute else None
     for _ in range(_MOST_HANDING_ON):
@@ -88,7 +90,7 @@ def _named(node: Node, name: str, ctx: Context) -> Constant | None:
 
 
 def _with_udim(found: Constant, tiles: tuple[str, ...]) -> Constant:
-    """Return a value with <UDIM> in place of another renderer's name for it."""
+    """Return a value with <UDIM> in place of another renderer's token for it."""
     path = found.value.path if isinstance(found.value, Sdf.AssetPath) else found.value
     named = path if isinstance(path, str) else ""
     for token in tiles:
@@ -107,7 +109,7 @@ def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, na
 
 def _file(node: Node, found: Constant | None, name: str, ctx: Context) -> TextureFile:
     asset = found.value if found is not None else None
-    if found is not None and isinstance(asset, str) and asset:  # the fallback of a reader of strings
+    if found is not None and isinstance(asset, str) and asset:  # the fallback of a string reader
         asset = Sdf.AssetPath(asset, resolved(asset, _authoring_layer(found.attribute, ctx)))
     if found is None or not isinstance(asset, Sdf.AssetPath) or not asset.path:
         ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", f"inputs:{name}")
@@ -135,7 +137,7 @@ def _tiles(node: Node, path: str, layer: Sdf.Layer | None, name: str, ctx: Conte
 
 
 def _at_frame(node: Node, path: str, ctx: Context) -> str | None:
-    """The path of a sequence's file for the frame; None where the node shows its default instead."""
+    """Return the path of a sequence's file for the frame; None where the node shows its default instead."""
     range_text = text(node, "framerange", "", ctx)
     first, last = (frames_of(range_text) if range_text else None) or (None, None)
     if range_text and first is None:
@@ -147,7 +149,7 @@ def _at_frame(node: Node, path: str, ctx: Context) -> str | None:
 
 
 def frame_of(node: Node, ctx: Context) -> float:
-    """Return the time code that nodes of time and names of files are at; 0, reported, of a render without a frame."""
+    """Return the time code for time nodes and frame numbers in file names; 0, reported, when no frame is rendered."""
     if ctx.when.is_default:
         ctx.warn(
             "shader-parameter", node_path(node, ctx), "It depends on the frame, and none is rendered: it is at time code 0."
@@ -181,7 +183,10 @@ def _color_space(node: Node, found: Constant | None, name: str, is_color: bool, 
 
 
 def _source_color_space(node: Node, ctx: Context) -> str | ColorSpace | None:
-    """None where nothing is authored. The text has raw, sRGB and auto; other names are taken for what they name."""
+    """Return sourceColorSpace, None where it is not authored.
+
+    Its specified values are raw, sRGB and auto; other names are taken as names of colour spaces.
+    """
     if parameter(node, "sourceColorSpace", ctx) is None or not node.prim.GetAttribute("inputs:sourceColorSpace").IsAuthored():
         return None
     name = text(node, "sourceColorSpace", "auto", ctx)

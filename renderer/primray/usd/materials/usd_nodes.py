@@ -1,7 +1,7 @@
-"""USD's own nodes, UsdUVTexture, UsdTransform2d and UsdPrimvarReader, and MaterialX's versions of them, as nodes of a pattern.
+"""USD's nodes UsdUVTexture, UsdTransform2d and UsdPrimvarReader, and MaterialX's versions of them, as pattern nodes.
 
-Their definitions are written down here, as UsdPreviewSurface's specification has them: a stage that uses no other nodes needs
-no library of MaterialX. MaterialX's versions differ in their defaults alone (coordinates UV0, repeated images).
+Their definitions are written out here after UsdPreviewSurface's specification, so that stages with no other nodes need no
+MaterialX library. MaterialX's versions differ only in their defaults (coordinates UV0, repeated images).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .texture_asset import texture_file
 
 
 class Values(Protocol):
-    """The network that the nodes are of (node_values.py)."""
+    """The network that the nodes belong to (node_values.py)."""
 
     ctx: Context
     expressions: Expressions
@@ -75,8 +75,10 @@ USD_NODES = {found.name: found for found in _DEFINITIONS}
 
 
 def usd_outputs(values: Values, node: Node, width: int, is_color: bool) -> Outputs | None:
-    """Return what the node gives for an input of `width` numbers, a colour if `is_color`: nothing where it has no such output,
-    None, reported, where it cannot give that."""
+    """Return a node's outputs for an input of `width` numbers, a colour if `is_color`.
+
+    Empty where it has no such output; None, reported, where it cannot give that many numbers.
+    """
     found = USD_NODES[node.id]
     names = frozenset([str(name)[7:] for name in property_names(node.prim) if name.startswith("inputs:")])
     if not names <= found.by_name.keys():
@@ -103,7 +105,7 @@ def _uv_texture(values: Values, node: Node, found: Definition, names: frozenset[
     file = texture_file(node, ctx, is_color=is_color and len(channel) > 1)
     st = values.given(node, found, "st")
     wraps = [_wrap(values, node, found, n, n in names).value for n in ("wrapS", "wrapT")]
-    if not file.path:  # what is wrong with its other inputs has been reported
+    if not file.path:  # problems with the other inputs have been reported
         return channels_of(four["fallback"], channel)
     inputs = {"file": file, "st": st, "wrapS": wraps[0], "wrapT": wraps[1], **four}
     made = values.expressions.primitive(
@@ -119,7 +121,7 @@ def channels_of(rgba: tuple[float, ...], channels: str) -> tuple[float, ...]:
 
 
 def _channel(values: Values, node: Node, width: int) -> str:
-    """The channels that are read: of a colour the red one for a number, for a colour one channel thrice; both are reported."""
+    """Return the channels to read: red where a colour feeds a number, one channel repeated for a colour; both are reported."""
     output = node.output
     if (len(output) > 1) == (width > 1) or width not in (1, 3):
         return output
@@ -140,7 +142,7 @@ def _wrap(values: Values, node: Node, found: Definition, name: str, is_said: boo
 
 
 def _transformed(values: Values, node: Node, found: Definition) -> Operand:
-    """in * scale, then rotated counter-clockwise by degrees, then translated."""
+    """Return UsdTransform2d's output: scale, then rotation counter-clockwise in degrees, then translation."""
     inputs = {wanted.name: values.given(node, found, wanted.name) for wanted in found.inputs}
     if all(isinstance(inputs[n], tuple) for n in ("scale", "rotation", "translation")):
         return values.expressions.primitive(TRANSFORM_2D, "vector2", node.id, inputs, node_path(node, values.ctx))
@@ -148,7 +150,7 @@ def _transformed(values: Values, node: Node, found: Definition) -> Operand:
 
 
 def _read(values: Values, node: Node, found: Definition, width: int, is_color: bool) -> Operand | None:
-    """The first `width` numbers of a primvar."""
+    """Return the first `width` numbers of a primvar."""
     kind = found.outputs[0][1]
     has = WIDTHS.get(kind, 0)
     if has > 4 or has < width or not has:

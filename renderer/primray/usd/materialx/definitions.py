@@ -1,6 +1,6 @@
-"""The standard library's definitions of nodes, read from its document as they are asked for.
+"""Node definitions of the standard library, read from its document on demand.
 
-Each has its inputs with their defaults, and, where it is no primitive, the graph that implements it.
+A definition has its inputs with their defaults and, unless it is a primitive, the node graph that implements it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ WIDTHS |= {"matrix33": 9, "matrix44": 16}
 COLORS = ("color3", "color4")
 CLOSURES = ("surfaceshader", "displacementshader", "volumeshader", "lightshader", "BSDF", "EDF", "VDF", "material")
 
-Default = tuple[float, ...] | str | None  # a str: text, or the name of geometry; None: a file, a closure
+Default = tuple[float, ...] | str | None  # str: text, or the name of a geometric property; None: a file or closure
 
 
 @dataclass(frozen=True)
 class InputDefinition:
+    """An input of a node definition, with its default."""
+
     name: str
     type: str
     default: Default
@@ -29,14 +31,14 @@ class InputDefinition:
 
 @dataclass(frozen=True)
 class FromInterface:
-    """What is given to the node that the graph implements."""
+    """A reference to an input of the node that the graph implements."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class FromStep:
-    """The output of a step before."""
+    """A reference to an output of an earlier step."""
 
     step: int
     output: str
@@ -44,7 +46,7 @@ class FromStep:
 
 @dataclass(frozen=True)
 class Step:
-    """A node of a graph: its definition, and where those of its inputs come from that the graph says."""
+    """A node of an implementation graph: its definition, and the sources of the inputs that the graph sets."""
 
     definition: str
     inputs: tuple[tuple[str, Default | FromInterface | FromStep], ...]
@@ -52,7 +54,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Graph:
-    """Steps in an order in which each reads those before it."""
+    """An implementation graph, its steps ordered so that each reads only earlier ones."""
 
     steps: tuple[Step, ...]
     outputs: tuple[tuple[str, Default | FromInterface | FromStep], ...]
@@ -60,10 +62,12 @@ class Graph:
 
 @dataclass(frozen=True)
 class Definition:
+    """A node definition: its inputs and outputs."""
+
     name: str
     category: str
     inputs: tuple[InputDefinition, ...]
-    outputs: tuple[tuple[str, str], ...]  # names and types
+    outputs: tuple[tuple[str, str], ...]  # (name, type)
 
     @cached_property
     def type(self) -> str:
@@ -71,12 +75,12 @@ class Definition:
 
     @cached_property
     def width(self) -> int:
-        """How many numbers the first output has; 0 where it has none."""
+        """Number of components of the first output; 0 where it is not numeric."""
         return WIDTHS.get(self.type, 0)
 
     @cached_property
     def as_wide(self) -> frozenset[str]:
-        """The inputs that have as many numbers as the first output."""
+        """Names of the inputs that have as many components as the first output."""
         return frozenset(i.name for i in self.inputs if self.width and WIDTHS.get(i.type) == self.width)
 
     @cached_property
@@ -98,7 +102,7 @@ class Definition:
 
 @cache
 def definition(name: str) -> Definition | None:
-    """None where the library has none of that name."""
+    """Return a definition of the standard library, None for an unknown name."""
     found = library().getNodeDef(name)
     if found is None:
         return None
@@ -108,7 +112,7 @@ def definition(name: str) -> Definition | None:
 
 
 def default_of(element: Any) -> Default:
-    """The value of an input or output element, or the name of geometry that it has by default."""
+    """Return an input's or output's value, or the name of the geometric property that is its default."""
     geometry = element.getAttribute("defaultgeomprop")
     if geometry:
         return str(geometry)
@@ -121,7 +125,7 @@ def default_of(element: Any) -> Default:
 
 
 def numbers_of(text: str, width: int) -> tuple[float, ...]:
-    """Zeros where the text has not as many numbers."""
+    """Return the numbers in a text, zeros where their count differs from `width`."""
     named = {"true": 1.0, "false": 0.0}
     try:
         found = tuple(named[p] if p in named else float(p) for p in (part.strip() for part in text.split(",")))
@@ -132,7 +136,7 @@ def numbers_of(text: str, width: int) -> tuple[float, ...]:
 
 @cache
 def _graphs() -> dict[str, Any]:
-    """By the names of the definitions that they implement."""
+    """Return the implementation graphs by the names of their definitions."""
     found = {graph.getNodeDefString(): graph for graph in library().getNodeGraphs() if graph.getNodeDefString()}
     for implementation in library().getImplementations():
         graph = (
@@ -147,7 +151,7 @@ def _graphs() -> dict[str, Any]:
 
 @cache
 def graph(name: str) -> Graph | None:
-    """What implements a definition; None of primitives."""
+    """Return the graph that implements a definition, None for primitives."""
     found = _graphs().get(name)
     if found is None:
         return None
@@ -160,6 +164,7 @@ def graph(name: str) -> Graph | None:
 
 
 def _in_order(found: Any) -> list[Any]:
+    """Return a graph's nodes ordered so that each follows those that it reads."""
     ordered: dict[str, Any] = {}
 
     def visit(node: Any) -> None:

@@ -1,6 +1,6 @@
-"""Bytes of a .mtlx to a document of the MaterialX package, with what it includes, upgraded to its present version.
+"""Reading of .mtlx bytes to a document of the MaterialX package, with its includes, upgraded to the current version.
 
-The package's reader recurses into elements and follows includes without end, so both are bounded before it sees them.
+The package's reader recurses into elements and follows includes without limit, so both are bounded before it parses anything.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from pxr import Ar
 from ...errors import AssetError, PrimrayError
 from ..querying.asset import read_asset
 
-MOST_BYTES = 64 << 20  # of a document with all that it includes
+MOST_BYTES = 64 << 20  # of a document with its includes
 MOST_ELEMENTS = 200_000
 MOST_INCLUDES = 256
-MOST_NAMES = 10_000  # that tokens make of one name of a file
-# What is looked ahead at is not taken back, so that no text takes longer than its length. Possessive repetition would say so,
-# but is wrong in Python 3.11.2.
+MOST_NAMES = 10_000  # expansions of the tokens in one file name
+# A lookahead is not backtracked into, which keeps matching linear in the text's length. Possessive repetition would do the
+# same, but is broken in Python 3.11.2.
 _MARKUP = re.compile(
     r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|(?P<doctype><!)|(?P<end></)[^>]*>"
     r"|<(?P<name>[^\s/>\"'<=]+)(?=(?P<body>(?:[^>\"'/]+|\"[^\"]*\"|'[^']*'|/(?!>))*))(?P=body)(?P<single>/)?>",
     re.DOTALL,
 )
-DEEPEST = 64  # elements in elements, and documents in documents
-# Of a document that says nothing. An included document says so, since its elements would have its includer's instead:
-# Document::importLibrary hands on what the included document has, and its elements inherit the rest.
+DEEPEST = 64  # nesting of elements, and of includes
+# Defaults of a document's attributes, made explicit on included documents: Document::importLibrary passes on the included
+# document's attributes, and its elements would inherit all others from its includer.
 _DEFAULTS = {"colorspace": "none", "fileprefix": "", "geomprefix": ""}
 
 
@@ -41,7 +41,7 @@ def _bad(message: str, path: str) -> AssetError:
 
 @cache
 def library() -> Any:
-    """The standard library's document, read once a process."""
+    """Return the standard library's document, read once per process."""
     import MaterialX as mx
 
     made = mx.createDocument()
@@ -50,7 +50,7 @@ def library() -> Any:
 
 
 def read_document(path: str) -> Any:
-    """The document at a path that Ar resolved; AssetError where it cannot be read."""
+    """Return the document at a resolved path; AssetError where it cannot be read."""
     import MaterialX as mx
 
     document = mx.createDocument()
@@ -60,16 +60,16 @@ def read_document(path: str) -> Any:
         reader.read(document, path, ())
     except PrimrayError:
         raise
-    except Exception as error:  # the package raises its own and Python's, of any class
+    except Exception as error:  # the package raises its own and built-in exceptions of any class
         raise _bad(str(error) or type(error).__name__, path) from None
     return document
 
 
 @dataclass(frozen=True)
 class Named:
-    """What a document names itself, as it says it with its prefixes: documents that it includes, and files.
+    """File names in a document, with their prefixes: documents that it includes, and files.
 
-    `possible`: files that some of its tokens' values name together, of which not all need to be there.
+    `possible`: names formed from values of tokens, not all of which need to exist.
     """
 
     documents: tuple[str, ...]
@@ -78,7 +78,7 @@ class Named:
 
 
 def names_in(path: str) -> Named:
-    """Of the document at a resolved path, reading no other; AssetError where it cannot be read."""
+    """Return the names in the document at a resolved path, without reading other files; AssetError if it cannot be read."""
     import MaterialX as mx
 
     document = mx.createDocument()
@@ -98,7 +98,7 @@ def names_in(path: str) -> Named:
 
 
 def _names_by_tokens(document: Any, files: list[Any]) -> Iterator[str]:
-    """Yield the names that files with tokens in them may have: with each value that the document gives a token of the name."""
+    """Yield the names that files with tokens may have, with each value that the document gives a token."""
     files = [element for element in files if "[" in element.getValueString()]
     values: dict[str, set[str]] = {}
     for token in (e for e in document.traverseTree() if files and e.getCategory() == "token"):
@@ -113,7 +113,7 @@ def _names_by_tokens(document: Any, files: list[Any]) -> Iterator[str]:
 
 
 class _Reader:
-    """Of one document and what it includes."""
+    """Reader of one document and its includes, with limits over all of them."""
 
     def __init__(self, mx: Any) -> None:
         self._mx = mx
@@ -145,9 +145,9 @@ class _Reader:
 
 
 def _relocate_files(document: Any, path: str, includer: str) -> None:
-    """Make the files that an included document names relative to its includer, which takes its elements over.
+    """Make the file names of an included document relative to its includer, which receives its elements.
 
-    A file that lies beside the includer alone stays as it is named: applications that search for files find it there.
+    A file that exists only beside the includer keeps its name: applications that search for files find it there.
     """
     folder, base = (os.path.dirname(_inner(p)) for p in (path, includer))
     if folder == base:
@@ -162,7 +162,7 @@ def _relocate_files(document: Any, path: str, includer: str) -> None:
 
 
 def _inner(path: str) -> str:
-    """The path of a document in its package, or on the disk."""
+    """Return a document's path within its package, or on disk."""
     return str(Ar.SplitPackageRelativePathInner(path)[1]) if Ar.IsPackageRelativePath(path) else path
 
 
@@ -174,7 +174,7 @@ def _is_beside(name: str, path: str) -> bool:
 
 
 def checked_text(path: str, most_bytes: int, most_elements: int) -> tuple[str, int, int]:
-    """The document's text, known to be of a size and depth that can be read; how many bytes and elements it has."""
+    """Return a document's text, byte count and element count, within limits of size and depth."""
     try:
         raw = read_asset(path, most_bytes)
     except PrimrayError as error:
@@ -187,9 +187,9 @@ def checked_text(path: str, most_bytes: int, most_elements: int) -> tuple[str, i
 
 
 def _elements(text: str, path: str, most: int) -> int:
-    """How many there are; AssetError where they are too many, too deep, or no elements.
+    """Return the number of elements; AssetError where they are too many, too deep, or malformed.
 
-    Looser than XML, as the package's reader is: a value may have "<" in it.
+    The check is looser than XML, as the package's reader is: a value may contain "<".
     """
     count = depth = position = 0
     while (position := text.find("<", position)) >= 0:
@@ -210,7 +210,7 @@ def _elements(text: str, path: str, most: int) -> int:
 
 
 def beside(name: str, includer: str) -> str:
-    """The path of what a document names: from where the document is, in the same package where that is in one."""
+    """Return the path of a file named in a document: relative to the document, within the same package if it is in one."""
     if Ar.IsPackageRelativePath(includer):
         package, inner = Ar.SplitPackageRelativePathInner(includer)
         beside = os.path.normpath(os.path.join(os.path.dirname(inner), name)).replace(os.sep, "/")

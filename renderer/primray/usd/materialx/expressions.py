@@ -1,6 +1,6 @@
-"""A graph of primitive nodes while it is built: library nodes are expanded, constants folded, equal nodes are one.
+"""Pattern graphs under construction: library nodes are expanded, constants folded, equal nodes merged.
 
-An operand is a tuple of numbers, a text, a file, or the output of a node that is built already.
+An operand is a tuple of numbers, a text, a file, or the output of an existing node.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from ...description import NodeOutput, Operand, PatternNode, TextureFile
 from .definitions import WIDTHS, Definition, FromInterface, FromStep, definition, graph
 from .folding import folded
 
-MOST_NODES = 20_000  # of one material
-DEEPEST = 32  # definitions in definitions
+MOST_NODES = 20_000  # in one material
+DEEPEST = 32  # nesting of definitions
 _FILES = ("image", "hextiledimage", "hextilednormalmap")
 
-_GIVEN = -1  # in place of a node
+_GIVEN = -1  # index of a pseudo-node whose outputs are the given inputs
 
 Outputs = Mapping[str, Operand]
 
 
 class TooManyNodesError(Exception):
-    """A material whose graph would be larger than MOST_NODES."""
+    """The graph of a material exceeds MOST_NODES."""
 
 
 @dataclass
 class Expressions:
-    """Of one material."""
+    """The pattern graph of one material, under construction."""
 
     nodes: list[PatternNode] = field(default_factory=list)
     _known: dict[tuple[object, ...], Outputs] = field(default_factory=dict)
 
     def node(self, name: str, inputs: Mapping[str, Operand], path: str = "") -> Outputs:
-        """What a library node gives for these inputs, others being at their defaults; KeyError if there is no such node."""
+        """Return the outputs of a library node for these inputs, the others at their defaults; KeyError for unknown nodes."""
         found = definition(name)
         if found is None:
             raise KeyError(name)
@@ -51,7 +51,7 @@ class Expressions:
         return {key: value for key, value in actual if value is not None}
 
     def expanded(self, found: Definition, inputs: Mapping[str, Operand], depth: int = 0) -> Outputs:
-        """What a library node gives, by the graph that implements it, all the way down to primitives."""
+        """Return the outputs of a library node, its implementation graph expanded to primitives."""
         implementation = graph(found.name)
         if implementation is None or depth > DEEPEST:
             return self._of_inputs(found, {**found.defaults, **inputs}, "")
@@ -71,7 +71,7 @@ class Expressions:
         return self._primitive(found, tuple(inputs), list(inputs.values()), path)
 
     def _primitive(self, found: Definition, names: tuple[str, ...], values: list[Operand | None], path: str) -> Outputs:
-        """Its inputs' names and values, in the definition's order."""
+        """Return the outputs of a primitive; `names` and `values`: its inputs, in the definition's order."""
         name = found.outputs[0][0]
         if found.category in _FILES:
             if not _is_file(values[names.index("file")] if "file" in names else None):
@@ -94,7 +94,7 @@ class Expressions:
         return outputs
 
     def primitive(self, category: str, kind: str, signature: str, inputs: Mapping[str, Operand], path: str = "") -> NodeOutput:
-        """The one output of a primitive that needs no definition of the library; nothing of it is folded."""
+        """Return the output of a primitive that needs no library definition; it is not folded."""
         key = (category, kind, *inputs.items())
         outputs = self._known.get(key)
         if outputs is None:
@@ -107,7 +107,7 @@ class Expressions:
         return made
 
     def width(self, value: Operand) -> int:
-        """How many numbers an operand has; 0 of what is none."""
+        """Return the number of components of an operand; 0 where it is not numeric."""
         if isinstance(value, tuple):
             return len(value)
         if not isinstance(value, NodeOutput):
@@ -118,13 +118,13 @@ class Expressions:
         return found.output_widths.get(value.output, 0) if found else 0
 
     def apply(self, name: str, **inputs: Operand) -> Operand:
-        """The first output of a library node."""
+        """Return the first output of a library node."""
         return next(iter(self.node(name, inputs).values()))
 
 
 @dataclass(frozen=True)
 class _Step:
-    """A primitive, with all inputs that its definition has, in order."""
+    """A primitive with all inputs of its definition, in order."""
 
     definition: Definition
     names: tuple[str, ...]
@@ -133,8 +133,10 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Left:
-    """The primitives that are left of a library node when what is not given is at its default; operands of the node _GIVEN are
-    what is given, by name."""
+    """The primitives that remain of a library node for a set of given inputs, the others being at their defaults.
+
+    Operands of the node _GIVEN refer to the given inputs, by name.
+    """
 
     steps: tuple[_Step, ...]
     outputs: tuple[tuple[str, Operand], ...]
@@ -142,7 +144,7 @@ class _Left:
 
 @cache
 def _left_of(name: str, given: frozenset[str]) -> _Left:
-    """Found once for all nodes of a kind with the same inputs given: most of a large graph falls away."""
+    """Return what remains of a library node, cached by node and given inputs: most of a large graph folds away."""
     found = definition(name)
     assert found is not None
     trial = Expressions()
@@ -157,12 +159,12 @@ def _left_of(name: str, given: frozenset[str]) -> _Left:
 
 
 def _actual(operand: NodeOutput, given: Mapping[str, Operand], made: list[Outputs]) -> Operand | None:
-    """What an operand of a step stands for."""
+    """Return the operand that a step's operand refers to."""
     return given[operand.output] if operand.node == _GIVEN else made[operand.node].get(operand.output)
 
 
 def _simple(found: Definition, names: tuple[str, ...], values: list[Operand | None]) -> Operand | None:
-    """What a node gives that needs none, None where it does."""
+    """Return a node's value where it needs no node (an operand passed through, or folded constants), else None."""
     rule = _RULES.get(found.category)
     if rule is not None:
         simple = rule(found, dict(zip(names, values, strict=True)))
@@ -171,7 +173,7 @@ def _simple(found: Definition, names: tuple[str, ...], values: list[Operand | No
     for value in values:
         if type(value) is not tuple:
             return None
-    return folded(found, dict(zip(names, values, strict=True)))  # of constants alone
+    return folded(found, dict(zip(names, values, strict=True)))  # all inputs are constant
 
 
 def _is_file(value: object) -> bool:
@@ -179,7 +181,7 @@ def _is_file(value: object) -> bool:
 
 
 def _of_layer(values: list[Operand | None], file: int, layer: int) -> list[Operand | None]:
-    """A layer is a property of the file that is read; the input itself is left empty."""
+    """Return a file node's inputs with its layer moved into the file, where it belongs."""
     name, read = values[layer], values[file]
     if not isinstance(name, str) or not name or not isinstance(read, TextureFile):
         return values
@@ -189,7 +191,7 @@ def _of_layer(values: list[Operand | None], file: int, layer: int) -> list[Opera
 
 
 def _operand(source: object, inputs: Mapping[str, Operand], found: Definition, made: list[Outputs]) -> Operand | None:
-    """What a step of a definition's graph is given."""
+    """Return the operand for a source in a definition's graph."""
     if type(source) is FromStep:
         return made[source.step].get(source.output)
     if type(source) is FromInterface:
@@ -206,11 +208,13 @@ def _all(value: object, number: float) -> bool:
 
 
 def _as_wide(found: Definition, name: str, inputs: Mapping[str, Operand | None]) -> Operand | None:
-    """The input, where it has as many numbers as the node gives."""
+    """Return an input if it has as many components as the node's output, else None."""
     return inputs.get(name) if name in found.as_wide else None
 
 
 def _neutral(number: float, *, either: bool) -> _Rule:
+    """Return the rule of an operation whose input `in2` (or `either` input) has a neutral element."""
+
     def rule(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
         if _all(inputs.get("in2"), number):
             return _as_wide(found, "in1", inputs)

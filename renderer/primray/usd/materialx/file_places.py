@@ -1,6 +1,6 @@
-"""Places in names of image files that are filled in: tiles of a set (<UDIM>, <UVTILE>), and the frame ({frame}, {04frame}).
+"""Placeholders in image file names: tiles of a set (<UDIM>, <UVTILE>) and the frame ({frame}, {04frame}).
 
-MaterialX, "Filename Substitutions"; <UDIM> is UsdUVTexture's too.
+MaterialX, "Filename Substitutions"; <UDIM> is UsdUVTexture's, too.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NUMBERS = {"<UDIM>": r"1(?:0\d[1-9]|0[1-9]0|100)", UVTILE: r"_?u(?:[1-9]|10)_v(
 
 @dataclass(frozen=True)
 class Frames:
-    """What an image node says of the frames of its file: image, "framerange", "frameoffset", "frameendaction"."""
+    """Frame settings of an image node: "framerange", "frameoffset", "frameendaction"."""
 
     first: int | None = None
     last: int | None = None
@@ -31,7 +31,7 @@ class Frames:
     end_action: str = "constant"
 
     def number(self, frame: float) -> int | None:
-        """Return the number of the file for a frame; None where the node's default is shown instead."""
+        """Return a file's frame number at a frame; None where the node's default is shown instead."""
         wanted = math.floor(frame) + self.offset
         if self.first is None or self.last is None or self.first <= wanted <= self.last:
             return wanted
@@ -48,7 +48,7 @@ class Frames:
 
 
 def frames_of(text: str) -> tuple[int, int] | None:
-    """Return the first and the last frame of a range such as "10-99"; None where the text is none."""
+    """Return the first and the last frame of a range such as "10-99"; None where the text is not a range."""
     found = re.fullmatch(r"\s*(-?\d+)\s*-\s*(-?\d+)\s*", text)
     return (int(found[1]), int(found[2])) if found and int(found[1]) <= int(found[2]) else None
 
@@ -66,12 +66,12 @@ def is_tiles(path: str) -> bool:
 
 
 def has_places(path: str) -> bool:
-    """Return whether a name stands for files of other names: tiles of a set, or frames."""
+    """Return whether a name has placeholders, for tiles or frames."""
     return is_tiles(path) or names_frame(path)
 
 
 def files_at(path: str) -> list[str]:
-    """Return all files on the disk that textures may be read from by a name with places, whatever the frame."""
+    """Return all existing files that a name with placeholders may refer to, at any frame."""
     parts = _PLACE.split(path)
     pattern = re.compile("".join(_NUMBERS.get(p, r"-?\d+") if _PLACE.fullmatch(p) else re.escape(p) for p in parts))
     found = glob.glob("".join("*" if _PLACE.fullmatch(part) else glob.escape(part) for part in parts))
@@ -79,13 +79,13 @@ def files_at(path: str) -> list[str]:
 
 
 def resolved(path: str, layer: Sdf.Layer | None) -> str:
-    """Return what a path that a layer says resolves to, "" where nothing is there."""
+    """Return the resolved path of a path authored in a layer, "" where it does not exist."""
     anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, path) if layer is not None else path
     return str(Ar.GetResolver().Resolve(anchored)) if anchored else ""
 
 
 def tile_paths(path: str, layer: Sdf.Layer | None) -> tuple[str, tuple[tuple[int, str], ...]]:
-    """Return the resolved name of a set, and its tiles' numbers (1001 to 1100, ten in U and ten in V) and resolved paths."""
+    """Return the resolved name of a set, and its tiles' numbers (1001 to 1100, ten in u by ten in v) and resolved paths."""
     if UVTILE in path:
         return _numbered(path, _uv_tiles(path, layer))
     found = UsdShade.UdimUtils.ResolveUdimTilePaths(path, layer)
@@ -94,7 +94,7 @@ def tile_paths(path: str, layer: Sdf.Layer | None) -> tuple[str, tuple[tuple[int
 
 
 def _uv_tiles(path: str, layer: Sdf.Layer | None) -> list[tuple[int, str, str, str]]:
-    """By Mudbox's names, which count from 1: "u1_v1", also after a line that the place stands for too ("_u1_v1")."""
+    """Return tiles by Mudbox's names, which count from 1 ("u1_v1"), optionally after an underscore ("_u1_v1")."""
     found = []
     for number in range(_FIRST, _FIRST + _TILES):
         v, u = divmod(number - _FIRST, _ACROSS)

@@ -1,4 +1,4 @@
-"""The files that MaterialX documents name, for sending and watching them: textures, tiles, and other documents."""
+"""Files that MaterialX documents name, for packaging and for watching: textures, tiles, and other documents."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from .stand_ins import is_document
 
 
 def files_of_documents(paths: Iterable[str]) -> tuple[set[str], set[str]]:
-    """Files that the documents among these paths name, and names of files that are not there, or not there elsewhere: absolute
-    ones. Of documents that cannot be read, none."""
+    """Return the files named by the documents among these paths, and names of files that exist only here or not at all.
+
+    Names of the second kind are missing or absolute. Documents that cannot be read are skipped.
+    """
     found: set[str] = set()
     missing: set[str] = set()
     waiting = [path for path in paths if is_document(path)]
@@ -38,7 +40,7 @@ def files_of_documents(paths: Iterable[str]) -> tuple[set[str], set[str]]:
 
 
 def _files(name: str, document: str) -> list[str]:
-    """On the disk; of a set of tiles, all of them."""
+    """Return the paths of a name that exist on disk; all tiles of a set."""
     if has_places(name):
         return files_at(os.path.join(os.path.dirname(document), name))
     try:

@@ -1,4 +1,4 @@
-"""Geometric properties that a document names (geompropdef) as nodes that read them.
+"""Geometric properties that a document names (geompropdef), as nodes that read them.
 
 MaterialX specification, "GeomPropDef Elements": a property is one of the geometry's own (geomprop = position, normal, texcoord
 ...) in a space or with an index, or else the primvar of its name. The library defines UV0, Nworld and some others.
@@ -18,7 +18,7 @@ _SETTINGS = {"space": "string", "index": "integer"}
 
 
 class GeometricProperties:
-    """Those of a document and of the standard library."""
+    """Geometric properties of a document and of the standard library."""
 
     def __init__(self, document: Any) -> None:
         self._document = document
@@ -27,11 +27,11 @@ class GeometricProperties:
         self.has_own = bool(self._own)
 
     def is_own(self, name: str) -> bool:
-        """Return whether the document derives a property of that name from another."""
+        """Return whether the document derives this property from another."""
         return name in self._own
 
     def write(self, prim: Sdf.PrimSpec, name: str, kind: str) -> None:
-        """Make a prim the node that reads a property as a value of that type, or of the type that its definition names."""
+        """Make a prim the node that reads a property, as a value of type `kind` or of the property's own type."""
         found = self._document.getGeomPropDef(name)
         base = found.getAttribute("geomprop") if found is not None else ""
         kinds = [kind] if found is None else [kind, found.getType()]

@@ -1,14 +1,14 @@
-"""How many nodes a document's graphs are when all that they refer to is in its place, before USD composes that many prims."""
+"""Size of a document's graphs with all graphs that they refer to, checked before USD composes that many prims."""
 
 from __future__ import annotations
 
 from typing import Any
 
-MOST = 100_000  # nodes of one graph
+MOST = 100_000  # nodes of one expanded graph
 
 
 def fault(graphs: dict[str, Any], definitions: set[str]) -> str:
-    """What is wrong with the graphs of a document, "" where nothing is: one holds itself, or grows beyond MOST."""
+    """Return what is wrong with a document's graphs: one refers to itself, or exceeds MOST nodes; "" if nothing is."""
     holds = {name: _held(graph, graphs, definitions) for name, graph in graphs.items()}
     sizes: dict[str, int] = {}
     for first in graphs:
@@ -32,7 +32,7 @@ def fault(graphs: dict[str, Any], definitions: set[str]) -> str:
 
 
 def _held(graph: Any, graphs: dict[str, Any], definitions: set[str]) -> list[str]:
-    """Names of the document's graphs that this one refers to, as often as it does: by nodes that they implement, by inputs."""
+    """Return the names of the document's graphs that a graph refers to, once per reference: by nodes and by inputs."""
     found = []
     for node in graph.getNodes():
         definition = node.getNodeDef()

@@ -1,7 +1,6 @@
-"""MaterialX's nodes that give a fibre of hair its inputs: where these are constants they fold, by nodes that do; where they
-vary each is one node, which the core computes.
+"""MaterialX's nodes for the inputs of a hair fibre: constants fold here; varying ones remain nodes that the core evaluates.
 
-Formulas: d'Eon et al. 2011 (melanin), Chiang et al. 2016 (the rest), as the library's document of nodes describes them.
+Formulas: d'Eon et al. 2011 (melanin), Chiang et al. 2016 (the rest), as the library's node documentation describes them.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ def _times(e: Expressions, a: Operand, b: Operand) -> Operand:
 
 
 def _polynomial(e: Expressions, x: Operand, terms: Mapping[int, float]) -> Operand:
-    """The sum of the terms' factors times x to their powers."""
+    """Return the sum of factors times powers of x."""
     powers: list[Operand] = []
     for power, factor in terms.items():
         value = (1.0,) if power == 0 else e.apply("ND_power_float", in1=x, in2=(float(power),))
@@ -87,7 +86,7 @@ def is_hair_node(name: str) -> bool:
 
 
 def hair_node(e: Expressions, name: str, given: Given) -> Outputs:
-    """What one of them gives; `given`: all its inputs."""
+    """Return the outputs of a hair node; `given`: all of its inputs."""
     if all(isinstance(value, tuple) for value in given.values()):
         return _FOLDED[name](e, given)
     return e.node(name, given)

@@ -1,4 +1,4 @@
-"""A document as the content of a layer: what USD's own plugin usdMtlx makes of it, with a default prim."""
+"""Conversion of a document to a layer's content, as USD's plugin usdMtlx lays it out, with a default prim."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .writing import ROOT
 
 
 def write_layer(document: Any, layer: Sdf.Layer, meters_per_unit: float) -> dict[Sdf.Path, Effects]:
-    """Write a document of the MaterialX package to an empty layer, for a stage whose unit is as long as that.
+    """Write a document to an empty layer, for a stage with this metersPerUnit.
 
-    What its looks do to prims beside binding materials is returned, by the paths of their variants.
+    Returns what its looks do beside binding materials, by the paths of their variants.
     """
     effects: dict[Sdf.Path, Effects] = {}
     with Sdf.ChangeBlock():

@@ -1,7 +1,7 @@
-"""A document's materials as prims below /MaterialX/Materials: each with an interface of its shaders' inputs.
+"""Materials of a document as prims below /MaterialX/Materials, each with an interface of its shaders' inputs.
 
-Shaders of one material have inputs of their own: where two have one of the same name, the first has it in the interface, the
-other by itself. USD has no terminal for the back of a surface.
+Where two shaders of a material have an input of the same name, the first shader's is in the material's interface, and the
+other's on the shader itself. USD has no terminal for the back of a surface.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ _BACK = "backsurfaceshader"
 
 
 def write_materials(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> None:
+    """Write a document's materials."""
     materials = document.getMaterialNodes()
     for material in materials:
         prim = define(layer, MATERIALS.AppendChild(name_of(material)), "Material")
@@ -54,11 +55,11 @@ def write_materials(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> None
 
 
 class _Material:
-    """One material's shaders, each of which is a terminal of its prim."""
+    """Writer of one material's shaders, each of which is connected to a terminal of its prim."""
 
     def __init__(self, layer: Sdf.Layer, document: Any, graphs: NodeGraphs, path: Sdf.Path, node: Any) -> None:
         self._layer, self._document, self._graphs, self._path, self._node = layer, document, graphs, path, node
-        self._interface: set[str] = set()  # names of inputs that a shader has in the material's interface
+        self._interface: set[str] = set()  # inputs already in the material's interface
 
     def write(self) -> None:
         for kind in _TERMINALS:
@@ -70,7 +71,7 @@ class _Material:
         self._note_back()
 
     def _shaders(self, kind: str) -> list[Any]:
-        """Return the material's shaders of a kind: the one that an input of the kind's name leads to, else others."""
+        """Return the material's shaders of a kind: the one that the input named after the kind leads to, else all others."""
         import MaterialX as mx
 
         found, named, back = mx.getShaderNodes(self._node, kind), self._connected(kind), self._connected(_BACK)
@@ -96,7 +97,7 @@ class _Material:
             self._shader(shader).write()
 
     def _of_graph(self, shader: Any) -> None:
-        """Connect the terminal to a shader in a graph, which has what it is connected to in there.
+        """Connect a terminal to a shader inside a node graph, together with the nodes that it reads there.
 
         The graph may implement the material itself, and then has the material's inputs.
         """
@@ -121,14 +122,14 @@ def _is_same(a: Any, b: Any) -> bool:
 
 
 class _Shader:
-    """One shader of a material, at the top of the document, or the material itself where a graph implements it."""
+    """Writer of one shader of a material, at the top of the document, or of the material itself where a graph implements it."""
 
     def __init__(
         self, layer: Sdf.Layer, document: Any, graphs: NodeGraphs, material: Sdf.Path, node: Any, interface: set[str]
     ) -> None:
         self._layer, self._document, self._graphs, self._material, self._node = layer, document, graphs, material, node
         self._definition = node.getNodeDef()
-        self._interface = interface  # what other shaders of the material have in its interface, and then this one too
+        self._interface = interface  # shared with the material's other shaders: inputs in its interface
 
     def write(self) -> None:
         path = self._material.AppendChild(name_of(self._node))
@@ -148,7 +149,7 @@ class _Shader:
         _connect_terminals(material, self._definition, path, own_outputs=custom)
 
     def _write_input(self, element: Any, shader: Sdf.PrimSpec, holder: Sdf.PrimSpec) -> None:
-        """Write what the shader is given, where it is held: by the material's interface, or by the shader itself."""
+        """Write an input's value where it is held: in the material's interface, or on the shader."""
         made = input_of(holder, element)
         self._graphs.write_value(made, element, self._definition, self._material)
         note_ui(made, element)
@@ -164,7 +165,7 @@ class _Shader:
         return self._graphs.multiplied(source, at, element.getType(), factor)
 
     def _shared(self) -> Sdf.Path:
-        """The shader's kind and outputs, which all materials with it refer to."""
+        """Return the prim with the shader's id and outputs, which all materials with this shader reference."""
         path = _SHADERS_AT.AppendChild(name_of(self._node))
         if not self._layer.GetPrimAtPath(path):
             prim = define(self._layer, path, "Shader")
@@ -176,7 +177,7 @@ class _Shader:
         return path
 
     def _source(self, element: Any) -> Sdf.Path | None:
-        """What a graph gives an input, of a copy of the graph inside the material."""
+        """Return what an input is connected to, inside a copy of the graph below the material."""
         output, node, graph = (element.getAttribute(name) for name in ("output", "nodename", "nodegraph"))
         if graph:
             found = self._graphs.of_name(graph)
@@ -185,7 +186,7 @@ class _Shader:
             names = [o.getName() for o in self._document.getChild(graph).getOutputs()]
             chosen = output if output in names else (names or ["out"])[0]
             return self._graphs.place(found, self._material).AppendProperty(f"outputs:{identifier(chosen)}")
-        if output and not node:  # an output at the document's top
+        if output and not node:  # an output element at the document's top level
             top = self._document.getOutput(output)
             node, output = (top.getNodeName(), top.getAttribute("output")) if top is not None else ("", "")
         source = self._document.getNode(node) if node else None
@@ -198,7 +199,7 @@ class _Shader:
 
 
 def _connect_terminals(material: Sdf.PrimSpec, definition: Any, shader: Sdf.Path, *, own_outputs: bool) -> None:
-    """Connect the material's terminals to a shader's outputs; `own_outputs`: they are called as the definition has them."""
+    """Connect the material's terminals to a shader's outputs; with `own_outputs` these have the definition's names."""
     for output in outputs_of(definition):
         if output.getType() not in SHADERS:
             continue

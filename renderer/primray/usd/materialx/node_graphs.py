@@ -1,7 +1,7 @@
-"""A document's node graphs, and the nodes at its top, as prims below /MaterialX/NodeGraphs.
+"""Node graphs of a document, and the nodes at its top level, as prims below /MaterialX/NodeGraphs.
 
-A node of the file's own that a graph implements is a prim that refers to that graph, so that each has its own inputs.
-A value in another unit than its node expects is written converted; what is connected is multiplied by a node of its own.
+A custom node that a graph implements is a prim that references that graph, so that each node has its own inputs. A value in
+another unit than its node expects is converted as it is written; a connected input is multiplied by an additional node.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from .writing import (
 GRAPHS = ROOT.AppendChild("NodeGraphs")
 _GEOMETRIC_COLORS = (*GEOMPROP_NODES, "geomcolor")
 _COLORS = ("color3", "color4")
-_IN_UNITS = ("float", "vector2", "vector3", "vector4")  # types of what can be converted as it is computed
+_IN_UNITS = ("float", "vector2", "vector3", "vector4")  # types whose values can be converted by a multiplication node
 
 
 def definition_stack(definition: Any) -> list[Any]:
-    """A nodedef and those that it inherits from, the furthest first."""
+    """Return a nodedef and those that it inherits from, the most distant first."""
     found: list[Any] = []
     document = definition.getDocument()
     while definition is not None and all(definition.getName() != known.getName() for known in found):
@@ -49,48 +49,48 @@ def definition_stack(definition: Any) -> list[Any]:
 
 
 def expected_input(definition: Any, name: str) -> Any:
-    """Return the input of a nodedef or of one that it inherits from, None where there is none of that name."""
+    """Return the input of a nodedef or of one that it inherits from, None for an unknown name."""
     stack = definition_stack(definition) if definition is not None else []
     return next((found for one in reversed(stack) if (found := one.getInput(name)) is not None), None)
 
 
 def own(document: Any, category: str) -> list[Any]:
-    """The document's children of a category, without those of the library."""
+    """Return the document's children of a category, without those of the library."""
     return [child for child in document.getChildren() if child.getCategory() == category]
 
 
 def has_colors(element: Any, definition: Any) -> bool:
-    """Return whether a value may have a colour space: colours, and the file of an image of colours."""
+    """Return whether a value may have a colour space: colours, and the files of images of colours."""
     if element.getType() == "filename":
         return any(o.getType() in _COLORS for o in outputs_of(definition))
     return element.getType() in _COLORS
 
 
 class NodeGraphs:
-    """Writes graphs to a layer as they are asked for."""
+    """Writer of node graphs to a layer, on demand."""
 
     def __init__(self, layer: Sdf.Layer, document: Any, meters_per_unit: float) -> None:
         self.layer, self.document = layer, document
         self._units = Units(document, meters_per_unit)
-        self._notes: dict[Sdf.Path, list[str]] = {}  # by what they concern: a graph or a material
-        self._parts: dict[Sdf.Path, set[Sdf.Path]] = {}  # the graphs that a graph or a material refers to
+        self._notes: dict[Sdf.Path, list[str]] = {}  # by path of the graph or material
+        self._parts: dict[Sdf.Path, set[Sdf.Path]] = {}  # graphs that a graph or a material references
         self._written: set[str] = set()
         self._graphs = {graph.getName(): graph for graph in own(document, "nodegraph")}
         self._definitions = {definition.getName() for definition in own(document, "nodedef")}
-        self._with_tokens: dict[tuple[str, Tokens], Sdf.Path] = {}  # a definition's graph, once for each set of values
+        self._with_tokens: dict[tuple[str, Tokens], Sdf.Path] = {}  # one graph of a definition per set of token values
         self.properties = GeometricProperties(document)
         if wrong := fault(self._graphs, self._definitions):
             raise ValueError(wrong)
 
     def implementing(self, definition: Any) -> Any:
-        """The document's graph that implements a nodedef, None where it has none."""
+        """Return the document's graph that implements a nodedef, None where it has none."""
         if definition is None or definition.getName() not in self._definitions:
             return None
         found = definition.getImplementation()
         return self._graphs.get(found.getName()) if found is not None else None
 
     def of_definitions(self) -> None:
-        """Those that implement nodedefs of the document, by the nodedefs' names."""
+        """Write the graphs that implement nodedefs of the document, under the nodedefs' names."""
         for graph in self._graphs.values():
             if self.implementing(definition := graph.getNodeDef()) is not None:
                 self._definition(definition)
@@ -104,8 +104,10 @@ class NodeGraphs:
         return path
 
     def _path_of(self, definition: Any, tokens: Tokens) -> Sdf.Path:
-        """Return where a definition's graph is written. Names of files are text that USD cannot compose of parts, so that
-        each set of values that nodes give its tokens has a graph of its own."""
+        """Return the path of a definition's graph, one for each set of values that nodes give its tokens.
+
+        USD cannot compose file names from parts, so each set of token values needs a graph of its own.
+        """
         path = GRAPHS.AppendChild(name_of(definition))
         if not tokens:
             return path
@@ -119,7 +121,7 @@ class NodeGraphs:
         return self._with_tokens[key]
 
     def of_name(self, name: str) -> Sdf.Path | None:
-        """A graph of the document."""
+        """Return the path of a graph of the document, written if it was not, None for an unknown name."""
         graph = self._graphs.get(name)
         if graph is None:
             return None
@@ -132,7 +134,7 @@ class NodeGraphs:
         return path
 
     def of_top(self) -> Sdf.Path:
-        """Of the nodes that are in no graph."""
+        """Return the path of the graph of the nodes that are in no graph."""
         if str(GRAPHS) not in self._written:
             self._written.add(str(GRAPHS))
             define(self.layer, GRAPHS, "NodeGraph")
@@ -148,7 +150,7 @@ class NodeGraphs:
         for interface in (*(definition_stack(definition) if definition is not None else ()), graph):
             for element in interface.getInputs():
                 made = input_of(prim, element)
-                # A definition's defaults are in the units that it names itself.
+                # A definition's defaults are in its own units.
                 factor = self._factor(element, _reader(element, graph), path) if interface is graph else 1.0
                 set_value(made, element, self._interface_has_colors(element, graph), factor, tokens)
                 nodes.set_default(made, element)
@@ -162,12 +164,12 @@ class NodeGraphs:
             nodes.join(made, output)
 
     def has_colors(self, element: Any, definition: Any) -> bool:
-        """Return whether a node's input may have a colour space; the file of a node of the document's own is what reads it."""
+        """Return whether a node's input may have a colour space; a custom node's file, if its graph reads it as colours."""
         graph = self.implementing(definition) if element.getType() == "filename" else None
         return has_colors(element, definition) if graph is None else self._interface_has_colors(element, graph)
 
     def _interface_has_colors(self, element: Any, graph: Any) -> bool:
-        """Return whether an input of a graph's interface may have one: a file, where a node of the graph reads its colours."""
+        """Return whether an input of a graph's interface may have a colour space; a file, if a node reads it as colours."""
         if element.getType() != "filename":
             return has_colors(element, None)
         return any(
@@ -178,8 +180,10 @@ class NodeGraphs:
         )
 
     def place(self, source: Sdf.Path, below: Sdf.Path) -> Sdf.Path:
-        """Return a prim below another that refers to a graph elsewhere, since connections do not lead out of what holds them;
-        the graph itself where it lies there."""
+        """Return a prim below another that references a graph elsewhere; the graph itself if it is there already.
+
+        Connections cannot lead out of the prim that encapsulates them.
+        """
         path = below.AppendChild(source.name)
         if path == source:
             return source
@@ -188,7 +192,7 @@ class NodeGraphs:
         return path
 
     def custom_node(self, node: Any, path: Sdf.Path, tokens: Tokens = ()) -> bool:
-        """Write the node as a reference to the graph of the document that implements it; False where none does.
+        """Write a node as a reference to the document's graph that implements it; return False where none does.
 
         `tokens`: those of the graph that the node is in.
         """
@@ -204,12 +208,12 @@ class NodeGraphs:
         return True
 
     def write_value(self, made: Sdf.AttributeSpec, element: Any, definition: Any, of: Sdf.Path, tokens: Tokens = ()) -> None:
-        """Write the value of a node's input, in the unit that the node expects; `of`: the graph or material it belongs to."""
+        """Write the value of a node's input in the unit that the node expects; `of`: the graph or material it belongs to."""
         factor = self.factor(element, definition, of)
         set_value(made, element, self.has_colors(element, definition), factor, tokens)
 
     def factor(self, element: Any, definition: Any, of: Sdf.Path) -> float:
-        """Return what converts a node's input to the unit that the node expects; 1, noted, where that cannot be known."""
+        """Return the factor from a node input's unit to the unit that the node expects; 1, reported, where it is unknown."""
         if not element.hasAttribute("unit"):
             return 1.0
         return self._factor(element, expected_input(definition, element.getName()), of)
@@ -222,11 +226,11 @@ class NodeGraphs:
             return 1.0
 
     def note(self, of: Sdf.Path, message: str) -> None:
-        """Keep what is to be said of each material that holds a graph, or of one material."""
+        """Store a message about a graph or material, to be reported for each material that uses it."""
         self._notes.setdefault(of, []).append(message)
 
     def notes_of(self, material: Sdf.Path) -> list[str]:
-        """Return what was noted of a material and of all that it refers to."""
+        """Return the messages about a material and everything that it references."""
         if not self._notes:
             return []
         found, waiting = [material], [material]
@@ -237,7 +241,7 @@ class NodeGraphs:
         return [message for path in found for message in self._notes.get(path, ())]
 
     def multiplied(self, source: Sdf.Path, path: Sdf.Path, kind: str, factor: float) -> Sdf.Path:
-        """Return the output of a node made at `path` that multiplies floats or vectors by a factor."""
+        """Return the output of a node, created at `path`, that multiplies floats or vectors by a factor."""
         prim = define(self.layer, path, "Shader")
         name = "ND_multiply_float" if kind == "float" else f"ND_multiply_{kind}FA"
         set_identifier(prim, name)
@@ -248,7 +252,7 @@ class NodeGraphs:
 
 
 class _Nodes:
-    """Those of one graph, or of the document's top."""
+    """Writer of the nodes of one graph, or of the document's top level."""
 
     def __init__(self, graphs: NodeGraphs, path: Sdf.Path, container: Any, tokens: Tokens = ()) -> None:
         self._graphs, self._path, self._container, self._tokens = graphs, path, container, tokens
@@ -278,9 +282,9 @@ class _Nodes:
             self._divide(default, node.getType(), read)
 
     def set_default(self, made: Sdf.AttributeSpec, element: Any) -> None:
-        """Have a node give an input of the graph's interface the geometric property that it has by default.
+        """Write a node that gives an input of the graph's interface its default geometric property.
 
-        The node is named by the input, and not connected to it: a value that somebody gives the input is to win.
+        The node is named in the input's metadata and not connected to it, so that a value authored for the input wins.
         """
         if not (name := element.getAttribute("defaultgeomprop")):
             return
@@ -299,13 +303,13 @@ class _Nodes:
             made = input_of(prim, element)
             self._graphs.write_value(made, element, definition, self._path, self._tokens)
             if element.getType() == "filename" and not has_colors(element, definition):
-                made.SetInfo("colorSpace", RAW)  # whatever else reads the file by the graph's interface
+                made.SetInfo("colorSpace", RAW)  # even if another node reads the file as colours through the graph's interface
             note_input_ui(made, element)
         for output in outputs_of(definition):
             note_ui(typed_attribute(prim, f"outputs:{name_of(output)}", output.getType()), output)
 
     def _property(self, node: Any, definition: Any, prim: Sdf.PrimSpec) -> bool:
-        """Write a node that reads a geometric property which the document derives from another; False of all others."""
+        """Write a node that reads a property which the document derives from another; return False for all other nodes."""
         given = node.getInput("geomprop") if node.getCategory() in GEOMPROP_NODES else None
         if given is None or not self._graphs.properties.has_own:
             return False
@@ -320,14 +324,14 @@ class _Nodes:
         return True
 
     def _note_color_space(self, node: Any) -> None:
-        """Report a colour space of colours that geometry gives: primvars are read in the space that USD says they have."""
+        """Report colour spaces on geometric colours, which have no effect: primvars are read in the space that USD says."""
         for element in (node, node.getInput("geomprop")):
             if element is not None and element.hasAttribute("colorspace"):
                 space = element.getAttribute("colorspace")
                 self._graphs.note(self._path, f"{element.getNamePath()} has the colour space {space!r}, which has no effect.")
 
     def _read_factor(self, node: Any, definition: Any) -> float:
-        """Return what converts the numbers that a node reads from a file, or from a geometric property that has a unit."""
+        """Return the unit factor for numbers that a node reads from a file, or from a geometric property with a unit."""
         files = [element for element in node.getInputs() if element.getType() == "filename" and element.hasAttribute("unit")]
         if files and node.getType() not in _IN_UNITS:
             self._graphs.note(self._path, f"{files[0].getNamePath()} has a unit, and its node gives no float or vector.")
@@ -339,7 +343,7 @@ class _Nodes:
         return 1.0 if found is None else self._graphs.factor(found, None, self._path)
 
     def _divide(self, default: Sdf.AttributeSpec, kind: str, factor: float) -> None:
-        """Make up for what multiplies all that a node gives: the default that it has is in the unit of the rest already."""
+        """Divide a node's default by the factor that multiplies its output: the default is in the expected unit already."""
         if default.default is not None:
             default.default = default.default / factor
         if sources := default.connectionPathList.explicitItems:
@@ -347,13 +351,13 @@ class _Nodes:
             connect(default, self._graphs.multiplied(sources[0], at, kind, 1 / factor))
 
     def _unused(self, name: str) -> Sdf.Path:
-        """Return a path for a prim that no node of the document has."""
+        """Return a path that no node of the document has."""
         while name in self._prims or self._graphs.layer.GetPrimAtPath(self._path.AppendChild(name)):
             name += "_"
         return self._path.AppendChild(name)
 
     def join(self, made: Sdf.AttributeSpec, element: Any, definition: Any = None) -> None:
-        """Connect what an input or output element says that it is connected to, converted from the unit that it names."""
+        """Write the connection of an input or output element, converted from the unit that the element names."""
         self._connect(made, element)
         if not element.hasAttribute("unit") or element.getType() not in _IN_UNITS or not made.connectionPathList.explicitItems:
             return
@@ -388,7 +392,7 @@ class _Nodes:
 
 
 def _reader(element: Any, graph: Any) -> Any:
-    """Return the input that says which unit a value of a graph's interface is read in, None where none of its nodes does."""
+    """Return the input that determines the unit of a graph's interface input, None where no node has one."""
     for node in graph.getNodes():
         for given in node.getInputs():
             if given.getAttribute("interfacename") == element.getName():
@@ -399,7 +403,7 @@ def _reader(element: Any, graph: Any) -> Any:
 
 
 def _tokens_of(node: Any, outer: Tokens) -> Tokens:
-    """Return what a node says of the tokens of the graph that implements it; `outer`: those of the graph that it is in."""
+    """Return the values that a node gives to tokens of its graph; `outer`: tokens of the graph that contains the node."""
     found = {}
     for token in node.getTokens():
         text = dict(outer).get(token.getAttribute("interfacename"), token.getValueString())
@@ -410,11 +414,12 @@ def _tokens_of(node: Any, outer: Tokens) -> Tokens:
 
 
 def set_identifier(prim: Sdf.PrimSpec, name: str) -> None:
-    """Make a prim a shader of that definition."""
+    """Set the id of a shader prim to a definition's name."""
     Sdf.AttributeSpec(prim, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = name
 
 
 def outputs_of(definition: Any) -> Iterator[Any]:
+    """Yield the outputs of a definition and of those that it inherits from, without duplicates."""
     seen: set[str] = set()
     for one in definition_stack(definition) if definition is not None else ():
         for output in one.getOutputs():

@@ -1,7 +1,7 @@
-"""A stage's references to MaterialX documents, led to layers that are made of them.
+"""References of a stage to MaterialX documents, redirected to layers that are made from the documents.
 
-USD knows no format for .mtlx, and a stage's layers are others' too. So the layers that refer to documents are copied, and those
-that refer to these, up to the root: the stage is composed of the copies.
+USD has no file format for .mtlx, and a stage's layers may be shared with other stages. So layers that reference documents are
+copied, as are the layers that reference those, up to the root: the stage is composed of the copies.
 """
 
 from __future__ import annotations
@@ -21,45 +21,48 @@ from .layer_of import write_layer
 from .look.effects import Effects, write_effects
 from .stand_ins import anchor, is_document, is_stand_in, new_layer
 
-_held: dict[str, list[Sdf.Layer]] = {}  # by a stage's root: what its other variants and payloads may ask for
+_held: dict[str, list[Sdf.Layer]] = {}  # by root layer: layers kept open for the stage's other variants and payloads
 
 
 @dataclass
 class _Record:
-    """What a stand-in is made of: a document or a layer, and what was led elsewhere in the layer's copy."""
+    """Source of a substitute layer: a document or a layer, and the asset paths replaced in the layer's copy."""
 
     source: str
-    updates: dict[str, str] | None = None  # None: of a document
-    meters_per_unit: float = 1.0  # of the stage that a document was read for
-    effects: dict[Sdf.Path, Effects] = field(default_factory=dict)  # of a document's looks
+    updates: dict[str, str] | None = None  # None for documents
+    meters_per_unit: float = 1.0  # metersPerUnit of the stage for which a document was read
+    effects: dict[Sdf.Path, Effects] = field(default_factory=dict)  # effects of a document's looks
 
 
-_records: dict[str, _Record] = {}  # by stand-ins' identifiers
+_records: dict[str, _Record] = {}  # by identifier of the substitute layer
 
 
 def refers_to_documents(stage: Usd.Stage) -> bool:
-    """Whether something of the stage is missing for being a MaterialX document."""
+    """Return whether the stage has composition errors about MaterialX documents."""
     return any(".mtlx" in error_text(error).lower() for error in stage.GetCompositionErrors())
 
 
 def is_of_documents(message: str) -> bool:
-    """Whether USD says no more than that it has no format for MaterialX: what that comes to, the stage's errors tell."""
+    """Return whether USD's message only says that it has no file format for MaterialX.
+
+    The effects of that are reported from the stage's composition errors.
+    """
     return "Cannot determine file format" in message and ".mtlx" in message.lower()
 
 
 class Redirection:
-    """Of one stage: the layers that stand in for others."""
+    """Substitute layers of one stage."""
 
     def __init__(self) -> None:
-        self._copies: dict[str, Sdf.Layer] = {}  # by the identifiers of what they are copies of
-        self._documents: dict[str, Sdf.Layer | None] = {}  # by resolved path; None: cannot be read
+        self._copies: dict[str, Sdf.Layer] = {}  # by the original layer's identifier
+        self._documents: dict[str, Sdf.Layer | None] = {}  # by resolved path; None: unreadable
         self._meters_per_unit = 1.0
 
     def of(self, layer: Sdf.Layer) -> Sdf.Layer:
         return self._copies.get(str(layer.identifier), layer)
 
     def redirect(self, stage: Usd.Stage, diagnostics: Diagnostics) -> bool:
-        """Lead references to stand-ins; whether there were any, so that the stage is to be composed anew."""
+        """Redirect references to substitute layers; return whether there were any, so that the stage must be composed again."""
         self._meters_per_unit = usable_length(authored_meters_per_unit(stage))
         layers = [layer for layer in stage.GetUsedLayers() if layer]
         named = {layer: _dependencies(layer, stage) for layer in layers}
@@ -81,7 +84,7 @@ class Redirection:
         return True
 
     def apply_looks(self, stage: Usd.Stage) -> None:
-        """Write what looks do to prims that are on the composed stage."""
+        """Author the effects of looks on prims of the composed stage."""
         identifiers = [str(layer.identifier) for layer in self._documents.values() if layer]
         effects = {name: _records[name].effects for name in identifiers if _records[name].effects}
         if effects:
@@ -101,10 +104,11 @@ class Redirection:
             anchor(copy, str(layer.identifier))
 
     def _document(self, layer: Sdf.Layer, path: str, diagnostics: Diagnostics) -> Sdf.Layer | None:
+        """Return the substitute layer of a document, None where it does not exist or cannot be read (reported)."""
         resolved = str(layer.ComputeAbsolutePath(path))
         if resolved not in self._documents:
             try:
-                there = Ar.GetResolver().Resolve(resolved)  # else the stage's error tells
+                there = Ar.GetResolver().Resolve(resolved)  # if not, the stage's composition error is reported
                 self._documents[resolved] = layer_of_document(resolved, self._meters_per_unit) if there else None
             except AssetError as error:
                 self._documents[resolved] = None
@@ -113,7 +117,7 @@ class Redirection:
 
 
 def layer_of_document(path: str, meters_per_unit: float = 1.0) -> Sdf.Layer:
-    """A stand-in for the document at a resolved path; AssetError where it cannot be read. Lengths are in the stage's unit."""
+    """Return a substitute layer for the document at a resolved path, lengths in the stage's unit; AssetError if unreadable."""
     layer = new_layer(path)
     record = _Record(path, meters_per_unit=meters_per_unit)
     _write_document(layer, record)
@@ -122,8 +126,8 @@ def layer_of_document(path: str, meters_per_unit: float = 1.0) -> Sdf.Layer:
 
 
 def make_anew(files: Collection[str]) -> None:
-    """Stand-ins for these files (absolute paths), from what the files hold now; AssetError where a document cannot be read."""
-    any_document = any(is_document(file) for file in files)  # which others may include
+    """Rebuild the substitute layers of these files (absolute paths) from their current content; AssetError if unreadable."""
+    any_document = any(is_document(file) for file in files)  # documents may include each other
     for identifier, record in list(_records.items()):
         layer = Sdf.Layer.Find(identifier)
         if not layer:
@@ -143,12 +147,12 @@ def _file(path: str) -> str:
 
 
 def _write_document(layer: Sdf.Layer, record: _Record) -> None:
-    """Give an empty stand-in the document's content."""
+    """Fill an empty substitute layer from its document."""
     path = record.source
     document = read_document(path)
     try:
         record.effects = write_layer(document, layer, record.meters_per_unit)
-    except Exception as error:  # of elements that are not what their document says they are: of any class
+    except Exception as error:  # inconsistent documents raise exceptions of any class
         raise AssetError(f"it cannot be made a layer: {error}", where=path, code="materialx-document") from None
     anchor(layer, path)
 
@@ -160,7 +164,7 @@ def _hold(root: Sdf.Layer, layers: list[Sdf.Layer]) -> None:
 
 
 def _dependencies(layer: Sdf.Layer, stage: Usd.Stage) -> dict[str, str]:
-    """What a layer names as sublayers, references and payloads: as authored, and as it is found."""
+    """Return the sublayers, references and payloads of a layer: authored paths, and the same with expressions evaluated."""
     return {path: asset_of_expression(path, layer, stage) for path in layer.GetCompositionAssetDependencies() if path}
 
 
@@ -169,7 +173,7 @@ def _found(layer: Sdf.Layer, path: str) -> Sdf.Layer | None:
 
 
 def _leading_to(layers: set[Sdf.Layer], named: dict[Sdf.Layer, dict[str, str]]) -> set[Sdf.Layer]:
-    """These layers, and those that name them, directly or through others."""
+    """Return these layers, and those that name them, directly or indirectly."""
     namers: dict[Sdf.Layer, set[Sdf.Layer]] = {}
     for layer, paths in named.items():
         for path in paths.values():

@@ -1,7 +1,7 @@
-"""Layers in memory that stand in for files: their names, which tell the file, and where their relative paths lead.
+"""Substitute layers: in-memory layers in place of files, their identifiers, and the resolution of their relative paths.
 
-A stand-in lies beside its file, so that its relative paths lead where the file's do. What is in a package cannot have one
-there: it lies beside the package, and its paths are made whole.
+A substitute has an identifier beside its file, so that relative paths resolve as the file's do. For a file inside a package
+that is not possible: its substitute is beside the package, and its relative paths are made absolute.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from collections.abc import Callable
 from pxr import Ar, Sdf, UsdUtils
 
 _MARK = re.compile(r"\.materialx-\d+\.usda")
-_PLACE = re.compile(r"<UDIM>|<UVTILE>|frame\}")  # in names of files that are there under other names
+_PLACE = re.compile(r"<UDIM>|<UVTILE>|frame\}")  # placeholders in file names
 _numbers = itertools.count(1)
 _DOCUMENT = re.compile(r"\.mtlx$", re.IGNORECASE)
 
 
 def is_document(path: str) -> bool:
-    """Whether a resolved path is a MaterialX document's."""
+    """Return whether a resolved path is a MaterialX document's."""
     return bool(_DOCUMENT.search(path.rstrip("]")))
 
 
 def without_marks(text: str) -> str:
-    """A text that names stand-ins, with the names of what they stand for."""
+    """Return a text with identifiers of substitute layers replaced by the names of their files."""
     return _MARK.sub("", text) if ".materialx-" in text else text
 
 
@@ -34,7 +34,7 @@ def is_stand_in(layer: Sdf.Layer) -> bool:
 
 
 def new_layer(path: str) -> Sdf.Layer:
-    """An empty one that stands in for the file of that path, which may be a package's member, or a layer in memory."""
+    """Return an empty substitute layer for a path, which may be in a package, or that of an in-memory layer."""
     usda = Sdf.FileFormat.FindById("usda")
     outer = str(Ar.SplitPackageRelativePathOuter(path)[0])
     mark = f".materialx-{next(_numbers)}.usda"
@@ -45,7 +45,7 @@ def new_layer(path: str) -> Sdf.Layer:
 
 
 def anchor(layer: Sdf.Layer, path: str) -> None:
-    """Make a stand-in's relative paths whole, where it does not lie beside what it stands for: a package's member."""
+    """Make the relative paths of a substitute absolute if its file is in a package."""
     if Ar.IsPackageRelativePath(path) or path.endswith(".usdz"):
         UsdUtils.ModifyAssetPaths(layer, _whole(path))
 
@@ -61,7 +61,7 @@ def _whole(path: str) -> Callable[[str], str]:
         beside = str(Ar.JoinPackageRelativePath(package, member))
         if asset.startswith("./") or _PLACE.search(asset) or Ar.GetResolver().Resolve(beside):
             return beside
-        at_root = str(Ar.JoinPackageRelativePath(package, os.path.normpath(asset)))  # what is not beside it is searched there
+        at_root = str(Ar.JoinPackageRelativePath(package, os.path.normpath(asset)))  # fallback of Ar's search within packages
         return at_root if Ar.GetResolver().Resolve(at_root) else beside
 
     return whole

@@ -1,8 +1,8 @@
-"""Units of a document's values: conversion factors from what an input says to what its node expects.
+"""Units of a document's values: conversion factors from an input's unit to the one that its node expects.
 
-An input's value goes from its own unit to the one that the node's definition names, else to the scene unit of its type
-(specification of MaterialX, "Units" and "NodeDef Input Elements"). The scene unit of distance is the stage's metersPerUnit, of
-every other type the unit of scale 1: degrees of angles.
+An input's value is converted from its own unit to the one that the node's definition names, else to the scene unit of its type
+(specification of MaterialX, "Units" and "NodeDef Input Elements"). The scene unit of distance is the stage's metersPerUnit;
+for every other type it is the unit of scale 1, for angles degrees.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ _DISTANCE = "distance"
 
 
 class UnitError(Exception):
-    """A unit that cannot be followed; the message says why."""
+    """A unit that cannot be converted; the message says why."""
 
 
 class Units:
-    """The units that a document and the standard library define, with the scene's."""
+    """Units that a document and the standard library define, and the scene's."""
 
     def __init__(self, document: Any, meters_per_unit: float) -> None:
         self._meters_per_unit = meters_per_unit
@@ -30,9 +30,9 @@ class Units:
                 scales[unit.getName()] = _scale(unit.getAttribute("scale"))
 
     def factor(self, element: Any, expected: Any = None) -> float:
-        """Return what an element's value is multiplied by; UnitError where its unit has no meaning.
+        """Return the factor for an element's value; UnitError where its unit has no meaning.
 
-        `expected` is the input that the node's definition has of that name, None where there is none.
+        `expected`: the input of that name in the node's definition, None where there is none.
         """
         unit = element.getAttribute("unit")
         if not unit:
@@ -53,7 +53,7 @@ class Units:
         return self._meters_per_unit if unit_type == _DISTANCE else 1.0
 
     def _size(self, unit: str, unit_type: str) -> float:
-        """Return how many units of scale 1 a unit is."""
+        """Return the size of a unit in units of scale 1."""
         scales = self._scales.get(unit_type)
         if scales is None:
             raise UnitError(f"its unittype {unit_type} is not defined")
@@ -64,7 +64,7 @@ class Units:
 
 
 def _scale(text: str) -> float:
-    """Return a unit's scale, 1 where it has none; 0 where it is no number."""
+    """Return a unit's scale: 1 where it has none, 0 where it is not a number."""
     try:
         return float(text) if text else 1.0
     except ValueError:

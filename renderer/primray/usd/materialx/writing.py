@@ -1,4 +1,4 @@
-"""Prims, attributes and connections of a layer that is made of a document; types and values as usdMtlx has them."""
+"""Prims, attributes and connections of a layer that is made from a document; types and values are as usdMtlx writes them."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ _TYPES = {
     "stringarray": _T.StringArray,
     "geomnamearray": _T.StringArray,
 }
-Tokens = tuple[tuple[str, str], ...]  # names and values that a node gives tokens of what implements it
-RAW = "raw"  # the colour space of numbers that nothing converts
+Tokens = tuple[tuple[str, str], ...]  # token names, and the values that a node gives them
+RAW = "raw"  # the colour space of data that is not converted
 SHADERS = ("surfaceshader", "displacementshader", "volumeshader", "lightshader")
 _VECTORS = {"color3": Gf.Vec3f, "color4": Gf.Vec4f, "vector2": Gf.Vec2f, "vector3": Gf.Vec3f, "vector4": Gf.Vec4f}
 _ARRAYS = {"booleanarray": Vt.BoolArray, "integerarray": Vt.IntArray, "floatarray": Vt.FloatArray}
@@ -49,13 +49,13 @@ def name_of(element: Any) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name as USD can have it; namespaces are set off by two underscores."""
+    """Return a name as a USD identifier; namespaces are separated by two underscores."""
     made = re.sub(r"\W", "_", name.replace(":", "__"), flags=re.ASCII)
     return made if made and not made[0].isdigit() else f"_{made}"
 
 
 def define(layer: Sdf.Layer, path: Sdf.Path, type_name: str = "") -> Sdf.PrimSpec:
-    """The prim of that path, made with all above it where it is not there."""
+    """Return the prim spec at a path, created together with its ancestors if it does not exist."""
     spec = layer.GetPrimAtPath(path)
     if not spec:
         parent = path.GetParentPath()
@@ -67,21 +67,21 @@ def define(layer: Sdf.Layer, path: Sdf.Path, type_name: str = "") -> Sdf.PrimSpe
 
 
 def apply(prim: Sdf.PrimSpec, schemas: Sequence[str]) -> None:
-    """These API schemas and no others."""
+    """Set a prim's API schemas, replacing any others."""
     listed = Sdf.TokenListOp()
     listed.prependedItems = list(schemas)
     prim.SetInfo("apiSchemas", listed)
 
 
 def refer(prim: Sdf.PrimSpec, path: Sdf.Path) -> None:
-    """To another prim of the same layer."""
+    """Add a reference to another prim of the same layer."""
     reference = Sdf.Reference("", path)
     if reference not in prim.referenceList.prependedItems:
         prim.referenceList.prependedItems.append(reference)
 
 
 def attribute(prim: Sdf.PrimSpec, name: str, type_name: Sdf.ValueTypeName, *, uniform: bool = False) -> Sdf.AttributeSpec:
-    """The prim's attribute of that name, made where it is not there."""
+    """Return the prim's attribute of that name, created if it does not exist."""
     spec = prim.attributes.get(name)
     if spec:
         return spec
@@ -89,7 +89,7 @@ def attribute(prim: Sdf.PrimSpec, name: str, type_name: Sdf.ValueTypeName, *, un
 
 
 def typed_attribute(prim: Sdf.PrimSpec, name: str, mtlx_type: str) -> Sdf.AttributeSpec:
-    """Of a type of MaterialX's; what USD has no type for is a token with that render type."""
+    """Return an attribute of a MaterialX type; types that USD lacks are tokens with a render type."""
     known = _T.Token if mtlx_type in SHADERS else _TYPES.get(mtlx_type)
     spec = attribute(prim, name, known or _T.Token)
     if known is None:
@@ -98,20 +98,20 @@ def typed_attribute(prim: Sdf.PrimSpec, name: str, mtlx_type: str) -> Sdf.Attrib
 
 
 def input_of(prim: Sdf.PrimSpec, element: Any) -> Sdf.AttributeSpec:
-    """The input of an element's name and type."""
+    """Return the input with an element's name and type."""
     return typed_attribute(prim, f"inputs:{name_of(element)}", element.getType())
 
 
 def connect(spec: Sdf.AttributeSpec, source: Sdf.Path) -> None:
-    """To that source and no other."""
+    """Connect an attribute to one source, replacing any others."""
     spec.connectionPathList.explicitItems = [source]
 
 
 def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool, factor: float = 1.0, tokens: Tokens = ()) -> None:
-    """Write an element's value times a factor, and the colour space that it is in; `colors`: it may have one.
+    """Write an element's value times a factor, and its colour space if it may have one (`colors`).
 
-    The space is written whatever the document's is: what a layer leaves unsaid is the stage's to say, which a document is not
-    to depend on. An element without a value says its space only where it says one itself.
+    The space is written whatever the document's is: a space that a layer leaves out is inherited from the stage, on which a
+    document must not depend. An element without a value gets a space only where it names one itself.
     """
     value = value_of(element, tokens)
     if value is not None:
@@ -121,17 +121,17 @@ def set_value(spec: Sdf.AttributeSpec, element: Any, colors: bool, factor: float
 
 
 def space_of(element: Any) -> str:
-    """Return the space of an element's colours: that of the nearest scope which names one.
+    """Return the colour space of an element: that of the nearest scope that names one.
 
-    "none" means that nothing is converted, and is what a document without a colour space has (specification of MaterialX,
-    "MTLX File Format Definition"): USD's word for it is raw.
+    "none" means that nothing is converted, and is the default of documents (specification of MaterialX, "MTLX File Format
+    Definition"); USD's name for it is raw.
     """
     space = str(element.getActiveColorSpace())
     return space if space and space != "none" else RAW
 
 
 def value_of(element: Any, tokens: Tokens = ()) -> Any:
-    """None where there is none that its type can have."""
+    """Return an element's value, None where it has none, or one that does not match its type."""
     kind = element.getType()
     text = _resolved_text(element, tokens) if kind in ("filename", "geomname") else element.getValueString()
     if not text:
@@ -144,7 +144,7 @@ def value_of(element: Any, tokens: Tokens = ()) -> Any:
 
 
 def _resolved_text(element: Any, tokens: Tokens) -> str:
-    """Return the name of a file or of geometry with its prefix, and with tokens filled in: these before those in scope."""
+    """Return a file or geometry name with its prefix and its tokens resolved: `tokens` before those in scope."""
     if not tokens or "[" not in element.getValueString():
         return str(element.getResolvedValueString())
     resolver = element.createStringResolver()
@@ -176,18 +176,19 @@ def _array(values: Sequence[Any], kind: str) -> Any:
 
 
 def note(prim: Sdf.PrimSpec, messages: Iterable[str]) -> None:
-    """Leave messages on a prim, for whoever translates what it becomes part of: what its document says and nothing does."""
+    """Store messages on a prim, to be reported when a material that contains it is translated."""
     if lines := list(dict.fromkeys(messages)):
         attribute(prim, NOTES, _T.StringArray, uniform=True).default = Vt.StringArray(lines)
 
 
 def note_ui(spec: Sdf.Spec, element: Any) -> None:
-    """What only people read."""
+    """Write an element's documentation."""
     if text := element.getAttribute("doc"):
         spec.SetInfo("documentation", text)
 
 
 def note_input_ui(spec: Sdf.AttributeSpec, element: Any) -> None:
+    """Write an input's documentation, enumeration values and display names."""
     if text := element.getAttribute("helptext"):
         spec.SetInfo("documentation", text)
     if names := element.getAttribute("enum"):

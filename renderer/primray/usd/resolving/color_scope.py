@@ -1,4 +1,4 @@
-"""What a prim hands down of colour spaces."""
+"""Colour spaces that a prim passes on to its descendants."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...color.color_space import ColorSpace
 
 @dataclass(frozen=True)
 class ColorScope:
-    """What a prim hands down: the nearest colorSpace:name, and custom spaces, the nearest first."""
+    """Inherited colour spaces: the nearest colorSpace:name, and custom spaces, the nearest first."""
 
     name: str = ""
     definitions: tuple[ColorSpace, ...] = ()

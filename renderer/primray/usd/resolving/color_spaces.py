@@ -1,9 +1,9 @@
-"""Which colour space USD says that a value is in, and its conversion to the rendering space.
+"""Colour space of a value in USD, and its conversion to the rendering space.
 
-An attribute's own colorSpace metadata, else the nearest ColorSpaceAPI's colorSpace:name at its prim or above, else linear
-Rec.709 (ColorSpaceAPI). Custom spaces (ColorSpaceDefinitionAPI) are known where they are defined and below, the nearest of a
-name first; they win over names that USD knows. What is above an instance is above all in its prototype.
-UsdColorSpaceAPI's own functions stop at prototypes; outside of these a test holds that they agree.
+The space is an attribute's own colorSpace metadata, else the nearest ColorSpaceAPI's colorSpace:name at its prim or above,
+else linear Rec.709 (ColorSpaceAPI). Custom spaces (ColorSpaceDefinitionAPI) are known where they are defined and below, the
+nearest one of a name first; they win over names that USD knows. Ancestors of an instance count as ancestors of everything in
+its prototype. UsdColorSpaceAPI's own functions stop at prototypes; a test checks that they agree elsewhere.
 """
 
 from __future__ import annotations
@@ -26,18 +26,20 @@ from .context import Context
 from .read import value
 
 _DEFINITION = "ColorSpaceDefinitionAPI:"
-# ColorSpaceDefinitionAPI's fallbacks: RGB is XYZ.
+# ColorSpaceDefinitionAPI's fallbacks: RGB equals XYZ.
 _DEFAULTS = {"redChroma": (1.0, 0.0), "greenChroma": (0.0, 1.0), "blueChroma": (0.0, 0.0), "whitePoint": (1 / 3, 1 / 3)}
 
 
 @dataclass
 class _Known:
+    """Caches: scopes by prim, and spaces by name."""
+
     scopes: dict[tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]], ColorScope] = field(default_factory=dict)
-    named: dict[str, color.Source | None] = field(default_factory=dict)  # what color.space_named says
+    named: dict[str, color.Source | None] = field(default_factory=dict)  # results of color.space_named
 
 
 def scope_below(above: ColorScope, prim: Usd.Prim, schemas: list[str], ctx: Context) -> ColorScope:
-    """With what the prim says itself; `schemas` are those applied to it."""
+    """Return a prim's scope, given its parent's; `schemas` are those applied to the prim."""
     if not any(schema.startswith("ColorSpace") for schema in schemas):
         return above
     own = [made for schema in schemas if schema.startswith(_DEFINITION) and (made := _definition(prim, schema, ctx))]
@@ -46,13 +48,13 @@ def scope_below(above: ColorScope, prim: Usd.Prim, schemas: list[str], ctx: Cont
 
 
 def scope_of(attribute: Usd.Attribute, ctx: Context) -> ColorScope:
-    """At the attribute's prim."""
+    """Return the scope at an attribute's prim."""
     found = ctx.kept.of(_Known).scopes.get((attribute.GetPrimPath(), ctx.outer_colors))
     return scope_at(attribute.GetPrim(), ctx) if found is None else found
 
 
 def scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
-    """By namespace; a prototype's root stands for its instance, above which `ctx.outer_colors` tells what there is."""
+    """Return the scope at a prim; a prototype's root inherits from its instance, whose scope `ctx.outer_colors` has."""
     if not prim:
         return NOWHERE
     key, known = (prim.GetPath(), ctx.outer_colors), ctx.kept.of(_Known).scopes
@@ -73,13 +75,13 @@ def _scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
 
 
 def outer_scope(path: str, outer: tuple[tuple[str, ColorScope], ...]) -> ColorScope:
-    """What instances hand down to the prototype in which `path` is."""
+    """Return the scope that instances pass on to the prototype with `path`."""
     root = path[: path.find("/", 1)] if "/" in path[1:] else path
     return next((scope for prototype, scope in outer if prototype == root), NOWHERE)
 
 
 def authored_space(attribute: Usd.Attribute, scope: ColorScope, ctx: Context) -> color.Source | None:
-    """None where nothing is authored, or nobody knows the name, which is noted."""
+    """Return the authored space of an attribute; None where nothing is authored, or the name is unknown, which is reported."""
     name = color_space_name(attribute)
     name = name or scope.name
     if not name:
@@ -93,7 +95,7 @@ def authored_space(attribute: Usd.Attribute, scope: ColorScope, ctx: Context) ->
 
 
 def space_named(name: str, scope: ColorScope, ctx: Context) -> color.Source | None:
-    """A custom space in scope, else one of USD or of the OCIO configuration."""
+    """Return a custom space in scope, else one of USD or of the OCIO configuration; None if unknown."""
     for definition in scope.definitions:
         if definition.name == name:
             return definition
@@ -101,13 +103,13 @@ def space_named(name: str, scope: ColorScope, ctx: Context) -> color.Source | No
     if name not in known:
         try:
             known[name] = color.space_named(name)
-        except SettingsError:  # of a configuration that cannot be read, which matters where a picture is shown
+        except SettingsError:  # the configuration is unreadable, which is reported when an image is displayed
             known[name] = None
     return known[name]
 
 
 def rendering_space(settings_path: str, wanted: str | None, ctx: Context) -> ColorSpace:
-    """What the user asks for, else what RenderSettings do, else linear Rec.709; SettingsError where the user's is none."""
+    """Return the user's rendering space, else RenderSettings', else linear Rec.709; SettingsError if the user's is invalid."""
     asked = ctx.settings.rendering_color_space
     if asked is None and not wanted:
         return REC709
@@ -128,7 +130,10 @@ def rendering_space(settings_path: str, wanted: str | None, ctx: Context) -> Col
 def in_rendering_space(
     values: npt.NDArray[np.floating], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
 ) -> npt.NDArray[np.floating]:
-    """(..., 3) colours converted; without `assumed` only what is authored converts them, else linear Rec.709 is the default."""
+    """Return (..., 3) colours converted to the rendering space.
+
+    Without an authored space, colours are linear Rec.709 if `assumed`, else unconverted.
+    """
     if _is_plain(attribute, scope, ctx, assumed):
         return values
     source = authored_space(attribute, scope, ctx)
@@ -147,7 +152,7 @@ def in_rendering_space(
 def color_in_rendering_space(
     rgb: tuple[float, float, float], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
 ) -> tuple[float, float, float]:
-    """One colour."""
+    """Return one colour converted to the rendering space."""
     if _is_plain(attribute, scope, ctx, assumed):
         return rgb
     given = np.array(rgb, np.float64)
@@ -156,7 +161,7 @@ def color_in_rendering_space(
 
 
 def _is_plain(attribute: Usd.Attribute, scope: ColorScope, ctx: Context, assumed: bool) -> bool:
-    """Quickly, since most stages say nothing of colour spaces and are rendered in the default one."""
+    """Return whether nothing needs conversion: a fast check, since most stages author no colour spaces."""
     return scope is NOWHERE and (not assumed or ctx.rendering_space is REC709) and not has_color_space(attribute)
 
 
@@ -165,7 +170,7 @@ def _same(source: ColorSpace, target: ColorSpace) -> bool:
 
 
 def _definition(prim: Usd.Prim, schema: str, ctx: Context) -> ColorSpace | None:
-    """One instance of ColorSpaceDefinitionAPI; None, noted, where its numbers make no colour space."""
+    """Return the space of a ColorSpaceDefinitionAPI instance; None, reported, where its numbers are invalid."""
     prefix = f"colorSpaceDefinition:{schema.removeprefix(_DEFINITION)}:"
     name = _token(prim, prefix + "name", ctx) or "custom"
     chroma = [_numbers(prim, prefix + key, default, ctx) for key, default in _DEFAULTS.items()]
@@ -190,7 +195,7 @@ def _numbers(prim: Usd.Prim, name: str, default: tuple[float, ...], ctx: Context
     raw: Any = value(attribute, ctx.when) if attribute and attribute.HasAuthoredValue() else None
     if raw is None:
         return default
-    try:  # single precision has seven digits: 0.64 is meant where 0.63999998 is stored
+    try:  # single precision has seven digits: 0.63999998 means 0.64
         numbers = tuple(round(float(x), 7) for x in ((raw,) if isinstance(raw, int | float) else raw))
     except (TypeError, ValueError):
         return None

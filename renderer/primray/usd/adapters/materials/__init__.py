@@ -1,1 +1,1 @@
-"""Which surface a shape gets, and what its material says."""
+"""Surfaces of shapes: translation of UsdShade materials, and displayColor where no material is bound."""

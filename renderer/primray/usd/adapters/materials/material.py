@@ -1,7 +1,7 @@
-"""UsdShadeMaterial to a Surface: UsdPreviewSurface's inputs, each a constant, a primvar, a texture or a pattern's output.
+"""Translation of a UsdShadeMaterial to a Surface; each input of UsdPreviewSurface is a constant, primvar, texture or pattern.
 
-A material whose surface shader is anything else has no surface of ours: the shape shows its displayColor instead.
-`occlusion` has no effect: what it approximates, a path tracer computes.
+A material with a surface shader that is not supported has no Surface: its shapes show their displayColor instead. `occlusion`
+has no effect, since a path tracer computes what it approximates.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ...resolving.resolve import Inherited
 
 @dataclass(frozen=True)
 class _Slot:
-    """An input that may vary: the Surface's field, its default and its range (UsdPreviewSurface specification)."""
+    """A UsdPreviewSurface input that may vary: the Surface's field, its default and its range (the specification's)."""
 
     field: str
     default: tuple[float, ...]
@@ -42,7 +42,7 @@ class _Slot:
 
 _SLOTS = {
     "diffuseColor": _Slot("diffuse_color", (0.18, 0.18, 0.18), 0.0, 1.0),
-    "emissiveColor": _Slot("emissive_color", (0.0, 0.0, 0.0), 0.0, 1e30),  # as much as the core takes from textures
+    "emissiveColor": _Slot("emissive_color", (0.0, 0.0, 0.0), 0.0, 1e30),  # the core's limit for textures
     "specularColor": _Slot("specular_color", (0.0, 0.0, 0.0), 0.0, 1.0),
     "metallic": _Slot("metallic", (0.0,), 0.0, 1.0),
     "roughness": _Slot("roughness", (0.5,), 0.0, 1.0),
@@ -55,14 +55,14 @@ _SLOTS = {
 _DISPLACEMENT = "inputs:displacement"
 _SURFACE = re.compile(r"outputs:.+:surface")
 _OUTPUTS = {RenderContext.MTLX: ("mtlx:surface", "surface"), RenderContext.UNIVERSAL: ("surface", "mtlx:surface")}
-HAIR = "primray:hair"  # UsdPreviewSurface's inputs are those of fibres (materials/fibre.py)
-PRIORITY = "primray:dielectric:priority"  # of bodies that overlap the higher one is there
+HAIR = "primray:hair"  # UsdPreviewSurface's inputs describe hair (materials/fibre.py)
+PRIORITY = "primray:dielectric:priority"  # where dielectrics overlap, the one of higher priority fills the space
 _OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
 
 
 @dataclass(frozen=True)
 class Material:
-    """`surface` is None where the displayColor stands in; `hidden`: cut out altogether by opacityThreshold."""
+    """A translated material. `surface` is None where displayColor is used; `hidden`: opacityThreshold cuts all of it out."""
 
     surface: Surface | None
     hidden: bool = False
@@ -70,22 +70,22 @@ class Material:
 
 @dataclass
 class _Inputs:
-    """The Surface's fields, as far as the shader has them; `nodes`: of what MaterialX's nodes feed."""
+    """Inputs of the Surface found so far: constants, varying inputs, and the pattern nodes (`nodes`) that feed them."""
 
     constants: dict[str, tuple[float, ...]] = field(default_factory=dict)
     varying: dict[str, Input] = field(default_factory=dict)
     nodes: FedInputs | None = None
 
 
-MaterialKey = tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]]  # path, and the colour scopes handed down to it
+MaterialKey = tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]]  # path, and the colour scopes that instances pass to it
 
 
 class Materials(dict[MaterialKey, tuple[Material, list[Diagnostic]]]):
-    """All that have been translated, with what there was to tell of each."""
+    """Cache of translated materials, each with its diagnostics."""
 
 
 def material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
-    """The material's surface, translated once, or once for each colour scope handed down to the prototype that it is in."""
+    """Return a translated material; it is translated once per set of colour scopes that instances pass to its prototype."""
     path = prim.GetPath()
     outer = bound_to.outer_colors if prim.IsInPrototype() else ()
     key = (path, outer)
@@ -97,7 +97,7 @@ def material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
 
 
 def translated(key: MaterialKey, ctx: Context) -> tuple[Material, list[Diagnostic]]:
-    """Whatever is known of it already; what there is to tell goes nowhere else."""
+    """Translate a material regardless of the cache; its diagnostics are returned, and not added to the context."""
     path, outer = key
     told = Diagnostics(ctx.diagnostics.shown)
     prim = ctx.stage.GetPrimAtPath(path)
@@ -106,10 +106,12 @@ def translated(key: MaterialKey, ctx: Context) -> tuple[Material, list[Diagnosti
 
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
-    """By the first surface output that leads to a shader known here: MaterialX's, then the universal one, or the other way
-    round, as the settings say; then others."""
+    """Translate the first surface output that leads to a supported shader.
+
+    The settings decide whether MaterialX's output or the universal one is tried first; other renderers' outputs come last.
+    """
     prim = usd_material.GetPrim()
-    names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs says the same, in twenty times as long
+    names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs is twenty times slower
     if NOTES in names:
         note_document(prim, path, ctx)
     if any(name.endswith(":volume") for name in names):
@@ -128,10 +130,10 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
 
 
 def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple[Material, Node | None]:
-    """And the shader that it comes from."""
+    """Return the material without displacement, and its UsdPreviewSurface or MaterialX shader, if any."""
     outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
     others, first = [], _OUTPUTS[ctx.settings.render_context]
-    foreign: list[tuple[str, Node]] = []  # outputs and their shaders that neither UsdPreviewSurface, MaterialX nor MDL defines
+    foreign: list[tuple[str, Node]] = []  # outputs with shaders of other renderers
     for output in sorted(outputs, key=lambda name: first.index(name) if name in first else len(first)):
         source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
         if isinstance(source, Node):
@@ -148,7 +150,7 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
             foreign.insert(
                 len(foreign) if output in first else 0, (output, source)
-            )  # a renderer's own output comes before the universal
+            )  # a renderer's own output comes before the universal one
     if foreign and (made := _of_other_renderer(foreign, outputs, path, ctx)) is not None:
         return _with_priority(made, prim, ctx) if PRIORITY in names else made, None
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
@@ -157,7 +159,10 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
 
 
 def _of_other_model(source: Node, path: str, ctx: Context) -> Material | None:
-    """Of a MaterialX surface or an MDL module that is known; imported where there is one, as most stages have none."""
+    """Return a material made from a MaterialX surface or a known MDL module, None for other shaders.
+
+    Their modules are imported here, since most stages use neither.
+    """
     if source.id.startswith("ND_"):
         if source.id == "ND_surface":
             from ...materials.fibre import hair_bsdf, hair_surface
@@ -188,7 +193,7 @@ def _note_unread(outputs: list[str], used: str, path: str, ctx: Context) -> None
 
 
 def _of_other_renderer(shaders: list[tuple[str, Node]], outputs: list[str], path: str, ctx: Context) -> Material | None:
-    """Return the first of some shaders, that is another renderer's and can be translated; imported where there are any."""
+    """Return the first shader of another renderer that can be translated; the translation is imported only when needed."""
     if not ctx.settings.translated_shaders:
         return None
     from ...materials.foreign.material import translated_material
@@ -201,6 +206,7 @@ def _of_other_renderer(shaders: list[tuple[str, Node]], outputs: list[str], path
 
 
 def _with_priority(made: Material, prim: Usd.Prim, ctx: Context) -> Material:
+    """Return the material with the dielectric priority that its prim has."""
     if made.surface is None:
         return made
     priority = number(prim, PRIORITY, ctx.when, 0.0, ctx.diagnostics)
@@ -208,6 +214,7 @@ def _with_priority(made: Material, prim: Usd.Prim, ctx: Context) -> Material:
 
 
 def _note_volumes(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:
+    """Report volume shaders, which are not rendered."""
     for context in ("", "mtlx"):
         output = usd_material.GetVolumeOutput(context)
         source = find_source(output.GetAttr(), ctx) if output else None
@@ -226,7 +233,7 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
     constants = found.constants
     threshold = _number(shader, "opacityThreshold", 0.0, at, ctx) if "opacityThreshold" in names else 0.0
     if "opacity" not in found.varying:
-        if threshold > 0:  # a cut-out, whatever opacityMode: at the threshold and above fully opaque, below nothing
+        if threshold > 0:  # a cut-out, whatever opacityMode: opaque from the threshold up, else invisible
             if constants.get("opacity", (1.0,))[0] < threshold:
                 return Material(Surface(path), hidden=True)
             constants.pop("opacity", None)
@@ -238,7 +245,7 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
         Surface(
             path,
             use_specular_workflow=workflow is not None and bool(workflow.value),
-            presence=mode is not None and mode.value in ("presence", 1),  # MaterialX numbers the modes
+            presence=mode is not None and mode.value in ("presence", 1),  # in MaterialX the modes are integers
             opacity_threshold=max(threshold, 0.0),
             inputs=tuple(varying.items()),
             pattern=pattern,
@@ -271,7 +278,7 @@ def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context)
 
 
 def _stand_in(made: Input) -> tuple[float, ...]:
-    """The constant that an input gives where neither file nor primvar is there."""
+    """Return the constant to use where neither the input's file nor its primvar exists."""
     if not isinstance(made, TextureInput):
         return made.fallback
     return _of_channels(made)
@@ -282,7 +289,7 @@ def _of_channels(made: TextureInput) -> tuple[float, ...]:
 
 
 def _clamped(values: tuple[float, ...], slot: _Slot) -> tuple[float, ...]:
-    """In range, and as many as the field has: one channel makes a grey."""
+    """Return values clamped to the slot's range, one channel repeated where the field is a colour."""
     inside = tuple(min(max(x, slot.low), slot.high) for x in values)
     return inside * len(slot.default) if len(inside) == 1 else inside
 
@@ -305,6 +312,7 @@ def _constant(source: Constant, name: str, slot: _Slot, path: str, ctx: Context)
 
 
 def _number(shader: Node, name: str, default: float, path: str, ctx: Context) -> float:
+    """Return a constant float input of a shader, its default where the shader does not have it."""
     found = parameter(shader, name, ctx)
     if found is None:
         return default
@@ -312,7 +320,7 @@ def _number(shader: Node, name: str, default: float, path: str, ctx: Context) ->
 
 
 def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None:
-    """What has no effect on the picture."""
+    """Report unknown schemas and unknown inputs of a shader."""
     note_unknown_schemas(shader.prim, path, ctx)
     unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
     for name in unknown:
@@ -320,5 +328,6 @@ def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None
 
 
 def _shown(values: tuple[float, ...]) -> str:
+    """Return values formatted for a message."""
     listed = ", ".join(f"{x:g}" for x in values)
     return listed if len(values) == 1 else f"({listed})"

@@ -1,6 +1,6 @@
-"""Which surface a shape gets: its bound material, else its displayColor and displayOpacity, else USD's fallback grey.
+"""Appearance of a shape: its bound material, else displayColor and displayOpacity, else USD's fallback grey.
 
-Without a material, what displayOpacity leaves out is not there at all: a Lambert surface of that presence.
+Without a material, displayOpacity is the presence of a Lambert surface.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from ...resolving.resolve import ResolvedPrim, many_values
 from ...shapes.primvars import note_clamped_color, note_many_values
 from .material import Material, material
 
-# UsdGeomGprim's displayColor has no fallback; 0.18 is UsdPreviewSurface's diffuseColor and what Storm draws.
+# UsdGeomGprim's displayColor has no fallback; 0.18 is UsdPreviewSurface's diffuseColor and Storm's default.
 FALLBACK_COLOR = (0.18, 0.18, 0.18)
 _COLOR, _OPACITY = "displayColor", "displayOpacity"
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """Either a material, or a colour and an opacity: constant, or varying over the mesh or with its instances.
+    """A material, or a colour and an opacity: constant, or varying over the mesh or by instance.
 
-    Where `varying_color`, the mesh brings it (and the surface is white); `inputs` are read as primvars.
+    With `varying_color` the mesh has the colour (and the surface is white); `inputs` are read as primvars.
     """
 
     material: Material | None
@@ -41,18 +41,19 @@ class Appearance:
 
 
 def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
+    """Return the appearance of a shape that is bound to a material, or to none."""
     found, camera = _appearance_of(prim, bound, ctx), camera_sight(prim, ctx)
     return found if camera is CameraSight.SEEN else replace(found, camera=camera)
 
 
 def camera_sight(prim: ResolvedPrim, ctx: Context) -> CameraSight:
-    """As a render pass has it: written by adapters/rendering/render_pass.py."""
+    """Return how the camera sees a shape, as adapters/rendering/render_pass.py has written it."""
     if CAMERA_SIGHT not in prim.names:
         return CameraSight.SEEN
     said = token(prim.prim, CAMERA_SIGHT, ctx.when, CameraSight.SEEN.value)
     try:
         return CameraSight(said)
-    except ValueError:  # no render pass has written that
+    except ValueError:  # not written by a render pass
         ctx.warn("out-of-range", prim.path, f"{CAMERA_SIGHT} = {said!r} is unknown: the camera sees the shape.", CAMERA_SIGHT)
         return CameraSight.SEEN
 
@@ -88,7 +89,7 @@ def _varies(prim: ResolvedPrim, name: str) -> bool:
 
 
 def make_surface(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:
-    """The appearance's surface on a shape; `is_closed` is asked only where something shines through."""
+    """Return the appearance's surface on a shape; `is_closed` is called only for surfaces that transmit light."""
     made = _made_surface(appearance, is_closed, path, ctx)
     camera = _sight_of_gaps(made, path, ctx) if appearance.camera is CameraSight.MATTE else appearance.camera
     return made if camera is made.camera else replace(made, camera=camera)
@@ -136,7 +137,7 @@ def _display_surface(appearance: Appearance) -> Surface:
 
 
 def undisplaced(surface: Surface, path: str, ctx: Context) -> Surface:
-    """Of a shape that has no points that could be moved: told where that shows."""
+    """Return a surface without its displacement, for shapes that have no points to displace; this is reported."""
     if surface.displacement is None:
         return surface
     ctx.warn("displacement", path, "Only meshes are displaced: the surface is rendered where the shape is.")
@@ -144,15 +145,18 @@ def undisplaced(surface: Surface, path: str, ctx: Context) -> Surface:
 
 
 def displaces(appearance: Appearance) -> bool:
+    """Return whether the appearance's material displaces its surface."""
     made = appearance.material
     return made is not None and made.surface is not None and made.surface.displacement is not None and not made.hidden
 
 
 def is_hidden(appearance: Appearance) -> bool:
+    """Return whether the material's opacityThreshold cuts the whole surface out."""
     return appearance.material is not None and appearance.material.hidden
 
 
 def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
+    """Return the inherited displayColor, clamped to 0 to 1, or the fallback grey."""
     if prim.inherited.color is None:
         if "primvars:displayColor" in prim.names and not _is_empty(prim, ctx):
             message = "primvars:displayColor is not a usable colour: the fallback grey is used."
@@ -169,5 +173,6 @@ def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, flo
 
 
 def _is_empty(prim: ResolvedPrim, ctx: Context) -> bool:
+    """Return whether the prim's displayColor has no values."""
     raw = read(prim.prim, "primvars:displayColor", ctx.when)
     return raw is None or (hasattr(raw, "__len__") and len(raw) == 0)

@@ -1,6 +1,6 @@
-"""Materials that carry only Arnold's, RenderMan's or Houdini's shaders, translated by those renderers' public documentation.
+"""Materials with only Arnold, RenderMan or Houdini shaders, translated by those renderers' public documentation.
 
-material.py chooses the vocabulary and reports what was translated; values.py evaluates networks; each vocabulary has its
-surfaces and its nodes in files of its own. A node's rule builds MaterialX nodes, so that textures, primvars, spaces and
-wrapping follow the code that is there for them.
+material.py chooses the renderer and reports what was translated; values.py evaluates networks; each renderer has its surfaces
+and its nodes in files of its own. The rule of a node builds MaterialX nodes, so that textures, primvars, spaces and wrapping
+are handled by the same code.
 """

@@ -1,7 +1,7 @@
-"""Arnold's surfaces in the record of known surfaces (Arnold User Guide; arnold-usd's `arnold:` ids).
+"""Arnold's surface shaders, each read into a KnownSurface (Arnold User Guide; arnold-usd's `arnold:` ids).
 
-`standard_surface` is where MaterialX's comes from, with the same names and the same defaults; a node of colours that is bound
-as a surface shines with its colour, as in Arnold.
+MaterialX's standard_surface comes from Arnold's, with the same names and defaults. A colour node that is bound as a surface
+emits its colour, as in Arnold.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ _PREFIX = "arnold:"
 
 
 def kind_of(node: Node) -> str:
+    """Return a node's Arnold type, "" where it is not Arnold's."""
     return node.id.removeprefix(_PREFIX) if node.id.startswith(_PREFIX) else ""
 
 
@@ -34,7 +35,7 @@ def _inputs(n: ForeignInputs, model: str) -> dict[str, Operand]:
 
 
 def _input(n: ForeignInputs, wanted: InputDefinition) -> Operand:
-    """Zero vectors are the shape's own directions."""
+    """Return one input; zero vectors are the shape's own normal or tangent."""
     default = wanted.default
     if wanted.type == "vector3":
         value = n.vector(wanted.name, 0.0)
@@ -68,7 +69,7 @@ def _lambert(n: ForeignInputs) -> KnownSurface:
 
 
 def _standard(n: ForeignInputs) -> KnownSurface:
-    """The surface of Arnold 4: a diffuse and a glossy part."""
+    """Return Arnold 4's `standard` surface, with a diffuse and a glossy lobe."""
     glossy = n.number("Ks", 0.0)
     return KnownSurface(
         base_weight=n.number("Kd", 0.7),
@@ -88,7 +89,7 @@ def _standard(n: ForeignInputs) -> KnownSurface:
 
 
 def _utility(n: ForeignInputs) -> KnownSurface:
-    """The colour, lit by nothing, by light, or by how much it faces the ray; colours of its modes are left out."""
+    """Return `utility` with its colour unshaded, Lambertian or scaled by the facing ratio; its colour modes are ignored."""
     color = n.color("color", 1.0)
     if n.choice("color_mode", ("color",), "color") != "color":
         n.lost.add("color_mode")
@@ -105,7 +106,7 @@ def _matte(n: ForeignInputs) -> KnownSurface:
 
 
 def _of_input(*names: str) -> Callable[[ForeignInputs], KnownSurface | None]:
-    """Return what reads the first of these inputs that a shader is connected to; others are left out."""
+    """Return a rule that reads the first of these inputs that is connected to a shader; the others are ignored."""
 
     def read(n: ForeignInputs) -> KnownSurface | None:
         for name in names:
@@ -126,7 +127,7 @@ def _two_sided(n: ForeignInputs) -> KnownSurface | None:
 
 
 def _mix_shader(n: ForeignInputs) -> KnownSurface | None:
-    """A surface whose inputs are mixed, which is nearly a mixture of surfaces."""
+    """Return a mixture of two surfaces, approximated by one surface with mixed inputs."""
     shaders = [n.shader(name) for name in ("shader1", "shader2")]
     made = [n.values.surface(shader) if shader is not None else None for shader in shaders]
     by = n.number("mix", 0.5)
@@ -140,7 +141,7 @@ def _mix_shader(n: ForeignInputs) -> KnownSurface | None:
 
 
 def mixed_surfaces(n: ForeignInputs, a: KnownSurface, b: KnownSurface, by: Operand) -> KnownSurface:
-    """Return a surface between two, input by input; directions and switches are the first's."""
+    """Return a surface whose inputs are interpolated between two; directions and switches are the first's."""
     made: dict[str, Operand] = {}
     for f in fields(KnownSurface):
         first, second = getattr(a, f.name), getattr(b, f.name)
@@ -153,7 +154,7 @@ def mixed_surfaces(n: ForeignInputs, a: KnownSurface, b: KnownSurface, by: Opera
     return replace(a, **made, unused=(*a.unused, *b.unused), near=(*a.near, *b.near))  # type: ignore[arg-type]
 
 
-# What exporters write beside Arnold's own inputs: a ramp's knots as an interface shows them.
+# Inputs that exporters write in addition to Arnold's own: a ramp's knots for a user interface.
 _KNOTS = {f"ramp{i}{part}": ANY for i in range(1, 65) for part in ("c", "interp", "pos")}
 _AOVS = {f"{name}{i}": ANY for i in range(1, 9) for name in ("aov_id", "id")}
 AT_REST: dict[str, object] = {
@@ -161,7 +162,7 @@ AT_REST: dict[str, object] = {
     **_KNOTS,
     **dict.fromkeys(
         ("r", "g", "b", "a", "rgb", "rgba", "float", "int", "x", "y", "z", "vector", "output"), ANY
-    ),  # HtoA's outputs
+    ),  # outputs that HtoA writes as inputs
     "name": ANY,
     "caustics": ANY,
     "transmit_aovs": ANY,

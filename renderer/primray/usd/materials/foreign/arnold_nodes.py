@@ -1,6 +1,6 @@
-"""Arnold's nodes of colours and numbers: arithmetic, mixtures, corrections, conversions (Arnold User Guide, "Shaders").
+"""Arnold's colour and number nodes: arithmetic, mixtures, corrections, conversions (Arnold User Guide, "Shaders").
 
-Rules give colours, or numbers; a node's alpha is computed where its output `a` is read.
+Rules return colours or numbers; a node's alpha is computed where its output `a` is read.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def _one(operation: str, **others: Operand) -> Rule:
 
 
 def _vector(operation: str) -> Rule:
-    """Return the rule of a function of each channel that MaterialX has for vectors alone."""
+    """Return the rule of a function of each channel that MaterialX defines only for vectors."""
 
     def rule(n: ForeignInputs) -> Operand:
         as_vector = n.e.apply("ND_convert_color3_vector3", **{"in": n.color("input", 0.0)})
@@ -62,7 +62,7 @@ def _mix_rgba(n: ForeignInputs) -> Operand:
 
 
 def _color_correct(n: ForeignInputs) -> Operand:
-    """Gamma, hue, saturation, contrast, exposure, multiply and add, in this order; `mask` mixes the input with that."""
+    """Apply gamma, hue, saturation, contrast, exposure, multiply and add, in this order; `mask` blends it with the input."""
     mask = n.number("mask", 1.0)
     given = n.color("input", 0.0)
     if n.wants_alpha:
@@ -76,7 +76,7 @@ def _color_correct(n: ForeignInputs) -> Operand:
     made = maths.binary(e, "multiply", made, n.color("multiply", 1.0))
     made = maths.binary(e, "add", made, n.color("add", 0.0))
     made = maths.inverted(e, made) if n.is_on("invert") else made
-    n.asked |= {"invert_alpha", "alpha_is_luminance", "alpha_multiply", "alpha_add"}  # of the alpha alone
+    n.asked |= {"invert_alpha", "alpha_is_luminance", "alpha_multiply", "alpha_add"}  # they affect only alpha
     return maths.mixed(e, given, made, mask)
 
 
@@ -91,7 +91,7 @@ def _corrected_alpha(n: ForeignInputs, given: Operand, mask: Operand) -> Operand
 
 
 def _range(n: ForeignInputs) -> Operand:
-    """From one range to another, with contrast about a pivot, then Schlick's bias and gain."""
+    """Remap from one range to another, with contrast about a pivot; Schlick's bias and gain are ignored."""
     e, low, high = n.e, n.number("input_min", 0.0), n.number("input_max", 1.0)
     off = e.apply("ND_subtract_color3FA", in1=n.color("input", 0.0), in2=low)
     made = e.apply("ND_divide_color3FA", in1=off, in2=e.apply("ND_subtract_float", in1=high, in2=low))
@@ -106,7 +106,7 @@ def _range(n: ForeignInputs) -> Operand:
 
 
 def _layered(n: ForeignInputs) -> Operand:
-    """Each enabled layer over those of higher numbers, by its mix: overwrite, multiply, add and others that MaterialX has."""
+    """Composite the enabled layers, each over those of higher numbers, by its mix; unsupported operations overwrite."""
     value: Operand = BLACK
     alpha: Operand = ZERO
     for i in range(_LAYERS, 0, -1):
@@ -149,7 +149,7 @@ def _switched(n: ForeignInputs) -> Operand:
 
 
 def _shuffled(n: ForeignInputs) -> Operand:
-    """Each channel is one of the four that `color` and `alpha` give."""
+    """Return a colour whose channels are chosen from those of `color` and `alpha`."""
     choices = ("r", "g", "b", "a")
     color, alpha = n.color("color", 1.0), n.number("alpha", 1.0)
     made = []
@@ -170,7 +170,7 @@ def _of_parts(n: ForeignInputs) -> Operand:
 
 
 def _to_number(n: ForeignInputs) -> Operand:
-    """A colour's average, sum, least, greatest, luminance, or one of its channels."""
+    """Return a colour's average, sum, minimum, maximum, luminance, or one of its channels."""
     modes = ("min", "max", "average", "sum", "luminance", "r", "g", "b", "a")
     mode, e, color = n.choice("mode", modes, "average"), n.e, n.color("input", 0.0)
     if mode == "a":
@@ -185,7 +185,7 @@ def _to_number(n: ForeignInputs) -> Operand:
 
 
 def _converted(n: ForeignInputs) -> Operand:
-    """RGB from or to HSV; other spaces are left out."""
+    """Convert between RGB and HSV; other colour spaces are ignored."""
     spaces = ("RGB", "HSV")
     given, before, after = n.color("input", 0.0), n.choice("from", spaces, "RGB"), n.choice("to", spaces, "RGB")
     if before == after:
@@ -234,12 +234,12 @@ def _normalized(n: ForeignInputs) -> Operand:
 
 
 def _same(name: str, default: float = 0.0) -> Rule:
-    """Return the rule of a node that hands a colour on."""
+    """Return the rule of a node that passes a colour on."""
     return lambda n: n.alpha(name) if n.wants_alpha else n.color(name, default)
 
 
 def _handed_on(name: str, *unread: str) -> Rule:
-    """Return the rule of a node that hands a colour on and does something else beside, which no picture here has."""
+    """Return the rule of a node that passes a colour on, and whose other inputs do not affect the beauty image."""
 
     def rule(n: ForeignInputs) -> Operand:
         n.asked |= set(unread)
@@ -249,7 +249,7 @@ def _handed_on(name: str, *unread: str) -> Rule:
 
 
 def _by_ray(n: ForeignInputs) -> Operand:
-    """What camera rays see; the inputs for other rays are left out."""
+    """Return what camera rays see; inputs for other rays are ignored."""
     return n.alpha("camera") if n.wants_alpha else n.color("camera", 0.0)
 
 

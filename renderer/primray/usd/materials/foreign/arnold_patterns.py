@@ -18,7 +18,7 @@ _RAMPS = ("custom", "u", "v", "diagonal", "radial", "box", "circular")
 
 
 def _image(n: ForeignInputs) -> Operand:
-    """Texels times `multiply` plus `offset`; `single_channel` reads the first of them alone."""
+    """Return texels times `multiply` plus `offset`; with `single_channel`, their first channel as a grey."""
     e = n.e
     missing = n.constants("missing_texture_color", 0.0, 0.0, 0.0, 0.0)
     n.asked |= {"ignore_missing_textures", "mipmap_bias"}
@@ -38,7 +38,7 @@ def _image(n: ForeignInputs) -> Operand:
 
 
 def _image_coordinates(n: ForeignInputs) -> Operand:
-    """The set that `uvset` names, swapped, flipped, then scaled and moved."""
+    """Return the coordinates that `uvset` names, swapped, flipped, then scaled and offset."""
     st = n.operand("uvcoords", "vector2", (0.0, 0.0))
     if isinstance(st, tuple):
         st = texture_set(n, "uvset")
@@ -62,7 +62,7 @@ def _ramp_float(n: ForeignInputs) -> Operand:
 
 
 def _ramp(n: ForeignInputs, values: list[tuple[tuple[float, ...], int]]) -> Operand:
-    """Between knots: constant, linear, or smooth, which here is a smoothstep."""
+    """Return a ramp whose segments are constant, linear, or smooth, which is approximated by a smoothstep."""
     places = [p[0] for p in n.listed("position", 1)]
     kinds = [int(k[0]) for k in n.listed("interpolation", 1)] or [1]
     x = _along_ramp(n)
@@ -103,7 +103,7 @@ def _along_ramp(n: ForeignInputs) -> Operand:
 
 
 def _checkerboard(n: ForeignInputs) -> Operand:
-    """Two checks a unit of the coordinates at frequency 1, color2 at the origin."""
+    """Return two checks per unit of the coordinates at frequency 1, with color2 at the origin."""
     frequency = tuple(2.0 * n.constants(f"{axis}_frequency", 1.0)[0] for axis in "uv")
     offset = tuple(2.0 * n.constants(f"{axis}_offset", 0.0)[0] for axis in "uv")
     st = moved(n, texture_set(n, "uvset"), frequency, offset)
@@ -116,7 +116,7 @@ def _checkerboard(n: ForeignInputs) -> Operand:
 
 
 def _noise(n: ForeignInputs) -> Operand:
-    """Perlin noise from color1 to color2; its values are another hash's than Arnold's."""
+    """Return Perlin noise between color1 and color2; its hash differs from Arnold's."""
     e = n.e
     n.near |= {"noise"}
     space = n.choice("coord_space", ("world", "object", "Pref", "uv"), "object")
@@ -153,7 +153,7 @@ def _user_data(kind: str, width: int) -> Rule:
 
 
 def _normal_map(n: ForeignInputs) -> Operand:
-    """A normal in the tangents' frame; other frames, and other orders of axes, are left out."""
+    """Return a normal map's normal in the tangent frame; other frames and other orders of axes are ignored."""
     e = n.e
     given = e.apply("ND_convert_color3_vector3", **{"in": n.color("input", 0.5, 0.5, 1.0)})
     if not n.is_on("color_to_signed", True):
@@ -171,7 +171,7 @@ def _normal_map(n: ForeignInputs) -> Operand:
 
 
 def _bump2d(n: ForeignInputs) -> Operand:
-    """A normal by slopes of a height along the texture coordinates, one unit of which counts as one of the scene."""
+    """Return a normal from the slopes of a height along the texture coordinates, one unit of which counts as a scene unit."""
     height = n.number("bump_map")
     by = n.number("bump_height", 1.0)
     if isinstance(height, tuple):

@@ -1,7 +1,7 @@
-"""Houdini's principled shader in the record of known surfaces (Houdini documentation, "Principled Shader VOP").
+"""Houdini's principled shader, read into a KnownSurface (Houdini documentation, "Principled Shader VOP").
 
-Solaris writes it as a shader whose source asset is the operator's definition, with what is not at its default.
-Its textures are parameters of its own: NAME_texture, read where NAME_useTexture says so, times the parameter itself.
+Solaris writes it as a shader whose source asset is the operator's definition, with only the inputs that differ from their
+defaults. Textures are separate parameters: NAME_texture is read if NAME_useTexture is on, and multiplies the parameter NAME.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _principled(n: ForeignInputs) -> KnownSurface:
 
 
 def _finished(n: ForeignInputs, known: KnownSurface, transparency: Operand) -> KnownSurface:
-    """With what Disney's shader has not: light, opacity, the colour of what passes, a normal map."""
+    """Return the surface with what Disney's shader lacks: emission, opacity, transmission colour, a normal map."""
     r = n.reader
     emission = r.scaled(_colored(n, "emitcolor", (0.0, 0.0, 0.0)), _valued(n, "emitint", 1.0))
     color = n.color("ssscolor", 1.0)
@@ -90,7 +90,7 @@ _CALLED = {
 
 
 def _colored(n: ForeignInputs, name: str, default: tuple[float, float, float]) -> Operand:
-    """A colour, times its texture's where that is on."""
+    """Return a colour, times its texture if that is on."""
     own = n.color(name, *default)
     texels = _texels(n, name, is_color=True)
     if texels is None:
@@ -100,7 +100,7 @@ def _colored(n: ForeignInputs, name: str, default: tuple[float, float, float]) -
 
 
 def _valued(n: ForeignInputs, name: str, default: float) -> Operand:
-    """A number, times a channel of its texture where that is on."""
+    """Return a number, times a channel of its texture if that is on."""
     own = n.number(name, default)
     texels = _texels(n, name, is_color=False)
     if texels is None:
@@ -121,7 +121,7 @@ def _texels(n: ForeignInputs, name: str, *, is_color: bool) -> Operand | None:
 
 
 def _space(n: ForeignInputs, name: str, is_color: bool) -> str:
-    """The space that it names; else colours are sRGB's where their files hold integers, and numbers are as they are."""
+    """Return the named colour space; else "auto" for colours (sRGB in integer files), and "raw" for numbers."""
     said = n.text(f"{name}_textureColorSpace") or n.text(f"{name}_sourceColorSpace")
     if said in ("", "auto", "automatic"):
         return "auto" if is_color else "raw"
@@ -137,7 +137,7 @@ def _image(n: ForeignInputs, name: str, wrap: str, space: str) -> Operand:
 
 
 def _normal(n: ForeignInputs) -> Operand:
-    """A map of normals; one of heights is left out."""
+    """Return a normal map's normal; height maps are ignored."""
     parts = ("texture", "textureWrap", "scale", "flipX", "flipY", "vectorSpace", "type", "useTexture", "space", "colorspace")
     if not n.is_on("baseBumpAndNormal_enable"):
         n.asked |= {f"baseNormal_{part}" for part in parts} | {"baseBumpAndNormal_type", "baseBump_bumpScale"}

@@ -1,4 +1,4 @@
-"""Textures of other renderers' nodes: the file, its colour space, where it is looked up."""
+"""Textures of other renderers' nodes: the file, its colour space, its texture coordinates."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .values import ForeignInputs
 _ENCODED = frozenset({"bmp", "gif", "jpeg", "jpg", "png", "psd", "tga", "webp"})  # formats that hold integers only
 _SRGB = frozenset({"srgb", "srgb_texture", "srgb - texture", "utility - srgb - texture", "input - generic - srgb - texture"})
 _LINEAR = frozenset({"raw", "linear", "utility - raw", "data", "non-color", "identity", "auto linear"})
-_TILES = ("<udim>", "%(UDIM)d", "_MAPID_")  # Arnold's, Houdini's and RenderMan's names of <UDIM>
+_TILES = ("<udim>", "%(UDIM)d", "_MAPID_")  # tokens for <UDIM> of Arnold, Houdini and RenderMan
 _WRAPS = {"periodic": "periodic", "repeat": "periodic", "clamp": "clamp", "mirror": "mirror", "black": "constant"}
 
 
 @dataclass(frozen=True)
 class Lookup:
-    """Where an image is looked up, and how it goes on beyond its edges ("periodic", "clamp", "mirror", "black")."""
+    """Texture coordinates of an image lookup, and its wrap modes ("periodic", "clamp", "mirror", "black")."""
 
     st: Operand = "UV0"
     wrap_s: str = "periodic"
@@ -32,7 +32,7 @@ class Lookup:
 def image(n: ForeignInputs, name: str, space: str, at: Lookup, missing: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)) -> Operand:
     """Return the four channels of the file that an input names, `missing` where there is none.
 
-    `space` is a name; "auto": sRGB for formats that hold integers, linear for others.
+    `space` names a colour space; "auto" is sRGB for formats that hold integers, linear for others.
     """
     n.asked.add(name)
     file = texture_file(n.node, n.values.ctx, name=name, tiles=_TILES)
@@ -52,7 +52,7 @@ def image(n: ForeignInputs, name: str, space: str, at: Lookup, missing: tuple[fl
 
 
 def texture_set(n: ForeignInputs, name: str) -> Operand:
-    """Return texture coordinates by the primvar that an input names, the first set where it names none."""
+    """Return texture coordinates from the primvar that an input names, the first set where it names none."""
     primvar = n.text(name)
     return coordinates(n, primvar)
 

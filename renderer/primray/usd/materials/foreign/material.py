@@ -1,4 +1,4 @@
-"""A material whose surface shader is another renderer's: which vocabulary it is of, and what is reported of its translation."""
+"""Translation of a material whose surface shader is another renderer's, and the report of what was approximated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MOST_NAMED = 12
 
 
 def translated_material(shader: Node, path: str, ctx: Context) -> KnownMaterial | None:
-    """Return the surface that a shader of a known vocabulary says; None where it is of none, or no surface of it is known."""
+    """Return the material of a supported renderer's shader; None for an unknown renderer or surface."""
     vocabulary = next((v for v in VOCABULARIES if v.kind_of(shader)), None)
     if vocabulary is None:
         return None

@@ -1,4 +1,4 @@
-"""Rules of nodes that several vocabularies have: arithmetic, mixtures, channels, and adjustments of colours."""
+"""Node rules that several renderers share: arithmetic, mixtures, channels, and colour adjustments."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def exposed(e: Expressions, color: Operand, stops: Operand) -> Operand:
 
 
 def between(e: Expressions, x: Operand, low: float, high: float) -> Operand:
-    """Return how far a number has gone from low to high, kept within 0 and 1."""
+    """Return the position of a number from low (0) to high (1), clamped."""
     span = high - low
     if span <= 0.0:
         return e.apply("ND_ifgreatereq_float", value1=x, value2=(high,), in1=ONE, in2=ZERO)
@@ -88,7 +88,7 @@ def between(e: Expressions, x: Operand, low: float, high: float) -> Operand:
 
 
 def ramp(e: Expressions, x: Operand, knots: list[tuple[float, Operand, bool]], *, smooth: bool = False) -> Operand:
-    """Return the colour of a ramp at x: of each knot its place, its colour, and whether it holds until the next."""
+    """Return a ramp's colour at x; a knot is a position, a colour, and whether it is constant until the next."""
     ordered = sorted(knots, key=lambda knot: knot[0])
     value = ordered[0][1]
     for (low, _, holds), (high, color, _) in itertools.pairwise(ordered):

@@ -1,4 +1,4 @@
-"""Which shaders are Houdini's principled shader: Solaris gives them no id, but the operator's definition as source asset."""
+"""Detection of Houdini's principled shader: Solaris writes it without an id, with the operator's definition as source asset."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""RenderMan's surfaces in the record of known surfaces (RenderMan documentation, "PxrSurface", "PxrDisneyBsdf", "PxrDisney").
+"""RenderMan's surfaces, each read into a KnownSurface (RenderMan documentation: PxrSurface, PxrDisneyBsdf, PxrDisney).
 
-PxrSurface adds lobes, each with its own gain and reflectivity; here they are the lobes of one layered surface, so that most of
-what it says is approximated, and reported as that.
+PxrSurface adds up lobes, each with its own gain and reflectivity; here they become the lobes of one layered surface, so that
+most of its inputs are approximated, and reported as such.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from . import maths
 from .renderman_nodes import NODES
 from .values import ANY, ForeignInputs, Vocabulary
 
-_MOST_DIELECTRIC = 0.08  # what is reflected head-on by what is no metal, at the most
-_METALLIC = 0.5  # and by metals, at the least
+_MOST_DIELECTRIC = 0.08  # greatest reflectance at normal incidence of a dielectric
+_METALLIC = 0.5  # least reflectance at normal incidence of a metal
 
 
 def kind_of(node: Node) -> str:
-    """Return a shader's name without the version of Houdini's own nodes ("PxrSurface::3.0")."""
+    """Return a shader's name without the version of Houdini's own nodes ("PxrSurface::3.0"), "" where it is not RenderMan's."""
     name = node.id.partition("::")[0]
     return name if name.startswith("Pxr") and name[3:4].isupper() else ""
 
@@ -73,7 +73,7 @@ def _surface(n: ForeignInputs) -> KnownSurface:
 
 
 def _note_lobes(n: ForeignInputs) -> None:
-    """What of lobes that are on has another meaning, or no place; inputs of lobes that are off have no effect."""
+    """Record inputs of active lobes that are approximated or unsupported; inputs of lobes that are off have no effect."""
     names = ("roughSpecular", "iridescence", "singlescatter", "irradiance", "reflection", "diffuseTransmit", "continuousSingle")
     gains = {
         "roughSpecular": ("roughSpecularFaceColor", "roughSpecularEdgeColor"),
@@ -101,7 +101,7 @@ def _note_lobes(n: ForeignInputs) -> None:
 
 
 def _reflected(n: ForeignInputs, lobe: str) -> Operand:
-    """What a lobe reflects head-on: its face colour, or by Fresnel's equations with the edge colour as a tint."""
+    """Return a lobe's reflectance at normal incidence: its face colour, or Fresnel's equations tinted by the edge colour."""
     edge = n.color(f"{lobe}EdgeColor", 0.0)
     n.asked |= {f"{lobe}{name}" for name in ("FresnelShape", "DoubleSided", "ModelType", "AnisotropyDirection", "BumpNormal")}
     if n.constants(f"{lobe}FresnelMode", 0.0) == ZERO:
@@ -109,7 +109,7 @@ def _reflected(n: ForeignInputs, lobe: str) -> Operand:
         n.asked |= {f"{lobe}Ior", f"{lobe}ExtinctionCoeff"}
         if edge not in (WHITE, face):
             n.near.add(f"{lobe}EdgeColor")
-        if face == BLACK and edge != BLACK:  # little head-on, as much as MaterialX's own materials have at the least
+        if face == BLACK and edge != BLACK:  # low at normal incidence: the least that MaterialX's own materials have
             return n.reader.scaled(edge, (0.02,))
         return face
     n.asked.add(f"{lobe}FaceColor")
@@ -121,7 +121,7 @@ def _reflected(n: ForeignInputs, lobe: str) -> Operand:
 
 
 def _metalness(n: ForeignInputs, face: Operand, dark: bool) -> Operand:
-    """How much of it is a metal: all where there is no diffuse part, else by how much is reflected head-on."""
+    """Return the metalness: 1 without a diffuse part, else by the reflectance at normal incidence."""
     if isinstance(face, tuple):
         most = max(face)
         if most <= _MOST_DIELECTRIC:
@@ -133,7 +133,7 @@ def _metalness(n: ForeignInputs, face: Operand, dark: bool) -> Operand:
 
 
 def _dielectric(n: ForeignInputs, face: Operand) -> tuple[Operand, Operand, Operand]:
-    """The weight, tint and index of refraction of what reflects so much head-on."""
+    """Return the weight, tint and index of refraction for a reflectance at normal incidence."""
     if not isinstance(face, tuple):
         return ONE, WHITE, (1.5,)
     most = max(face)
@@ -143,12 +143,12 @@ def _dielectric(n: ForeignInputs, face: Operand) -> tuple[Operand, Operand, Oper
 
 
 def _disney(n: ForeignInputs) -> KnownSurface:
-    """PxrDisney, whose reflectivity is `specular` and whose light is `emitColor`."""
+    """Return PxrDisney, whose reflectivity is `specular` and whose emission is `emitColor`."""
     return _principled(n, n.number("specular", 0.5), ZERO, "emitColor")
 
 
 def _disney_bsdf(n: ForeignInputs) -> KnownSurface:
-    """PxrDisneyBsdf, whose reflectivity is an index of refraction, scaled by `specReflectScale`."""
+    """Return PxrDisneyBsdf, whose reflectivity is an index of refraction, scaled by `specReflectScale`."""
     ior = n.constants("ior", 1.5)[0]
     specular = n.reader.times((head_on(ior) / _MOST_DIELECTRIC,), n.number("specReflectScale", 1.0))
     return _principled(n, specular, n.number("refraction", 0.0), "emissionColor")

@@ -1,6 +1,6 @@
-"""RenderMan's patterns: textures, manifolds, primvars, normals, and nodes of colours (RenderMan documentation, "Patterns").
+"""RenderMan's patterns: textures, manifolds, primvars, normals, and colour nodes (RenderMan documentation, "Patterns").
 
-Rules give their outputs by name, as several of these nodes have: resultRGB, resultR, resultA, resultF, resultN.
+Rules return outputs by name, since several of these nodes have more than one: resultRGB, resultR, resultA, resultF, resultN.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Rule = Callable[[ForeignInputs], Operand | Outputs | None]
 
 
 def _rgb(n: ForeignInputs, color: Operand, alpha: Operand = ONE) -> Outputs:
-    """Return the outputs of a node of colours."""
+    """Return the outputs of a colour node."""
     channels = {f"result{c}": maths.channel(n.e, color, i) for i, c in enumerate("RGB")}
     return {"": color, "resultRGB": color, "resultA": alpha, **channels}
 
@@ -28,7 +28,7 @@ def _as_number(n: ForeignInputs, value: Operand) -> Outputs:
 
 
 def _texture(n: ForeignInputs) -> Outputs:
-    """Texels; `linearize` says that they are sRGB's. invertT, on by default, is what USD's coordinates mean."""
+    """Return texels, decoded from sRGB with `linearize`; invertT, on by default, matches USD's texture coordinates."""
     texels = _texels(n, "sRGB" if n.is_on("linearize") else "raw")
     e = n.e
     color = e.apply("ND_convert_color4_color3", **{"in": texels})
@@ -51,14 +51,17 @@ def _texels(n: ForeignInputs, space: str) -> Operand:
 
 
 def _manifold_of(n: ForeignInputs) -> Operand:
-    """The coordinates of a connected manifold; turned over in t where neither it nor the texture says invertT, or both do."""
+    """Return a connected manifold's coordinates.
+
+    They are flipped in t unless exactly one of manifold and texture has invertT.
+    """
     source = n.shader("manifold")
     st: Operand | None = None
     inverted = n.is_on("invertT", True)
     if source is not None:
         st = n.values.output(source, 2, n.node, "manifold")
         if n.values.vocabulary.kind_of(source) == "PxrManifold2D":
-            inverted = True  # as the manifold has it by itself
+            inverted = True  # the manifold's own default
     st = "UV0" if st is None else st
     return st if inverted else _placed(n, st, (1.0, -1.0), (0.0, 1.0))
 
@@ -69,7 +72,7 @@ def _placed(n: ForeignInputs, st: Operand, scale: tuple[float, float], offset: t
 
 
 def _manifold(n: ForeignInputs) -> Outputs:
-    """Coordinates turned by degrees, scaled and moved. Of its two primvars, as of most, t's is s's."""
+    """Return coordinates rotated in degrees, scaled and offset; primvarT is taken to equal primvarS, as it mostly does."""
     name, other = n.text("primvarS"), n.text("primvarT")
     if other and other != name:
         n.lost.add("primvarT")
@@ -82,7 +85,7 @@ def _manifold(n: ForeignInputs) -> Outputs:
     offset = (n.constants("offsetS", 0.0)[0], n.constants("offsetT", 0.0)[0])
     if n.is_on("invertS"):
         scale, offset = (-scale[0], scale[1]), (1.0 - offset[0], offset[1])
-    n.asked.add("invertT")  # with the texture's own: see _manifold_of
+    n.asked.add("invertT")  # combined with the texture's in _manifold_of
     st = _placed(n, st, scale, offset)
     whole = e.apply("ND_texcoord_vector2", index=ZERO) if st == "UV0" else st
     parts = {f"result{c}": e.apply("ND_extract_vector2", **{"in": whole, "index": (i,)}) for i, c in ((0.0, "S"), (1.0, "T"))}
@@ -90,7 +93,7 @@ def _manifold(n: ForeignInputs) -> Outputs:
 
 
 def _primvar(n: ForeignInputs) -> Outputs:
-    """A primvar of the shape by its name, and by its type as numbers or as a colour."""
+    """Return a primvar of the shape by its name, as numbers or as a colour by its type."""
     name, kind = n.text("varname"), n.text("type", "float")
     default = n.constants("defaultFloat3", 0.0, 0.0, 0.0) if kind != "float" else n.constants("defaultFloat", 0.0)
     n.asked |= {"defaultFloat", "defaultFloat3", "defaultInt", "varnameType", "coordsys"}
@@ -104,7 +107,7 @@ def _primvar(n: ForeignInputs) -> Outputs:
 
 
 def _normal_map(n: ForeignInputs) -> Outputs:
-    """A normal in the tangents' frame; `orientation` 1 is Direct3D's, whose green channel points down."""
+    """Return a normal map's normal in the tangent frame; `orientation` 1 is Direct3D's, whose green channel points down."""
     e = n.e
     given = n.color("inputRGB", 0.5, 0.5, 1.0)
     if not isinstance(given, NodeOutput):
@@ -126,7 +129,7 @@ def _normal_map(n: ForeignInputs) -> Outputs:
 
 
 def _bump(n: ForeignInputs) -> Outputs:
-    """A normal by slopes of a height along the texture coordinates, one unit of which counts as one of the scene."""
+    """Return a normal from the slopes of a height along the texture coordinates, one unit of which counts as a scene unit."""
     height = n.number("inputBump")
     if isinstance(height, tuple) and n.source("filename") is not None:
         height = n.e.apply("ND_extract_color4", **{"in": _texels(n, "raw"), "index": ZERO})
@@ -144,7 +147,7 @@ def _mix(n: ForeignInputs) -> Outputs:
 
 
 def _blend(n: ForeignInputs) -> Outputs:
-    """One colour over another; those operations that MaterialX has, others are left out."""
+    """Composite one colour over another; operations that MaterialX does not have are ignored."""
     e, top, bottom = n.e, n.color("topRGB", 0.0), n.color("bottomRGB", 0.0)
     alpha = n.number("topA", 1.0)
     n.asked |= {"bottomA", "clampOutput"}
@@ -176,7 +179,7 @@ def _exposure(n: ForeignInputs) -> Outputs:
 
 
 def _hsl(n: ForeignInputs) -> Outputs:
-    """Hue in degrees, saturation, lightness: about the colour's luminance."""
+    """Adjust hue in degrees, saturation, and lightness about the colour's luminance."""
     e, color = n.e, n.color("inputRGB", 0.0)
     turn = n.e.apply("ND_divide_float", in1=n.number("hue", 0.0), in2=(360.0,))
     color = maths.with_saturation(e, maths.with_hue(e, color, turn), n.number("saturation", 1.0))
@@ -184,7 +187,7 @@ def _hsl(n: ForeignInputs) -> Outputs:
 
 
 def _color_correct(n: ForeignInputs) -> Outputs:
-    """Saturation, hue, exposure, gamma, multiply, add."""
+    """Apply saturation, hue, exposure, gamma, multiply and add, in this order."""
     e, color = n.e, n.color("inputRGB", 0.0)
     made = maths.with_saturation(e, color, n.number("saturation", 1.0))
     made = maths.with_hue(e, made, n.e.apply("ND_divide_float", in1=n.number("hue", 0.0), in2=(360.0,)))
@@ -210,7 +213,7 @@ def _remapped(n: ForeignInputs) -> Outputs:
 
 
 def _to_float(n: ForeignInputs) -> Outputs:
-    """A colour's channel, average, or luminance."""
+    """Return a colour's channel, average, or luminance."""
     mode = int(n.constants("mode", 0.0)[0])
     color = n.color("input", 0.0)
     if mode in (0, 1, 2):

@@ -1,6 +1,6 @@
-"""Networks of another renderer's nodes as operands: what a vocabulary consists of, and the inputs that a node's rule reads.
+"""Evaluation of networks of another renderer's nodes: the table of its nodes, and the inputs that a node's rule reads.
 
-A network may hold USD's and MaterialX's nodes, too; those are evaluated as everywhere else.
+A network may also contain USD's and MaterialX's nodes, which are evaluated as everywhere else.
 """
 
 from __future__ import annotations
@@ -18,26 +18,29 @@ from ..network import Constant, Node, as_numbers, find_source
 from ..node_values import DEEPEST, NodeValues
 from ..usd_nodes import USD_NODES
 
-ANY = object()  # in place of a value at rest: whatever the input says, it has no effect on a picture
+ANY = object()  # instead of a neutral value: the input has no effect on an image, whatever its value
 _COMPONENTS = {2: "xy", 3: "rgbxyz", 4: "rgba"}
 _KINDS = {1: "float", 2: "vector2", 3: "color3", 4: "color4"}
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """The shaders of one renderer that are known here, by their ids."""
+    """The supported shaders of one renderer, by their ids."""
 
     renderer: str
-    kind_of: Callable[[Node], str]  # the id by which the tables know a node, "" where it is of another vocabulary
+    kind_of: Callable[[Node], str]  # the node's key in the tables, "" for other renderers' nodes
     surfaces: Mapping[str, Callable[[ForeignInputs], KnownSurface | None]]
     nodes: Mapping[str, Callable[[ForeignInputs], Operand | Outputs | None]]
-    at_rest: Mapping[str, object]  # inputs that no rule reads, and the value with which they have no effect, or ANY
-    colors_shine: bool = False  # whether a node of colours may be a surface, which shines with its colour
+    at_rest: Mapping[str, object]  # inputs that no rule reads, and the value at which they have no effect, or ANY
+    colors_shine: bool = False  # whether a colour node may be bound as a surface, which emits its colour
 
 
 @dataclass
 class ForeignValues(NodeValues):
-    """The network of one material. `used`: the nodes that its surface reads, in the order in which they are reached."""
+    """Evaluation of one material's network.
+
+    `used`: the nodes that its surface reads, in the order in which they are reached.
+    """
 
     vocabulary: Vocabulary = field(kw_only=True)
     used: list[ForeignInputs] = field(default_factory=list)
@@ -49,7 +52,7 @@ class ForeignValues(NodeValues):
         return made
 
     def surface(self, shader: Node) -> KnownSurface | None:
-        """Return what a shader says of a surface; None where it is none that is known."""
+        """Return the surface that a shader describes, None for unknown shaders."""
         kind = self.vocabulary.kind_of(shader)
         read = self.vocabulary.surfaces.get(kind)
         if shader.path in self._above or len(self._above) >= DEEPEST:
@@ -65,7 +68,7 @@ class ForeignValues(NodeValues):
         return made
 
     def output(self, source: Node, width: int, reader: Node, name: str, *, is_color: bool = False) -> Operand | None:
-        """Return what an output of a node gives, as `width` numbers: the whole of it, or the channel that the output names."""
+        """Return a node's output as `width` numbers: all of it, or the channel that the output's name says."""
         rule = self.vocabulary.nodes.get(self.vocabulary.kind_of(source))
         if rule is None:
             return super().output(_by_own_output(source, width), width, reader, name, is_color=is_color)
@@ -83,7 +86,7 @@ class ForeignValues(NodeValues):
     def _evaluated(
         self, source: Node, rule: Callable[[ForeignInputs], Operand | Outputs | None], reader: Node, name: str
     ) -> Outputs | None:
-        """Return the outputs that a rule gives by name, "" being the whole; alpha alone is computed where that is asked for."""
+        """Return the outputs of a node's rule by name, "" being the whole value; alpha is a separate evaluation."""
         key = (source.path, _channel_name(source.output) == "a")
         if key in self._made:
             return self._made[key]
@@ -107,7 +110,7 @@ class ForeignValues(NodeValues):
         return self.expressions.apply(f"ND_extract_{_KINDS[has]}", **{"in": value, "index": (float(index),)})
 
     def given_as(self, node: Node, wanted: InputDefinition) -> Operand:
-        """Return what an input is given, with the components of it that are connected one by one (`inputs:NAME:r`)."""
+        """Return the value of an input, with components that are connected one by one (`inputs:NAME:r`) replaced."""
         whole = super().given_as(node, wanted)
         width = WIDTHS.get(wanted.type, 0)
         found: dict[int, Operand] = {}
@@ -122,7 +125,7 @@ class ForeignValues(NodeValues):
         return self.expressions.apply(f"ND_combine{width}_{_KINDS[width]}", **inputs)
 
     def constant(self, source: Constant, wanted: InputDefinition, node: Node) -> Operand | None:
-        """Return a value as the input's type has it: a colour with alpha stands for one without, and the other way round."""
+        """Return a constant as the input's type; colours with and without alpha are converted to each other."""
         values = as_numbers(source.value)
         width = WIDTHS.get(wanted.type, 0)
         if values is not None and (len(values), width) in ((4, 3), (3, 4)):
@@ -131,7 +134,7 @@ class ForeignValues(NodeValues):
 
 
 def _by_own_output(source: Node, width: int) -> Node:
-    """Return a node of USD's that another renderer's network names by an output that it has not ("out"), by one that it has."""
+    """Return a USD node with an output that it has, where another renderer's network names one that it lacks ("out")."""
     found = USD_NODES.get(source.id)
     if found is None or source.output in found.output_widths:
         return source
@@ -148,8 +151,10 @@ def _channel_name(output: str) -> str:
 
 @dataclass
 class ForeignInputs:
-    """The inputs of one node. `asked`: the names that a rule has asked for; `lost`: those of them that cannot be read;
-    `near`: those that mean nearly the same here."""
+    """The inputs of one node.
+
+    `asked`: names that a rule has read; `lost`: those that cannot be read; `near`: those that are approximated.
+    """
 
     node: Node
     values: ForeignValues
@@ -167,7 +172,7 @@ class ForeignInputs:
 
     @property
     def reader(self) -> Reader:
-        """Return a reader of no inputs, for what known surfaces compute."""
+        """A Reader without inputs, for helpers that surface models share."""
         return Reader({}, self.e)
 
     @property
@@ -193,7 +198,7 @@ class ForeignInputs:
         return self.values.given_as(self.node, InputDefinition(name, kind, default))
 
     def constants(self, name: str, *default: float) -> tuple[float, ...]:
-        """Return as many numbers as the default has; what a node feeds is lost."""
+        """Return an input's constants, as many as the default has; a connected input is lost."""
         source = self.source(name)
         if isinstance(source, Constant):
             kinds = {1: "float", 2: "vector2", 3: "vector3", 4: "vector4"}
@@ -215,7 +220,7 @@ class ForeignInputs:
         return default
 
     def choice(self, name: str, choices: tuple[str, ...], default: str) -> str:
-        """Return one of the choices, which is named or numbered; what else there is is lost."""
+        """Return one of the choices, authored by name or number; any other value is lost."""
         source = self.source(name)
         if source is None:
             return default
@@ -228,7 +233,7 @@ class ForeignInputs:
         return default
 
     def listed(self, name: str, width: int) -> list[tuple[float, ...]]:
-        """Return the elements of an array, each of `width` numbers; none where it is no such array."""
+        """Return the elements of an array, each of `width` numbers; empty where it is no such array."""
         source = self.source(name)
         if source is None:
             return []
@@ -254,7 +259,7 @@ class ForeignInputs:
         return source if isinstance(source, Node) else None
 
     def normal(self, name: str) -> Operand:
-        """Return a normal in world space: the shape's own where nothing is connected, as zero means in these vocabularies."""
+        """Return a world-space normal; without a connection the shape's own, which zero means in these renderers."""
         value = self.vector(name, 0.0)
         if isinstance(value, tuple):
             if any(value):
@@ -263,7 +268,7 @@ class ForeignInputs:
         return value
 
     def left_out(self) -> Iterable[str]:
-        """Return the names of inputs that have an effect in their renderer, and none here."""
+        """Return the names of authored inputs that have an effect in their renderer and none here."""
         names = {str(name)[7:] for name in property_names(self.node.prim) if str(name).startswith("inputs:")}
         names = {name.partition(":")[0] for name in names}
         rest = self.values.vocabulary.at_rest

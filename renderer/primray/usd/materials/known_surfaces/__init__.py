@@ -1,4 +1,4 @@
-"""Surface nodes that are known by name: what they say, in the words of one record (record.py), a file a model.
+"""Surface nodes that are known by name, one file per model, each read into a KnownSurface (record.py).
 
-by_name.py has the list; as_open_pbr.py makes of a record what can be rendered, and of it alone knows what has no effect.
+by_name.py lists the models; as_open_pbr.py converts a KnownSurface to a Surface, and alone decides what has no effect.
 """

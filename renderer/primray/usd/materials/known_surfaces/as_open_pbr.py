@@ -1,7 +1,4 @@
-"""A known surface as what can be rendered: OpenPBR's lobes. What has no effect yet, or nearly its own, is named.
-
-Nothing else knows how a record becomes a Surface.
-"""
+"""Conversion of a KnownSurface to a Surface with OpenPBR's lobes; inputs without effect, or approximated, are listed."""
 
 from __future__ import annotations
 
@@ -31,24 +28,25 @@ _RANGES = {
     "subsurface_radius_scale": _ANY,
     "transmission_scatter_anisotropy": (-1.0, 1.0),
     "subsurface_scatter_anisotropy": (-1.0, 1.0),
-}  # others _UNIT
-_LOBES = ("transmission", "subsurface", "fuzz", "coat", "thin_film")  # each with a weight, first words of their inputs' names
+}  # all other inputs: _UNIT
+_LOBES = ("transmission", "subsurface", "fuzz", "coat", "thin_film")  # lobes with a weight; prefixes of their inputs' names
 
 
 @dataclass(frozen=True)
 class Told:
-    """Inputs by their models' names."""
+    """Inputs that have no effect (`unused`) or are approximated (`near`), by the names that their model gives them."""
 
     unused: tuple[str, ...]
     near: tuple[str, ...]
 
     def sentences(self) -> str:
-        """ "" where there is nothing to tell."""
+        """Return the sentences for a diagnostic; "" where there is nothing to report."""
         parts = (("Approximated", self.near), ("No effect yet, or not all of theirs, have", self.unused))
         return " ".join(f"{what}: {', '.join(names)}." for what, names in parts if names)
 
 
 def told(unused: Iterable[str], near: Iterable[str]) -> Told:
+    """Return the inputs to report, sorted; one that is both unused and approximated counts as unused."""
     without = sorted(set(unused))
     return Told(tuple(without), tuple(sorted(set(near).difference(without))))
 
@@ -60,7 +58,7 @@ class _Made:
 
 
 def as_open_pbr(known: KnownSurface, expressions: Expressions, path: str) -> tuple[Surface, Told]:
-    """The Surface of a material, and what of it is not as its model has it."""
+    """Return the Surface of a known surface, and which of its inputs are ignored or approximated."""
     known = _without_hidden(known)
     unused, near = _not_had(known)
     made = _Made()
@@ -88,19 +86,19 @@ def as_open_pbr(known: KnownSurface, expressions: Expressions, path: str) -> tup
 
 
 def is_hole(known: KnownSurface) -> bool:
-    """Whether a cut-out leaves nothing of it."""
+    """Return whether the opacity cutoff removes the whole surface."""
     return known.cutoff > 0 and isinstance(known.opacity, tuple) and known.opacity[0] < known.cutoff
 
 
 def _without_hidden(known: KnownSurface) -> KnownSurface:
-    """Without lobes that nothing is seen of: under metal, or where all light passes."""
+    """Return the surface without lobes that cannot be seen: under a metal, or where all light is transmitted."""
     if known.base_metalness == ONE:
         return replace(known, transmission_weight=ZERO, subsurface_weight=ZERO)
     return replace(known, subsurface_weight=ZERO) if known.transmission_weight == ONE else known
 
 
 def _lobes(known: KnownSurface) -> dict[str, Operand]:
-    """The inputs of those that there are."""
+    """Return the inputs of the lobes whose weight is not zero."""
     off = tuple(f"{lobe}_" for lobe in _LOBES if getattr(known, f"{lobe}_weight") == ZERO)
     return {name: getattr(known, name) for name in _WIDTHS if not name.startswith(off)}
 
@@ -109,7 +107,7 @@ _WIDTHS = {f.name: len(f.default) if isinstance(f.default, tuple) else 1 for f i
 
 
 def _take(made: _Made, name: str, value: Operand, width: int, reducer: Reducer) -> None:
-    """A constant in its range, or what varies and a constant in its place."""
+    """Store an input: a constant clamped to its range, or a varying input with a constant in its place."""
     if isinstance(value, NodeOutput):
         found = reducer.input(value, width)
         made.varying[name] = found
@@ -127,7 +125,7 @@ def _constant_of(found: Input) -> tuple[float, ...]:
 
 
 def _not_had(known: KnownSurface) -> tuple[list[str], list[str]]:
-    """Fields that have no effect yet, and fields that have nearly theirs, by their models' names."""
+    """Return the fields without effect and those that are approximated, by the names that their model gives them."""
     unused, near = [], []
     if known.thin_walled != ZERO and known.transmission_weight != ZERO:
         unused += [
@@ -137,7 +135,9 @@ def _not_had(known: KnownSurface) -> tuple[list[str], list[str]]:
         unused.append("transmission_scatter")
     interior = ("transmission_color", "transmission_depth", "transmission_scatter", "transmission_scatter_anisotropy")
     if known.transmission_weight != ZERO and known.transmission_depth != ZERO and known.thin_walled == ZERO:
-        near += [n for n in interior if isinstance(getattr(known, n), NodeOutput)]  # bodies have one interior: of the means
+        near += [
+            n for n in interior if isinstance(getattr(known, n), NodeOutput)
+        ]  # an interior is homogeneous: the inputs' means
     if known.coat_weight != ZERO:
         if known.coat_normal not in (None, known.normal):
             unused.append("coat_normal")
@@ -148,7 +148,7 @@ def _not_had(known: KnownSurface) -> tuple[list[str], list[str]]:
 
 
 def _directions(made: _Made, known: KnownSurface, e: Expressions, unused: list[str]) -> None:
-    """Normal and tangent, as far as they are not the shape's own, or, of the tangent, matter."""
+    """Store the normal where it is not the shape's own, and the tangent where a lobe is anisotropic."""
     normal = _normal(known, e, unused)
     if normal is not None:
         made.varying["normal"] = normal
@@ -165,7 +165,7 @@ def _directions(made: _Made, known: KnownSurface, e: Expressions, unused: list[s
 
 
 def _tangent(known: KnownSurface) -> Operand:
-    """The base's, or the coat's where that alone is anisotropic."""
+    """Return the base's tangent, or the coat's where only the coat is anisotropic."""
     coats = known.coat_tangent
     return known.tangent if coats is None or known.specular_roughness_anisotropy != ZERO else coats
 

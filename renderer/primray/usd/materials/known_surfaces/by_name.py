@@ -1,4 +1,4 @@
-"""Which model a surface shader's definition is of."""
+"""Surface models by the names of their MaterialX definitions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Disney's principled shader as MaterialX has it."""
+"""Disney's principled shader, as MaterialX defines it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from .roughness import by_aspect
 from .standard_surface import fuzz_roughness
 
 SHADERS = ("ND_disney_principled",)
-_MOST = 0.08  # what is reflected head-on where specular is 1
+_MOST = 0.08  # reflectance at normal incidence where specular is 1
 _COAT_IOR = (1.5,)
-_SHEEN_ROUGHNESS = (0.3,)  # MaterialX's sheen_bsdf, where nothing says otherwise
+_SHEEN_ROUGHNESS = (0.3,)  # default of MaterialX's sheen_bsdf
 _CALLED = {"subsurface_weight": "subsurface"}
 
 
 def read(r: Reader) -> KnownSurface:
+    """Return the surface that the node's inputs describe."""
     base, metal, transmission = r["baseColor"], r["metallic"], r["specTrans"]
     weight, ior = _reflectivity(r)
     roughness, anisotropy = by_aspect(r, r["roughness"], r["anisotropic"])
@@ -48,19 +49,23 @@ def read(r: Reader) -> KnownSurface:
 
 
 def _tell(r: Reader) -> None:
+    """Record which inputs are approximated."""
     metal, transmission = r["metallic"], r["specTrans"]
     r.nearly(sheen=ZERO, clearcoat=ZERO)
     if metal == ONE:
         return
-    r.nearly(specularTint=ZERO, subsurface=ZERO)  # Burley's diffusion; here light walks
+    r.nearly(specularTint=ZERO, subsurface=ZERO)  # Burley's diffusion profile is replaced by a random walk
     if transmission != ZERO:
-        r.near.append("roughness")  # what passes is not roughened there
+        r.near.append("roughness")  # Disney's transmission is not roughened
     elif r["baseColor"] != BLACK and r["subsurface"] != ONE:
-        r.near.append("roughness")  # of the diffuse part: Burley's is brighter towards the edge
+        r.near.append("roughness")  # Burley's diffuse lobe is brighter at grazing angles
 
 
 def _reflectivity(r: Reader) -> tuple[Operand, Operand]:
-    """specular_weight and the index: `specular` says what is reflected head-on, whatever the index of what passes is."""
+    """Return specular_weight and specular_ior.
+
+    `specular` sets the reflectance at normal incidence, independently of the index of refraction for transmission.
+    """
     specular, ior = r["specular"], r["ior"]
     if r["specTrans"] != ZERO:
         said = head_on(ior[0]) / _MOST if isinstance(ior, tuple) else None

@@ -1,4 +1,4 @@
-"""Khronos' gltf_pbr, by the graph that MaterialX gives it."""
+"""Khronos' gltf_pbr, read after its MaterialX node graph."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ _CALLED = {"transmission_depth": "attenuation_distance", "coat_normal": "clearco
 
 
 def read(r: Reader) -> KnownSurface:
+    """Return the surface that the node's inputs describe."""
     metal, transmission, coat = r["metallic"], r["transmission"], r["clearcoat"]
     ior, tint = _reflectivity(r)
     weight, factor = weighed(r, r["specular"], metal, transmission)
@@ -63,6 +64,7 @@ def read(r: Reader) -> KnownSurface:
 
 
 def _tell(r: Reader) -> None:
+    """Record which inputs are approximated."""
     metal = r["metallic"]
     r.nearly(sheen_color=BLACK)
     if metal != ONE:
@@ -78,7 +80,10 @@ def _cutoff(r: Reader) -> float:
 
 
 def _reflectivity(r: Reader) -> tuple[Operand, Operand]:
-    """The index and a tint: specular_color scales what is reflected head-on alone, so a grey one is another index."""
+    """Return specular_ior and a tint.
+
+    specular_color scales only the reflectance at normal incidence, so a grey one is equivalent to another index of refraction.
+    """
     ior, color = r["ior"], r["specular_color"]
     if r["metallic"] == ONE or color == WHITE:
         return ior, WHITE
@@ -95,7 +100,7 @@ def _reflectivity(r: Reader) -> tuple[Operand, Operand]:
 
 
 def _sheen(r: Reader) -> tuple[Operand, Operand]:
-    """A weight and a colour whose brightest channel is 1."""
+    """Return a fuzz weight, and a colour whose brightest channel is 1."""
     color, e = r["sheen_color"], r.expressions
     if color == BLACK:
         return ZERO, WHITE
@@ -106,7 +111,7 @@ def _sheen(r: Reader) -> tuple[Operand, Operand]:
 
 
 def _attenuation(r: Reader) -> tuple[Operand, Operand]:
-    """The colour of what passes, and the depth at which it has it: a tint by the base's colour where there is no depth."""
+    """Return the transmission colour and its depth; without a depth, the base colour tints transmitted light."""
     distance, color = r.inputs.get("attenuation_distance"), r["attenuation_color"]
     if r["thickness"] == ZERO or distance is None or distance == ZERO or color == WHITE:
         return r["base_color"], ZERO
@@ -118,6 +123,7 @@ def _attenuation(r: Reader) -> tuple[Operand, Operand]:
 
 
 def _dispersion(r: Reader) -> tuple[Operand, Operand]:
+    """Return OpenPBR's dispersion scale and Abbe number."""
     value = r["dispersion"]
     if isinstance(value, tuple) and value[0] > 1.0:
         return ONE, (_ABBE / value[0],)

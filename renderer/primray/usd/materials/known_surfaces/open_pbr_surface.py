@@ -13,8 +13,9 @@ _GEOMETRY = ("opacity", "thin_walled", "normal", "tangent", "coat_normal", "coat
 
 
 def read(r: Reader) -> KnownSurface:
+    """Return the surface that the node's inputs describe."""
     same = [f.name for f in fields(OpenPbr) if f.name not in _OURS]
-    # The coat's colour is the square of what one way through it leaves ("Coat", "Emission").
+    # The coat's colour is the square of its transmittance in one direction ("Coat", "Emission").
     through = r.expressions.apply("ND_power_color3FA", in1=r["coat_color"], in2=(0.5,))
     shining = r.scaled(r["emission_color"], r["emission_luminance"])
     return KnownSurface(

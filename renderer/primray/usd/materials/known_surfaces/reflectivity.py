@@ -1,4 +1,4 @@
-"""How much is reflected, which each model says in its own way, in OpenPBR's: an index of refraction, a weight and a tint."""
+"""Conversion of each model's reflectivity to OpenPBR's index of refraction, weight and tint."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ EDGE = 1.0 / 7.0  # the cosine at which OpenPBR's specular_color tints metals ("
 
 
 def head_on(ior: float) -> float:
-    """What an interface reflects head-on."""
+    """Return the Fresnel reflectance at normal incidence for an index of refraction."""
     n = max(ior, 0.0)
     return ((n - 1.0) / (n + 1.0)) ** 2
 
 
 def ior_of(reflected: float) -> float:
-    """The index of refraction of what reflects so much head-on."""
+    """Return the index of refraction for a Fresnel reflectance at normal incidence."""
     root = math.sqrt(min(max(reflected, 0.0), 0.98))
     return (1.0 + root) / (1.0 - root)
 
 
 def weighed(r: Reader, weight: Operand, metalness: Operand, transmission: Operand) -> tuple[Operand, Operand]:
-    """specular_weight and a factor of specular_color for a weight of dielectric reflections that metals do not know.
+    """Return specular_weight and a factor of specular_color for a weight of dielectric reflections that metals ignore.
 
-    OpenPBR's weight goes into the index of refraction, so where light passes it is a tint instead, which leaves that alone.
+    OpenPBR's weight changes the index of refraction, so for transmissive surfaces it becomes a tint instead, which leaves
+    refraction unchanged.
     """
     if weight == ONE or metalness == ONE:
         return ONE, ONE
@@ -36,9 +37,10 @@ def weighed(r: Reader, weight: Operand, metalness: Operand, transmission: Operan
 
 
 def under_coat(r: Reader, ior: Operand, coat: Operand, coat_ior: Operand) -> Operand:
-    """The index with which the base reflects under a coat as it would bare: others' coats do not change what is below.
+    """Return the index with which the base reflects under the coat as it would without one.
 
-    OpenPBR's base meets the coat: "lerp(n_b / n_a, n_b / n_c, C)" ("Coat").
+    Other models' coats leave the base's reflection unchanged; OpenPBR's base borders on the coat: "lerp(n_b / n_a, n_b / n_c,
+    C)" ("Coat").
     """
     if coat == ZERO:
         return ior
@@ -47,9 +49,9 @@ def under_coat(r: Reader, ior: Operand, coat: Operand, coat_ior: Operand) -> Ope
 
 
 def metal_edge(r: Reader, base: Operand, edge: Operand) -> Operand:
-    """OpenPBR's tint of a metal's edge for Gulbrandsen's edge colour ("Artist Friendly Metallic Fresnel", 2014).
+    """Return OpenPBR's metal edge tint for Gulbrandsen's edge colour ("Artist Friendly Metallic Fresnel", 2014).
 
-    Of constants the conductor's own value there; of what varies, a line through what common metals have.
+    Constants give the conductor's exact value; varying colours a line fitted to common metals.
     """
     if edge == WHITE:
         return WHITE
@@ -59,7 +61,7 @@ def metal_edge(r: Reader, base: Operand, edge: Operand) -> Operand:
 
 
 def _edge_tint(f0: float, g: float) -> float:
-    """At most 1: no edge of OpenPBR's is brighter than Schlick's."""
+    """Return one channel of the edge tint, at most 1: OpenPBR's metal edges are never brighter than Schlick's."""
     f0, g = min(max(f0, 0.0), 0.99), min(max(g, 0.0), 1.0)
     n = g * (1.0 - f0) / (1.0 + f0) + (1.0 - g) * (1.0 + math.sqrt(f0)) / (1.0 - math.sqrt(f0))
     k = math.sqrt(max((f0 * (n + 1.0) ** 2 - (n - 1.0) ** 2) / (1.0 - f0), 0.0))
@@ -68,7 +70,7 @@ def _edge_tint(f0: float, g: float) -> float:
 
 
 def _conductor(ior: complex) -> float:
-    """What is reflected of unpolarised light at the edge's cosine (Fresnel)."""
+    """Return a conductor's Fresnel reflectance for unpolarised light at the cosine EDGE."""
     inside = cmath.sqrt(1.0 - (1.0 - EDGE**2) / ior**2)
     s = (EDGE - ior * inside) / (EDGE + ior * inside)
     p = (ior * EDGE - inside) / (ior * EDGE + inside)

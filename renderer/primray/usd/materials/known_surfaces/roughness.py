@@ -1,6 +1,6 @@
-"""Widths of microfacets along two axes, which each model says in its own way, in OpenPBR's: a roughness and an anisotropy.
+"""Conversion of each model's microfacet widths along two axes to OpenPBR's roughness and anisotropy.
 
-OpenPBR's are alpha_t^2 + alpha_b^2 = 2 roughness^4 and alpha_b = (1 - anisotropy) alpha_t ("Microfacet model").
+OpenPBR: alpha_t^2 + alpha_b^2 = 2 roughness^4 and alpha_b = (1 - anisotropy) alpha_t ("Microfacet model").
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ _MOST = (0.98,)
 
 
 def by_aspect(r: Reader, roughness: Operand, anisotropy: Operand) -> tuple[Operand, Operand]:
-    """Of MaterialX's roughness_anisotropy: roughness^2 over and times sqrt(1 - anisotropy), the wider one at most 1."""
+    """Return roughness and anisotropy for MaterialX's roughness_anisotropy.
+
+    Its widths are roughness^2 divided and multiplied by sqrt(1 - anisotropy), the larger one at most 1.
+    """
     if anisotropy == ZERO:
         return roughness, ZERO
     e = r.expressions
@@ -25,7 +28,10 @@ def by_aspect(r: Reader, roughness: Operand, anisotropy: Operand) -> tuple[Opera
 
 
 def by_strength(r: Reader, roughness: Operand, strength: Operand) -> tuple[Operand, Operand]:
-    """Of KHR_materials_anisotropy: roughness^2 across, and along the tangent that much nearer to 1 as strength^2 says."""
+    """Return roughness and anisotropy for KHR_materials_anisotropy.
+
+    The width across is roughness^2; along the tangent it is mixed with 1 by strength^2.
+    """
     if strength == ZERO:
         return roughness, ZERO
     alpha = r.times(roughness, roughness)
@@ -33,6 +39,7 @@ def by_strength(r: Reader, roughness: Operand, strength: Operand) -> tuple[Opera
 
 
 def _of_widths(r: Reader, along: Operand, across: Operand) -> tuple[Operand, Operand]:
+    """Return OpenPBR's roughness and anisotropy for the widths along and across the tangent."""
     e = r.expressions
     ratio = e.apply("ND_divide_float", in1=across, in2=e.apply("ND_max_float", in1=along, in2=_SHARPEST))
     squares = e.apply("ND_add_float", in1=r.times(along, along), in2=r.times(across, across))

@@ -1,4 +1,4 @@
-"""Autodesk's standard_surface, by the graph that MaterialX gives it."""
+"""Autodesk's standard_surface, read after its MaterialX node graph."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ _CALLED = {
 
 
 def read(r: Reader) -> KnownSurface:
+    """Return the surface that the node's inputs describe."""
     metal, coat, transmission = r["metalness"], r["coat"], r["transmission"]
     _tell(r)
     tint = r.scaled(r["specular_color"], r["specular"])
@@ -46,7 +47,7 @@ def read(r: Reader) -> KnownSurface:
         subsurface_color=_under_coat(r, r["subsurface_color"], ZERO),
         subsurface_radius=r["subsurface_scale"],
         subsurface_radius_scale=r["subsurface_radius"],
-        subsurface_scatter_anisotropy=ONE if thin else r["subsurface_anisotropy"],  # a leaf's light all goes through
+        subsurface_scatter_anisotropy=ONE if thin else r["subsurface_anisotropy"],  # thin walls scatter only forward
         fuzz_weight=r["sheen"],
         fuzz_color=r["sheen_color"],
         fuzz_roughness=fuzz_roughness(r, r["sheen_roughness"]),
@@ -74,11 +75,12 @@ def read(r: Reader) -> KnownSurface:
 
 
 def fuzz_roughness(r: Reader, roughness: Operand) -> Operand:
-    """Of a sheen's: MaterialX's own translation has this power, found by eye."""
+    """Return OpenPBR's fuzz roughness for a sheen roughness: MaterialX's own translation has this power, found by eye."""
     return r.expressions.apply("ND_power_float", in1=roughness, in2=(0.4,))
 
 
 def _tell(r: Reader) -> None:
+    """Record which inputs are ignored or approximated."""
     metal, coat, transmission = r["metalness"], r["coat"], r["transmission"]
     r.nearly(sheen=ZERO, metalness=ZERO)
     opacity = r["opacity"]
@@ -95,18 +97,18 @@ def _tell(r: Reader) -> None:
         if metal not in (ZERO, ONE):
             r.nearly(coat_affect_color=ZERO)
         if transmission != ZERO:
-            r.near.append("coat")  # what is below it refracts and reflects as if it met the coat
+            r.near.append("coat")  # the base refracts and reflects as if it bordered on the coat
         if r["emission_color"] != BLACK:
             r.nearly(emission=ZERO)
 
 
 def _roughened(r: Reader) -> Operand:
-    """Nearer to 1 as the coat is rough."""
+    """Return the specular roughness, mixed with 1 by the coat's roughness."""
     return r.mixed(r["specular_roughness"], ONE, r.times(r.times(r["coat_affect_roughness"], r["coat"]), r["coat_roughness"]))
 
 
 def _under_coat(r: Reader, color: Operand, metal: Operand) -> Operand:
-    """More saturated as the coat says; a metal's colour is not."""
+    """Return a colour more saturated under the coat (coat_affect_color); a metal's colour is unchanged."""
     affected = r["coat_affect_color"]
     if affected == ZERO or r["coat"] == ZERO or metal == ONE:
         return color
@@ -117,7 +119,7 @@ def _under_coat(r: Reader, color: Operand, metal: Operand) -> Operand:
 
 
 def _dispersion(r: Reader) -> tuple[Operand, Operand]:
-    """An Abbe number as it is where it is above 1; 0 is none."""
+    """Return OpenPBR's dispersion scale and Abbe number; an Abbe number of 0 means no dispersion."""
     abbe = r["transmission_dispersion"]
     if abbe == ZERO:
         return ZERO, (20.0,)
@@ -126,7 +128,7 @@ def _dispersion(r: Reader) -> tuple[Operand, Operand]:
 
 
 def _tangent(r: Reader, anisotropy: Operand, of: str) -> Operand:
-    """Turned as an anisotropy's rotation says, from 0 to 1 once round."""
+    """Return the tangent rotated by an anisotropy rotation, where 1 is a full turn."""
     if anisotropy == ZERO:
         return r["tangent"]
     normal = r["normal" if of == "specular" else "coat_normal"]

@@ -1,4 +1,4 @@
-"""MaterialX's surface_unlit: what shines without being lit, and lets light straight through."""
+"""MaterialX's surface_unlit: emission without shading, and straight transmission."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from ....description import Operand
 from .record import ONE, WHITE, ZERO, KnownSurface, Reader
 
 SHADERS = ("ND_surface_unlit",)
-_LEAST = (1e-3,)  # that is there of a surface that lets all through, for what it emits to be on
+_LEAST = (1e-3,)  # least opacity, so that a fully transmissive surface can still emit
 
 
 def read(r: Reader) -> KnownSurface:
+    """Return the surface that the node's inputs describe."""
     emission, opacity = r.scaled(r["emission_color"], r["emission"]), r["opacity"]
     if r["transmission"] != ZERO:
         r.rest(transmission_color=WHITE)
@@ -18,7 +19,7 @@ def read(r: Reader) -> KnownSurface:
 
 
 def _seen_through(r: Reader, emission: Operand) -> tuple[Operand, Operand]:
-    """What is there of it is less by the part that passes, and shines the more."""
+    """Return emission and opacity for a transmission: less opacity, and more emission in return."""
     e = r.expressions
     kept = e.apply("ND_clamp_float", **{"in": r.one_minus(r["transmission"]), "low": _LEAST, "high": ONE})
     return e.apply("ND_divide_color3FA", in1=emission, in2=kept), r.times(r["opacity"], kept)

@@ -1,4 +1,4 @@
-"""Materials of MDL's stock modules, those of Omniverse and Isaac: their documented inputs in the record of known surfaces.
+"""Materials of the stock MDL modules of Omniverse and Isaac: their documented inputs read into a KnownSurface.
 
-by_name.py has the list of modules, inputs.py what they are read with. Nothing of MDL itself is interpreted.
+by_name.py lists the modules, inputs.py reads inputs. MDL code itself is not interpreted.
 """

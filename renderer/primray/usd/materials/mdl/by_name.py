@@ -1,4 +1,4 @@
-"""The stock modules by their files, and a material that is of one of them."""
+"""The stock MDL modules by file name, and the translation of a material that uses one of them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _MODULES: dict[str, tuple[_Read, AtRest]] = {
 
 
 def mdl_material(shader: Node, path: str, ctx: Context) -> tuple[Surface, bool] | None:
-    """The surface, and whether it is cut out altogether; None where the module is none of these."""
+    """Return the surface and whether its cutoff removes all of it; None where the module is not a stock one."""
     module = module_of(shader)
     found = _MODULES.get(module) or _MODULES.get(module.rpartition("/")[2])
     if found is None:

@@ -1,4 +1,4 @@
-"""gltf/pbr.mdl: glTF's material in MDL."""
+"""gltf/pbr.mdl, glTF's material in MDL."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ _COAT_IOR = (1.5,)
 
 
 def read(m: MdlInputs) -> KnownSurface:
+    """Return the surface that the module's inputs describe."""
     mode = m.constant("alpha_mode", _OPAQUE)[0]
     if mode not in (_OPAQUE, _MASK, _BLEND):
         m.lost.add("alpha_mode")
@@ -49,7 +50,10 @@ def read(m: MdlInputs) -> KnownSurface:
 
 
 def _base_and_opacity(m: MdlInputs, *, seen_through: bool) -> tuple[Operand, Operand]:
-    """The factors times the texture's colour and alpha; opaque unless the mode says otherwise (glTF 2.0, "Alpha Coverage")."""
+    """Return the factors times the texture's colour and alpha; opaque unless alpha_mode says otherwise.
+
+    glTF 2.0, "Alpha Coverage".
+    """
     e, factor, alpha = m.expressions, m.constant("base_color_factor", 1.0, 1.0, 1.0), m.constant("base_alpha", 1.0)
     if not seen_through:
         texels = m.image("base_color_texture", 3, (1.0, 1.0, 1.0), is_color=True)

@@ -1,4 +1,4 @@
-"""Inputs of an MDL shader as operands: numbers, colours, switches, and textures at the place that the material says."""
+"""Inputs of an MDL shader as operands: numbers, colours, switches, and textures."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ from ..texture_asset import texture_file
 
 _IMAGE = {1: "float", 3: "color3", 4: "color4"}
 _TYPES = {1: "float", 2: "vector2", 3: "color3"}
-_LOOKUP_FILES = ("texture", "tex", "file")  # what functions of MDL that look a texture up call it
+_LOOKUP_FILES = ("texture", "tex", "file")  # names of the file in MDL's texture lookup functions
 _LOOKUP_SETS = ("tex_coord_index", "uv_space_index")
 
-ANY = object()  # in place of a value at rest: whatever the input says, it has no effect on a picture
-AtRest = Mapping[str, object]  # names of inputs that are not read, and the numbers with which they have no effect
+ANY = object()  # instead of a neutral value: the input has no effect on an image, whatever its value
+AtRest = Mapping[str, object]  # inputs that are not read, and the values at which they have no effect
 
 
 @dataclass
 class MdlInputs:
-    """The inputs of one shader. `read`: the names that have been asked for; `lost`: those of what has been asked for, and
-    cannot be read."""
+    """The inputs of one MDL shader.
+
+    `read`: names of inputs that have been read; `lost`: names of those that cannot be read.
+    """
 
     shader: Node
     values: NodeValues
@@ -43,32 +45,35 @@ class MdlInputs:
 
     @property
     def reader(self) -> Reader:
-        """Of no inputs: for what known surfaces have in common."""
+        """A Reader without inputs, for helpers that surface models share."""
         return Reader({}, self.expressions)
 
     def has(self, name: str) -> bool:
-        """Whether the shader says anything of it."""
+        """Return whether the shader authors an input."""
         self.read.add(name)
         attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
         return bool(attribute and find_source(attribute, self.values.ctx) is not None)
 
     def constant(self, name: str, *default: float) -> tuple[float, ...]:
-        """As many numbers as the default has."""
+        """Return an input's constant, as many numbers as the default has."""
         self.read.add(name)
         attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
         found = find_source(attribute, self.values.ctx) if attribute else None
         if isinstance(found, Node):
             self.lost.add(name)
-        if not isinstance(found, Constant) or isinstance(found.value, Sdf.AssetPath):  # a file may be read beside the number
+        if not isinstance(found, Constant) or isinstance(
+            found.value, Sdf.AssetPath
+        ):  # an input may be a file instead of a number
             return default
         made = self.values.constant(found, InputDefinition(name, _TYPES[len(default)], default), self.shader)
         return made if isinstance(made, tuple) else default
 
     def is_on(self, name: str, default: bool = False) -> bool:
+        """Return whether a switch is on."""
         return self.constant(name, float(default))[0] != 0
 
     def image(self, name: str, width: int, default: tuple[float, ...], *, is_color: bool = False) -> Operand | None:
-        """The texture that an input names itself, or that the lookup it is connected to does; None where there is none."""
+        """Return the texture that an input names, or that the lookup connected to it names; None where there is none."""
         self.read.add(name)
         attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
         found = find_source(attribute, self.values.ctx) if attribute else None
@@ -92,7 +97,7 @@ class MdlInputs:
         return self.expressions.apply(f"ND_image_{kind}", file=file, default=default, texcoord=st)
 
     def _looked_up_at(self, lookup: Node, name: str, file: str) -> Operand:
-        """Texture coordinates of a lookup that is a node of its own, which may say their set; its other inputs are lost."""
+        """Return the texture coordinates of a lookup function, which may number their set; its other inputs are lost."""
         own = MdlInputs(lookup, self.values)
         own.read.add(file)
         index = next((n for n in _LOOKUP_SETS if own.has(n)), None)
@@ -102,12 +107,12 @@ class MdlInputs:
         return st
 
     def set_of(self, name: str) -> Operand:
-        """The texture coordinates of the set that an input numbers."""
+        """Return the texture coordinates of the set that an input numbers."""
         index = self.constant(name, 0.0)
         return "UV0" if index == (0.0,) else self.expressions.apply("ND_texcoord_vector2", index=index)
 
     def unread(self, at_rest: AtRest) -> list[str]:
-        """Names that the shader has with an effect that is lost: nothing has asked for them, or they cannot be read."""
+        """Return the names of authored inputs whose effect is lost: never read, or impossible to read."""
         names = {str(n)[7:] for n in property_names(self.shader.prim) if n.startswith("inputs:")}
         left = {name for name in names - self.read if name not in at_rest or not self._is_at(name, at_rest[name])}
         return sorted(left | self.lost)
@@ -119,7 +124,7 @@ class MdlInputs:
         return found is None or (isinstance(found, Constant) and as_numbers(found.value) == rest)
 
     def normal(self, name: str, strength: float) -> Operand:
-        """A tangent-space map in world space."""
+        """Return a tangent-space normal map's normal in world space."""
         texels = self.image(name, 3, (0.5, 0.5, 1.0))
         if texels is None:
             return NORMAL
@@ -127,20 +132,23 @@ class MdlInputs:
         return self.expressions.apply("ND_normalmap_float", **{"in": as_vector, "scale": (strength,)})
 
     def scaled(self, color: Operand, by: Operand) -> Operand:
+        """Return a colour times a number."""
         return self.expressions.apply("ND_multiply_color3FA", in1=color, in2=by)
 
     def product(self, a: Operand, b: Operand) -> Operand:
+        """Return the product of two colours."""
         return self.expressions.apply("ND_multiply_color3", in1=a, in2=b)
 
     def channel(self, color: Operand, index: int) -> Operand:
+        """Return a channel of a colour."""
         return self.expressions.apply("ND_extract_color3", **{"in": color, "index": (float(index),)})
 
     def mixed(self, a: Operand, b: Operand | None, by: float) -> Operand:
-        """From a to b, where there is a b."""
+        """Return a number interpolated from a to b; a where b is None."""
         return a if b is None else self.expressions.apply("ND_mix_float", bg=a, fg=b, mix=(by,))
 
     def place(self, translate: str, rotate: str, scale: str) -> None:
-        """Textures from here on are where these say: scaled, turned, moved."""
+        """Scale, rotate and translate the coordinates of textures that are read from here on."""
         e = self.expressions
         st = e.apply("ND_multiply_vector2", in1=self.st, in2=self.constant(scale, 1.0, 1.0))
         turn = self.constant(rotate, 0.0)

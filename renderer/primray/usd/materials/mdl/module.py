@@ -1,4 +1,4 @@
-"""Which MDL module a shader is of."""
+"""MDL modules of shaders."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from ..network import Node
 
 
 def module_of(shader: Node) -> str:
-    """Its path, "" where it is of none."""
+    """Return the path of a shader's MDL module, "" where it has none."""
     asset = default_value(shader.prim.GetAttribute("info:mdl:sourceAsset"))
     return str(asset.path) if isinstance(asset, Sdf.AssetPath) else ""

@@ -9,6 +9,7 @@ AT_REST = {"depth": ANY, "reflection_color": (1.0, 1.0, 1.0), "excludeFromWhiteM
 
 
 def read(m: MdlInputs) -> KnownSurface:
+    """Return the surface that the module's inputs describe."""
     return KnownSurface(
         base_color=(1.0, 1.0, 1.0),
         transmission_weight=ONE,

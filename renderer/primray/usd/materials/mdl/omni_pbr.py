@@ -11,13 +11,14 @@ AT_REST = {
     "ao_texture": ANY,
     "ao_to_diffuse": ANY,
     "project_uvw": ZERO,
-    "world_or_object": ANY,  # of textures that are projected
+    "world_or_object": ANY,  # only for projected textures
     "excludeFromWhiteMode": ANY,
 }
-_MOST = 0.08  # what is reflected head-on where specular_level is 1
+_MOST = 0.08  # reflectance at normal incidence where specular_level is 1
 
 
 def read(m: MdlInputs) -> KnownSurface:
+    """Return the surface that the module's inputs describe."""
     m.st = m.set_of("uv_space_index")
     m.place("texture_translate", "texture_rotate", "texture_scale")
     roughness, metalness = _roughness_and_metalness(m)

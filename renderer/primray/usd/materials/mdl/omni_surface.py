@@ -1,6 +1,6 @@
-"""OmniSurface, OmniSurfaceBase and OmniSurfaceLite (NVIDIA), and the inputs of OmniSurface's presets.
+"""OmniSurface, OmniSurfaceBase, OmniSurfaceLite and the OmniSurface presets (NVIDIA).
 
-They are "based on Autodesk Standard Surface" (OmniSurface's page), and are read as one.
+NVIDIA documents OmniSurface as "based on Autodesk Standard Surface", and it is read as one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from .inputs import ANY, MdlInputs
 
 AT_REST = {"excludeFromWhiteMode": ANY}
 
-# Their names of standard_surface's inputs, and what these are where nothing is said.
+# OmniSurface's names for standard_surface's inputs, and its defaults.
 _INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
     "base": ("diffuse_reflection_weight", (0.8,)),
     "base_color": ("diffuse_reflection_color", WHITE),
@@ -53,10 +53,11 @@ _INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
     "emission_color": ("emission_color", WHITE),
     "thin_walled": ("thin_walled", ZERO),
 }
-_IMAGES = {"base_color": 3, "specular_roughness": 1, "metalness": 1}  # and how many numbers each gives
+_IMAGES = {"base_color": 3, "specular_roughness": 1, "metalness": 1}  # inputs with a texture, and its number of channels
 
 
 def read(m: MdlInputs) -> KnownSurface:
+    """Return the surface that the module's inputs describe."""
     placed = "uvw_translate", "uvw_rotate", "uvw_scale"
     m.read.update(placed)
     if any(m.has(name) for name in placed):
@@ -87,7 +88,7 @@ def read(m: MdlInputs) -> KnownSurface:
 
 
 def _switch_off(m: MdlInputs, inputs: dict[str, Operand]) -> None:
-    """What is not enabled; a weight that is said without a word of its switch is meant."""
+    """Set the weights of disabled lobes to zero; a lobe whose weight is authored without its switch is on."""
     switches = {
         "transmission": ("enable_specular_transmission", m.has("specular_transmission_weight")),
         "subsurface": ("enable_diffuse_transmission", m.has("subsurface_weight")),

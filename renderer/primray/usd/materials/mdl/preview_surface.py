@@ -1,4 +1,4 @@
-"""UsdPreviewSurface.mdl: MDL's own version of UsdPreviewSurface."""
+"""UsdPreviewSurface.mdl, MDL's version of UsdPreviewSurface."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ AT_REST = {"occlusion": ANY, "displacement": ZERO, "opacityMode": ZERO}
 
 
 def read(m: MdlInputs) -> KnownSurface:
+    """Return the surface that the module's inputs describe."""
     base = m.image("diffuseColor", 3, (0.18, 0.18, 0.18), is_color=True)
     ior, coat = m.constant("ior", 1.5), m.constant("clearcoat", 0.0)
     return KnownSurface(

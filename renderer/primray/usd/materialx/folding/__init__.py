@@ -1,5 +1,6 @@
-"""What primitive nodes give for constants, in double precision: channels, arithmetic, adjustments, compositing. What depends on
-where a surface is seen, and what is not worth it (noise, matrices), stays a node.
+"""Constant folding of primitive nodes in double precision: channels, arithmetic, adjustments, compositing.
+
+Nodes that depend on the shading point, and those rarely constant (noise, matrices), are not folded.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ _FOLDS: dict[str, Fold] = {**ARITHMETIC, **CHANNELS, **ADJUSTMENTS, **COMPOSITIN
 
 
 def folded(node: Definition, inputs: Mapping[str, object]) -> Numbers | None:
-    """The value of a node whose inputs are all numbers; None where it cannot be told, or is not finite."""
+    """Return the value of a node whose inputs are all numbers; None where it is unknown or not finite."""
     fold = _FOLDS.get(node.category)
     width = node.width
     if fold is None or not width or len(node.outputs) > 1:

@@ -1,4 +1,4 @@
-"""Folding of adjustments: mixtures, ranges, luminance, hue."""
+"""Constant folding of adjustments: mix, remap, smoothstep, luminance, HSV."""
 
 from __future__ import annotations
 

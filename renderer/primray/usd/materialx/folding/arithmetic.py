@@ -1,4 +1,4 @@
-"""Folding of arithmetic, by component and of vectors; of logic and choices."""
+"""Constant folding of arithmetic by component, of vector operations, and of logic."""
 
 from __future__ import annotations
 

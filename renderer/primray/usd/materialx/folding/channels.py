@@ -1,4 +1,4 @@
-"""Folding of what takes numbers apart and puts them together."""
+"""Constant folding of combine, extract and convert."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def _extract(inputs: Constants, _width: int) -> Numbers:
 
 
 def _convert(inputs: Constants, width: int) -> Numbers:
-    """One number is all colour channels; what is added is 1, the alpha of a colour, or 0, of a vector's third."""
+    """Return a number converted to `width` components: one is repeated; alpha is 1, a missing vector component 0."""
     given = inputs["in"]
     if len(given) == 1:
         return given * width

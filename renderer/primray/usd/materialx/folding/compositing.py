@@ -1,4 +1,4 @@
-"""Folding of compositing: blends by a mixture, and operators that need an alpha."""
+"""Constant folding of compositing: blends with a mix, and operators on alpha."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .kinds import Constants, Fold, Numbers, wide
 
 
 def _blend(of: Callable[[float, float], float]) -> Fold:
-    """Of foreground and background, mixed with the background."""
+    """Return the folding of a blend of foreground and background, mixed with the background."""
 
     def fold(inputs: Constants, width: int) -> Numbers:
         fg, bg, mix = (wide(inputs[name], width) for name in ("fg", "bg", "mix"))

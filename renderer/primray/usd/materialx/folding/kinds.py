@@ -1,4 +1,4 @@
-"""What folding is made of: tuples of numbers by inputs' names, and functions of them that are told how many are wanted."""
+"""Types of constant folding: inputs as tuples of numbers by name, and functions of them and of the output's width."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ Fold = Callable[[Constants, int], Numbers]
 
 
 def wide(value: Numbers, width: int) -> Numbers:
-    """One number stands for as many as are wanted."""
+    """Return a value repeated to `width` components where it has one."""
     return value * width if len(value) == 1 else value
 
 
 def each(function: Callable[..., float], *names: str) -> Fold:
-    """The function of each component of the inputs of these names."""
+    """Return the folding of a function applied to each component of these inputs."""
 
     def fold(inputs: Constants, width: int) -> Numbers:
         return tuple(map(function, *(wide(inputs[name], width) for name in names)))

@@ -1,7 +1,7 @@
-"""What the assignments of a look come to: for a path the strongest one, and for all paths bindings by collections in order.
+"""Assignments of a look: the strongest one for a path, and ordered collection bindings for all paths.
 
-MaterialX Geometry Extensions, "Assignment Elements": an assignment holds at its locations and below them, up to where another
-is closer to the leaf; of those at one location the last one wins. A look's own come after those that it inherits.
+MaterialX Geometry Extensions, "Assignment Elements": an assignment holds at its locations and below them, down to the next one
+closer to the leaf; the last of those at one location wins. A look's own assignments follow those that it inherits.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from typing import Any
 
 from .geometry_names import GeometryName, geometry_names, is_prim_name
 
-MOST_PIECES = 1000  # of one look
-_TOLD_APART = 8  # levels down to which names of any depth are told apart by the depth of what they match
+MOST_PIECES = 1000  # parts of the assignments of one look
+_TOLD_APART = 8  # depth down to which names with "//" are ranked by the depth of the path that they match
 
 
 @dataclass(frozen=True)
 class Share:
-    """Part of what an assignment is made to: what a name covers, without what others do."""
+    """Part of the target of an assignment: what a name covers, without what the excluded names cover."""
 
     name: GeometryName
     excludes: tuple[GeometryName, ...] = ()
 
     def location(self, path: Sequence[str], is_leaf: bool) -> int | None:
+        """Return the depth of the deepest location that covers a path, None where none does or it is excluded."""
         if any(name.location(path, is_leaf=is_leaf) is not None for name in self.excludes):
             return None
         return self.name.location(path, is_leaf=is_leaf)
@@ -32,7 +33,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Assignment:
-    """`what` is assigned to these shares; of a look in order."""
+    """An assignment of `what` to these shares; a look has an ordered list of them."""
 
     what: Any
     shares: tuple[Share, ...]
@@ -40,21 +41,21 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Bound:
-    """Shares to which one assignment binds, stronger than all that come after; `below`: with what is below their locations."""
+    """Shares that one assignment binds, stronger than those after it; `below`: also below their locations."""
 
-    order: int  # the assignment's
+    order: int  # index of the assignment
     below: bool
     names: tuple[GeometryName, ...]
     excludes: tuple[GeometryName, ...]
 
     @property
     def is_whole(self) -> bool:
-        """Whether this holds for all that nothing stronger does."""
+        """Whether this binds everything that is not bound more strongly."""
         return self.below and not self.excludes and GeometryName(()) in self.names
 
 
 def strongest(assignments: Sequence[Assignment], path: Sequence[str], *, is_leaf: bool = True) -> Assignment | None:
-    """Return the assignment that holds for a path below what the look is on, None where none does."""
+    """Return the assignment that holds for a path relative to the look's model, None where none does."""
     found: tuple[int, int] | None = None
     for order, assignment in enumerate(assignments):
         depths = [depth for share in assignment.shares if (depth := share.location(path, is_leaf)) is not None]
@@ -64,7 +65,7 @@ def strongest(assignments: Sequence[Assignment], path: Sequence[str], *, is_leaf
 
 
 def shares_of(element: Any, document: Any, wrong: list[str]) -> tuple[Share, ...]:
-    """Return what an element's `geom` and `collection` name; `wrong`: what of it has no meaning, in words."""
+    """Return what an element's `geom` and `collection` name; `wrong` receives messages about invalid names."""
     found = [Share(name) for name in _names(element, "geom", wrong)]
     named = element.getAttribute("collection")
     return (*found, *(_of_collection(named, document, wrong, ()) if named else ()))
@@ -95,10 +96,10 @@ def _names(element: Any, attribute: str, wrong: list[str]) -> list[GeometryName]
 
 
 def bindings(assignments: Sequence[Assignment]) -> list[Bound]:
-    """Return what is bound to what, the strongest first: names of one depth before those that are less deep.
+    """Return the bindings, strongest first: deeper names before shallower ones.
 
-    A name with any number of levels is taken apart into names of one depth. Below the depth that others have, and
-    _TOLD_APART where there are several such names, the last one wins, however deep.
+    A name with any number of levels is split into names of fixed depth. Below the depth that others have, and below
+    _TOLD_APART levels where there are several such names, the last one wins, however deep.
     """
     shares = [(order, share) for order, assignment in enumerate(assignments) for share in assignment.shares]
     deep = [share.name for _, share in shares if share.name.is_deep and not share.name.is_everywhere]
@@ -122,9 +123,9 @@ def bindings(assignments: Sequence[Assignment]) -> list[Bound]:
 
 
 def _ranked(order: int, share: Share, told_apart: int, *, exactly: bool) -> list[tuple[tuple[float, float, int], bool, Share]]:
-    """Return a share in parts, each with its rank (kind, depth, order) and whether it holds below its locations too.
+    """Return a share split up, each part with its rank (kind, depth, order) and whether it holds below its locations.
 
-    What is matched everywhere is a location of its own: it ties with names that match it `exactly`.
+    Something matched at any depth is a location itself, so it ties with names that match it `exactly`.
     """
     name = share.name
     if name.is_everywhere:

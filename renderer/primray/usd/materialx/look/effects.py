@@ -1,8 +1,9 @@
-"""What a look does to prims beside binding materials: visibility and properties, written on the prims that there are.
+"""Effects of a look beside material bindings: visibility and properties, written on the prims of the composed stage.
 
-MaterialX lets a look hide all and show some of it again, which USD does not: so what each shape and light comes to is found on
-the composed stage, and written over it in the look's variant. MaterialX Geometry Extensions, "Visibility Elements", "Property
-Definition"; `twosided` has no effect, as both sides of every surface shade.
+A MaterialX look may hide everything and show parts of it again, which USD's inheritance of visibility cannot express. So the
+result is computed for each shape and light of the composed stage, and authored as an override in the look's variant. MaterialX
+Geometry Extensions, "Visibility Elements", "Property Definition"; `twosided` has no effect, as surfaces are shaded on both
+sides.
 """
 
 from __future__ import annotations
@@ -26,20 +27,20 @@ _T = Sdf.ValueTypeNames
 
 @dataclass
 class Effects:
-    """Assignments of a look, in order: whether prims are visible at all, to the camera, and whether they hold out."""
+    """Assignments of a look, in order: visibility to everything, visibility to the camera, and mattes."""
 
     visible: list[Assignment] = field(default_factory=list)
     camera: list[Assignment] = field(default_factory=list)
     matte: list[Assignment] = field(default_factory=list)
 
     def __bool__(self) -> bool:
-        """Whether any of them says otherwise than every prim's default."""
+        """Return whether any assignment differs from every prim's default."""
         shown = all(assignment.what for assignment in (*self.visible, *self.camera))
         return not shown or any(assignment.what for assignment in self.matte)
 
 
 def effects_of(looks: Sequence[Any], document: Any, wrong: list[str]) -> Effects:
-    """Return the effects of looks, the last of which inherits the others; `wrong`: what has no effect, in words."""
+    """Return the effects of looks, the last of which inherits the others; `wrong` receives messages about the rest."""
     made = Effects()
     for look in looks:
         for element in look.getVisibilities():
@@ -67,7 +68,7 @@ def _read_visibility(element: Any, document: Any, made: Effects, wrong: list[str
 
 
 def _properties(element: Any, document: Any, wrong: list[str]) -> list[tuple[str, str, str]]:
-    """Return name, value and target of what a child of a look assigns to geometry."""
+    """Return name, value and target of the properties that a child of a look assigns to geometry."""
     if element.getCategory() == "propertyassign":
         return [(element.getAttribute("property"), element.getAttribute("value"), element.getAttribute("target"))]
     if element.getCategory() != "propertysetassign":
@@ -82,13 +83,13 @@ def _properties(element: Any, document: Any, wrong: list[str]) -> list[tuple[str
 
 
 def mark(layer: Sdf.Layer, effects: Mapping[Sdf.Path, Effects]) -> None:
-    """Let the prims that choose a look with effects be found on a stage."""
+    """Mark the prims that choose a look with effects, so that they can be found on a stage."""
     for path in effects:
         attribute(layer.GetPrimAtPath(path), LOOK, _T.String, uniform=True).default = str(path)
 
 
 def write_effects(stage: Usd.Stage, layers: Mapping[str, Mapping[Sdf.Path, Effects]]) -> None:
-    """Write over what each look with effects does to the prims that it is on; `layers`: effects by layers' identifiers."""
+    """Author the effects of looks on the prims that they apply to; `layers`: effects by layer identifier."""
     found: list[tuple[Sdf.PrimSpec, Effects, Usd.Prim]] = []
     for prim in drawn_in_instances(stage.GetPseudoRoot()):
         marked = prim.GetAttribute(LOOK) if prim.HasAttribute(LOOK) else None
@@ -104,7 +105,7 @@ def write_effects(stage: Usd.Stage, layers: Mapping[str, Mapping[Sdf.Path, Effec
 
 
 def _is_in_instance(prim: Usd.Prim, model: Usd.Prim) -> bool:
-    """Return whether an instance below the model holds the prim, so that USD ignores what is written over it."""
+    """Return whether the prim is in an instance below the model, so that USD ignores overrides of it."""
     above = prim.GetParent()
     while above and above != model:
         if above.IsInstance():
@@ -117,7 +118,7 @@ _Opinion = tuple[Sdf.PrimSpec, Sdf.Path, str, Sdf.ValueTypeName, Any]
 
 
 def _opinions(variant: Sdf.PrimSpec, effects: Effects, model: Usd.Prim) -> Iterator[_Opinion]:
-    """Yield what is to be written for a model's shapes and lights, by their paths below it."""
+    """Yield the opinions to author for a model's shapes and lights, by their paths below it."""
     for prim in drawn_in_instances(model):
         is_light = prim.HasAPI(UsdLux.LightAPI)
         if not (is_light or prim.IsA(UsdGeom.Boundable)):
@@ -145,6 +146,7 @@ def _opinions(variant: Sdf.PrimSpec, effects: Effects, model: Usd.Prim) -> Itera
 def _of_camera(
     variant: Sdf.PrimSpec, path: Sdf.Path, holds: Callable[[list[Assignment], bool], bool], effects: Effects, is_light: bool
 ) -> list[_Opinion]:
+    """Return the opinions about the camera's view of a shape or light."""
     is_seen = holds(effects.camera, True)
     if is_light:
         return [] if is_seen else [(variant, path, CAMERA_VISIBILITY[0], _T.Bool, False)]
@@ -155,7 +157,7 @@ def _of_camera(
 
 
 def _over(variant: Sdf.PrimSpec, path: Sdf.Path) -> Sdf.PrimSpec:
-    """Return the prim of a path below a variant's, made where it is not there."""
+    """Return the prim spec at a path below a variant's, created if it does not exist."""
     spec = variant
     for part in path.GetPrefixes() if path != Sdf.Path.reflexiveRelativePath else ():
         spec = spec.nameChildren.get(part.name) or Sdf.PrimSpec(spec, part.name, Sdf.SpecifierOver)

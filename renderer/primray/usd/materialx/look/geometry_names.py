@@ -1,7 +1,7 @@
-"""Geometry name expressions of MaterialX: what they match, and the same as paths and path expressions of USD.
+"""MaterialX's geometry name expressions: what they match, and their equivalents as USD paths and path expressions.
 
-MaterialX Geometry Extensions, "Geometry Name Expressions": "*", "?" and "[]" match within a level, "{}" holds alternatives, and
-"//" stands for any number of levels. What matches a name is a location, and what is below it is covered by it.
+MaterialX Geometry Extensions, "Geometry Name Expressions": "*", "?" and "[]" match within a level, "{}" holds alternatives,
+and "//" stands for any number of levels. A path that matches is a location, and covers everything below it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import cache, cached_property
 
 from pxr import Sdf
 
-_ANY = ""  # among levels: any number of them
+_ANY = ""  # a level that matches any number of levels
 _WILD = re.compile(r"[*?\[\]]")
 _PATTERN = re.compile(r"([A-Za-z0-9_*?]|\[[A-Za-z0-9_]+(-[A-Za-z0-9_]+)*\])+")
 _MOST_ALTERNATIVES = 256
@@ -21,7 +21,7 @@ _MOST_ALTERNATIVES = 256
 
 @dataclass(frozen=True)
 class GeometryName:
-    """A name without alternatives, level by level."""
+    """A name without alternatives, as a sequence of levels."""
 
     levels: tuple[str, ...]
 
@@ -31,17 +31,17 @@ class GeometryName:
 
     @cached_property
     def is_deep(self) -> bool:
-        """Whether its locations are at more than one depth."""
+        """Whether its locations have more than one depth."""
         return _ANY in self.levels
 
     @cached_property
     def is_everywhere(self) -> bool:
-        """Whether all that it covers is a location of its own: names that end with any level, or with any leaf."""
+        """Whether everything that it covers is a location: names that end with any level, or with any leaf."""
         return self.levels[-1:] == (_ANY,) or self._leaves
 
     @property
     def depth(self) -> int:
-        """The depth of its locations; of a deep name the least."""
+        """Depth of its locations, the least one for a deep name."""
         return len(self.levels) - self.levels.count(_ANY)
 
     @property
@@ -58,34 +58,34 @@ class GeometryName:
         return None
 
     def covers(self, other: GeometryName) -> bool:
-        """Return whether all that a literal name covers is covered by this."""
+        """Return whether it covers everything that a literal name covers."""
         return other.is_literal and self.location(other.levels) is not None
 
     def exactly(self, more: int) -> list[GeometryName]:
-        """Return the names of one depth that together match as this does `more` levels below its least depth."""
+        """Return the names of fixed depth that together match what this one matches `more` levels below its least depth."""
         return [GeometryName(levels) for levels in _exactly(self.levels, more)]
 
     def at_least(self, more: int) -> list[GeometryName]:
-        """Return the names that match as this does `more` levels below its least depth, or further down."""
+        """Return the names that match what this one matches at least `more` levels below its least depth."""
         return [GeometryName(levels) for levels in _at_least(self.levels, more)]
 
     def path(self, root: Sdf.Path) -> Sdf.Path:
-        """Return the path below a root that a literal name stands for."""
+        """Return the path of a literal name below a root."""
         return Sdf.Path("/".join([str(root), *self.levels]))
 
     def expression(self, root: Sdf.Path, *, below: bool = True) -> str:
-        """Return a path expression for its locations below a root, and for all that is `below` them."""
+        """Return a path expression for its locations below a root, and for everything `below` them."""
         levels = self.levels[:-1] if self.levels[-1:] == (_ANY,) else self.levels
         return str(root) + "".join(f"/{level}" for level in levels) + ("//" if below else "")
 
 
 def geometry_names(text: str, prefix: str = "") -> list[GeometryName]:
-    """Return the names in a list of expressions, each with a prefix before it."""
+    """Return the names in a list of expressions, each with the prefix."""
     return [GeometryName(_levels(name)) for listed in _listed(text) for name in _alternatives(prefix + listed)]
 
 
 def is_prim_name(name: GeometryName) -> bool:
-    """Return whether prims can have the name, and USD's path expressions its wildcards."""
+    """Return whether prims can have the name, and USD's path expressions can express its wildcards."""
     return all(
         level == _ANY or (_PATTERN.fullmatch(level) if _WILD.search(level) else Sdf.Path.IsValidIdentifier(level))
         for level in name.levels
@@ -93,7 +93,7 @@ def is_prim_name(name: GeometryName) -> bool:
 
 
 def _listed(text: str) -> Iterator[str]:
-    """Yield what commas and spaces set off, but for commas between braces."""
+    """Yield the items of a list separated by commas and spaces, except commas inside braces."""
     depth, word = 0, ""
     for character in text + ",":
         depth += (character == "{") - (character == "}")
@@ -106,7 +106,7 @@ def _listed(text: str) -> Iterator[str]:
 
 
 def _alternatives(text: str) -> list[str]:
-    """Return the texts that braces stand for; what is too many, or not closed, stays as it is."""
+    """Return the texts that braces expand to; a text with too many, or with unclosed braces, is unchanged."""
     waiting: list[str] = [text]
     done: list[str] = []
     while waiting and len(waiting) + len(done) <= _MOST_ALTERNATIVES:
@@ -120,7 +120,7 @@ def _alternatives(text: str) -> list[str]:
 
 
 def _levels(name: str) -> tuple[str, ...]:
-    """Return the levels of a name, which may or may not begin or end with a slash."""
+    """Return the levels of a name, with or without slashes at its ends."""
     parts = name.removeprefix("/").split("/")
     if parts[-1] == "":
         parts.pop()

@@ -1,7 +1,7 @@
-"""A document's looks and collections: /MaterialX/Looks, /MaterialX/Collections, and /ModelRoot with a variant for each look.
+"""Looks and collections of a document: /MaterialX/Looks, /MaterialX/Collections, and /ModelRoot with a variant per look.
 
-A look binds its materials by collections of its own, in the order in which assignments.py says that they are to be asked. What
-of a look has no effect lies as a message in its variant, so that only those hear of it who choose the look.
+A look binds its materials through collections of its own, in the order that assignments.py determines. Messages about what has
+no effect are stored in the look's variant, so that they are reported only if the look is selected.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _T = Sdf.ValueTypeNames
 
 
 def write_looks(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> dict[Sdf.Path, Effects]:
-    """Write all looks; what else than binding materials they do to prims, by the paths of their variants."""
+    """Write all looks; return their effects beside material bindings, by the paths of their variants."""
     collections = _write_collections(layer, document)
     looks = own(document, "look")
     model = define(layer, _MODEL)
@@ -49,7 +49,7 @@ def write_looks(layer: Sdf.Layer, document: Any, graphs: NodeGraphs) -> dict[Sdf
 
 
 def _default_look(document: Any, looks: list[str]) -> str:
-    """Return the look that the first group with a default says is used, "" where none does."""
+    """Return the look that the first look group with a usable default selects, "" without one."""
     groups = {group.getName(): group for group in own(document, "lookgroup")}
     for first in groups.values():
         name, passed = str(first.getName()), set[str]()
@@ -62,7 +62,7 @@ def _default_look(document: Any, looks: list[str]) -> str:
 
 
 def _write_collections(layer: Sdf.Layer, document: Any) -> set[str]:
-    """Write the document's own collections for whoever refers to them in USD, as far as they are paths; return their names."""
+    """Write the document's collections for use from USD, as far as they can be paths; return their names."""
     names = {name_of(collection): collection for collection in own(document, "collection")}
     for name, collection in names.items():
         prim = define(layer, _COLLECTIONS)
@@ -81,17 +81,17 @@ def _write_collections(layer: Sdf.Layer, document: Any) -> set[str]:
 
 
 class _Look:
-    """One look, with all that it inherits: its materials, and what they are bound to."""
+    """One look with everything that it inherits: its materials, and what they are bound to."""
 
     def __init__(self, layer: Sdf.Layer, graphs: NodeGraphs, look: Any, collections: set[str]) -> None:
         self._layer, self._graphs, self._look = layer, graphs, look
-        self._taken = set(collections)  # names of collections
+        self._taken = set(collections)  # collection names in use
         self.path = _LOOKS.AppendChild(name_of(look))
-        self.wrong: list[str] = []  # what has no effect, in words
+        self.wrong: list[str] = []  # messages about what has no effect
         self.chain = self._inherited()
 
     def _inherited(self) -> list[Any]:
-        """Return the looks that this one is made of, itself last."""
+        """Return the looks that this one consists of, itself last."""
         looks = {look.getName(): look for look in own(self._graphs.document, "look")}
         found, name = [self._look], self._look.getAttribute("inherit")
         while name:
@@ -120,7 +120,7 @@ class _Look:
         prim.propertyOrder = order
 
     def _assignment(self, element: Any) -> Assignment | None:
-        """Return an assignment of a copy of its material, None where there is nothing to assign."""
+        """Return an assignment of a copy of its material, None where the material does not exist."""
         name = element.getAttribute("material")
         material = self._graphs.document.getNode(name)
         path = MATERIALS.AppendChild(identifier(name))
@@ -135,7 +135,7 @@ class _Look:
         assigned = [variant for holder in (*self.chain, element) for variant in own(holder, "variantassign")]
         apply_variants(child, material, assigned, self._graphs, self.wrong)
         document = self._graphs.document
-        is_whole = not element.getAttribute("geom") and not element.getAttribute("collection")  # as usdMtlx takes it
+        is_whole = not element.getAttribute("geom") and not element.getAttribute("collection")  # as in usdMtlx
         return Assignment(child.path, (_WHOLE,) if is_whole else shares_of(element, document, self.wrong))
 
     def _unused(self, below: Sdf.Path, name: str) -> Sdf.Path:
@@ -145,7 +145,10 @@ class _Look:
         return below.AppendChild(made)
 
     def _bind(self, prim: Sdf.PrimSpec, bound: Bound, assignments: list[Assignment], schemas: list[str]) -> str:
-        """Write a binding and return its name; what is bound to the whole model needs no collection, and is asked for last."""
+        """Write a binding and return its name.
+
+        A binding of the whole model needs no collection and comes last: its name is "".
+        """
         material = assignments[bound.order].what
         if bound.is_whole:
             made = Sdf.RelationshipSpec(prim, "material:binding", False)
@@ -164,7 +167,7 @@ class _Look:
         return binding
 
     def _write_collection(self, prim: Sdf.PrimSpec, name: str, bound: Bound) -> None:
-        """Write what a binding holds for: paths where all names are paths, else an expression."""
+        """Write the members of a binding's collection: paths where all names are literal, else an expression."""
         if all(one.is_literal for one in (*bound.names, *bound.excludes)):
             for kind, names in (("includes", bound.names), ("excludes", bound.excludes)):
                 if names:

@@ -1,8 +1,8 @@
-"""Variants of a document: values that looks give the inputs of the materials that they assign.
+"""Variants of a document: values that looks give to inputs of the materials that they assign.
 
-MaterialX Geometry Extensions, "VariantAssign Elements": a value goes to the inputs of its name, of all shaders of a material or
-of those that the variant set names; of two values for one input the last one holds. They are written on the look's own
-material, over all that it is made of: a variant of USD's would be weaker than the material's values.
+MaterialX Geometry Extensions, "VariantAssign Elements": a value applies to the inputs of its name, on all shaders of a
+material or on those that the variant set names; the last of several values wins. The values are authored on the look's copy of
+the material, above everything that it references: a USD variant would be weaker than the material's own values.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..writing import input_of, name_of
 
 
 def apply_variants(child: Sdf.PrimSpec, material: Any, assigned: list[Any], graphs: NodeGraphs, wrong: list[str]) -> None:
-    """Write the values of assigned variants on a prim that refers to a material; `wrong`: what has no effect, in words."""
+    """Write the values of assigned variants on a prim that references a material; `wrong` receives messages about the rest."""
     for element in assigned:
         found = _variant(element, graphs.document, wrong)
         for value in found.getChildren() if found is not None else ():
@@ -37,7 +37,7 @@ def _variant(assigned: Any, document: Any, wrong: list[str]) -> Any:
 
 
 def _write_value(child: Sdf.PrimSpec, material: Any, variant_set: Any, value: Any, graphs: NodeGraphs) -> None:
-    """Write a value on those shaders of a material that have the input, in place of what feeds it there."""
+    """Write a value on the shaders of a material that have the input, replacing its connection."""
     prim = graphs.layer.GetPrimAtPath(MATERIALS.AppendChild(name_of(material)))
     nodes = {name_of(node): node for node in graphs.document.getNodes()}
     for shader in prim.nameChildren:
@@ -52,7 +52,7 @@ def _write_value(child: Sdf.PrimSpec, material: Any, variant_set: Any, value: An
 
 
 def _is_meant(variant_set: Any, node: Any) -> bool:
-    """Return whether a set is for a node: it may name nodes, or their definitions."""
+    """Return whether a variant set applies to a node: it may name nodes or their definitions."""
     definition = node.getNodeDef()
     named = (("node", node.getName()), ("nodedef", definition.getName() if definition is not None else ""))
     listed = [(variant_set.getAttribute(kind).replace(",", " ").split(), name) for kind, name in named]
