@@ -1,4 +1,4 @@
-"""What both scripts here share: their arguments, the flags of primray that these become, and sending a job."""
+"""Code that both OpenCue scripts share: their arguments, the flags of primray that these become, and submission of the job."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 
 from outline import Outline, cuerun
 
-PLACE = "#IFRAME#"  # OpenCue's: becomes the frame's number
-PLACE_IN_NAME = re.compile(r"#|%\d*d|%g|\$F|<F[\dF]*>")  # as primray reads a picture's name
+PLACE = "#IFRAME#"  # OpenCue replaces this token with the frame's number
+PLACE_IN_NAME = re.compile(r"#|%\d*d|%g|\$F|<F[\dF]*>")  # placeholders that primray recognises in a picture's name
 
 
 def parser_of(description: str, output: str, frames: str) -> argparse.ArgumentParser:
-    """Return a parser with what both scripts take; `output` and `frames` are the help of these two."""
+    """Return a parser with the arguments of both scripts; `output` and `frames` are the help texts of these two."""
     parser = argparse.ArgumentParser(description=description, epilog="After --: further flags of primray render.")
     parser.add_argument("scene", type=Path, help="the stage")
     parser.add_argument("output", type=Path, help=output)
@@ -33,13 +33,13 @@ def parsed_by(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argp
 
 
 def require_place(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> None:
-    """End with an error where the tasks, of one frame each, would all write one picture."""
+    """Exit with an error if the tasks, of one frame each, would all write the same picture."""
     if not re.fullmatch(r"\s*-?\d+\s*", asked.frames) and not PLACE_IN_NAME.search(asked.output.name):
         parser.error(f"{asked.output.name} has no place for the frame's number, such as ####, and --frames are {asked.frames}")
 
 
 def send(job: Outline, asked: argparse.Namespace) -> None:
-    """Send the job to OpenCue, or print what would be sent."""
+    """Send the job to OpenCue, or print it on a dry run."""
     launcher = cuerun.OutlineLauncher(job, range=asked.frames)
     if asked.print:
         launcher.setup()
@@ -63,7 +63,8 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def flags(asked: argparse.Namespace, no_outputs: Sequence[str] = ()) -> list[str]:
-    """Return the flags of `primray render` that were asked for; `no_outputs` where none beside the picture are."""
+    """Return the flags of `primray render` for these arguments; `no_outputs` are given when no output beside the picture is
+    requested."""
     outputs = [*asked.aov, *(f"crypto_{kind}" for kind in asked.cryptomatte)]
     outputs += [f"C.*<L.'{group}'>" for group in asked.light_group]
     words = ["--threads", str(asked.threads)]

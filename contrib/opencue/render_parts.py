@@ -30,7 +30,7 @@ def main() -> None:
 def job_of(asked: argparse.Namespace) -> Outline:
     folder = asked.output.parent / "parts"
     folder.mkdir(parents=True, exist_ok=True)
-    # Without places for the frame's number, which primray would fill in.
+    # Part files are named without the frame placeholder, which primray would fill in.
     stem = folder / re.sub(r"[^\w-]", "_", asked.output.name)
     points = [f"{stem}.{PLACE}.{part + 1}-of-{asked.parts}" for part in range(asked.parts)]
     ranges = sample_ranges(asked.samples, asked.parts)
@@ -46,7 +46,7 @@ def job_of(asked: argparse.Namespace) -> Outline:
 
 
 def render_command(asked: argparse.Namespace, point: str, span: tuple[int, int]) -> str:
-    """A frame that OpenCue runs again goes on from what it had saved."""
+    """Return a shell command that resumes from the checkpoint if there is one, so that a retried frame loses nothing."""
     words = ["primray", "render", str(asked.scene), "-o", f"{point}.exr", "--frames", PLACE]
     words += ["--sample-range", f"{span[0]}:{span[1]}", *flags(asked, ["--aov", "none"]), *asked.extra]
     file = f"{point}.prc"
@@ -61,7 +61,7 @@ def merge_command(points: list[str], output: Path) -> str:
 
 
 def sample_ranges(samples: int, parts: int) -> list[tuple[int, int]]:
-    """As alike as can be; they begin and end at even samples, since replicates take turns."""
+    """Split the samples into ranges of nearly equal length; their bounds are even, since the two replicates take turns."""
     if samples % 2 or not 1 <= parts <= samples // 2:
         raise SystemExit(f"--samples has to be even and at least twice --parts: {samples}, {parts}")
     ends = [samples // 2 * part // parts * 2 for part in range(parts + 1)]

@@ -1,4 +1,5 @@
-"""From a request to a job: limits before anything is made, then the settings as the renderer itself checks them. Pure."""
+"""Admission of a request as a job: limits are checked before anything is created, then the renderer's own checks of the
+settings. Pure."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ from .problems import Problem
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:[x:]\s*({_NUMBER}))?)?\s*", re.ASCII)
-# Fields of RenderSettings that the API has as another member of `settings`; all others have the same name.
+# Fields of RenderSettings that have another name in the API's `settings`; all others have the same name.
 _MEMBERS = {
     "spp": "stop.max_samples",
     "target_error": "stop.target_error",
@@ -43,8 +44,8 @@ _MEMBERS = {
     "product": "products",
 }
 
-BEAUTY = "beauty"  # the product that every scene has
-ALL = "*"  # of the products
+BEAUTY = "beauty"  # name of the product that every scene has
+ALL = "*"  # selects all products
 
 
 def over_limit(member: str, detail: str, limit: float) -> Problem:
@@ -58,7 +59,7 @@ def invalid(member: str, detail: str) -> Problem:
 def new_job(
     request: JobRequest, scene_id: str, tenant: str, limits: Limits, now: float, *, request_id: str = "", traceparent: str = ""
 ) -> tuple[Job, list[float | None]]:
-    """A queued job and its frames' time codes; Problem with the member that is at fault."""
+    """Return a queued job and its frames' time codes; raise Problem with the member at fault."""
     check_labels(request.labels, limits)
     times = time_codes(request.settings.frames, limits)
     check_settings(request.settings, limits)
@@ -93,14 +94,14 @@ def first_progress(frames: int) -> Json:
 
 
 def time_codes(text: str | None, limits: Limits) -> list[float | None]:
-    """A job's frames, counted before they are listed."""
+    """Return a job's frames; they are counted before they are listed."""
     if text is None:
         return [None]
     member, count = "settings.frames", 0
     for part in text.split(","):
         match = _RANGE.fullmatch(part)
         if match is None:
-            continue  # the parser says what is wrong with it
+            continue  # the parser reports the error
         first, last, step = match.groups()
         count += 1 if last is None else _count(first, last, step, limits)
         if count > limits.frames:
@@ -120,11 +121,11 @@ def time_codes(text: str | None, limits: Limits) -> list[float | None]:
 
 
 def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
-    """At most one more than is allowed, so that no number grows large."""
+    """Return the number of frames, or the limit plus one where there are more, so that no number grows large."""
     try:
         steps = (Decimal(last) - Decimal(first)).copy_abs() / Decimal(step or 1).copy_abs()
     except DecimalException:
-        return 1 if Decimal(step or 1) == 0 else limits.frames + 1  # a step of 0 is the parser's to refuse
+        return 1 if Decimal(step or 1) == 0 else limits.frames + 1  # the parser refuses a step of 0
     return int(min(steps, Decimal(limits.frames))) + 1
 
 
@@ -156,7 +157,7 @@ def check_settings(settings: Settings, limits: Limits) -> None:
 
 
 def check_products(settings: Settings) -> None:
-    """Problem unless they are the first product, all of them, or different ones by their paths."""
+    """Raise Problem unless `products` is the first product, all of them, or distinct products by path."""
     names = settings.products
     if len(names) > 1 and (ALL in names or BEAUTY in names):
         listed = f'["{BEAUTY}"] is the first product and ["{ALL}"] is all of them; several are listed by their paths'
@@ -177,7 +178,7 @@ def products_by_name(settings: Mapping[str, Any]) -> list[str] | None:
 
 
 def check_files(settings: Settings) -> None:
-    """Problem for a compression that no EXR has, and for images that are outside of the package."""
+    """Raise Problem for an EXR compression that does not exist, and for images outside the package."""
     try:
         Encoding(None, tuple(settings.half), *compression_of(settings.compression))
     except SettingsError as error:
@@ -188,7 +189,8 @@ def check_files(settings: Settings) -> None:
 
 
 def check_parallel(request: JobRequest) -> None:
-    """Ranges of samples are of all pixels alike, which adaptive sampling's are not."""
+    """Raise Problem for settings that frames in parts cannot honour: each part takes a range of samples of every pixel, which
+    excludes adaptive sampling."""
     if request.parallel is not None and request.settings.adaptive:
         why = "a frame that is rendered in several places has the same samples in each pixel; leave out adaptive, or parallel"
         raise Problem("parallel-adaptive", f"parallel: {why}.", member="parallel")
@@ -213,7 +215,7 @@ def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
 
 
 def render_settings(settings: Settings) -> RenderSettings:
-    """What a frame's worker will be told, but for its time and its share of the machine."""
+    """Return the settings of a frame's worker, except its time code and its share of the machine."""
     stop = settings.stop
     pixels = {"dicing_rate": settings.dicing_rate, "motion_error": settings.motion_error}
     chosen: dict[str, Any] = {name: value for name, value in pixels.items() if value is not None}
@@ -267,7 +269,7 @@ def render_settings(settings: Settings) -> RenderSettings:
 
 
 def _product(settings: Settings) -> str | None:
-    """The RenderProduct that is named; None for the first there is, and where several are made."""
+    """Return the RenderProduct that is named; None for the first one, and where several are made."""
     name = settings.products[0]
     return None if len(settings.products) > 1 or name in (BEAUTY, ALL) else name
 
@@ -294,7 +296,7 @@ def checked_ttl(ttl_s: float | None, limits: Limits) -> float:
 
 
 def changes_of(patch: JobPatch, limits: Limits) -> Json:
-    """What a PATCH asks for, as the store takes it."""
+    """Return the changes that a PATCH requests, in the store's form."""
     changes = patch.model_dump(mode="json", exclude_unset=True)
     if "labels" in changes:
         check_labels(changes["labels"], limits)
@@ -303,7 +305,8 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
     return changes
 
 
-# Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
+# Members added since version 0.2.0: at their defaults they do not count in a request's fingerprint, so that an old request with
+# the same key still matches.
 NEW_MEMBERS = ("name", "parallel")
 NEW_OF_SCENE = ("shared",)
 NEW_SETTINGS = (
@@ -342,13 +345,14 @@ NEW_SETTINGS = (
 
 
 def _as_of_old(settings: Json) -> None:
-    """Write what versions before 0.3 wrote for members that were left out, so that their keys stand for the same request."""
+    """Restore the values that versions before 0.3 wrote for omitted members, so that their keys still match the same
+    request."""
     settings["filter"] = settings["filter"] or "box"
     settings["stop"]["metric"] = settings["stop"]["metric"] or "relmse"
 
 
 def fingerprint(request: JobRequest) -> str:
-    """The same for requests that ask for the same, however their JSON is written."""
+    """Return a digest that is equal for equivalent requests, however their JSON is written."""
     said = request.model_dump(mode="json")
     _as_of_old(said["settings"])
     for members, model, names in (

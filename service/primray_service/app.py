@@ -1,6 +1,6 @@
-"""The HTTP application: which routers there are, and what surrounds them, in order.
+"""The HTTP application: its routers, and the middleware around them, in order.
 
-It starts and stops nothing: server.py does, and hands over the running parts.
+It starts and stops nothing: server.py does, and passes in the running parts.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .service import Service
 from .telemetry.metrics import RequestMetrics
 from .telemetry.tracing import instrument
 
-# Every router there is, in the order of the document. A path is looked for from the first to the last.
+# All routers, in the document's order. The first one with a matching path answers.
 ROUTERS: tuple[APIRouter, ...] = (
     scenes.router,
     packages.router,
@@ -62,7 +62,7 @@ def create_app(service: Service) -> FastAPI:
     app.state.methods = MethodsByPath(ROUTERS)
     app.state.login_page = page.login_page
     add_handlers(app)
-    # The last that is added comes first: Measured, RequestGuard, CORS, OriginGuard, RateHeaders, then the routers.
+    # The middleware that is added last runs first: Measured, RequestGuard, CORS, OriginGuard, RateHeaders, then the routers.
     app.add_middleware(RateHeaders)
     app.add_middleware(OriginGuard, config=service.config)
     allow_origins(app, service.config)
@@ -73,7 +73,7 @@ def create_app(service: Service) -> FastAPI:
 
 
 def shared_secret(service: Service) -> bytes:
-    """Of all servers that share what this one keeps."""
+    """Return the secret that is shared by all servers on the same data."""
     path = service.data.root / "session.secret"
     if service.data.objects is None:
         return session_secret(path)
@@ -85,7 +85,7 @@ def shared_secret(service: Service) -> bytes:
 
 
 def create_routes() -> FastAPI:
-    """The operations alone: enough for the document."""
+    """Return an application with the operations alone: enough for the OpenAPI document."""
     app = FastAPI(
         title="primray",
         version=__version__,
@@ -103,14 +103,14 @@ def create_routes() -> FastAPI:
 
 
 def _operation_id(route: APIRoute) -> str:
-    """jobs_show, admin_jobs_show: the resource and what is done."""
+    """Return the operation id, resource and action: jobs_show, admin_jobs_show."""
     module = route.endpoint.__module__.rpartition("primray_service.routes.")[2]
     resource = module.removeprefix("jobs.").replace(".", "_")
     return f"{resource}_{route.name}"
 
 
 def _answer_head(router: APIRouter) -> None:
-    """HEAD wherever GET is; the server leaves the body out."""
+    """Answer HEAD wherever GET is answered; the server leaves the body out."""
     for route in router.routes:
         if isinstance(route, APIRoute) and route.methods is not None and "GET" in route.methods:
             route.methods.add("HEAD")

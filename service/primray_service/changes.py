@@ -1,5 +1,5 @@
-"""Waiting for a job to change: requests that poll long and event streams are woken by commits of this process, and look by
-themselves every second for those of others."""
+"""Notification of changes to jobs: long polls and event streams are woken by commits of this process, and poll the store every
+second for commits of other servers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LOOK_EVERY_S = 1.0
 
 
 class Changes:
-    """`changed` may be called from any thread; the rest belongs to the event loop that it was made in."""
+    """Waiters for changes of jobs. `changed` is thread-safe; everything else belongs to the event loop it was created in."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -20,7 +20,7 @@ class Changes:
         self.closing = False
 
     def changed(self, job_id: str) -> None:
-        """Wake who waits for this job; for a store's `subscribe`."""
+        """Wake those who wait for this job; for a store's `subscribe`."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._wake, job_id)
 
@@ -29,14 +29,15 @@ class Changes:
             event.set()
 
     def close(self) -> None:
-        """The server is stopping: everybody wakes, and finds `closing`."""
+        """Wake all waiters because the server stops; they check `closing`."""
         self.closing = True
         for job_id in list(self._waiting):
             self._wake(job_id)
 
     @contextmanager
     def watching(self, job_id: str) -> Iterator[asyncio.Event]:
-        """An event that is set when the job changed; to be cleared before looking. Changes while inside are not missed."""
+        """Provide an event that is set when the job changes; clear it before reading the job. Changes inside the block are not
+        missed."""
         event = asyncio.Event()
         self._waiting[job_id].add(event)
         try:
@@ -48,7 +49,7 @@ class Changes:
 
 
 async def wait(event: asyncio.Event, timeout_s: float) -> None:
-    """Until the event is set, or it is time to look anyway."""
+    """Wait until the event is set, or until it is time to poll."""
     with suppress(TimeoutError):
         await asyncio.wait_for(event.wait(), min(timeout_s, LOOK_EVERY_S))
     event.clear()

@@ -1,4 +1,4 @@
-"""What `primray serve` was asked to do; checked when made."""
+"""Configuration of `primray serve`; checked when created."""
 
 from __future__ import annotations
 
@@ -14,48 +14,48 @@ from .executor import by_name
 from .limits import Limits, Quotas
 from .shared_roots import SharedRoots
 
-# As Ray writes labels: a name, maybe with a domain before it, and a value.
+# Label of a Ray node: a name, optionally with a domain before it, and a value.
 LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]*=[A-Za-z0-9][A-Za-z0-9._-]*")
 
-# As browsers write it: lower case, a port only if it is not the scheme's own.
+# Origin as browsers write it: lower case, with a port only if it is not the scheme's default.
 ORIGIN = re.compile(r"https?://([a-z0-9.-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
 
 
 @dataclass(frozen=True)
 class ServeConfig:
-    """`host` and `port`: where to listen (port 0: any that is free)."""
+    """Configuration of a server; it listens at `host` and `port` (0: any free port)."""
 
     data: Path
-    # What servers share, where that is an object store and not the folder `data`: any URL that fsspec opens.
+    # Object store that several servers share in place of the folder `data`: any URL that fsspec opens.
     objects: str | None = None
     host: str = "127.0.0.1"
     port: int = 8700
-    # An SQLAlchemy URL (sqlite:///... or postgresql+psycopg://...); None: SQLite in the data directory.
+    # SQLAlchemy URL (sqlite:///... or postgresql+psycopg://...); None: SQLite in the data directory.
     database: str | None = None
     limits: Limits = field(default_factory=Limits)
-    quotas: Quotas = field(default_factory=Quotas)  # of tenants whose keys name none
-    shared_roots: SharedRoots = field(default_factory=SharedRoots)  # of shared storage, that jobs may name
-    slots: int | None = None  # renders at a time; None: one for eight cores
-    executor: str = by_name.DEFAULT  # where renders run: a name of executor/by_name.py
+    quotas: Quotas = field(default_factory=Quotas)  # for tenants whose keys set none
+    shared_roots: SharedRoots = field(default_factory=SharedRoots)  # shared storage whose stages jobs may name
+    slots: int | None = None  # concurrent renders; None: one for every eight cores
+    executor: str = by_name.DEFAULT  # name in executor/by_name.py
     cores: int | None = None  # None: all that this process may use
-    # Of the executor "ray": the cluster (HOST:PORT, or auto: that this machine is a node of), cores of a node that one render
-    # takes (None: 8, or all of the smallest node's), and labels, NAME=VALUE, that nodes must have.
+    # Ray executor: the cluster (HOST:PORT, or auto: the one this machine belongs to), cores of a node for each render (None: 8,
+    # or all of the smallest node's), and labels, NAME=VALUE, that nodes must have.
     ray_address: str = "auto"
     ray_cores: int | None = None
     ray_labels: tuple[str, ...] = ()
-    require_keys: bool | None = None  # None: unless on loopback
+    require_keys: bool | None = None  # None: unless it listens on loopback
     allow_unsandboxed: bool = False
-    allowed_hosts: tuple[str, ...] = ()  # names, beside its own address, that the server answers for
-    allowed_origins: tuple[str, ...] = ()  # of pages elsewhere that browsers let read and change what a key of theirs may
-    dispatch: bool = True  # whether this server takes part in holding the lease
-    metrics_key: bool = True  # /metrics needs an admin key where keys are needed
+    allowed_hosts: tuple[str, ...] = ()  # names that the server answers for, beside its own address
+    allowed_origins: tuple[str, ...] = ()  # origins of pages elsewhere whose scripts may use the API (CORS)
+    dispatch: bool = True  # whether this server may hold the dispatcher's lease
+    metrics_key: bool = True  # /metrics needs an admin key if keys are required
     webhook_networks: tuple[str, ...] = ()  # private networks that webhooks may call, for tests and closed networks
-    webhook_http: bool = False  # plain http is allowed
-    warm: bool = True  # keep workers ready before there is work
+    webhook_http: bool = False  # webhooks may use plain http
+    warm: bool = True  # keep idle workers ready
     log_json: bool = True
 
     def __post_init__(self) -> None:
-        """SettingsError for an executor that there is not, and for labels and origins that are none."""
+        """Validate the executor, labels and origins; raises SettingsError."""
         by_name.check_name(self.executor)
         if self.objects is not None and self.database is None:
             said = "servers that share an object store share a database: name it, postgresql+psycopg://..."

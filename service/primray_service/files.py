@@ -1,15 +1,15 @@
-"""The data directory: where bytes lie that are not rows. Files are written beside their place, synced, and renamed into it.
+"""The data directory: storage of all bytes outside the database. Files are written under a temporary name, synced, and renamed.
 
 scenes/<hex>/upload         a scene as sent; scenes/<hex>/package/... a zip's members (nothing else is unpacked)
-jobs/<id>/outputs/...       what a job made; jobs/<id>/frames/<n>/ checkpoint-<k>.prc, preview.raw, log.txt, and
-                            part-<first>-<k>.prc of frames that are rendered in parts
+jobs/<id>/outputs/...       outputs of a job; jobs/<id>/frames/<n>/ checkpoint-<k>.prc, preview.raw, log.txt, and
+                            part-<first>-<k>.prc of frames that are rendered as parts
 contents/<tenant>/<sha256>  files of packages that were uploaded by content; those packages' members are links to them
 slots/<id>/job, out         the two folders that a worker sees; removed when it is done
-incoming/                   uploads under way
+incoming/                   uploads in progress
 
-Where several servers share an object store (`objects`), the folder is each one's own: what is kept lies in the store under the
-same names, but for outputs, whose names begin with their digests, and packages, which are unpacked where they are needed; here
-is what is in use, and copies of what was.
+If several servers share an object store (`objects`), each has its own folder: permanent files are in the store under the same
+names, except for outputs, whose names begin with their digests, and packages, which are unpacked where they are needed; the
+folder holds files in use, and a cache.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ COPY_BYTES = 2**20
 
 @dataclass(frozen=True)
 class DataDirectory:
-    """`objects`: the store that servers share, where the folder is not what they share; `shared_roots`: of shared storage,
-    which is only read."""
+    """The data directory. `objects`: the store that servers share, if they do not share the folder; `shared_roots`: read-only
+    shared storage."""
 
     root: Path
     objects: Objects | None = None
@@ -52,7 +52,8 @@ class DataDirectory:
         return self.root / "contents"
 
     def content(self, tenant: str, sha256: str) -> Path:
-        """In a folder whose name begins with the tenant's digest: names of tenants may differ in case alone."""
+        """Return a content's path in a folder whose name begins with the tenant's digest, since tenants' names may differ in
+        case alone."""
         return self.contents / f"{hashlib.sha256(tenant.encode()).hexdigest()[:16]}-{tenant}" / _hex_of(sha256)
 
     @property
@@ -77,7 +78,8 @@ class DataDirectory:
         return self.job(job_id) / "outputs"
 
     def output(self, job_id: str, name: str, sha256: str) -> Path:
-        """In the store nothing is written over: who believes to dispatch still puts other bytes under another name."""
+        """Return an output's path. Nothing in the store is overwritten: a server that wrongly believes it dispatches puts
+        different bytes under another name."""
         return self.outputs(job_id) / (name if self.objects is None else f"{sha256}-{name}")
 
     def frame(self, job_id: str, number: int) -> Path:
@@ -87,16 +89,16 @@ class DataDirectory:
         return shutil.disk_usage(self.root).free
 
     def name_of(self, path: Path) -> str:
-        """In the object store."""
+        """Return the name in the object store."""
         return path.relative_to(self.root).as_posix()
 
     def share(self, path: Path) -> None:
-        """A file that is here whole is kept from now on, whatever becomes of this server."""
+        """Make a complete local file permanent, independent of this server."""
         if self.objects is not None:
             self.objects.put(path, self.name_of(path))
 
     def bring(self, path: Path) -> bool:
-        """Whether a file that never changes is here now."""
+        """Fetch a file that never changes; return whether it is here now."""
         if path.is_file() or self.objects is None:
             return path.is_file()
         try:
@@ -106,12 +108,12 @@ class DataDirectory:
         return True
 
     def bring_newest(self, path: Path) -> None:
-        """A file that changes is here as it is now, if there is one."""
+        """Fetch the current version of a file that changes, if there is one."""
         if self.objects is not None:
             self.objects.get_newest(self.name_of(path), path)
 
     def has(self, path: Path) -> bool:
-        """Or may have: where the store is away, whoever needs the file finds that out."""
+        """Return whether the file exists, or may exist: if the store is away, that shows when the file is needed."""
         if path.is_file() or self.objects is None:
             return path.is_file()
         try:
@@ -120,14 +122,14 @@ class DataDirectory:
             return True
 
     def remove(self, path: Path) -> None:
-        """What stays in a store that is away goes with its job."""
+        """Remove a file. If the store is away, what stays there is removed with its job."""
         path.unlink(missing_ok=True)
         if self.objects is not None:
             with suppress(ObjectStoreFailed):
                 self.objects.remove(self.name_of(path))
 
     def remove_below(self, folder: Path, keep: Collection[Path]) -> None:
-        """Files right in it, and all below it in the store; as `remove`."""
+        """Remove files directly in the folder, and all below it in the store, like `remove`."""
         for path in folder.iterdir() if folder.is_dir() else ():
             if path not in keep:
                 path.unlink(missing_ok=True)
@@ -155,10 +157,10 @@ def _plain(name: str) -> str:
 
 
 def adopt(source: Path, target: Path, most_bytes: int) -> int:
-    """Take a file that a worker left, durably, and tell its size; ValueError unless it is a plain file of at most so many
-    bytes.
+    """Take over a file that a worker left, durably, and return its size; ValueError unless it is a plain file of at most
+    `most_bytes`.
 
-    It is renamed, not copied: the two lie on one file system, and the worker must not go on writing to it.
+    It is renamed, not copied: both paths are on one file system, and the worker must not continue to write to it.
     """
     found = os.lstat(source)
     _require_plain(source, found, most_bytes)
@@ -170,15 +172,17 @@ def adopt(source: Path, target: Path, most_bytes: int) -> int:
 
 
 def adopt_copy(source: Path, target: Path, most_bytes: int) -> int:
-    """As `adopt`, of a worker that lives: it may have the file open still, and writes then to one that nobody reads."""
-    _require_plain(source, os.lstat(source), most_bytes)  # before it is opened: a link cannot be, and would be no plain file
+    """Adopt a copy of a running worker's file, like `adopt`: if the worker still has it open, it writes to a file that nobody
+    reads."""
+    # checked before opening: a link fails to open, and would not be a plain file
+    _require_plain(source, os.lstat(source), most_bytes)
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(f"{target.name}.new")
     handle = os.open(source, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(handle, "rb") as file, open(beside, "wb") as copy:
         found = os.fstat(handle)
         _require_plain(source, found, most_bytes)
-        left = found.st_size  # what is added meanwhile is not taken
+        left = found.st_size  # bytes appended meanwhile are not taken
         while left > 0 and (part := file.read(min(left, COPY_BYTES))):
             left -= copy.write(part)
         copy.flush()
@@ -195,7 +199,7 @@ def _require_plain(source: Path, found: os.stat_result, most_bytes: int) -> None
 
 
 def sync(path: Path) -> None:
-    """What was written to a file, or renamed in a folder, is on the disk afterwards."""
+    """Flush a file's content, or a folder's renames, to the disk."""
     handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
     try:
         os.fsync(handle)

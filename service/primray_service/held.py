@@ -1,4 +1,4 @@
-"""Folders and files that their owner holds by a lock: a sweep removes those that nobody holds, their makers live with it."""
+"""File locks: folders and files that their owner holds; a sweep removes those that nobody holds."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 
 def make_held(make: Callable[[], tuple[Path, int]]) -> tuple[Path, int]:
-    """What `make` made and opened (a path and its handle), locked. A sweep may find it before it is locked and remove it:
-    then another is made. `make` raises FileNotFoundError where it was removed before it was opened."""
+    """Create a path by `make` (which returns the path and an open handle), and lock it. A sweep may remove it before it is
+    locked: then another is made. `make` raises FileNotFoundError if it was removed before it was opened."""
     while True:
         try:
             path, handle = make()

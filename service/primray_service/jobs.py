@@ -1,9 +1,9 @@
-"""What a job and its frames are, and which moves between their states are legal. Pure: time and ids are arguments.
+"""Jobs and frames, their states, and the legal moves between them. Pure: time and ids are arguments.
 
     queued -> preparing -> running -> succeeded | failed | canceled | expired         (canceling on the way to canceled)
                                    -> paused -> queued                                 (pausing on the way to paused)
 
-Terminal states never change, except that `continue` makes a new attempt, and a retry renders one frame again: both queue the
+Terminal states never change, except that `continue` starts a new attempt, and a retry renders one frame again: both queue the
 job again.
 """
 
@@ -20,15 +20,15 @@ Json = dict[str, Any]
 
 class JobState(StrEnum):
     QUEUED = "queued"
-    PREPARING = "preparing"  # its scene is checked, or opened and built by a worker
+    PREPARING = "preparing"  # its scene is being checked, or opened and built by a worker
     RUNNING = "running"  # at least one frame has taken samples in this attempt
     CANCELING = "canceling"
-    PAUSING = "pausing"  # its running frames write a checkpoint and give their workers back
-    PAUSED = "paused"  # no frame runs, none is begun
+    PAUSING = "pausing"  # its running frames write a checkpoint and free their workers
+    PAUSED = "paused"  # no frame runs or starts
     SUCCEEDED = "succeeded"
     FAILED = "failed"
     CANCELED = "canceled"
-    EXPIRED = "expired"  # not finished before its time to live ran out
+    EXPIRED = "expired"  # not finished before its time to live ended
 
 
 class FrameState(StrEnum):
@@ -43,7 +43,7 @@ _J, _F = JobState, FrameState
 TERMINAL = frozenset({_J.SUCCEEDED, _J.FAILED, _J.CANCELED, _J.EXPIRED})
 FRAME_TERMINAL = frozenset({_F.SUCCEEDED, _F.FAILED, _F.CANCELED})
 
-# A dispatcher that died, or a frame that gave way to another, takes a job back to queued. Terminal states go on by `continue`.
+# A dead dispatcher or a preempted frame takes a job back to queued. Terminal states are left by `continue`.
 MOVES: Mapping[JobState, frozenset[JobState]] = {
     _J.QUEUED: frozenset({_J.PREPARING, _J.FAILED, _J.CANCELED, _J.EXPIRED, _J.PAUSED}),
     _J.PREPARING: frozenset(
@@ -64,19 +64,20 @@ MOVES: Mapping[JobState, frozenset[JobState]] = {
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame of a job: what is known of it, and the checkpoint from which it goes on."""
+    """One frame of a job: its state, and the checkpoint from which it resumes."""
 
     job_id: str
-    number: int  # 0-based place in the job's list of frames
+    number: int  # 0-based index in the job's list of frames
     time_code: float | None  # None: the stage's default time
     state: FrameState = FrameState.QUEUED
     attempt: int = 1
-    # Checkpoints merged so far in all attempts, and the file of the last (a name in the job's folder; "" for none).
+    # Checkpoints merged so far in all attempts, and the file of the last one (a name in the job's folder; "" for none).
     checkpoint: int = 0
     checkpoint_file: str = ""
-    # The checkpoint holds exactly the first so many samples of each pixel, merged of parts; 0: it is no such checkpoint.
+    # The checkpoint holds exactly the first `merged` samples of each pixel, merged from parts; 0: it is another kind of
+    # checkpoint.
     merged: int = 0
-    # Deaths of its worker since the last checkpoint: by a fault of its own (SIGSEGV, SIGABRT, ...), and by others (SIGKILL).
+    # Deaths of its worker since the last checkpoint: by its own fault (SIGSEGV, SIGABRT, ...), and by others (SIGKILL).
     crashes: int = 0
     kills: int = 0
     phase: str = ""  # opening, translating, building, sampling, writing
@@ -99,7 +100,7 @@ class PartState(StrEnum):
 
 @dataclass(frozen=True)
 class Part:
-    """A range of a frame's samples, [first, end) of each pixel, that one worker takes; `claim`: the chunk that has it."""
+    """Part of a frame: the samples [first, end) of each pixel, rendered by one worker; `claim` is the chunk that has it."""
 
     job_id: str
     frame: int
@@ -121,10 +122,10 @@ class Part:
 class Job:
     """A job's row. Times are seconds since 1970 UTC.
 
-    Two counters: `revision` grows with every commit that changes anything of the job (progress, a frame, an event), `version`
-    only when its state, attempt, priority, name, labels or ttl_s change. `etag` holds both. What a client read is stale when
-    the whole tag differs (If-None-Match, 304); what it is about to change is another's when `version` differs (If-Match, 412):
-    a render that makes progress twice a second would otherwise never let anybody change its priority.
+    There are two counters: `revision` grows with every commit that changes anything of the job (progress, a frame, an event),
+    `version` only when its state, attempt, priority, name, labels or ttl_s change. `etag` holds both. A client's copy is stale
+    when the whole tag differs (If-None-Match, 304); a change is refused only when `version` differs (If-Match, 412): otherwise
+    a render that makes progress twice a second would never let anybody change its priority.
     """
 
     id: str
@@ -132,7 +133,7 @@ class Job:
     state: JobState
     scene_id: str  # "sha256:..."
     entry: str | None
-    settings: Json  # as asked: models.Settings
+    settings: Json  # as requested: models.Settings
     created_at: float
     queued_at: float
     expires_at: float
@@ -140,7 +141,7 @@ class Job:
     attempt: int = 1
     version: int = 1
     revision: int = 1
-    priority: int = 50  # larger goes first
+    priority: int = 50  # higher goes first
     labels: Mapping[str, str] = field(default_factory=dict)
     webhook: Json | None = None
     started_at: float | None = None
@@ -153,15 +154,15 @@ class Job:
     usage: Json = field(default_factory=dict)
     request_id: str = ""
     traceparent: str = ""
-    name: str | None = None  # None: it was made before jobs had names
-    parallel: int | str | None = None  # the most places that a frame is rendered in; "auto": all; None: one
+    name: str | None = None  # None: created before jobs had names
+    parallel: int | str | None = None  # most slots in which a frame is rendered at a time; "auto": all; None: one
 
 
 @dataclass(frozen=True)
 class Event:
-    """A row of a job's history: `type` is state, progress, preview, frame, warning or end."""
+    """A row of a job's history; `type` is state, progress, preview, frame, warning or end."""
 
-    id: int  # grows over all jobs
+    id: int  # increases over all jobs
     job_id: str
     type: str
     created_at: float
@@ -170,7 +171,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Output:
-    """A file that a job made: `file` is its name in the job's outputs folder, and in URLs."""
+    """An output file of a job; `file` is its name in the job's outputs folder, and in URLs."""
 
     job_id: str
     name: str
@@ -189,7 +190,7 @@ class SceneState(StrEnum):
 
 @dataclass(frozen=True)
 class Scene:
-    """A tenant's uploaded scene; the bytes lie once in the data directory, whoever sent them."""
+    """A tenant's uploaded scene; the data directory holds equal uploads of several tenants once."""
 
     id: str  # "sha256:<hex>" of the body as sent
     tenant: str
@@ -200,7 +201,7 @@ class Scene:
     stored_bytes: int  # unpacked
     created_at: float
     used_at: float
-    facts: Json = field(default_factory=dict)  # what the check found: entries, files, cameras, frame range, ...
+    facts: Json = field(default_factory=dict)  # results of the check: entries, files, cameras, frame range, ...
     warnings: list[Json] = field(default_factory=list)
     problem: Json | None = None
 
@@ -210,22 +211,22 @@ def is_legal(state: JobState, to: JobState) -> bool:
 
 
 class IllegalMove(Exception):
-    """A job was to go from one state to another that does not follow it: a fault of ours, never of a request."""
+    """A move between states that is not legal: an internal error, never the request's fault."""
 
 
 def etag(job: Job) -> str:
-    """A strong entity tag of the job's JSON."""
+    """Return a strong entity tag of the job's JSON."""
     return f'"{job.version}.{job.revision}"'
 
 
 def version_in(tag: str) -> int | None:
-    """The version in one of our entity tags, for If-Match; None: it is none of ours."""
+    """Return the version in one of our entity tags, for If-Match; None for a foreign tag."""
     found = re.fullmatch(r'"([0-9]{1,15})\.[0-9]{1,15}"', tag, re.ASCII)
     return int(found[1]) if found else None
 
 
 def state_of_all(frame_states: Iterable[FrameState]) -> JobState | None:
-    """The terminal state that a job's frames add up to, or None while some are not at an end."""
+    """Return the terminal state that follows from the states of a job's frames, or None while some have not ended."""
     states = set(frame_states)
     if states - FRAME_TERMINAL:
         return None

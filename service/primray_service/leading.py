@@ -1,5 +1,5 @@
-"""What the server that dispatches can do, for answers that are the same on all servers: this one, or another, as it says of
-itself with each renewal of its lease."""
+"""Capabilities of the leader, the server that dispatches, so that all servers give the same answers: this server, or another,
+which publishes them with each renewal of its lease."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ COUNTS = tuple(field.name for field in fields(Capacity))
 
 @dataclass(frozen=True)
 class Leading:
-    """`where`: is this server the one that dispatches, another, or none; then what this one could do is told."""
+    """The leader's capabilities; `where`: whether this server dispatches, another, or none, in which case this server's are
+    reported."""
 
     where: Literal["here", "elsewhere", "nowhere"]
     capacity: Capacity
     sandbox: Json
-    nodes: Sequence[Json] = ()  # that its executor has workers on; none: this machine alone
+    nodes: Sequence[Json] = ()  # nodes where its executor has workers; none: this machine alone
 
 
 class WhoLeads:
-    """May be used from any thread; blocks for the database, a moment's answer serves all."""
+    """Lookup of the leader. Thread-safe; blocks on the database, and caches the answer for a moment."""
 
     def __init__(self, store: Store, dispatcher: Dispatcher, executor: Executor) -> None:
         self._store = store
@@ -54,7 +55,7 @@ class WhoLeads:
         if leader is None:
             return self._own("nowhere")
         said = leader.about.get("executor")
-        if said is None or set(said) != set(COUNTS):  # by another version
+        if said is None or set(said) != set(COUNTS):  # written by another version
             return Leading("elsewhere", self._executor.capacity(), {})
         capacity = Capacity(**{name: int(said[name]) for name in COUNTS})
         return Leading("elsewhere", capacity, leader.about.get("sandbox", {}), leader.about.get("nodes", ()))

@@ -1,5 +1,4 @@
-"""What is allowed: of one upload, one job, one worker and one tenant. `primray serve` can change each; /v1/capabilities
-tells."""
+"""Limits of uploads, jobs, workers and tenants. `primray serve` can change each; /v1/capabilities reports them."""
 
 from __future__ import annotations
 
@@ -15,23 +14,24 @@ def _memory_bytes() -> int:
 
 @dataclass(frozen=True)
 class Limits:
-    # An upload
+    # Upload
     upload_bytes: int = 2 * GiB
     unpacked_bytes: int = 8 * GiB
-    unpack_ratio: float = 200.0  # of unpacked to packed bytes, a member's and the package's; counted from 1 MiB unpacked on
+    # ratio of unpacked to packed bytes, of a member and of the package; applies from 1 MiB unpacked
+    unpack_ratio: float = 200.0
     package_entries: int = 20_000
     path_bytes: int = 1024
     usdz_depth: int = 2
-    upload_idle_s: float = 60.0  # between two pieces of a body
-    manifest_bytes: int = 8 * MiB  # of a package's list of files, as JSON
-    content_kept_s: float = 24 * 3600.0  # a file that arrived, and that no scene has
-    # A request
+    upload_idle_s: float = 60.0  # between two blocks of a body
+    manifest_bytes: int = 8 * MiB  # JSON list of a package's files
+    content_kept_s: float = 24 * 3600.0  # uploaded files that belong to no scene
+    # Request
     json_bytes: int = 256 * KiB
     labels: int = 32
     label_chars: int = 256
-    wait_s: float = 60.0  # Prefer: wait
+    wait_s: float = 60.0  # longest Prefer: wait
     page_items: int = 200
-    # A job
+    # Job
     image_side: int = 32_768
     image_pixels: int = 2**26
     samples: int = 2**20
@@ -39,32 +39,30 @@ class Limits:
     frames: int = 10_000
     ttl_s: float = 90 * 24 * 3600.0
     default_ttl_s: float = 7 * 24 * 3600.0
-    # A scene, as its check and its render meet it
+    # Scene, in its check and its renders
     layers: int = 2_000
     prim_depth: int = 1_000
-    texture_bytes: int = 1 * GiB  # one image, decoded
-    instances: int = 50_000_000  # expanded
+    texture_bytes: int = 1 * GiB  # one decoded image
+    instances: int = 50_000_000  # after expansion of instancing
     check_cpu_s: float = 60.0
-    load_cpu_s: float = 60.0  # of a render, before its first sample
-    # A worker
+    load_cpu_s: float = 60.0  # until a render's first sample
+    # Worker
     memory_bytes: int = min(int(0.6 * _memory_bytes()), 64 * GiB)
     output_bytes: int = 8 * GiB
     log_bytes: int = 1 * MiB
     stop_grace_s: float = 5.0  # between asking a worker to stop and killing it
-    crashes: int = 2  # of a frame without a checkpoint between them
+    crashes: int = 2  # of a frame, since its last checkpoint
     kills: int = 50
     checkpoint_every_s: float = 10.0
-    scene_kept_s: float = (
-        60.0  # a worker waits so long, with its scene open, for more of the tenant's jobs on it; 0: it does not
-    )
-    time_slice_s: float = 20.0  # before a frame gives way to another tenant's
-    # The machine
+    scene_kept_s: float = 60.0  # a worker keeps its scene open this long for more of the tenant's jobs on it; 0: not at all
+    time_slice_s: float = 20.0  # until a frame may be preempted for another tenant's
+    # Machine
     free_disk_bytes: int = 512 * MiB
 
 
 @dataclass(frozen=True)
 class Quotas:
-    """A tenant's; None: no limit."""
+    """Quotas of a tenant; None: no limit."""
 
     requests_per_s: float | None = 50.0
     burst: int = 200

@@ -1,7 +1,7 @@
 """An object store that several servers share, by any URL that fsspec opens (s3://bucket/prefix, gs://..., memory://): the only
-file that imports it. Whole files go in and come out, under names; what is there is not changed, but for the few that say so.
+file that imports it. Files are put and fetched whole, by name; they do not change, except where a method says so.
 
-Every method blocks, may be called from any thread, and raises FileNotFoundError or ObjectStoreFailed alone.
+Every method blocks, is thread-safe, and raises only FileNotFoundError or ObjectStoreFailed.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ T = TypeVar("T")
 
 
 class ObjectStoreFailed(OSError):
-    """It does not answer, or refuses (503)."""
+    """The object store does not answer, or refuses (503)."""
 
 
 def os_errors(method: Callable[P, T]) -> Callable[P, T]:
-    """What a client of a store raises, as one error; but for FileNotFoundError."""
+    """Convert all exceptions of the store's client, except FileNotFoundError, into ObjectStoreFailed."""
 
     @functools.wraps(method)
     def called(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -40,7 +40,7 @@ def os_errors(method: Callable[P, T]) -> Callable[P, T]:
 
 
 def opened(url: str) -> Objects:
-    """SettingsError where fsspec, or what it needs for this kind of URL, is not installed, or cannot open it."""
+    """Open a store; SettingsError if fsspec, or its package for this kind of URL, is not installed or cannot open it."""
     try:
         from fsspec.core import url_to_fs
 
@@ -51,7 +51,7 @@ def opened(url: str) -> Objects:
     except Exception as error:
         raise SettingsError(f"{url} cannot be opened: {error}", where="data", code="objects-url") from None
     if hasattr(fs, "auto_mkdir"):
-        fs.auto_mkdir = True  # of folders, where the store is one
+        fs.auto_mkdir = True  # creates folders if the store is a file system
     return Objects(fs, root.rstrip("/"), url)
 
 
@@ -60,7 +60,7 @@ class Objects:
         self.url = url
         self._fs = fs
         self._root = root
-        self._tags: dict[str, str] = {}  # of files that were brought here as they were then
+        self._tags: dict[str, str] = {}  # by name: version of the local copy
         self._lock = threading.Lock()
 
     def _at(self, name: str) -> str:
@@ -68,7 +68,7 @@ class Objects:
 
     @os_errors
     def check(self) -> None:
-        """Whether it answers."""
+        """Raise ObjectStoreFailed unless the store answers."""
         self._fs.exists(self._at("session.secret"))
 
     @os_errors
@@ -77,7 +77,7 @@ class Objects:
 
     @os_errors
     def get(self, name: str, target: Path) -> None:
-        """Whole, or not at all; FileNotFoundError where there is none."""
+        """Fetch a complete file, or none; FileNotFoundError if it does not exist."""
         target.parent.mkdir(parents=True, exist_ok=True)
         beside = target.with_name(f"{target.name}.{secrets.token_hex(4)}.new")
         try:
@@ -88,7 +88,7 @@ class Objects:
 
     @os_errors
     def get_newest(self, name: str, target: Path) -> None:
-        """As `get`, of one that changes: not again while it is as it was. Where there is none, there is none here either."""
+        """Fetch a file that changes, unless the copy is current; if it does not exist, the local copy is removed as well."""
         try:
             tag = str(self._fs.ukey(self._at(name)))
         except FileNotFoundError:
@@ -114,7 +114,7 @@ class Objects:
 
     @os_errors
     def size(self, name: str) -> int:
-        """FileNotFoundError where there is none."""
+        """Return the size of a file; FileNotFoundError if it does not exist."""
         return int(self._fs.size(self._at(name)))
 
     @os_errors
@@ -123,7 +123,7 @@ class Objects:
 
     @os_errors
     def remove(self, name: str) -> None:
-        """Nothing happens if it is not there."""
+        """Remove a file; has no effect if it does not exist."""
         try:
             self._fs.rm_file(self._at(name))
         except FileNotFoundError:
@@ -131,8 +131,8 @@ class Objects:
 
     @os_errors
     def remove_below(self, folder: str, keep: Collection[str] = ()) -> None:
-        """All that lies below, but for these names."""
-        kept = {self._at(name).lstrip("/") for name in keep}  # some stores' paths begin with a slash
+        """Remove everything below a folder, except for these names."""
+        kept = {self._at(name).lstrip("/") for name in keep}  # paths of some stores begin with a slash
         try:
             found = [path for path in self._fs.find(self._at(folder)) if path.lstrip("/") not in kept]
         except FileNotFoundError:
@@ -145,7 +145,7 @@ class Objects:
 
     @os_errors
     def folders(self, folder: str) -> list[str]:
-        """Names of what lies right below."""
+        """Return the names directly below a folder."""
         try:
             found = self._fs.ls(self._at(folder), detail=False)
         except FileNotFoundError:

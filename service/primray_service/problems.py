@@ -1,4 +1,4 @@
-"""Problem documents (RFC 9457): the one table of what can go wrong, and the exception that carries one of them.
+"""Problem documents (RFC 9457): the table of all kinds, and the exception that carries one.
 
 `type` is "/problems/<slug>", stable, and the path of its documentation on the same server.
 """
@@ -18,7 +18,7 @@ class Kind:
 
 
 KINDS: Mapping[str, Kind] = {
-    # The request
+    # Requests
     "invalid-request": Kind(422, "The request is not as the API describes it"),
     "invalid-json": Kind(400, "The body is not JSON"),
     "not-found": Kind(404, "There is nothing here"),
@@ -42,18 +42,18 @@ KINDS: Mapping[str, Kind] = {
     "webhook-address": Kind(422, "The webhook's address is not one that may be called"),
     "host-not-allowed": Kind(421, "This server does not answer for that host"),
     "cross-origin": Kind(403, "The request comes from another site"),
-    # Who asks
+    # Callers
     "unauthenticated": Kind(401, "A valid API key is needed"),
     "forbidden": Kind(403, "The key's scopes do not allow this"),
     "too-many-requests": Kind(429, "Too many requests", retryable=True),
     "quota-exceeded": Kind(429, "A quota is used up", retryable=True),
-    # The package
+    # Packages
     "not-usd": Kind(422, "The file is not USD"),
     "ambiguous-entry": Kind(422, "The package has several root layers; name one"),
     "entry-missing": Kind(422, "The package has no such layer"),
     "package-unsafe": Kind(422, "The package has a member that is not allowed"),
     "package-too-large": Kind(422, "The package unpacks to more than is allowed"),
-    # The scene
+    # Scenes
     "asset-path-outside-job": Kind(422, "The scene refers to a file outside of what was uploaded"),
     "asset-missing": Kind(422, "A file that the scene needs was not uploaded"),
     "layer-unreadable": Kind(422, "A layer cannot be read"),
@@ -61,7 +61,7 @@ KINDS: Mapping[str, Kind] = {
     "scene-too-large": Kind(422, "The scene holds more than is allowed"),
     "settings-rejected": Kind(422, "The scene does not allow these settings"),
     "strict-warnings": Kind(422, "The scene has warnings, and strict or fail_on refuses them"),
-    # The render
+    # Renders
     "time-limit": Kind(422, "It took longer than is allowed"),
     "memory-limit": Kind(422, "It needs more memory than is allowed"),
     "storage-limit": Kind(422, "It wrote more than is allowed"),
@@ -69,7 +69,7 @@ KINDS: Mapping[str, Kind] = {
     "render-failed": Kind(500, "The render process failed"),
     "checkpoint-unusable": Kind(500, "The render cannot go on from its checkpoint"),
     "job-expired": Kind(422, "The job did not finish before its time to live ran out"),
-    # The server
+    # Server
     "storage-full": Kind(507, "The server's disk is full", retryable=True),
     "unavailable": Kind(503, "The server cannot do this now", retryable=True),
     "internal": Kind(500, "The server failed", retryable=True),
@@ -77,7 +77,7 @@ KINDS: Mapping[str, Kind] = {
 
 
 class Problem(Exception):
-    """An answer that is an error; `extra` are members of the document beside the standard ones."""
+    """An error answer; `extra` are further members of the document."""
 
     def __init__(
         self, slug: str, detail: str, *, status: int | None = None, headers: Mapping[str, str] | None = None, **extra: Any
@@ -102,7 +102,7 @@ class Problem(Exception):
 
 
 def problem_of(document: Mapping[str, Any]) -> Problem:
-    """The exception of a stored document."""
+    """Return the exception for a stored document."""
     slug = str(document["type"]).removeprefix("/problems/")
     extra = {k: v for k, v in document.items() if k not in ("type", "title", "status", "detail", "retryable")}
     return Problem(slug, str(document["detail"]), status=int(document["status"]), **extra)

@@ -1,7 +1,7 @@
-"""The running server: puts the parts together, listens, and takes them apart again when it is told to stop.
+"""The running server: creates the parts, listens, and stops the parts in reverse order.
 
-One process. SIGTERM or Ctrl-C: no new connections, open streams end, running frames write a checkpoint and are queued
-again; all within a few seconds. A second one ends it at once.
+It is one process. SIGTERM or Ctrl-C: no new connections, open streams end, running frames write a checkpoint and are queued
+again; all within a few seconds. A second signal ends it at once.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SWITCH_INTERVAL_S = 0.001
 
 
 def serve(config: ServeConfig) -> None:
-    """Until SIGTERM or Ctrl-C."""
+    """Run the server until SIGTERM or Ctrl-C."""
     logs.configure(config.log_json)
     listener = listen(config)
     allow_many_connections()
@@ -59,28 +59,28 @@ def serve(config: ServeConfig) -> None:
 
 
 def listen(config: ServeConfig) -> socket.socket:
-    """Problem("unavailable") where the port cannot be had."""
+    """Return a listening socket; Problem("unavailable") if the port is not available."""
     family = socket.AF_INET6 if ":" in config.host else socket.AF_INET
     try:
         listener = socket.create_server((config.host, config.port), family=family, backlog=2048)
     except (OSError, OverflowError) as error:
         raise Problem("unavailable", f"Cannot listen on {config.host} port {config.port}: {error}.") from None
-    # Connections inherit it. asyncio sets it only where a socket names its protocol, and this one does not: without it an
+    # Connections inherit this option. asyncio sets it only if a socket names its protocol, and this one does not: without it an
     # answer of two writes waits 40 ms for the acknowledgement of the first.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener
 
 
 def allow_many_connections() -> None:
-    """As many open files as this process may have: each connection is one."""
+    """Raise the limit of open files as far as this process may: each connection is one."""
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     with contextlib.suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def answer_evenly() -> None:
-    """Less of what makes one answer in a hundred late: a full collection goes over all that was imported (some 50 ms), and a
-    thread that computes keeps the event loop waiting for a whole switch interval, at each turn between the two."""
+    """Reduce tail latency: a full garbage collection visits everything that was imported (some 50 ms), and a computing thread
+    keeps the event loop waiting for a whole switch interval whenever the two alternate."""
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -110,7 +110,7 @@ def url_of(config: ServeConfig, listener: socket.socket) -> str:
 
 @asynccontextmanager
 async def running(config: ServeConfig) -> AsyncIterator[Service]:
-    """The parts of a server, started; stopped afterwards."""
+    """Provide the parts of a server, started; they are stopped afterwards."""
     objects = None if config.objects is None else await asyncio.to_thread(opened, config.objects)
     data = DataDirectory(config.data, objects, config.shared_roots)
     data.create()
@@ -118,9 +118,9 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     await asyncio.to_thread(store.migrate)
     await asyncio.to_thread(sweep, store, data)
     changes = Changes()
-    # Another server's changes are told a moment later: what is read here may be shared by all who ask only if there is none.
+    # Another server's changes are noticed a moment later, so reads are shared among callers only if there is no other server.
     reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
-    # In this order: whoever is woken by a change reads it.
+    # The order matters: those who are woken by a change read it.
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = executor_maker(config.executor)(config, data)
     service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
@@ -158,7 +158,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
 
 
 async def keep_evicting(data: DataDirectory, limits: Limits) -> None:
-    """Until it is cancelled."""
+    """Evict local copies periodically, until cancelled."""
     while True:
         try:
             await asyncio.to_thread(cache.evict, data, 2 * limits.free_disk_bytes)
@@ -168,7 +168,8 @@ async def keep_evicting(data: DataDirectory, limits: Limits) -> None:
 
 
 def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
-    """What a worker cannot do here; Problem("unavailable") if that is too little for a server that others can reach."""
+    """Return the result of the sandbox's self-test; Problem("unavailable") if it is too weak for a server that others can
+    reach."""
     found = self_test(data.slots)
     if not found.ok and not config.allow_unsandboxed:
         log.warning("the sandbox does not hold", **found.as_json())
@@ -182,7 +183,7 @@ def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
 
 
 class Server(uvicorn.Server):
-    """Says where it listens, and tells open streams and the dispatcher at once when it is to stop."""
+    """Reports where it listens, and notifies open streams and the dispatcher at once when it is to stop."""
 
     def __init__(self, config: uvicorn.Config, service: Service, url: str) -> None:
         super().__init__(config)
@@ -200,7 +201,7 @@ class Server(uvicorn.Server):
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """uvicorn's would raise the signal again afterwards, before the parts are stopped."""
+        """Handle signals without uvicorn, which would raise the signal again afterwards, before the parts are stopped."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._told_to_stop)
@@ -211,12 +212,12 @@ class Server(uvicorn.Server):
                 loop.remove_signal_handler(number)
 
     def _told_to_stop(self) -> None:
-        self.force_exit = self.should_exit  # the second time
+        self.force_exit = self.should_exit  # on the second signal
         self.should_exit = True
 
 
 class Connection(H11Protocol):
-    """uvicorn's, which closes connections that never send a request, and tells bad ones so in a problem document."""
+    """uvicorn's connection, but it is closed if no request comes, and malformed requests get a problem document."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -231,7 +232,7 @@ class Connection(H11Protocol):
         super()._unset_keepalive_if_required()
 
     def _unset_keepalive_if_required(self) -> None:
-        """Not before a request's head is complete: one that trickles in is no reason to wait longer."""
+        """Keep the timeout until a request's head is complete, so that one that trickles in does not extend it."""
         if self.conn.their_state is not h11.IDLE:
             super()._unset_keepalive_if_required()
 

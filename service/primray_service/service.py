@@ -33,9 +33,9 @@ class Service:
     data: DataDirectory
     executor: Executor
     dispatcher: Dispatcher
-    changes: Changes  # who waits for a change of a job
-    reads: SharedReads  # of jobs that many ask for at once
-    self_test: SelfTest | None = None  # of the sandbox, at the start; None: this server runs no workers
+    changes: Changes  # waiters for changes of jobs
+    reads: SharedReads  # shared by concurrent readers of a job
+    self_test: SelfTest | None = None  # result for the sandbox, at the start; None: this server runs no workers
     pictures: PictureEncoder = field(default_factory=PictureEncoder)
 
     @cached_property
@@ -44,11 +44,11 @@ class Service:
 
     @cached_property
     def places(self) -> Places:
-        """Of waiting jobs."""
+        """Return the positions of queued jobs."""
         return Places(self.store, lambda: self.who_leads.now().capacity.slots, self.dispatcher.rates)
 
     def job_json(self, job: Job) -> Json:
-        """With its place in the queue; blocks for the database."""
+        """Return a job's JSON with its position in the queue; blocks on the database."""
         return job_json(job, self.places.of(job))
 
     @property
@@ -64,5 +64,5 @@ class Service:
         return TenantQuotas(self.store, self.config.quotas)
 
     def quotas_of(self, caller: Caller) -> Quotas:
-        """Blocks for the database, unless they were read a moment ago."""
+        """Return a caller's quotas; blocks on the database unless they were read a moment ago."""
         return self.tenant_quotas.of_caller(caller)

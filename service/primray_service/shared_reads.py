@@ -1,7 +1,7 @@
-"""One read of a job for all who ask at the same time: clients that poll, and streams that a change has woken.
+"""Shared reads of a job for callers that ask at the same time: clients that poll, and streams that a change has woken.
 
-What was read is good until the store tells that the job changed, and no longer than `age_s`. Belongs to the event loop;
-`changed` may be called from any thread, and before the change is answered, so that who made it reads it.
+A result is valid until the store reports a change of the job, and no longer than `age_s`. Belongs to the event loop; `changed`
+is thread-safe, and is called before the change is answered, so that its author reads it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 JOBS_KEPT = 2048
-THREADS = 4  # for reads that are shared: more at a time only take the interpreter's lock from each other
+THREADS = 4  # for shared reads; more threads would only compete for the interpreter's lock
 
 
 class SharedReads:
@@ -21,16 +21,16 @@ class SharedReads:
         self._loop = asyncio.get_running_loop()
         self._age_s = age_s
         self._slots = asyncio.Semaphore(THREADS)
-        # job id -> what is read of it -> (the loop's time when it began, the answer)
+        # By job id and what is read: (the loop's time when the read began, the answer).
         self._reads: OrderedDict[str, dict[Any, tuple[float, asyncio.Task[Any]]]] = OrderedDict()
 
     def changed(self, job_id: str) -> None:
-        """For a store's `subscribe`."""
+        """Forget what was read of the job; for a store's `subscribe`."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._reads.pop, job_id, None)
 
     async def read(self, job_id: str, what: Any, load: Callable[[], T], age_s: float | None = None) -> T:
-        """What `load` answers, run in a thread by the first who asks. `what`: a hashable name of it."""
+        """Return the result of `load`, run in a thread by the first caller. `what`: a hashable name of it."""
         age_s = self._age_s if age_s is None else age_s
         reads = self._reads.get(job_id)
         known = None if reads is None else reads.get(what)

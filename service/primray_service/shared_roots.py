@@ -1,7 +1,6 @@
-"""Folders of shared storage that jobs may name: `shared:NAME/path.usda`. Which tenants may is part of the configuration.
+"""Folders of shared storage that jobs may name: `shared:NAME/path.usda`. The configuration lists the tenants that may use each.
 
-The server only asks the file system where a path leads; a worker opens the stage, in a sandbox in which the root can be read
-and nothing beside it.
+The server only resolves paths; a worker opens the stage, in a sandbox in which this root is readable and no other.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ MEMBER = "scene.shared"
 
 @dataclass(frozen=True)
 class SharedRoot:
-    """`path` has no symbolic links in it; `tenants` that may use it, None: all."""
+    """A shared folder. `path` has no symbolic links in it; `tenants` may use it, None: all."""
 
     name: str
     path: Path
@@ -46,7 +45,7 @@ class SharedFile:
 
     @property
     def scene_id(self) -> str:
-        """Of the root layer as it is now: when it changes it is another scene, which is checked again."""
+        """Return the scene id of the current root layer: when the file changes it is another scene, which is checked again."""
         found = self.path.stat()
         said = f"primray-shared-1\n{self.name}\n{found.st_size}\n{found.st_mtime_ns}"
         return f"sha256:{hashlib.sha256(said.encode()).hexdigest()}"
@@ -60,8 +59,8 @@ class SharedRoots:
         return sorted(root.name for root in self.roots if root.allows(tenant))
 
     def file(self, text: str, tenant: str) -> SharedFile:
-        """What `shared:NAME/path.usda`, or NAME/path.usda, names. Problem: a root that is another tenant's is as one that there
-        is not. Blocks for the file system."""
+        """Return the file for `shared:NAME/path.usda`, or NAME/path.usda. Raises Problem; another tenant's root is reported
+        like one that does not exist. Blocks on the file system."""
         name, _, path = text.removeprefix(PREFIX).partition("/")
         root = next((root for root in self.roots if root.name == name and root.allows(tenant)), None)
         if root is None:
@@ -83,7 +82,7 @@ def _invalid(detail: str) -> Problem:
 
 
 def roots_of(folders: Iterable[str], tenants: Iterable[str]) -> SharedRoots:
-    """Of NAME=/folder and NAME=tenant,tenant, as `primray serve` is given them. SettingsError."""
+    """Return the roots from NAME=/folder and NAME=tenant,tenant, as given to `primray serve`. Raises SettingsError."""
     allowed: dict[str, frozenset[str]] = dict(_tenants(text) for text in tenants)
     found: dict[str, SharedRoot] = {}
     for text in folders:
@@ -114,6 +113,6 @@ def _wrong(detail: str) -> SettingsError:
 
 
 def shared_name(facts: Mapping[str, object]) -> str | None:
-    """What a scene of shared storage was named as; None for one that was uploaded."""
+    """Return the name by which a scene of shared storage was requested; None for an uploaded one."""
     name = facts.get("shared")
     return name if isinstance(name, str) else None

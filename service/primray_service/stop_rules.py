@@ -1,4 +1,4 @@
-"""How the stop rules of a job that goes on follow from its earlier ones. Pure."""
+"""Stop rules of a continued job, derived from its earlier ones. Pure."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ RULES = ("target_error", "max_samples", "max_seconds")
 
 
 def continued(job: Job, asked: ContinuedRules, limits: Limits) -> Json:
-    """The rules of the next attempt; Problem if a job that reached its end would end where it did.
+    """Return the rules of the next attempt; raises Problem if a job that succeeded would end where it did before.
 
-    A job that succeeded must be asked for more: some rule goes further than before, none less far. One that did not reach
-    its end may go on with the rules that it had, or any others.
+    A job that succeeded needs more: some rule goes further than before, none less far. One that did not succeed may continue
+    with its own rules, or any others.
     """
     before = StopRules.model_validate_json(StopRules(**job.settings.get("stop", {})).model_dump_json())
     after = StopRules(**{**before.model_dump(), **asked.model_dump(exclude_unset=True)})
@@ -29,7 +29,7 @@ def continued(job: Job, asked: ContinuedRules, limits: Limits) -> Json:
 def _check_further(before: StopRules, after: StopRules) -> None:
     is_other_metric = (after.metric or "relmse") != (before.metric or "relmse")
     if is_other_metric and before.target_error is not None and after.target_error is not None:
-        return  # the errors of two metrics cannot be compared
+        return  # errors in two metrics cannot be compared
     further = {rule: _further(rule, before, after) for rule in RULES}
     shorter = next((rule for rule in RULES if further[rule] < 0), None)
     if shorter is not None:
@@ -39,10 +39,10 @@ def _check_further(before: StopRules, after: StopRules) -> None:
 
 
 def _further(rule: str, before: StopRules, after: StopRules) -> int:
-    """Whether the rule stops later than before: 1, 0 for the same, -1 for sooner."""
+    """Return whether the rule stops later than before: 1, 0 for the same, -1 for sooner."""
     old, new = _bound(rule, before), _bound(rule, after)
     if old == new or (new is not None and old is None):
-        # A rule that is new beside others takes nothing back: what is reached already just ends the frame.
+        # A rule that is added to others does not restrict them: if it is reached already, the frame just ends.
         return 0 if old == new else int(rule == "target_error")
     if new is None:
         return 1

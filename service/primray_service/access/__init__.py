@@ -1,1 +1,2 @@
-"""Who may ask, and for how much: auth.py tells who it is, keys.py makes keys; quotas.py and tenants.py say what may be used."""
+"""Authentication and quotas: auth.py identifies callers, keys.py makes keys, quotas.py and tenants.py limit what callers may
+use."""

@@ -1,7 +1,7 @@
-"""Who asks: API keys, and the sessions that stand for a key where no header can be sent (EventSource, <img>).
+"""Authentication: API keys, and sessions that stand in for a key where no header can be sent (EventSource, <img>).
 
-Knows no HTTP; http/callers.py takes what it needs out of requests. A session is a signed cookie: it outlives a restart
-of the server, is checked against its key on every use, and is forgotten when it is logged out of.
+This module knows no HTTP; http/callers.py reads requests. A session is a signed cookie: it survives a restart of the server, is
+checked against its key on every use, and ends at logout.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 SCOPES = frozenset({"submit", "read", "admin"})
 LOCAL_TENANT = "local"
 SESSION_S = 12 * 3600.0
-KEY_AGE_S = 2.0  # a key that another server revokes is refused after so long
+KEY_AGE_S = 2.0  # upper bound of the time until a key revoked by another server is refused
 KEYS_KEPT = 1024
 
 
 @dataclass(frozen=True)
 class Caller:
-    """Who a request comes from; `key` is None for who needs none (on loopback)."""
+    """The sender of a request; `key` is None where none is needed (on loopback)."""
 
     tenant: str
     scopes: frozenset[str]
     key: ApiKey | None = None
 
     def allows(self, scope: str) -> bool:
-        """An admin may do what the others may, within the tenant."""
+        """Return whether the caller has this scope; an admin has all of them within its tenant."""
         return scope in self.scopes or "admin" in self.scopes
 
     def quotas(self, default: Quotas) -> Quotas:
@@ -53,7 +53,7 @@ def sha256_of(key: str) -> str:
 
 
 class Keys:
-    """Keys by their hash, remembered for a moment so that a request costs no read of them; from any thread."""
+    """Keys by their hash, cached for a moment so that most requests do not read them from the store. Thread-safe."""
 
     def __init__(self, find: Callable[[str], ApiKey | None]) -> None:
         self._find = find
@@ -61,7 +61,7 @@ class Keys:
         self._lock = threading.Lock()
 
     def remembered(self, sha256: str) -> tuple[ApiKey | None, bool]:
-        """The key, and whether that is known without asking the store."""
+        """Return the cached key, and whether the cache knows the answer (None is an answer, too)."""
         known = self._known.get(sha256)
         if known is None or time.monotonic() - known[0] > KEY_AGE_S:
             return None, False
@@ -76,13 +76,13 @@ class Keys:
         return found
 
     def forget(self) -> None:
-        """After a key was revoked here: it is refused at once."""
+        """Drop the cached keys, so that a key revoked here is refused at once."""
         with self._lock:
             self._known.clear()
 
 
 def caller_of(key: ApiKey | None, now: float) -> Caller:
-    """Problem unless the key is one that counts now. All that do not are refused in the same words."""
+    """Return the caller for a key that is valid now, else raise Problem; every invalid key gets the same words."""
     if key is None or key.revoked_at is not None or (key.expires_at is not None and key.expires_at <= now):
         raise unauthenticated("This API key is not known, or not valid any more.")
     return Caller(key.tenant, key.scopes, key)
@@ -93,13 +93,13 @@ def unauthenticated(detail: str) -> Problem:
 
 
 class Sessions:
-    """Cookies that stand for a key: `<random id>.<sha256 of the key>.<time it ends>.<signature>`. `ended` keeps who logged
-    out, for all servers; what it says of a session is remembered for a moment."""
+    """Session cookies: `<random id>.<sha256 of the key>.<end time>.<signature>`. `ended` records logouts for all servers; its
+    answers are cached for a moment."""
 
     def __init__(self, secret: bytes, ended: EndedSessions) -> None:
         self._secret = secret
         self._ended = ended
-        self._known: dict[str, tuple[float, bool]] = {}  # by session: when it was asked for, and whether it has ended
+        self._known: dict[str, tuple[float, bool]] = {}  # by session: when the store was asked, and whether it has ended
         self._lock = threading.Lock()
 
     def begin(self, key_sha256: str, now: float) -> str:
@@ -107,26 +107,27 @@ class Sessions:
         return f"{body}.{self._signature(body)}"
 
     def key_sha256(self, cookie: str, now: float) -> str | None:
-        """None if it is not a session that goes on. May block for the store: see `is_known`."""
+        """Return the SHA-256 of the session's key, or None if the session is invalid or has ended. May block on the store: see
+        `is_known`."""
         found = self._read(cookie, now)
         if found is None or self._has_ended(found[0]):
             return None
         return found[1]
 
     def is_known(self, cookie: str) -> bool:
-        """Whether `key_sha256` answers without asking the store."""
+        """Return whether `key_sha256` answers without reading the store."""
         known = self._known.get(cookie.partition(".")[0])
         return known is not None and (known[1] or time.monotonic() - known[0] <= KEY_AGE_S)
 
     def end(self, cookie: str, now: float) -> None:
-        """Blocks for the store."""
+        """End the session. Blocks on the store."""
         found = self._read(cookie, now)
         if found is not None and not self._has_ended(found[0]):
             self._ended.end_session(found[0], found[2], now)
             self._remember(found[0], True)
 
     def _read(self, cookie: str, now: float) -> tuple[str, str, float] | None:
-        """The session, its key's SHA-256, and when it ends; None where we did not sign it, or its time is over."""
+        """Return the session, its key's SHA-256 and its end time, or None if we did not sign the cookie or it has expired."""
         body, _, signature = cookie.rpartition(".")
         if not hmac.compare_digest(signature.encode(), self._signature(body).encode()):
             return None
@@ -152,7 +153,7 @@ class Sessions:
 
 
 class EndedSessions(Protocol):
-    """As much of a store as sessions need."""
+    """The part of a store that sessions need."""
 
     def end_session(self, session: str, until: float, now: float) -> None: ...
 
@@ -160,7 +161,7 @@ class EndedSessions(Protocol):
 
 
 def session_secret(file: Path) -> bytes:
-    """The secret that signs sessions, made when it is first needed; servers that share a data directory share it."""
+    """Return the secret that signs sessions, creating it at first use; servers that share a data directory share it."""
     draft = file.with_name(f"{file.name}.{os.urandom(6).hex()}")
     if not file.exists():
         handle = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -169,7 +170,7 @@ def session_secret(file: Path) -> bytes:
             out.flush()
             os.fsync(out.fileno())
         try:
-            os.link(draft, file)  # the first of two servers that do this at once wins
+            os.link(draft, file)  # if two servers do this at once, the first wins
         except FileExistsError:
             pass
         finally:

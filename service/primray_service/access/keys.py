@@ -1,7 +1,7 @@
-"""API keys: how one is made, told from a mistyped one, and stored. Pure but for `create`, which puts it into a store.
+"""API keys: creation, checksum and storage. Pure except for `create`, which writes to a store.
 
-A key is "primray_", 43 characters that hold 256 random bits, "_" and six that are a checksum: secret scanners find it, and a
-key that was cut off while copying can be told so. Only its SHA-256 is kept: of 256 random bits that is as good as a slow hash.
+A key is "primray_", 43 characters that hold 256 random bits, "_" and a checksum of six characters: secret scanners find it, and
+a truncated key is recognised as such. Only its SHA-256 is stored: for 256 random bits that is as good as a slow hash.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 PREFIX = "primray_"
 ENTROPY_BYTES = 32
-SHOWN_CHARS = len(PREFIX) + 6  # 36 bits of 256: enough to recognise it by, useless to guess the rest
+SHOWN_CHARS = len(PREFIX) + 6  # 36 of 256 bits: enough to recognise a key, useless for guessing the rest
 TENANT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 _FORM = re.compile(rf"({PREFIX}[A-Za-z0-9_-]{{43}})_([0-9a-z]{{6}})")
 
 
 def make(entropy: bytes | None = None) -> str:
-    """A new key's text."""
+    """Return the text of a new key."""
     secret = os.urandom(ENTROPY_BYTES) if entropy is None else entropy
     if len(secret) != ENTROPY_BYTES:
         raise ValueError(f"a key has {ENTROPY_BYTES} random bytes")
@@ -40,13 +40,13 @@ def make(entropy: bytes | None = None) -> str:
 
 
 def is_whole(key: str) -> bool:
-    """Whether it is a key as `make` makes them, not cut off or mistyped; says nothing of whether it is known."""
+    """Return whether the text has the form of a key, not truncated or mistyped; says nothing about whether it is known."""
     match = _FORM.fullmatch(key)
     return match is not None and match[2] == _checksum(match[1])
 
 
 def _checksum(body: str) -> str:
-    """30 bits of a CRC, in base 32: only against mistakes."""
+    """Return 30 bits of a CRC in base 32; it guards against mistakes only."""
     digits = "0123456789abcdefghijklmnopqrstuv"
     value = zlib.crc32(body.encode()) & (1 << 30) - 1
     return "".join(digits[value >> shift & 31] for shift in range(25, -1, -5))
@@ -55,7 +55,8 @@ def _checksum(body: str) -> str:
 def new_key(
     tenant: str, scopes: Collection[str], now: float, *, name: str = "", quotas: Quotas, expires_at: float | None = None
 ) -> tuple[ApiKey, str]:
-    """The row, and the text that is shown once; Problem("invalid-request") for what no key can be."""
+    """Return the key's row and its text, which is shown once; raise Problem("invalid-request") for arguments that no key can
+    have."""
     unknown = set(scopes) - SCOPES
     if unknown or not scopes:
         raise Problem("invalid-request", f"scopes: one or more of {', '.join(sorted(SCOPES))}.", member="scopes")
@@ -92,7 +93,8 @@ def create(
     quotas: Quotas | None = None,
     expires_at: float | None = None,
 ) -> tuple[ApiKey, str]:
-    """Make a key and store it: POST /v1/keys, and `primray keys create --data DIR` for the first one of a server."""
+    """Create a key and store it: for POST /v1/keys, and for `primray keys create --data DIR`, which makes a server's first
+    key."""
     row, text = new_key(tenant, scopes, now, name=name, quotas=quotas or Quotas(), expires_at=expires_at)
     store.create_key(row)
     return row, text

@@ -1,4 +1,4 @@
-"""What a tenant may still do: a bucket of requests for each key, and what to answer when a quota is used up. No HTTP here."""
+"""Quotas of tenants: a token bucket of requests for each key, and the answer when a quota is used up. No HTTP here."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from ..problems import Problem
 from ..store.base import Usage
 
 DAY_S = 86_400.0
-SOON_S = 30  # for quotas that free up whenever a job ends or something is deleted
+SOON_S = 30  # retry delay for quotas that free up whenever a job ends or something is deleted
 BUCKETS_KEPT = 10_000
 
 
 @dataclass(frozen=True)
 class Allowance:
-    """What a request's answer says of the bucket: draft-ietf-httpapi-ratelimit-headers-10."""
+    """State of a token bucket as answers report it (draft-ietf-httpapi-ratelimit-headers-10)."""
 
     is_allowed: bool
-    limit: int  # the burst
+    limit: int  # burst size
     per_s: float
     remaining: int
-    reset_s: int  # until the bucket is full again
+    reset_s: int  # seconds until the bucket is full again
     retry_after_s: int
 
     def headers(self) -> dict[str, str]:
@@ -44,15 +44,15 @@ class Allowance:
 
 
 class RequestRates:
-    """Token buckets by key or tenant, in this process: each of several servers counts its own requests. From any thread."""
+    """Token buckets by key or tenant, in this process: each of several servers counts its own requests. Thread-safe."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._buckets: dict[str, tuple[float, float]] = {}  # tokens, when they were counted
+        self._buckets: dict[str, tuple[float, float]] = {}  # (tokens, time when they were counted) by key or tenant
         self._lock = threading.Lock()
 
     def take(self, who: str, quotas: Quotas) -> Allowance | None:
-        """One request's allowance; None where there is no limit."""
+        """Take one token and return the bucket's state; None if there is no limit."""
         if quotas.requests_per_s is None:
             return None
         rate, burst = quotas.requests_per_s, max(1, quotas.burst)
@@ -70,14 +70,14 @@ class RequestRates:
         return Allowance(is_allowed, burst, rate, int(tokens), math.ceil((burst - tokens) / rate), wait)
 
     def _forget_full(self, now: float, rate: float, burst: int) -> None:
-        """A bucket that had time to fill up is as good as none."""
+        """Drop buckets that have had time to fill up: a full bucket and no bucket are equivalent."""
         self._buckets = {
             who: (tokens, then) for who, (tokens, then) in self._buckets.items() if tokens + (now - then) * rate < burst
         }
 
 
 def exceeded(quota: str, quotas: Quotas, usage: Usage, coming: int = 0) -> Problem:
-    """The answer where a quota stands in the way; `coming`: what the request would have added."""
+    """Return the answer for an exceeded quota; `coming` is what the request would have added."""
     limit = getattr(quotas, quota)
     used = {
         "queued_jobs": usage.queued_jobs,
@@ -93,7 +93,7 @@ def exceeded(quota: str, quotas: Quotas, usage: Usage, coming: int = 0) -> Probl
     }[quota]
     more = f"; this needs {coming:,} more" if coming else ""
     sentence = f"{limit:,} {what}, and {used:,.0f} are in use{more}."
-    if quota == "stored_bytes":  # nothing is freed by waiting
+    if quota == "stored_bytes":  # waiting frees nothing
         sentence = f"{sentence} Delete scenes or jobs that are no longer needed."
         return Problem("quota-exceeded", sentence, retryable=False, quota=quota, limit=limit, used=used)
     wait = math.ceil(DAY_S - time.time() % DAY_S) if quota == "cpu_s_per_day" else SOON_S

@@ -1,4 +1,5 @@
-"""What a tenant may use: the quotas of its newest valid key, or this server's; what an administrator has set goes first."""
+"""Effective quotas of a tenant: those of its newest valid key, or this server's; settings by an administrator take
+precedence."""
 
 from __future__ import annotations
 
@@ -14,13 +15,13 @@ if TYPE_CHECKING:
     from ..jobs import Json
     from ..store.base import Store
 
-REMEMBERED_S = 5.0  # another server's change holds after so long
+REMEMBERED_S = 5.0  # upper bound of the time until another server's change takes effect
 REMEMBERED = 10_000
 NAMES = frozenset(field.name for field in fields(Quotas))
 
 
 class TenantQuotas:
-    """Quotas by tenant; what was read is good for a few seconds. May be used from any thread."""
+    """Quotas by tenant, cached for a few seconds. Thread-safe."""
 
     def __init__(self, store: Store, default: Quotas) -> None:
         self._store = store
@@ -29,21 +30,22 @@ class TenantQuotas:
         self._of_keys: dict[str, tuple[float, Quotas]] = {}
 
     def of(self, tenant: str) -> Quotas:
-        """Quotas that the queue keeps for a tenant, whichever of its keys a job came with. May block for the store."""
+        """Return the quotas that the queue applies to a tenant, whichever of its keys a job came with. May block on the
+        store."""
         found = _remembered(self._of_keys, tenant, lambda: self._newest_keys(tenant))
         return self._changed(found, tenant)
 
     def of_caller(self, caller: Caller) -> Quotas:
-        """Quotas of the key that a request came with. May block for the store: see `is_known`."""
+        """Return the quotas of the key that a request came with. May block on the store: see `is_known`."""
         return self._changed(caller.quotas(self._default), caller.tenant)
 
     def is_known(self, tenant: str) -> bool:
-        """Whether `of_caller` answers without asking the store."""
+        """Return whether `of_caller` answers without reading the store."""
         known = self._set.get(tenant)
         return known is not None and time.monotonic() - known[0] < REMEMBERED_S
 
     def forget(self, tenant: str) -> None:
-        """Its quotas were changed here: they hold at once."""
+        """Drop a tenant's cached quotas, so that a change made here takes effect at once."""
         self._set.pop(tenant, None)
 
     def _changed(self, quotas: Quotas, tenant: str) -> Quotas:

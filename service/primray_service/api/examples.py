@@ -1,4 +1,4 @@
-"""An operation asked with curl and from Python's standard library. What its path needs are variables of the same names."""
+"""Examples of API requests with curl and Python's standard library. Path parameters are variables of the same names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import re
 from .operations import Body, Operation
 
 SERVER = "http://127.0.0.1:8700"
-FILES = {"previews_preview": "preview.png", "outputs_output": "beauty.exr", "logs_log": "log.txt"}  # what is kept as a file
+# answers that are saved as a file
+FILES = {"previews_preview": "preview.png", "outputs_output": "beauty.exr", "logs_log": "log.txt"}
 SENT = "shot.usda"
 
 
@@ -56,7 +57,7 @@ def python_example(operation: Operation) -> str:
 
 
 def _body(operation: Operation) -> Body | None:
-    """JSON where it can be; a file by a kind that any file has."""
+    """Return the operation's body, JSON if possible; a file body of a media type that any file has."""
     found = [body for body in operation.bodies if body.example is not None]
     found += [body for body in operation.bodies if body.media_type == "application/octet-stream"]
     return found[0] if found else None
@@ -69,5 +70,5 @@ def _url(operation: Operation, sign: str) -> str:
 
 
 def _answers_json(operation: Operation) -> bool:
-    """Without an Accept header."""
+    """Return whether the operation answers JSON to a request without an Accept header."""
     return operation.method != "HEAD" and "application/json" in operation.answers[0].media_types

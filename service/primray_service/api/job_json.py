@@ -1,4 +1,4 @@
-"""Jobs, frames and events as the API tells them: plain dictionaries, for the routes, the events and the webhooks."""
+"""JSON of jobs, frames and events as plain dictionaries, for the routes, event streams and webhooks."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from ..jobs import Event, Frame, Job, Json
 
 
 def time_text(seconds: float | None) -> str | None:
-    """RFC 3339, in UTC, to the millisecond."""
+    """Return the time as RFC 3339 text in UTC, to the millisecond."""
     if seconds is None:
         return None
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-# Before the first report of an attempt: clients find every member, whatever the state.
+# Progress before an attempt's first report, so that clients find every member in any state.
 NOTHING_YET: Json = {
     "fraction": 0.0,
     "phase": "",
@@ -32,7 +32,7 @@ NOTHING_YET: Json = {
 
 
 def job_json(job: Job, queue: Json | None = None) -> Json:
-    """`queue`: what waiting/places.py says of it."""
+    """Return a job's JSON; `queue` is the job's position as queue/positions.py computes it."""
     here = f"/v1/jobs/{job.id}"
     return {
         "id": job.id,
@@ -99,5 +99,6 @@ def event_json(event: Event) -> Json:
 
 
 def event_data(event: Event) -> Json:
-    """Of an end, which of the job's ends it was: a job whose frame is retried ends again in the same attempt."""
+    """Return an event's data. For an end it identifies which end it was: a job whose frame is retried ends again in the same
+    attempt."""
     return event.data | {"finished_at": time_text(event.created_at)} if event.type == "end" else event.data

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from primray.errors import did_you_mean
 
-# Members by what others call them: the last parts of the member's path.
+# Members by their names elsewhere; keys are the last components of the member's path.
 _ALIASES: dict[tuple[str, ...], str] = {
     ("stop", "max_seconds"): "deadline duration max_time seconds time timeout",
     ("stop", "max_samples"): "max_spp num_samples sample_count samples samples_per_pixel",
@@ -27,7 +27,7 @@ _ALIASES: dict[tuple[str, ...], str] = {
 }
 _MEANT = {alias: member for member, aliases in _ALIASES.items() for alias in aliases.split()}
 _QUOTED = re.compile(r"'([^']*)'")
-_LONGEST = 100  # of a name or a value that is compared
+_LONGEST = 100  # longest name or value that is compared, in characters
 
 
 def hint_of(found: Mapping[str, Any], model: type[BaseModel] | None = None) -> str:
@@ -59,7 +59,7 @@ def _member(model: type[BaseModel], place: Sequence[str]) -> str:
 
 
 def _members(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    """Yield the paths of all members, those of objects in objects too."""
+    """Yield the paths of all members, including those of nested objects."""
     for name, field in model.model_fields.items():
         path = (*above, field.alias or name)
         yield path

@@ -1,6 +1,7 @@
-"""The operations of the OpenAPI document as data: what each takes, answers, and how it is asked from a shell and from Python.
+"""The operations of the OpenAPI document as data: what each takes and answers, and how it is called from a shell and from
+Python.
 
-Two pages are made of it: the service's own (operations_page.py), and the site's reference of the HTTP API (docs/site).
+Two pages are made from it: the service's own (operations_page.py), and the site's reference of the HTTP API (docs/site).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ Document = Mapping[str, Any]
 @dataclass(frozen=True)
 class Parameter:
     name: str
-    where: str  # path, query, header
+    where: str  # "path", "query" or "header"
     is_required: bool
     type: Words
     text: str
@@ -25,7 +26,8 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Body:
-    """`members` of an object that has no name in the document; `example` is JSON, None where the body is a file."""
+    """A request's body; `members` are those of an object that has no name in the document, `example` is JSON, or None for a
+    file."""
 
     media_type: str
     type: Words
@@ -35,7 +37,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Answer:
-    """`type` is empty where there is no body."""
+    """A response; `type` is empty if it has no body."""
 
     status: str
     text: str
@@ -48,7 +50,7 @@ class Answer:
 class Operation:
     method: str
     path: str
-    key: str  # operationId: the place on both pages
+    key: str  # the operationId, which is the anchor on both pages
     tag: str
     text: str
     parameters: tuple[Parameter, ...]
@@ -91,5 +93,5 @@ def _answer(document: Document, status: str, response: Document) -> Answer:
     schemas = [media.get("schema", {}) for media in content.values()]
     named = next((type_words(schema) for schema in schemas if "$ref" in schema), None)
     types = named or (type_words(schemas[0]) if schemas else ())
-    headers = tuple(name for name in response.get("headers", {}) if name != "X-Request-Id")  # that is of every answer
+    headers = tuple(name for name in response.get("headers", {}) if name != "X-Request-Id")  # sent with every answer
     return Answer(status, response.get("description", ""), tuple(content), types, headers)

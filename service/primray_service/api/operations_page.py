@@ -1,5 +1,5 @@
-"""The API's reference as a page of the service: every operation with what it takes and answers. page/docs/ adds a form to each,
-which sends it; without scripts the page is there to be read. Knows no HTTP."""
+"""The API's reference as a page of the service: every operation with what it takes and answers. page/docs/ adds a form to each
+that sends it; the page is readable without scripts. Knows no HTTP."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _words(words: Words) -> str:
 
 
 def _text(text: str) -> str:
-    """What is between backticks is code."""
+    """Return the text as HTML, with passages between backticks as code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 

@@ -1,4 +1,4 @@
-"""The frame of the API's pages to read, and a page for each kind of problem. Knows no HTTP; page/style/ has their looks."""
+"""HTML frame of the API's reference pages, and a page for each kind of problem. Knows no HTTP; page/style/ has the styles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FRAME = """<!doctype html>
 
 
 def page(title: str, body: str, script: str = "") -> str:
-    """`script`: the address of a module of the page."""
+    """Return a page; `script` is the address of one of the page's modules."""
     loaded = f'<script src="{script}" type="module"></script>' if script else ""
     return FRAME.format(title=escape(title), body=body, script=loaded)
 

@@ -1,4 +1,4 @@
-"""What a JSON schema of the OpenAPI document says, in words: a type as text and names of other schemas, members as rows."""
+"""JSON schemas of the OpenAPI document in words: a type as text with references to other schemas, members as rows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Schema = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Ref:
-    """The name of a schema that the document has by itself."""
+    """Reference to a schema that the document defines by name."""
 
     name: str
 
@@ -22,7 +22,7 @@ Words = tuple[str | Ref, ...]
 
 @dataclass(frozen=True)
 class Member:
-    """`text` has what the schema says of it, and its default."""
+    """Member of an object; `text` holds the schema's description and default."""
 
     name: str
     is_required: bool
@@ -31,7 +31,7 @@ class Member:
 
 
 def type_words(schema: Schema) -> Words:
-    """`integer, 0 to 100`, `array of Job`, `"png" or "jpeg"`."""
+    """Return a type in words: `integer, 0 to 100`, `array of Job`, `"png" or "jpeg"`."""
     if "$ref" in schema:
         return (Ref(schema["$ref"].rpartition("/")[2]),)
     if "anyOf" in schema:

@@ -1,6 +1,6 @@
-"""One thing, one meaning, whichever word it goes by: what the command line and the library call settings, as the API has them.
+"""Aliases of settings: names from the command line and the library, translated to the API's own.
 
-Words are taken at the door; documents have the API's own.
+Aliases are translated when a request is read; documents use the API's names only.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 from ..problems import Problem
 
-# The API's member, and what else it goes by: flags of `primray render`, fields of `primray.RenderSettings`.
+# Aliases by API member: flags of `primray render`, fields of `primray.RenderSettings`.
 STOP_WORDS: dict[str, tuple[str, ...]] = {
     "max_samples": ("spp", "pixel_samples"),
     "max_seconds": ("time_limit", "time_limit_s"),
@@ -27,7 +27,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "products": ("product",),
     "default_light": ("no_default_light",),
 }
-# Of words that say it in another form.
+# Conversions for aliases whose values have another form.
 MEANT: dict[str, Callable[[Any], Any]] = {
     "product": lambda value: [value] if isinstance(value, str) else value,
     "no_default_light": lambda value: not value if isinstance(value, bool) else value,
@@ -38,9 +38,9 @@ _OF_SETTINGS = _OF_STOP | STOP_WORDS.keys() | {word for others in WORDS.values()
 
 
 def in_own_words(document: Any) -> Any:
-    """A request's JSON with the API's own members; the same object where it has them already.
+    """Return a request's JSON with the API's own members; the same object if it has them already.
 
-    Problem where one thing is said twice, differently.
+    Raises Problem if one setting is given twice with different values.
     """
     if not isinstance(document, dict) or not _has_other_words(document):
         return document
@@ -66,7 +66,7 @@ def _has_other_words(document: dict[str, Any]) -> bool:
 
 
 def _words_of_stop(settings: dict[str, Any]) -> list[tuple[str, str]]:
-    """Rules that stand beside `stop`, and the members that they are."""
+    """Return the rules given beside `stop`, with the members that they stand for."""
     return [(word, own) for own, others in STOP_WORDS.items() for word in (own, *others) if word in settings]
 
 

@@ -1,17 +1,17 @@
-"""The service's commands of `primray`: one file each, which renderer/primray/cli/installed.py finds by COMMANDS.
+"""The service's commands of `primray`, one file each; renderer/primray/cli/installed.py finds them through COMMANDS.
 
-    serve.py                                    starts a service (its limits' texts: limit_options.py)
-    submit.py, scene_file.py                    sends a scene, with what it refers to, and asks for pictures of it
-    status.py, watch.py, fetch.py, cancel.py    looks at jobs, follows them, gets their pictures, ends them
-    interventions.py                            pauses and resumes jobs, renders frames again
+    serve.py                                    start a service (help texts of its limits: limit_options.py)
+    submit.py, scene_file.py                    send a scene with the files it refers to, and create a job
+    status.py, watch.py, fetch.py, cancel.py    show jobs, follow them, download their pictures, cancel them
+    interventions.py                            pause and resume jobs, render frames again
     admin.py                                    jobs of all tenants, workers, usage, quotas
-    farm.py                                     a Ray cluster: its nodes, and what runs there, without a service
-    ../live/command.py                          looks at a stage in a browser
+    farm.py                                     nodes of a Ray cluster and what runs there, without a service
+    ../live/command.py                          show a stage in a browser
     keys.py                                     API keys: over HTTP, or in a data directory for the first one
-    connection.py, exits.py, following.py, job_text.py    which server and key; exit codes; progress; a job in words
+    connection.py, exits.py, following.py, job_text.py    server and key; exit codes; progress; a job in words
 
-stdout is for results (ids, names of files, tables, JSON lines), stderr for everything else. Nothing heavy is imported
-before a command runs.
+stdout is for results (ids, names of files, tables, JSON lines), stderr for everything else. Nothing heavy is imported before a
+command runs.
 """
 
 from __future__ import annotations

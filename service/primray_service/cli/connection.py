@@ -1,4 +1,4 @@
-"""Which server a command talks to, with which key, and what is said when that does not work."""
+"""Connection of a command to its server: address, key, and messages when it fails."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 
 EXTRA = ("httpx2", "fastapi", "uvicorn", "sqlalchemy", "alembic", "structlog", "prometheus_client", "python_multipart")
 NOTED_WAIT_S = 5.0
-FIRST_RETRIES = 2  # before the server has answered at all: somebody waits for an error
+FIRST_RETRIES = 2  # fewer before the server's first answer: a user is waiting for the error
 
 
 def need_extra(command: str) -> None:
-    """CommandError unless what `pip install primray[server]` brings is there."""
+    """Raise CommandError unless the packages of `pip install primray[server]` are installed."""
     missing = [name for name in EXTRA if find_spec(name) is None]
     if missing:
         how = "install it with: pip install 'primray[server]'"
@@ -46,7 +46,7 @@ def need_extra(command: str) -> None:
 
 @contextmanager
 def connected(command: str, server: str | None, key_file: Path | None) -> Iterator[Client]:
-    """A client; its errors become the command's."""
+    """Provide a client whose errors become the command's."""
     need_extra(command)
     from ..client import Client, ClientError, ProblemError, ServerUnreachable
 
@@ -70,7 +70,8 @@ def connected(command: str, server: str | None, key_file: Path | None) -> Iterat
 
 
 def _noted_once() -> Callable[[ProblemError, float], None]:
-    """Say on stderr, once for each kind of problem, that the command waits and why; short waits are not worth a line."""
+    """Return a function that reports on stderr, once for each kind of problem, that the command waits and why; short waits are
+    not reported."""
     noted: set[str] = set()
 
     def note(problem: ProblemError, wait_s: float) -> None:
@@ -86,7 +87,7 @@ def _noted_once() -> Callable[[ProblemError, float], None]:
 
 
 def _about_the_key(was_sent: bool) -> str:
-    """In the words of this command: the server's are of headers, which it has no say in."""
+    """Return the error about a missing or refused key in terms of the command line: the server's text is about headers."""
     if was_sent:
         return "the key was sent, and the server does not accept it: was it revoked, cut off, or made for another server?"
     how = "Set PRIMRAY_API_KEY, or name a file that holds the key with --key-file (or PRIMRAY_API_KEY_FILE)"
@@ -94,7 +95,8 @@ def _about_the_key(was_sent: bool) -> str:
 
 
 def key_of(file: Path | None) -> str | None:
-    """Never from the command line itself, which every user of the machine can read."""
+    """Return the API key from a file or the environment; never from the command line, which every user of the machine can
+    read."""
     if file is None:
         if os.environ.get("PRIMRAY_API_KEY"):
             return os.environ["PRIMRAY_API_KEY"].strip()

@@ -1,4 +1,4 @@
-"""How these commands end: the exit codes of `primray` (primray/cli/__init__.py), by what went wrong or how a job ended."""
+"""Exit codes of these commands: those of `primray` (primray/cli/__init__.py), by the error or by how a job ended."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _EXITS = {
     for slug in slugs.split()
 }
 
-# Members of a problem document that say where it is.
+# Members of a problem document that locate the problem.
 _PLACES = ("member", "layer", "line", "column", "prim", "asset_path", "entry", "limit", "count", "signal")
 
 
@@ -48,20 +48,20 @@ class CommandError(PrimrayError):
 
 
 def error_of(document: Mapping[str, Any], advice: str = "") -> CommandError:
-    """A problem document as the error that the command ends with."""
+    """Return a problem document as the error that the command ends with."""
     slug = str(document.get("type", "")).removeprefix("/problems/") or "error"
     message = str(document.get("detail") or document.get("title") or "")
     candidates = document.get("candidates")
     if isinstance(candidates, list):
         message += f" ({', '.join(map(str, candidates))}: choose by --entry)"
     places = [f"{name.replace('_', ' ')} {document[name]}" for name in _PLACES if document.get(name) not in (None, "")]
-    code = str(document.get("code") or slug)  # the renderer's, where it is the renderer's error: as `primray render` says
+    code = str(document.get("code") or slug)  # the renderer's own code if the error is the renderer's, as in `primray render`
     return CommandError(code, f"{message}{advice}", _EXITS.get(slug, FAILED), where=", ".join(places))
 
 
 @contextmanager
 def problems_as_errors() -> Iterator[None]:
-    """For what runs here and not on a server."""
+    """Convert problems raised in this process, rather than by a server, into the command's errors."""
     try:
         yield
     except Problem as problem:
@@ -69,7 +69,7 @@ def problems_as_errors() -> Iterator[None]:
 
 
 def error_of_end(job: Job) -> CommandError | None:
-    """What a job that has ended leaves to be said; None if it did what was asked for."""
+    """Return the error for a job that has ended, or None if it did what was requested."""
     if job.state == "succeeded":
         missed = missed_target(job)
         return None if missed is None else CommandError("target-missed", missed, TARGET_MISSED)

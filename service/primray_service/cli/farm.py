@@ -1,4 +1,4 @@
-"""`primray farm status`: a Ray cluster, seen without a service."""
+"""`primray farm status`: the state of a Ray cluster, without a service."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .connection import Json
 from .exits import USAGE, CommandError
 from .job_text import plain
 
-# Flags of `primray serve` too.
+# Flags that `primray serve` has, too.
 RayCores = Annotated[
     int | None,
     typer.Option(metavar="N", help="Cores of a node for one render.", show_default="8, or all of the smallest node", min=1),

@@ -1,4 +1,4 @@
-"""`primray fetch`: what a job has made, checked, and gone on with where an earlier download broke off."""
+"""`primray fetch`: downloads a job's files, resumes broken downloads and checks the digests."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def download_all(
     *,
     overwrite: bool = False,
 ) -> list[Path]:
-    """The files' paths; each is printed when it is there. CommandError at the end for those in whose place others are."""
+    """Download the files and return their paths, printing each one as it arrives. Raises CommandError at the end for targets
+    that hold other files."""
     outputs = [
         output for output in client.outputs(job_id) if not only or any(fnmatchcase(output.name, pattern) for pattern in only)
     ]

@@ -1,4 +1,4 @@
-"""Following a job to its end: a bar on a terminal, JSON lines where asked for, else a line whenever its state changes."""
+"""Progress of a job on the terminal: a bar, JSON lines if requested, else a line for each change of state."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .job_text import error_text, frames_text, place_text, plain, print_warnings
 if TYPE_CHECKING:
     from ..client import Client, Event, Job, Progress
 
-Show = Callable[[str, "Progress", str], None]  # the job's state, how far it is, and its place while it waits
+Show = Callable[[str, "Progress", str], None]  # arguments: the job's state, its progress, its position in the queue
 
 
 def follow(client: Client, job: Job, as_json: bool, after: int | None = None) -> Job:
-    """Show the events of a job after the one of that id, and return the job when it has ended. KeyboardInterrupt goes through:
-    the job does not end with it."""
+    """Show the events of a job after the event with that id, and return the job when it has ended. KeyboardInterrupt
+    propagates; it does not end the job."""
     from ..client import Progress, QueuePlace
     from ..client.documents import TERMINAL
     from ..client.reading import read
@@ -40,7 +40,7 @@ def follow(client: Client, job: Job, as_json: bool, after: int | None = None) ->
                 place = place_text(read(QueuePlace, event.data))
             elif event.type == "warning":
                 _say(event)
-            if state not in TERMINAL:  # how many frames it has in the end comes with the job
+            if state not in TERMINAL:  # the final number of frames comes with the job
                 show(state, progress, place if state == "queued" else "")
         ended = client.job(job.id)
         show(ended.state, ended.progress, "")
@@ -67,7 +67,7 @@ def _lines(job_id: str) -> Show:
 
     def show(state: str, progress: Progress, place: str) -> None:
         nonlocal last
-        turn = place.partition(",")[0]  # an estimate that changes is no news
+        turn = place.partition(",")[0]  # a changed estimate is not worth a line
         if (state, turn) != last:
             last = (state, turn)
             details = ", ".join(filter(None, (place, frames_text(progress), error_text(progress))))

@@ -1,4 +1,4 @@
-"""`primray pause`, `resume` and `retry`: jobs that give their workers back, go on, or render one frame again."""
+"""`primray pause`, `resume` and `retry`: pause jobs so that they free their workers, resume them, or render a frame again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job in words and in a table."""
+"""Jobs as text: details of one, and a table of several."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
 def plain(text: object) -> str:
-    """What somebody else wrote, without what would move a terminal's cursor."""
+    """Return text written by others without the characters that control a terminal."""
     return _CONTROL.sub("?", str(text))
 
 
@@ -32,7 +32,7 @@ def seconds_text(seconds: float) -> str:
 
 
 def error_text(progress: Progress) -> str:
-    """ "error 0.021 (0.019 to 0.023), target 0.01"."""
+    """Return the error as text: "error 0.021 (0.019 to 0.023), target 0.01"."""
     error = progress.error
     if error is None or error.estimate is None:
         return ""
@@ -42,7 +42,7 @@ def error_text(progress: Progress) -> str:
 
 
 def percent_text(progress: Progress) -> str:
-    """ "41%", rounded down: 100% is said of what is done alone."""
+    """Return the progress as a percentage, rounded down: "41%"; only finished jobs show 100%."""
     return f"{math.floor(100 * progress.fraction + 1e-9)}%"
 
 
@@ -52,7 +52,7 @@ def frames_text(progress: Progress) -> str:
 
 
 def place_text(queue: QueuePlace | None) -> str:
-    """ "place 2 of 5, starts in about 0:34"."""
+    """Return the position in the queue as text: "place 2 of 5, starts in about 0:34"."""
     if queue is None or queue.place is None:
         return ""
     start_s = queue.estimated_start_s
@@ -61,12 +61,12 @@ def place_text(queue: QueuePlace | None) -> str:
 
 
 def state_text(job: Job) -> str:
-    """ "failed: unknown-camera", by the renderer's code where the error is the renderer's."""
+    """Return the state as text: "failed: unknown-camera", with the renderer's code if the error is the renderer's."""
     return plain(job.state if job.error is None else f"{job.state}: {error_of(job.error).code}")
 
 
 def block(job: Job, outputs: Sequence[Output]) -> list[str]:
-    """Everything worth a line."""
+    """Return the details of a job, one a line."""
     progress = job.progress
     running = [percent_text(progress), progress.phase or "", frames_text(progress), error_text(progress)]
     running.append(f"{seconds_text(progress.eta_s)} to go" if progress.eta_s and not job.is_terminal else "")
@@ -93,7 +93,7 @@ def block(job: Job, outputs: Sequence[Output]) -> list[str]:
 
 
 def warning_lines(warnings: Iterable[Mapping[str, object]]) -> list[str]:
-    """The words of `primray render` for the same diagnostics, grouped as there."""
+    """Return the warnings as `primray render` words and groups them."""
     return [plain(line) for line in diagnostics_lines(map(_row_of, warnings))]
 
 
@@ -103,7 +103,8 @@ def print_warnings(warnings: Iterable[Mapping[str, object]]) -> None:
 
 
 def _row_of(warning: Mapping[str, object]) -> dict[str, str]:
-    """A warning of the API in the form of a report's diagnostics; what an old server leaves out is the table's."""
+    """Return an API warning in the form of a report's diagnostics; what an old server leaves out comes from the table of
+    codes."""
     code = str(warning.get("code", ""))
     known = CODES.get(code)
     severity = warning.get("severity") or (known.severity.value if known else "warning")
@@ -122,7 +123,7 @@ def _time(moment: datetime | None) -> str:
 
 
 def table(jobs: Sequence[Job]) -> list[str]:
-    """A line a job, under a heading."""
+    """Return a table of jobs: a heading, then a line for each."""
     rows = [("JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "NAME", "LABELS"), *map(_row, jobs)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

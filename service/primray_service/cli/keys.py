@@ -1,4 +1,4 @@
-"""`primray keys`: API keys, over HTTP with an admin's key; `create` also in a data directory, for the first of all."""
+"""`primray keys`: API keys, over HTTP with an admin's key; `create` also works on a data directory, for the first key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`--label name=value`."""
+"""Labels of jobs from the command line: `--label name=value`."""
 
 from __future__ import annotations
 

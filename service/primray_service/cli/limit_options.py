@@ -1,4 +1,4 @@
-"""`primray serve --limit name=value`: every field of Limits and Quotas, by the same name; 4G, 90s, 2h, none."""
+"""`primray serve --limit name=value`: every field of Limits and Quotas by its name; values such as 4G, 90s, 2h, none."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _VALUE = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*([A-Za-z]*)")
 
 
 def limits_of(texts: Sequence[str]) -> tuple[Limits, Quotas]:
-    """CommandError says what is wrong with which."""
+    """Return the limits and quotas from the options; CommandError names the faulty option."""
     changes: dict[str, Any] = {}
     known = _fields()
     for text in texts:
@@ -35,19 +35,19 @@ def limits_of(texts: Sequence[str]) -> tuple[Limits, Quotas]:
 
 
 def quota_of(name: str, text: str) -> float | None:
-    """Return the value of a quota that is given as an option of its own, in the units of --limit; None for no limit."""
+    """Return the value of a quota that has an option of its own, in the units of --limit; None for no limit."""
     return _parsed(_fields()[name], text.strip(), f"--{name.replace('_', '-')} {text}", "quotas")
 
 
 def lines() -> list[str]:
-    """Every limit with what it is when nothing is said."""
+    """Return a line for each limit, with its default."""
     of_limits = [f"{field.name:22} {value_text(field, getattr(Limits(), field.name))}" for field in fields(Limits)]
     of_quotas = [f"{field.name:22} {value_text(field, getattr(Quotas(), field.name))}" for field in fields(Quotas)]
     return ["Limits", *of_limits, "", "Quotas of a tenant", *of_quotas]
 
 
 def value_text(field: Field[Any], value: float | None) -> str:
-    """So that it can be given back as it is printed."""
+    """Return a value in the form that the option accepts."""
     if value is None:
         return "none"
     for unit, size in sorted(_units(field.name).items(), key=lambda item: -item[1]):

@@ -1,4 +1,4 @@
-"""A data directory's store without a server: for the first key, and to see that a database can be used."""
+"""Access to a data directory's store without a server: to create the first key, and to check that a database can be used."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ PATIENCE_S = 3.0
 
 @contextmanager
 def opened_store(url: str) -> Iterator[Store]:
-    """Brought up to date, closed afterwards; CommandError where it cannot be used."""
-    # A database that is just starting is waited for: say so, where that takes longer than a glance.
+    """Open the store, bring its schema up to date, and close it afterwards; CommandError if it cannot be used."""
+    # A database that is just starting is waited for: report that if it takes more than a moment.
     waiting = threading.Timer(PATIENCE_S, lambda: print("waiting for the database ...", file=sys.stderr, flush=True))
     waiting.daemon = True
     waiting.start()
@@ -26,7 +26,7 @@ def opened_store(url: str) -> Iterator[Store]:
         store.migrate()
     except SchemaTooNew as error:
         raise CommandError("database", f"{error}") from None
-    except Exception as error:  # a driver's own, of which there are many; their texts do not hold the password
+    except Exception as error:  # drivers raise exceptions of many types; their texts do not contain the password
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise CommandError("database", f"the database cannot be used: {reason}") from None
     finally:

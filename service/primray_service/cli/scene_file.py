@@ -1,10 +1,10 @@
-"""A scene as it is sent: one file as it is, or packed with what it refers to.
+"""Packaging of a scene for upload: one file as it is, or packed with the files it refers to.
 
-    files beside or below it, or reached by ../  -> a package of their folders' common part, every byte as it was
-    files named by absolute or searched paths    -> a usdz, whose layers USD rewrites to lead to each other
+    files beside or below it, or reached by ../  -> a package of their common folder, every file unchanged
+    files named by absolute or searched paths    -> a usdz, in which USD rewrites the paths
 
-A package is sent by content, or as a zip where the server is one that does not know that yet. The zips of equal files are
-equal, so that one that the server has is not sent again.
+A package is uploaded by content, or as a zip if the server does not support that. Packages of equal files make equal zips, so
+that one that the server has is not sent again.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from pathlib import Path
 from .exits import SCENE_REJECTED, USAGE, CommandError
 
 PACKAGES = (".zip", ".usdz")
-EPOCH = (1980, 1, 1, 0, 0, 0)  # zip's earliest
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that zip can store
 _MOST_NAMED = 10
 
 
 @dataclass(frozen=True)
 class SceneFile:
-    path: Path  # what to send
+    path: Path  # file to send
     name: str
     entry: str | None = None
     files: int = 1
-    notes: list[str] = field(default_factory=list)  # what the user should know
-    members: Mapping[str, Path] | None = None  # of a package, which is not written to `path` yet
+    notes: list[str] = field(default_factory=list)  # notes for the user
+    members: Mapping[str, Path] | None = None  # of a package that is not written to `path` yet
 
     def write(self) -> None:
-        """The package of these members, as a zip at `path`."""
+        """Write the package of these members as a zip to `path`."""
         if self.members is not None:
             write_zip(self.path, self.members)
 
 
 def scene_file(scene: Path, scratch: Path) -> SceneFile:
-    """What to send for a scene; packages are written into `scratch`."""
+    """Return the file to send for a scene; packages are written into `scratch`."""
     if not scene.is_file():
         raise CommandError("no-scene", "there is no such file", SCENE_REJECTED, where=str(scene))
     if scene.suffix.lower() in PACKAGES:
@@ -69,9 +69,9 @@ def scene_file(scene: Path, scratch: Path) -> SceneFile:
 
 
 def with_images(sent: SceneFile, scratch: Path, images: Mapping[str, Path]) -> tuple[SceneFile, dict[str, str]]:
-    """Return the scene with the images of these settings in its package, and each setting's path within that.
+    """Return the scene with these settings' images in its package, and each setting's path within the package.
 
-    An image that the scene itself refers to is where it was. CommandError where a file is not there.
+    An image that the scene itself refers to keeps its path. Raises CommandError for a file that does not exist.
     """
     members = dict(sent.members or {sent.name: sent.path})
     own = {os.path.realpath(file): name for name, file in members.items()}
@@ -100,7 +100,7 @@ def _notes(what: str, named: list[str]) -> list[str]:
 
 
 def write_zip(target: Path, members: Mapping[str, Path]) -> None:
-    """Stored, in order of their names and without their times."""
+    """Write the members uncompressed, in order of their names and without their times."""
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED, allowZip64=True) as package:
         for name, file in sorted(members.items()):
             member = zipfile.ZipInfo(name, EPOCH)
@@ -115,7 +115,7 @@ def write_zip(target: Path, members: Mapping[str, Path]) -> None:
 
 
 def forget_times(package: Path) -> None:
-    """Give every member of a zip the same time, in place: a usdz's alignment must stay as it is.
+    """Set the same time for every member of a zip, in place, so that a usdz keeps its alignment.
 
     APPNOTE.TXT 4.3.7 and 4.3.12: time and date are 4 bytes, 10 into a local header and 12 into a central one.
     """

@@ -173,7 +173,7 @@ def run(config: ServeConfig) -> None:
 
 
 def prepare(config: ServeConfig) -> None:
-    """Find out before anything is started whether the data directory and the database can be used; tell how to get in."""
+    """Check before the server starts that the data directory and the database can be used; print how to create a key."""
     from ..files import DataDirectory
     from .offline import opened_store
 
@@ -186,7 +186,7 @@ def prepare(config: ServeConfig) -> None:
     with opened_store(config.database_url) as store:
         if config.needs_keys and not store.keys():
             where = "" if config.objects else f"--data {shlex.quote(str(config.data))} "
-            where += "--database ... " if config.database else ""  # which may hold a password
+            where += "--database ... " if config.database else ""  # may contain a password
             print(f"no API key exists yet; make the first: primray keys create {where}--scopes admin", file=sys.stderr)
 
 
@@ -199,7 +199,7 @@ def check_networks(networks: list[str]) -> None:
 
 
 def check_ray(executor: str, flags: Mapping[str, object]) -> bool:
-    """Whether the executor is a Ray cluster; CommandError where flags are for one that it is not, or where ray is missing."""
+    """Return whether the executor is a Ray cluster; CommandError for flags of another executor, or if ray is not installed."""
     if executor == "ray":
         if find_spec("ray") is None:
             how = "install it with: pip install 'primray[ray]'"
@@ -212,7 +212,7 @@ def check_ray(executor: str, flags: Mapping[str, object]) -> bool:
 
 
 def places(data: str | None, cache: Path | None) -> tuple[Path, str | None]:
-    """The folder, and the URL of the object store if that is what --data, or $PRIMRAY_DATA, names; CommandError."""
+    """Return the data folder, and the URL of the object store if --data or $PRIMRAY_DATA names one; raises CommandError."""
     said = data or os.environ.get("PRIMRAY_DATA") or ""
     if "://" not in said:
         if cache is not None:
@@ -226,7 +226,7 @@ def places(data: str | None, cache: Path | None) -> tuple[Path, str | None]:
 
 
 def default_data() -> Path:
-    """$PRIMRAY_DATA, else a folder of this user's, where the system keeps such."""
+    """Return $PRIMRAY_DATA, else the system's usual folder for a user's data."""
     if os.environ.get("PRIMRAY_DATA"):
         return Path(os.environ["PRIMRAY_DATA"])
     if sys.platform == "darwin":

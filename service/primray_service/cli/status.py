@@ -1,4 +1,4 @@
-"""`primray status`: the latest jobs, or one."""
+"""`primray status`: the latest jobs, or one of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`primray submit`: a scene to a service, and a job on it."""
+"""`primray submit`: uploads a scene to a service and creates a job of it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ..client.documents import Settings, Webhook
 
 
-SHARED = "shared:"  # NAME/path.usda: a stage on the service's shared storage
+SHARED = "shared:"  # shared:NAME/path.usda: a stage on the service's shared storage
 
 
 def submit(
@@ -210,7 +210,8 @@ def submit(
             webhook=_webhook(webhook),
         )
         if json:
-            print_line({"type": "job", **client.document(job.id), "webhook": job.webhook})  # with its secret, this once
+            # includes the webhook's secret, this once
+            print_line({"type": "job", **client.document(job.id), "webhook": job.webhook})
         else:
             print(job.id, flush=True)
         if job.webhook and job.webhook.get("secret") and not json:
@@ -220,7 +221,7 @@ def submit(
 
 
 def _follow(client: Client, job: Job, folder: Path | None, as_json: bool, overwrite: bool) -> None:
-    """To its end, which is the command's; then what it made goes into the folder, if one is named."""
+    """Follow the job to its end, which decides the exit code; then download its files into the folder, if one is named."""
     ended = watched(client, job, as_json)
     if folder is not None:
         download_all(client, ended.id, folder, as_json, overwrite=overwrite)
@@ -228,19 +229,19 @@ def _follow(client: Client, job: Job, folder: Path | None, as_json: bool, overwr
 
 
 def products_of(paths: list[str] | None, all_of_them: bool) -> list[str] | None:
-    """Return a job's products: all, those at these paths, or None for the first; CommandError for all and some."""
+    """Return a job's products: all, those at these paths, or None for the first; CommandError if both were given."""
     if paths and all_of_them:
         raise CommandError("product-option", "--all-products and --product both choose products; give one", USAGE)
     return ["*"] if all_of_them else paths or None
 
 
 def given(settings: dict[str, Any]) -> dict[str, Any]:
-    """What is not None or empty; what was not asked for is the server's to choose."""
+    """Return the settings that are neither None nor empty; the server chooses the others."""
     return {name: value for name, value in settings.items() if value is not None and value != {}}
 
 
 def parallel_of(text: str | None) -> int | Literal["auto"] | None:
-    """CommandError for what is neither a number nor auto."""
+    """Return the value of --parallel; CommandError if it is neither a number nor auto."""
     if text is None or text == "auto":
         return text  # type: ignore[return-value]
     if not text.isascii() or not text.isdigit() or int(text) < 1:
@@ -253,7 +254,7 @@ def _list(values: tuple[str, ...] | None) -> list[str] | None:
 
 
 def _settings(settings: dict[str, Any]) -> Settings | None:
-    return settings or None  # type: ignore[return-value]  # the server says what is wrong with it
+    return settings or None  # type: ignore[return-value]  # the server checks its values
 
 
 def _webhook(url: str | None) -> Webhook | None:
@@ -261,7 +262,7 @@ def _webhook(url: str | None) -> Webhook | None:
 
 
 def images_of(scene: Path, dome: str | None, background: str | None) -> dict[str, Path]:
-    """Return the files, by setting, that are sent with the scene; a zip and a stage on shared storage have theirs already."""
+    """Return the image files to send with the scene, by setting; a zip and a stage on shared storage hold their own."""
     if str(scene).startswith(SHARED) or scene.suffix.lower() == ".zip":
         return {}
     images = {} if dome is None else {"dome": Path(dome)}
@@ -276,7 +277,8 @@ def images_of(scene: Path, dome: str | None, background: str | None) -> dict[str
 def uploaded_scene(
     client: Client, scene: Path, as_json: bool, images: Mapping[str, Path]
 ) -> tuple[Scene | str, str | None, dict[str, str]]:
-    """What the job names, its entry, and where its images are; a stage on the service's shared storage is not sent."""
+    """Return the job's scene, its entry and the paths of its images; a stage on the service's shared storage is not
+    uploaded."""
     if str(scene).startswith(SHARED):
         return str(scene), None, {}
     uploaded, packed, names = upload(client, scene, as_json, images)
@@ -284,7 +286,7 @@ def uploaded_scene(
 
 
 def upload(client: Client, scene: Path, as_json: bool, images: Mapping[str, Path]) -> tuple[Scene, SceneFile, dict[str, str]]:
-    """Packed where that is needed, sent unless the server has it."""
+    """Upload the scene, packed if necessary, unless the server has it."""
     with tempfile.TemporaryDirectory(prefix="primray-submit-") as scratch:
         try:
             packed, names = with_images(scene_file(scene, Path(scratch)), Path(scratch), images)
@@ -305,7 +307,7 @@ def upload(client: Client, scene: Path, as_json: bool, images: Mapping[str, Path
 
 
 def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -> Scene:
-    """By content where the scene has several files, or is a larger usdz: only what the server lacks is sent."""
+    """Upload by content if the scene has several files or is a large usdz, so that only files the server lacks are sent."""
     from ..client import ProblemError, UnexpectedAnswer
     from ..client.upload import CUT_FROM_BYTES
 
@@ -321,7 +323,7 @@ def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -
         except (ProblemError, UnexpectedAnswer) as error:
             if getattr(error, "status", 0) not in (404, 405):
                 raise
-        packed.write()  # the server is of a version that takes whole packages alone
+        packed.write()  # an old server accepts whole packages only
     return client.upload(packed.path, name=packed.name, show=show)
 
 

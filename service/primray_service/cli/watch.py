@@ -1,4 +1,4 @@
-"""`primray watch`: a job's progress until it has ended."""
+"""`primray watch`: follows a job's progress until it has ended."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ JobId = Annotated[str, typer.Argument(metavar="JOB", help="A job's id.", show_de
 def watch(job: JobId, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
     """Follow a job until it has ended; ends as the job did. Ctrl-C ends only the watching."""
     with connected("watch", server, key_file) as client:
-        after = None if json else client.last_event_id(job)  # before the job: what happens between is shown twice, not missed
+        # read before the job: events in between are shown twice rather than missed
+        after = None if json else client.last_event_id(job)
         found = client.job(job)
         if not json:
             print_warnings(found.warnings)
@@ -31,7 +32,7 @@ def watch(job: JobId, server: Server = None, key_file: KeyFile = None, json: Jso
 
 
 def watched(client: Client, job: Job, as_json: bool, after: int | None = None) -> Job:
-    """The job at its end, with what happens after an event; CommandError where the user does not want to wait for that."""
+    """Follow a job's events after the given one and return it at its end; CommandError if the user interrupts."""
     try:
         ended = follow(client, job, as_json, after)
     except KeyboardInterrupt:
@@ -43,7 +44,7 @@ def watched(client: Client, job: Job, as_json: bool, after: int | None = None) -
 
 
 def end_as(job: Job) -> None:
-    """The command's end is the job's."""
+    """End the command with the exit code for the job's end."""
     error = error_of_end(job)
     if error is not None:
         raise error

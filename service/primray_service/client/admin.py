@@ -1,4 +1,4 @@
-"""What an administrator does for all tenants, over HTTP: `Client(...).admin`."""
+"""Administration of all tenants over HTTP: `Client(...).admin`."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Administration:
     def documents(
         self, *, tenant: str | None = None, state: str | None = None, labels: Mapping[str, str] | None = None
     ) -> Iterator[Json]:
-        """Jobs of all tenants, or of one, newest first, each as the server describes it; pages are asked for as needed. Labels
-        are looked for within one tenant."""
+        """Yield the jobs of all tenants, or of one, newest first, as the server describes them; pages are requested as needed.
+        Labels are searched within one tenant."""
         found = [f"{name}:{value}" for name, value in (labels or {}).items()]
         params: Json = {"limit": PAGE_ITEMS, "tenant": tenant, "state": state, "label": found or None}
         while True:
@@ -60,27 +60,27 @@ class Administration:
         return read(Job, json_of(self._transport.request("POST", f"{_job(job_id)}/frames/{number}/retry")))
 
     def workers(self) -> Workers:
-        """Where renders run, and the frames that run now."""
+        """Return the nodes where renders run, and the frames that run now."""
         return read(Workers, self.workers_document())
 
     def workers_document(self) -> Json:
-        """Workers as the server describes them."""
+        """Return the workers as the server describes them."""
         return object_of(self._get("/v1/admin/workers"))
 
     def tenants(self) -> Iterator[TenantUsage]:
-        """What each tenant uses and may use, by name."""
+        """Yield each tenant's usage and quotas, by name."""
         return (read(TenantUsage, item) for item in self._following("/v1/admin/tenants"))
 
     def tenant(self, name: str) -> TenantUsage:
         return read(TenantUsage, self._get(_tenant(name)))
 
     def set_quotas(self, tenant: str, quotas: QuotaChanges) -> TenantUsage:
-        """Members that are left out stay as they are; None: no limit."""
+        """Change quotas of a tenant. Omitted members stay as they are; None is no limit."""
         answer = self._transport.request("PATCH", f"{_tenant(tenant)}/quotas", body=dict(quotas), repeatable=True)
         return read(TenantUsage, json_of(answer))
 
     def unset_quotas(self, tenant: str) -> TenantUsage:
-        """The tenant has its keys' quotas again."""
+        """Remove a tenant's own quotas, so that those of its keys apply again."""
         return read(TenantUsage, json_of(self._transport.request("DELETE", f"{_tenant(tenant)}/quotas")))
 
     def _do(self, job_id: str, what: str) -> Job:
@@ -91,7 +91,7 @@ class Administration:
         return json_of(self._transport.request("GET", path, params=asked, headers={"Accept": "application/json"}))
 
     def _following(self, path: str) -> Iterator[Any]:
-        """Items of all pages of a list that is continued after its last one."""
+        """Yield the items of all pages of a list that continues after the last item of each."""
         params: Json = {"limit": PAGE_ITEMS}
         while True:
             page = object_of(self._get(path, params))

@@ -1,4 +1,4 @@
-"""Paths of jobs, and answers that are JSON: what the client's parts share."""
+"""Helpers of the client: paths of jobs, and answers that are JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The client: a method for each thing that can be asked of the service."""
+"""The client: one method for each operation of the service."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from .upload import upload_files
 DEFAULT_SERVER = "http://127.0.0.1:8700"
 LONG_POLL_S = 30.0
 PAGE_ITEMS = 200
-QUIET_S = 90.0  # a stream that says nothing for so long is taken for dead
+QUIET_S = 90.0  # a stream that is silent for this long is considered dead
 
 T = TypeVar("T")
 
 
 def nothing(done: int, of: int) -> None:
-    """Shows no progress."""
+    """Show no progress."""
 
 
 class Client:
-    """`server` and `key` come from $PRIMRAY_SERVER and $PRIMRAY_API_KEY where they are not given.
+    """Client of a service. `server` and `key` default to $PRIMRAY_SERVER and $PRIMRAY_API_KEY.
 
-    Not for several threads at once. `retries` are those after a first try, `first_retries` those before
-    the server has answered at all (None: as many); see transport.py for what is tried again.
-    `on_wait` is called with a problem and the seconds that are waited before the request is sent again.
+    Not for use by several threads at once. `retries` counts tries after the first one, `first_retries` those before the server
+    has answered at all (None: the same number); see transport.py for what is retried. `on_wait` is called with a problem and
+    the seconds until the request is sent again.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Client:
 
     @property
     def admin(self) -> Administration:
-        """What an administrator does for all tenants: it needs a key with the scope admin."""
+        """Return the administrator's operations, which need a key with the scope admin."""
         return Administration(self._transport)
 
     def __enter__(self) -> Client:
@@ -81,7 +81,7 @@ class Client:
         self._transport.close()
 
     def upload(self, path: str | os.PathLike[str], *, name: str | None = None, show: Show = nothing) -> Scene:
-        """Upload a usda, usdc, usdz or zip; only its digest is sent where the server has it already."""
+        """Upload a usda, usdc, usdz or zip; only its digest is sent if the server has it already."""
         file = Path(path)
         with file.open("rb") as opened:
             digest = hashlib.file_digest(opened, "sha256")
@@ -115,17 +115,17 @@ class Client:
         return read(Scene, json_of(answer))
 
     def upload_files(self, files: Mapping[str, str | os.PathLike[str]], *, name: str = "", show: Show = nothing) -> Scene:
-        """Upload a package by content: `files` by their paths in it. Only files that the server does not have from this
-        tenant are sent; one that broke off is resumed by calling it again.
+        """Upload a package by content: `files` by their paths in it. Only files that this tenant has not uploaded yet are sent;
+        an interrupted upload is resumed by calling this again.
 
-        ProblemError with status 404 or 405 from a server that does not know it yet.
+        Raises ProblemError with status 404 or 405 from a server that does not support it.
         """
         return upload_files(self._transport, {path: Path(file) for path, file in files.items()}, name, show)
 
     def find_scene(self, scene_id: str) -> Scene | None:
-        """None if the server does not have it."""
+        """Return the scene, or None if the server does not have it."""
         path = f"/v1/scenes/{quote(scene_id, safe=':')}"
-        # A refusal of HEAD has no body; GET is refused with the words.
+        # A refused HEAD has no body, so GET is sent to obtain the refusal's text.
         if self._transport.request("HEAD", path, accept=frozenset({401, 403, 404})).status_code == 404:
             return None
         return self.scene(scene_id)
@@ -134,7 +134,7 @@ class Client:
         return read(Scene, self._get(f"/v1/scenes/{quote(scene_id, safe=':')}"))
 
     def wait_for_scene(self, scene_id: str, timeout_s: float | None = None) -> Scene:
-        """Until it is checked: its state is then ready or rejected."""
+        """Wait until the scene is checked: its state is then ready or rejected."""
         deadline = _deadline(timeout_s)
         delay = 0.05
         while (scene := self.scene(scene_id)).state == "checking":
@@ -163,10 +163,11 @@ class Client:
         webhook: Webhook | None = None,
         idempotency_key: str | None = None,
     ) -> Job:
-        """A new job, of a scene, its id, or a stage on the service's shared storage (shared:NAME/path.usda).
+        """Create a job of a scene, given as such, by its id, or as a stage on the service's shared storage
+        (shared:NAME/path.usda).
 
-        However often its request has to be repeated, there is one. `idempotency_key`: to have that hold over restarts of the
-        caller, too.
+        However often the request is repeated, it creates one job. Give `idempotency_key` if that is to hold across restarts of
+        the caller.
         """
         named = scene if isinstance(scene, str) else scene.id
         where = {"shared": named.removeprefix("shared:")} if named.startswith("shared:") else {"id": named}
@@ -185,20 +186,20 @@ class Client:
         return read(Job, self._get(job_path(job_id)))
 
     def document(self, job_id: str) -> Json:
-        """A job as the server says it, whole."""
+        """Return a job as the server describes it, complete."""
         return object_of(self._get(job_path(job_id)))
 
     def documents(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Json]:
-        """As `jobs`, each as the server says it."""
+        """Yield the jobs as the server describes them, newest first."""
         params: dict[str, Any] = {"state": state, "label": [f"{name}:{value}" for name, value in (labels or {}).items()]}
         return (object_of(item) for item in self._items("/v1/jobs", {name: value for name, value in params.items() if value}))
 
     def jobs(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Job]:
-        """Newest first; pages are asked for as they are needed."""
+        """Yield the jobs, newest first; pages are requested as needed."""
         return (read(Job, document) for document in self.documents(state=state, labels=labels))
 
     def wait(self, job_id: str, timeout_s: float | None = None, on_change: Callable[[Job], None] | None = None) -> Job:
-        """Until it has ended, however it ended; TimedOut if that takes longer."""
+        """Wait until the job has ended, however it ended; TimedOut if that takes longer than `timeout_s`."""
         deadline = _deadline(timeout_s)
         etag: str | None = None
         while True:
@@ -216,11 +217,11 @@ class Client:
                 if on_change is not None:
                     on_change(job)
             _check(deadline, f"{job_id} did not end in time")
-            if time.monotonic() - begun < 0.25:  # a server that does not wait, or a job that changes all the time
+            if time.monotonic() - begun < 0.25:  # the server does not long-poll, or the job changes all the time
                 self._sleep(0.25)
 
     def last_event_id(self, job_id: str) -> int | None:
-        """Return the id of the newest event so far, after which `watch` gives only what is new; None where there is none."""
+        """Return the id of the newest event, after which `watch` yields only new ones; None if there is no event."""
         last: int | None = None
         while True:
             params = {} if last is None else {"after": last}
@@ -233,7 +234,8 @@ class Client:
             last = int(page["next_after"])
 
     def watch(self, job_id: str, after: int | None = None) -> Iterator[Event]:
-        """What happens to a job, from its beginning or after an event, until it has ended; through broken connections."""
+        """Yield a job's events, from its beginning or after one of them, until it has ended; broken connections are
+        re-established."""
         reading = Reading(last_id=after)
         tries = 0
         while True:
@@ -243,7 +245,7 @@ class Client:
                 if reading.last_id is not None:
                     headers["Last-Event-ID"] = str(reading.last_id)
                 with self._transport.stream(f"{job_path(job_id)}/events", headers, timeout_s=QUIET_S) as answer:
-                    if answer.status_code == 204:  # nothing happened since, and nothing will
+                    if answer.status_code == 204:  # there are no further events, and never will be
                         return
                     if not answer.headers.get("Content-Type", "").startswith("text/event-stream"):
                         raise UnexpectedAnswer(f"the events of {job_id} are not a stream of events")
@@ -255,13 +257,13 @@ class Client:
                 tries = 0 if reading.last_id != before else tries + 1
                 self._transport.patiently(max(0, tries - 1), error)
                 continue
-            # The server closed it: it stops, or there is nothing more.
+            # The server closed the stream: it is stopping, or there are no further events.
             if self.job(job_id).is_terminal and reading.last_id == before:
                 return
             self._sleep(reading.retry_s)
 
     def _is_last(self, job_id: str, end: Event) -> bool:
-        """Whether nothing follows this end: a job that was continued has one for each attempt."""
+        """Return whether no event follows this end: a continued job has an end for each attempt."""
         job = self.job(job_id)
         if not job.is_terminal or end.data.get("attempt", job.attempt) != job.attempt:
             return False
@@ -276,28 +278,28 @@ class Client:
         return read(Job, json_of(self._transport.request("PATCH", job_path(job_id), body=body, repeatable=True)))
 
     def cancel(self, job_id: str) -> Job:
-        """It ends soon, and keeps the picture made so far."""
+        """Cancel a job. It ends soon and keeps the picture rendered so far."""
         return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/cancel", repeatable=True)))
 
     def pause(self, job_id: str) -> Job:
-        """Its running frames write checkpoints and give their workers back; none is begun until it is resumed."""
+        """Pause a job. Its running frames write checkpoints and free their workers; no frame starts until it is resumed."""
         return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/pause", repeatable=True)))
 
     def resume(self, job_id: str) -> Job:
         return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/resume", repeatable=True)))
 
     def retry_frame(self, job_id: str, number: int) -> Job:
-        """One frame that has ended is rendered again, the others stay. Not repeated where its answer is lost: the frame says
-        then whether it waits."""
+        """Render one finished frame again; the others stay. Not retried if the answer is lost: the frame's state then shows
+        whether it is queued."""
         return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/frames/{number}/retry")))
 
     def continue_(self, job_id: str, stop: StopRules) -> Job:
-        """A new attempt, from the checkpoints of the last, with other stop rules. Not repeated where its answer is lost: the
-        job says then whether it goes on."""
+        """Start a new attempt from the last one's checkpoints, with other stop rules. Not retried if the answer is lost: the
+        job's state then shows whether it continues."""
         return read(Job, json_of(self._transport.request("POST", f"{job_path(job_id)}/continue", body={"stop": stop})))
 
     def delete(self, job_id: str) -> None:
-        """Canceled if it runs, and gone with everything it made."""
+        """Delete a job and all of its files; it is canceled first if it runs."""
         self._transport.request("DELETE", job_path(job_id))
 
     def frames(self, job_id: str) -> Iterator[Frame]:
@@ -311,7 +313,7 @@ class Client:
         return [read(Convergence, row) for row in items_of(rows)]
 
     def preview(self, job_id: str, *, frame: int = 0, exposure: float = 0.0, view: str = "beauty") -> bytes:
-        """A PNG of now."""
+        """Return a PNG of the picture's current state."""
         params = {"frame": frame, "exposure": exposure, "view": view}
         headers = {"Accept": "image/png"}
         return self._transport.request("GET", f"{job_path(job_id)}/preview", params=params, headers=headers).content
@@ -331,9 +333,9 @@ class Client:
         show: Show = nothing,
         overwrite: bool = False,
     ) -> Path:
-        """An output into a folder, by its name; what an earlier call left unfinished is gone on with.
+        """Download an output into a folder, under its name; an interrupted download is resumed.
 
-        FileExistsError if a file of other bytes has the name, unless `overwrite`.
+        Raises FileExistsError if a file with other contents has the name, unless `overwrite`.
         """
         return download(self._transport, job_id, output, target_of(output, Path(folder)), show, overwrite=overwrite)
 
@@ -349,7 +351,7 @@ class Client:
     def create_key(
         self, tenant: str, *, name: str = "", scopes: list[str] | None = None, expires_in_s: float | None = None
     ) -> Key:
-        """Its `key` is shown this once."""
+        """Create a key; the answer's `key` is shown this once."""
         optional = {"scopes": scopes, "expires_in_s": expires_in_s}
         body = {"tenant": tenant, "name": name} | {name: value for name, value in optional.items() if value is not None}
         return read(Key, json_of(self._transport.request("POST", "/v1/keys", body=body)))
@@ -367,7 +369,7 @@ class Client:
         return (read(kind, item) for item in self._items(path, params))
 
     def _items(self, path: str, params: Mapping[str, Any]) -> Iterator[Any]:
-        """Of all pages; a page is asked for when it is needed."""
+        """Yield the items of all pages; a page is requested when it is needed."""
         cursor: str | None = None
         while True:
             page = self._get(path, {**params, **({"limit": PAGE_ITEMS, "cursor": cursor} if cursor else {})})

@@ -1,4 +1,4 @@
-"""What the service answers and takes, as Python knows it; schemas/openapi.json says what each member means."""
+"""Documents of the API as dataclasses; schemas/openapi.json describes each member."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class StopRules(TypedDict, total=False):
 class Settings(TypedDict, total=False):
     camera: str | None
     auto_camera: Literal["three-quarter", "usdrecord"]
-    render_settings: str | None  # path of a RenderSettings prim
-    render_pass: str | None  # path of a RenderPass prim
+    render_settings: str | None  # prim path of a RenderSettings
+    render_pass: str | None  # prim path of a RenderPass
     products: list[str]  # ["beauty"], ["*"] for all, or paths or names of RenderProducts
     aovs: list[str] | None
     aov_errors: bool
@@ -43,10 +43,10 @@ class Settings(TypedDict, total=False):
     default_light: bool
     studio_light: Literal["auto", "on", "off"]
     ground: Literal["shadow", "plane"] | None
-    dome: str | None  # an image of the package
+    dome: str | None  # an image in the package
     dome_rotation: float
     dome_visible: bool
-    background: str | None  # a colour, transparent, or an image of the package
+    background: str | None  # a colour, "transparent", or an image in the package
     default_wrap: Literal["black", "clamp", "repeat", "mirror"]
     render_context: Literal["mtlx", "universal"]
     translated_shaders: bool
@@ -56,7 +56,7 @@ class Settings(TypedDict, total=False):
     allow: list[str]
     dicing_rate: float | None
     motion_blur: bool
-    shutter: tuple[float, float] | None  # time codes from the frame on
+    shutter: tuple[float, float] | None  # time codes relative to the frame
     motion_error: float | None
     diffusion: float | None
     diffusion_glare: float | None
@@ -65,11 +65,11 @@ class Settings(TypedDict, total=False):
     diffusion_starburst_width: float | None
     eye: Literal["left", "right"] | None
     lens_flaws: list[str]
-    region: tuple[float, float, float, float] | None  # left, bottom, right, top of the part that is rendered
+    region: tuple[float, float, float, float] | None  # left, bottom, right, top of the part of the picture to render
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None
-    view: str | None  # of OpenColorIO
+    view: str | None  # OpenColorIO view
     display: str | None
     look: str | None
     exposure: float | Literal["auto"] | None
@@ -94,7 +94,7 @@ class Webhook(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Scene:
-    """`facts`: what its check found in it: cameras, frame range, files, ..."""
+    """Scene on the server; `facts` holds what its check found: cameras, frame range, files, ..."""
 
     id: str
     state: str  # checking, ready, rejected
@@ -143,7 +143,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class QueuePlace:
-    """Where a job that waits stands; None: not known yet."""
+    """Position of a queued job; None: not known yet."""
 
     place: int | None = None
     waiting: int = 0
@@ -163,8 +163,8 @@ class Job:
     state: str  # queued, preparing, running, pausing, paused, canceling, succeeded, failed, canceled, expired
     created_at: datetime
     scene: SceneOfJob
-    name: str | None = None  # None: of a server or a time before jobs had names
-    parallel: int | str | None = None  # the most places that a frame is rendered in; "auto": all; None: one
+    name: str | None = None  # None: from a server or a time before jobs had names
+    parallel: int | str | None = None  # most slots in which a frame is rendered at a time; "auto": all; None: one
     attempt: int = 1
     priority: int = 50
     queued_at: datetime | None = None
@@ -181,7 +181,7 @@ class Job:
     error: Json | None = None
     usage: Json = field(default_factory=dict)
     webhook: Json | None = None
-    tenant: str = ""  # in what an administrator gets
+    tenant: str = ""  # only in answers to an administrator
 
     @property
     def is_terminal(self) -> bool:
@@ -213,7 +213,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Convergence:
-    """A row of a frame's curve: `t_s` seconds of sampling, and the error after so many samples a pixel."""
+    """Row of a frame's convergence curve: `t_s` seconds of sampling, and the error after that many samples per pixel."""
 
     frame: int
     t_s: float | None = None
@@ -234,7 +234,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Share:
-    """Of a quota; `limit` None: as much as there is."""
+    """Use of a quota; `limit` None: unlimited."""
 
     used: float
     limit: float | None = None
@@ -252,7 +252,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class TenantUsage(Usage):
-    """As an administrator gets it; `quotas_set`: members of `quotas` that an administrator has set."""
+    """Usage as an administrator sees it; `quotas_set`: members of `quotas` that an administrator has set."""
 
     quotas: Json = field(default_factory=dict)
     quotas_set: Json = field(default_factory=dict)
@@ -260,7 +260,7 @@ class TenantUsage(Usage):
 
 @dataclass(frozen=True)
 class WorkerNode:
-    """`why` it takes no work; empty: it does."""
+    """Node that runs renders; `why` it takes no work, empty if it does."""
 
     id: str
     slots: int = 0
@@ -284,7 +284,7 @@ class RunningFrame:
 
 @dataclass(frozen=True)
 class Workers:
-    dispatcher: str  # here, elsewhere, nowhere: where the server that dispatches is
+    dispatcher: str  # "here", "elsewhere" or "nowhere": the server that dispatches
     slots: int
     cores: int = 0
     memory_bytes: int = 0
@@ -294,7 +294,7 @@ class Workers:
 
 @dataclass(frozen=True)
 class Key:
-    """`key` only in the answer to the request that made it."""
+    """API key; `key` is set only in the answer to the request that created it."""
 
     id: str
     tenant: str

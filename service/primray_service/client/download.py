@@ -1,4 +1,4 @@
-"""Files of a job: to a name beside the target, gone on with where it broke off, checked, and only then renamed."""
+"""Downloads of a job's files: to a temporary name beside the target, resumed after interruptions, checked, and renamed last."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .errors import ClientError, DigestMismatch, ServerUnreachable, UnexpectedAn
 from .transport import Transport
 
 PART = ".part"
-Show = Callable[[int, int], None]  # bytes so far, bytes in all
+Show = Callable[[int, int], None]  # arguments: bytes so far, bytes in total
 
 
 def target_of(output: Output, folder: Path) -> Path:
-    """Where an output goes in a folder; UnexpectedAnswer if its name would lead out of it."""
+    """Return the path of an output in a folder; UnexpectedAnswer if its name would lead out of the folder."""
     path = PurePosixPath(output.name)
     if path.is_absolute() or not path.parts or ".." in path.parts or "\\" in output.name or "\0" in output.name:
         raise UnexpectedAnswer(f"the server calls an output {output.name!r}, which is no name of a file")
@@ -29,9 +29,10 @@ def target_of(output: Output, folder: Path) -> Path:
 
 
 def download(transport: Transport, job_id: str, output: Output, target: Path, show: Show, *, overwrite: bool = False) -> Path:
-    """The file at `target` has the output's digest afterwards; nothing is sent if it has it already.
+    """Download an output to `target`, unless a file with its digest is there already.
 
-    FileExistsError if another file is there, unless `overwrite`. A link stays one: the file that it leads to is written.
+    Raises FileExistsError if another file is there, unless `overwrite`. A symbolic link is kept, and the file that it points to
+    is written.
     """
     if _has(target, output):
         show(output.bytes, output.bytes)
@@ -40,14 +41,14 @@ def download(transport: Transport, job_id: str, output: Output, target: Path, sh
     if place.exists() and not overwrite:
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target))
     place.parent.mkdir(parents=True, exist_ok=True)
-    # Two downloads of different pictures to one name do not go on with each other's bytes.
+    # The digest in the name keeps two downloads of different pictures from continuing each other's bytes.
     part = place.with_name(f"{place.name}.{output.sha256[:16]}{PART}")
     for is_last in (False, True):
         _fetch(transport, job_id, output, part, show)
         if _has(part, output):
             os.replace(part, place)
             return target
-        part.unlink()  # what was there before may have been damaged: once more from the start
+        part.unlink()  # the partial file may have been damaged: start again, once
         if is_last:
             break
     raise DigestMismatch(f"{output.name} arrived with other bytes than the server says it has")
@@ -61,7 +62,8 @@ def _has(path: Path, output: Output) -> bool:
 
 
 def _fetch(transport: Transport, job_id: str, output: Output, part: Path, show: Show) -> None:
-    """Until the part has all its bytes; a broken connection is taken up again, patience is renewed by every byte."""
+    """Download until the partial file is complete; a broken connection is resumed, and every byte received resets the
+    retries."""
     url = f"/v1/jobs/{quote(job_id, safe='')}/outputs/{quote(output.name, safe='')}"
     tries = 0
     while True:
@@ -92,7 +94,7 @@ def _read_on(transport: Transport, url: str, output: Output, part: Path, have: i
             raise UnexpectedAnswer(f"{output.name}: the server sent another range than was asked for")
         done = have if goes_on else 0
         with part.open("ab" if goes_on else "wb") as file:
-            for data in answer.iter_raw():  # as it comes: what would wait to fill a buffer is lost when it breaks off
+            for data in answer.iter_raw():  # unbuffered: bytes waiting in a buffer would be lost when the connection breaks
                 done += len(data)
                 if done > output.bytes:
                     raise DigestMismatch(f"{output.name} is larger than the server says")

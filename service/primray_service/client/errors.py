@@ -1,11 +1,11 @@
-"""What the client raises.
+"""Exceptions that the client raises.
 
 ClientError
-  ServerUnreachable   nobody answers, after all tries
+  ServerUnreachable   no answer after all retries
   ProblemError        the server answered with a problem document
-  UnexpectedAnswer    what answered is no such service, or one that this client does not understand
-  DigestMismatch      a file arrived with other bytes than the server said
-  TimedOut            what was waited for did not happen in time
+  UnexpectedAnswer    the answer is not that of a primray service, or this client does not understand it
+  DigestMismatch      the bytes of a received file do not have the server's digest
+  TimedOut            the awaited change did not happen in time
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class TimedOut(ClientError):
 
 
 class ProblemError(ClientError):
-    """`document` is the problem as the server sent it (RFC 9457); `slug` is the end of its type, such as "not-found"."""
+    """A problem document from the server (RFC 9457) as `document`; `slug` is the end of its type, such as "not-found"."""
 
     def __init__(self, status: int, document: Mapping[str, Any], retry_after_s: float | None = None) -> None:
         self.status = status

@@ -1,4 +1,4 @@
-"""Server-sent events (https://html.spec.whatwg.org/multipage/server-sent-events.html), read line by line."""
+"""Server-sent events (https://html.spec.whatwg.org/multipage/server-sent-events.html), parsed line by line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST_DATA = 4 * 2**20
 
 @dataclass
 class Reading:
-    """What a reconnect has to know: the last event's id, and after how long to come back."""
+    """State that a reconnect needs: the last event's id, and the delay before reconnecting."""
 
     last_id: int | None = None
     retry_s: float = 1.0
@@ -24,8 +24,7 @@ class Reading:
     _size: int = 0
 
     def events(self, parts: Iterable[bytes]) -> Iterator[Event]:
-        """The events of one connection; one that breaks off in the middle of an event leaves that out, as the standard
-        says."""
+        """Yield the events of one connection; an event that is cut off is dropped, as the standard says."""
         self._forget()
         for line in _lines(parts):
             if line:
@@ -55,7 +54,8 @@ class Reading:
             self._data.append(value)
 
     def _event(self) -> Event | None:
-        """None for one without a number, which is nothing to come back to, but for a place in the queue, whose number is 0."""
+        """Return the event, or None if it has no id, since a reconnect could not resume after it; positions in the queue have
+        id 0."""
         if self._type == "queue" and not self._id:
             self._id = "0"
         if not (self._id.isascii() and self._id.isdigit()):
@@ -71,7 +71,8 @@ class Reading:
 
 
 def _lines(parts: Iterable[bytes]) -> Iterator[str]:
-    """Ended by LF or CR LF. Not by what str.splitlines takes for an end as well, such as U+2028 in the middle of JSON."""
+    """Yield lines ended by LF or CR LF. str.splitlines is not suitable: it also splits at characters such as U+2028 within
+    JSON."""
     rest = b""
     for part in parts:
         *whole, rest = (rest + part).split(b"\n")

@@ -1,6 +1,6 @@
-"""JSON into dataclasses, by their fields' types. Members that no field is for are left out; what is missing takes its default.
+"""Conversion of JSON into dataclasses by their fields' types. Unknown members are dropped; missing ones take their default.
 
-But a field with the metadata REST takes all those that no other is for.
+A field with the metadata REST receives all members that have no field.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ REST = {"rest": True}
 
 
 def read(kind: type[T], document: Any, where: str = "") -> T:
-    """A `kind`; UnexpectedAnswer says which member is not as it should be."""
+    """Return a `kind`; UnexpectedAnswer names the member that does not fit."""
     place = where or kind.__name__
     if not isinstance(document, Mapping):
         raise UnexpectedAnswer(f"{place} is not a JSON object")

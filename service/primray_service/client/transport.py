@@ -1,8 +1,8 @@
-"""One request to the service: tried again where that cannot do harm, waiting as long as the server asks, errors as exceptions.
+"""Requests to the service: repeated where that is safe, with the delay that the server asks for; errors become exceptions.
 
-What may be repeated after its answer was lost: GET, HEAD, DELETE, and whatever the caller says the server recognises
-(an upload by its digest, a job by its Idempotency-Key). A request that was refused with 429 or 503, or whose connection
-was never made, was not carried out and is repeated, unless the problem says that it is not retryable.
+Requests that may be repeated after a lost answer: GET, HEAD, DELETE, and those that the caller declares idempotent (an upload
+by its digest, a job by its Idempotency-Key). A request that was refused with 429 or 503, or whose connection was never made,
+was not carried out and is repeated, unless the problem says that it is not retryable.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ RETRIED_STATUSES = frozenset({429, 502, 503, 504})
 REPEATABLE = frozenset({"GET", "HEAD", "DELETE"})
 FIRST_DELAY_S = 0.25
 LONGEST_DELAY_S = 20.0
-LONGEST_WAIT_S = 120.0  # that a server may ask for before the error is raised instead
+LONGEST_WAIT_S = 120.0  # longest delay accepted from a server; beyond it the error is raised
 MOST_ERROR_BYTES = 2**20
 
 
 class Transport:
-    """`retries`: tries after the first; `sleep` takes seconds; `on_wait` is called with a problem and the seconds before the
-    request is sent again."""
+    """Connection to a service. `retries`: tries after the first; `sleep` takes seconds; `on_wait` is called with a problem and
+    the seconds until the request is sent again."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class Transport:
             base_url=self.server,
             headers=headers,
             timeout=httpx2.Timeout(timeout_s, connect=min(10.0, timeout_s)),
-            trust_env=not _is_loopback(url.host),  # a proxy is of no use for this machine
+            trust_env=not _is_loopback(url.host),  # a proxy cannot reach this machine's loopback
         )
 
     def close(self) -> None:
@@ -78,7 +78,8 @@ class Transport:
         timeout_s: float | None = None,
         accept: frozenset[int] = frozenset(),
     ) -> httpx2.Response:
-        """The answer, read; ProblemError unless it is 2xx or in `accept`. `content` makes the body anew for each try."""
+        """Return the answer, with its body read; ProblemError unless it is 2xx or in `accept`. `content` creates the body for
+        each try."""
         headers = dict(headers or {})
         if body is not None:
             headers["Content-Type"] = "application/json"
@@ -91,7 +92,8 @@ class Transport:
             except httpx2.TransportError as error:
                 self._wait_or_raise(tries, _unreachable(self.server, error), not_sent(error) or may_repeat, None)
                 continue
-            was_deleted = method == "DELETE" and answer.status_code == 404 and tries > 0  # by a try whose answer was lost
+            # an earlier try, whose answer was lost, deleted it
+            was_deleted = method == "DELETE" and answer.status_code == 404 and tries > 0
             self._has_answered = True
             if answer.status_code < 300 or answer.status_code in accept or was_deleted:
                 return answer
@@ -105,7 +107,7 @@ class Transport:
     def stream(
         self, path: str, headers: Mapping[str, str], *, timeout_s: float, params: Mapping[str, Any] | None = None
     ) -> Iterator[httpx2.Response]:
-        """A GET whose answer is read by the caller, tried once; ServerUnreachable also where reading breaks off."""
+        """Provide the answer to a GET for streaming, tried once; ServerUnreachable also if reading breaks off."""
         timeout = httpx2.Timeout(timeout_s, connect=10.0)
         try:
             with self._http.stream("GET", path, headers=dict(headers), params=params, timeout=timeout) as answer:
@@ -118,7 +120,7 @@ class Transport:
             raise _unreachable(self.server, error) from None
 
     def patiently(self, tries: int, error: Exception) -> None:
-        """Wait before another try of a stream, or raise the error: the last try, or one that would not help."""
+        """Wait before the next try of a stream, or raise the error after the last try or if a retry would not help."""
         if isinstance(error, ProblemError):
             self._wait_or_raise(tries, error, error.status in RETRIED_STATUSES and not _is_final(error), error.retry_after_s)
         else:
@@ -145,7 +147,7 @@ def not_sent(error: httpx2.TransportError) -> bool:
 
 
 def read_error(answer: httpx2.Response) -> None:
-    """An error's body is small; what is not is not read."""
+    """Read the body of an error if it is small; a large one is not an error document."""
     if int(answer.headers.get("Content-Length", 0) or 0) <= MOST_ERROR_BYTES:
         answer.read()
 

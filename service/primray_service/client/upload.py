@@ -1,7 +1,6 @@
-"""Uploads by content: the list of a package's files first, then those of them that the server asks for.
+"""Uploads by content: first the list of a package's files, then those that the server requests.
 
-A usdz is cut at its larger members, which are stored in it as they are: where a layer has changed, its textures are not sent
-again.
+A usdz is split at its larger members, which it stores uncompressed: if a layer has changed, its textures are not sent again.
 """
 
 from __future__ import annotations
@@ -21,16 +20,16 @@ from .errors import UnexpectedAnswer
 from .reading import read
 from .transport import Transport
 
-MOST_ROUNDS = 5  # files may be removed on the server, or change here, while others are sent
+MOST_ROUNDS = 5  # files may be removed on the server, or change here, during the upload
 PART_BYTES = 2**20
-CUT_FROM_BYTES = 2**20  # a usdz
-MEMBER_FROM_BYTES = 2**16  # a member that is worth a request of its own
+CUT_FROM_BYTES = 2**20  # smallest usdz that is split
+MEMBER_FROM_BYTES = 2**16  # smallest member that is worth its own request
 MOST_PARTS = 2000
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Bytes of a file."""
+    """Range of bytes in a file."""
 
     file: Path
     begin: int
@@ -67,7 +66,7 @@ def upload_files(transport: Transport, files: Mapping[str, Path], name: str, sho
 
 
 def _listed(files: Mapping[str, Path], name: str) -> tuple[dict[str, Stretch], Json]:
-    """Where the bytes of each digest are, and the request."""
+    """Return the location of each digest's bytes, and the request."""
     places: dict[str, Stretch] = {}
     rows: list[Json] = []
     for path, file in sorted(files.items()):
@@ -82,7 +81,7 @@ def _listed(files: Mapping[str, Path], name: str) -> tuple[dict[str, Stretch], J
 
 
 def _members_of(whole: Stretch) -> list[Stretch]:
-    """A usdz, cut at its larger members; none of any other file, nor of one that is not worth it."""
+    """Return a usdz's larger members and the bytes between them; an empty list if the file is not worth splitting."""
     if whole.file.suffix.lower() != ".usdz" or whole.size < CUT_FROM_BYTES:
         return []
     cuts = {0, whole.size}
@@ -95,7 +94,7 @@ def _members_of(whole: Stretch) -> list[Stretch]:
                 begin = member.header_offset + 30 + sum(struct.unpack("<HH", opened.read(4)))
                 cuts |= {begin, begin + member.file_size}
     except (zipfile.BadZipFile, struct.error):
-        return []  # the server says what is wrong with it
+        return []  # the server reports the error
     places = sorted(cuts)
     stretches = [Stretch(whole.file, begin, end - begin) for begin, end in itertools.pairwise(places)]
     return stretches if 1 < len(stretches) <= MOST_PARTS and places[-1] == whole.size else []

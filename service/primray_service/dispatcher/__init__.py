@@ -1,17 +1,17 @@
-"""The dispatcher: holds the lease, gives frames to the executor, adopts what comes back.
+"""The dispatcher: holds the lease, gives frames to the executor, adopts the results.
 
-    dispatcher.py   takes the lease when it can be had, and runs a scheduler while it is held
-    lease.py        the lease, and when it is over
-    scheduler.py    rounds of claiming, checking, looking whom to cancel, asking to give way
-    giving_way.py   who gives way to whom (waiting/turns.py: whose frame is next)
-    frames/         a frame that runs, and writing down how it is doing and how it ended
-    chunks/         commands and files of chunks; what one that runs says, checked; adopting the files that it leaves
+    dispatcher.py   acquires the lease when it is free, and runs a scheduler while it is held
+    lease.py        the lease and its renewal
+    scheduler.py    one hold of the lease: claims, checks, cancellations, preemption
+    preemption.py   which running frames are preempted by which waiting jobs (queue/turns.py: whose frame is next)
+    frames/         frames that run, their progress and how they end
+    chunks/         chunks: their commands and input files, messages from workers, adoption of the files that they leave
     checks.py       the check of a scene
-    retention.py    what is not kept
+    retention.py    removal of what is expired or unused
     context.py      what all of these share; calls.py: the store and the disk from the event loop; metrics.py: counts
 
-What makes a crash harmless: a file is on the disk before a row names it; names are not used twice; rows change under the
-fence of the lease; and what is lost is rendered again, to the same bits.
+Crash safety: a file is on the disk before a row names it; names are not reused; rows change under the fence of the lease; and
+lost samples are rendered again, with the same bits.
 """
 
 from __future__ import annotations

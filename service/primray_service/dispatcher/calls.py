@@ -1,5 +1,5 @@
-"""Calling the store and the disk from the event loop: in threads of our own, so that nothing here waits for another part's
-work, and again where the database broke off."""
+"""Calls of the store and the disk from the event loop, in threads of the dispatcher's own, so that they do not queue behind
+other parts of the server; calls are repeated when the database connection breaks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 LOG = logging.getLogger(__name__)
 
-# What a store says, and mistakes of the caller; everything else is the database's, and goes away or does not.
+# Exceptions that the store raises on purpose, and programming errors. All others come from the database and may be transient.
 _FINAL = (
     *(Lost, Conflict, KeyReused, QuotaExceeded),
     *(LookupError, ValueError, TypeError, AttributeError, AssertionError, NotImplementedError),
@@ -36,9 +36,9 @@ class Calls:
         self._disk = ThreadPoolExecutor(3, "dispatcher-disk")
 
     async def store(self, method: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """A method of the store that may be repeated. Lost when the lease is over.
+        """Call a method of the store that may be repeated; raises Lost when the lease is over.
 
-        A call that fails although the database is reached in between will go on failing: its exception is raised.
+        A call that fails although the database was reached in between will fail every time, so its exception is raised.
         """
         loop = asyncio.get_running_loop()
         began, pause = loop.time(), FIRST_PAUSE_S
@@ -63,7 +63,7 @@ class Calls:
         return await loop.run_in_executor(self._database, functools.partial(method, *args, **kwargs))
 
     async def disk(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """Work on files: it may take a while."""
+        """Do work on files, which may take a while, in a thread."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._disk, functools.partial(work, *args, **kwargs))
 

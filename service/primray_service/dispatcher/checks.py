@@ -1,4 +1,4 @@
-"""The check of one scene: a chunk of its own kind, and what the scene's rows say afterwards."""
+"""The check of one scene: a chunk of its own kind, and the scene's rows afterwards."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .frames import outcomes
 
 LOG = logging.getLogger(__name__)
 
-TRIES = 2  # of a check that crashes
-KILLS = 5  # from outside, in a row
+TRIES = 2  # of a check whose worker crashes
+KILLS = 5  # consecutive kills from outside
 
 
 async def check_scene(context: Context, scene: Scene) -> None:
-    """Run it, again where it crashed or was killed, and write down what was found."""
+    """Run the check, repeating it after a crash or a kill, and store its result."""
     crashes = kills = 0
     while True:
         run = None
@@ -34,7 +34,7 @@ async def check_scene(context: Context, scene: Scene) -> None:
             problem, again = _judged(context, run, ended)
         except Problem as error:
             if error.slug == "unavailable":
-                return  # the scene waits still; somebody looks again soon
+                return  # the scene stays unchecked; the scheduler tries again soon
             problem, again = error.as_json(), ""
         except OSError as error:
             LOG.warning("a check could not begin: %s", error)
@@ -61,7 +61,7 @@ async def check_scene(context: Context, scene: Scene) -> None:
 
 
 def _judged(context: Context, run: CheckRun, ended: Ended) -> tuple[Json | None, str]:
-    """The scene's problem, and whether to try again after a "crash" or a "kill"."""
+    """Return the scene's problem, and "crash" or "kill" if the check should be repeated."""
     limits = context.limits_of_chunks
     if isinstance(run.last, messages.Failed):
         return run.last.problem, ""

@@ -1,4 +1,4 @@
-"""What the parts of a dispatcher share during one hold of the lease."""
+"""State that the parts of a dispatcher share during one hold of the lease."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ class Context:
     metrics: Metrics
     fence: int
     rates: Rates = field(default_factory=Rates)
-    disk_is_full: bool = False  # as it was seen last
+    disk_is_full: bool = False  # result of the last look
 
     @property
     def limits_of_chunks(self) -> Limits:
-        """As the executor has them: a chunk may have less memory than is allowed, where nodes have less."""
+        """Return the limits of chunks on this executor: a chunk may have less memory than is allowed if the nodes have less."""
         return replace(self.limits, memory_bytes=self.executor.capacity().memory_bytes)
 
     async def look_at_disk(self) -> bool:
-        """Whether so little is free that nothing new is begun."""
+        """Return whether so little disk is free that nothing new is started."""
         was_full, free = self.disk_is_full, await self.calls.disk(self.data.free_bytes)
         self.disk_is_full = free < self.limits.free_disk_bytes
         if self.disk_is_full and not was_full:

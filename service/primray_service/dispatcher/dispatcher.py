@@ -1,4 +1,4 @@
-"""The dispatcher itself: it takes the lease when it can be had, and runs a scheduler while it is held."""
+"""The dispatcher: acquires the lease when it is free, and runs a scheduler while it is held."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from .scheduler import Scheduler
 
 LOG = logging.getLogger(__name__)
 
-TRY_EVERY_S = 0.5  # for the lease
-FAILED_PAUSE_S = 1.0  # after a scheduler that ended by a fault of ours
+TRY_EVERY_S = 0.5  # between attempts to acquire the lease
+FAILED_PAUSE_S = 1.0  # after a scheduler that ended by an internal error
 
 
 class Dispatcher:
-    """One a server; those of several servers take turns by the store's lease."""
+    """One server's dispatcher; those of several servers take turns by the store's lease."""
 
     def __init__(
         self,
@@ -54,11 +54,11 @@ class Dispatcher:
 
     @property
     def fence(self) -> int | None:
-        """Of the lease, while this server holds it: for others that work under it."""
+        """Return the fence of the lease while this server holds it, for others that work under it."""
         return self._lease.fence if self._lease is not None and self._lease.is_held else None
 
     async def run(self) -> None:
-        """Until `stop`: hold the lease when it can be had, and work."""
+        """Acquire the lease when it is free, and work, until `stop`."""
         self._loop = asyncio.get_running_loop()
         holder = f"{socket.gethostname()}/{os.getpid()}/{ulid(0.0)[10:]}"
         self._lease = lease = Lease(self._store, holder, self._about)
@@ -116,21 +116,21 @@ class Dispatcher:
             return
 
     def _about(self) -> Json:
-        """What other servers are told of this one while it dispatches."""
+        """Return what other servers are told about this one while it dispatches."""
         health = self._executor.health()
         about: Json = {"executor": asdict(self._executor.capacity()), "sandbox": health.get("sandbox", {})}
         return about | {"ok": bool(health["ok"]), "nodes": list(health.get("nodes", ()))}
 
     def wake(self) -> None:
-        """Something was queued or is to be canceled; from any thread. Another server may be the one that dispatches."""
+        """Report that a job was queued or is to be canceled. Thread-safe. Another server may be the one that dispatches."""
         self._do_or_tell({"do": "wake"})
 
     def ask_preview(self, job_id: str, frame: int) -> None:
-        """Somebody looks at this frame: its worker is to write previews; from any thread."""
+        """Ask the frame's worker to write previews because a client watches. Thread-safe."""
         self._do_or_tell({"do": "preview", "job": job_id, "frame": frame})
 
     def told(self, words: Json) -> None:
-        """By another server; from any thread."""
+        """Process a notice from another server. Thread-safe."""
         self._in_loop(lambda: self._do(words))
 
     def _do_or_tell(self, words: Json) -> None:

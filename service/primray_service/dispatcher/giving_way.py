@@ -1,4 +1,4 @@
-"""Which running frames give way to which waiting jobs. Pure."""
+"""Preemption: which running frames yield to which waiting jobs. Pure."""
 
 from __future__ import annotations
 
@@ -6,29 +6,29 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-Key = tuple[str, int, *tuple[int, ...]]  # job and frame, and the first sample of a part
+Key = tuple[str, int, *tuple[int, ...]]  # job, frame, and for a part its first sample
 
 
 @dataclass(frozen=True)
 class Running:
-    """A frame, or a part of one, that takes a slot; `going`: it was told to give way already, or ends soon anyway."""
+    """Frame, or part of one, that holds a slot; `going`: it was told to yield already, or ends soon anyway."""
 
     key: Key
     priority: int
     tenant: str
-    ran_s: float  # seconds of sampling; loading does not count, or who loads long would get nowhere
+    ran_s: float  # seconds of sampling; loading does not count, or a frame that loads slowly would never progress
     going: bool = False
 
 
 def who_gives_way(running: Sequence[Running], waiting: Sequence[tuple[int, str]], slice_s: float) -> list[Key]:
-    """Keys of frames to be told. `waiting`: the best waiting job of each tenant, as (priority, tenant).
+    """Return the keys of frames to preempt. `waiting`: the best waiting job of each tenant, as (priority, tenant).
 
-    Higher priority goes first at once. Among equals, tenants take turns where there are fewer slots than tenants, and else
-    share them as evenly as can be; a frame that gives way has had its time.
+    Higher priority preempts at once. Tenants of equal priority take turns if there are fewer slots than tenants, and otherwise
+    share the slots as evenly as possible; a frame is preempted after it has run for its time slice.
     """
     slots = Counter(frame.tenant for frame in running if not frame.going)
     staying = [frame for frame in running if not frame.going]
-    on_the_way = len(running) - len(staying)  # slots that will be free without anybody giving way
+    on_the_way = len(running) - len(staying)  # slots that will be free without preemption
     told = []
     for priority, tenant in sorted(waiting, key=lambda job: (-job[0], slots[job[1]], job[1])):
         if on_the_way > 0:
@@ -49,8 +49,8 @@ def who_gives_way(running: Sequence[Running], waiting: Sequence[tuple[int, str]]
 
 
 def _is_fairer(slots: Counter[str], running: str, waiting: str) -> bool:
-    """Whether one slot less for one tenant and one more for the other is fairer; a difference of one moves to and fro, which
-    is fair only to who has none."""
+    """Return whether moving one slot from one tenant to the other is fairer. With a difference of one the slot would alternate,
+    which is fair only if the other has none."""
     if running == waiting:
         return False
     return slots[waiting] == 0 or slots[running] - slots[waiting] >= 2

@@ -1,5 +1,5 @@
-"""Holding the store's lease: who has it dispatches. A holder that could not renew it in time stops before another can begin,
-by the monotonic clock, which nobody sets; whether its time is over is seen by the database's clock, which all servers share."""
+"""Holding the store's lease: its holder dispatches. A holder that could not renew it in time stops before another can begin, by
+the monotonic clock, which nobody adjusts; expiry is judged by the database's clock, which all servers share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..store.base import Lost, Store
 TTL_S = 5.0
 RENEW_EVERY_S = 1.5
 TRY_AGAIN_S = 0.25
-MARGIN_S = 0.5  # what is under way is stopped so long before the lease is over
+MARGIN_S = 0.5  # work is stopped this long before the lease expires
 
 LOG = logging.getLogger(__name__)
 
@@ -26,12 +26,12 @@ class Lease:
     def __init__(self, store: Store, holder: str, about: Callable[[], Json] = dict) -> None:
         self._store = store
         self._holder = holder
-        self._about = about  # what the others are told of the holder
-        # A renewal must not wait for the calls of others.
+        self._about = about  # what other servers are told about the holder
+        # Renewals have a thread of their own, so that they do not wait for other calls.
         self._thread = ThreadPoolExecutor(1, "dispatcher-lease")
         self._until = 0.0
         self._reached_at = 0.0
-        self._given_up: int | None = None  # a fence that may be the store's still
+        self._given_up: int | None = None  # fence that may still be the store's
         self.fence: int | None = None
 
     @property
@@ -39,11 +39,11 @@ class Lease:
         return self.fence is not None and time.monotonic() < self._until - MARGIN_S
 
     def was_reached_since(self, moment: float) -> bool:
-        """Whether the database answered a renewal that began after this moment of the monotonic clock."""
+        """Return whether the database answered a renewal that began after this moment of the monotonic clock."""
         return self._reached_at > moment
 
     async def acquire(self) -> bool:
-        """Whether it is ours now; raises what the database raises."""
+        """Return whether the lease is ours now; raises the database's exceptions."""
         if self._given_up is not None:
             self.fence, self._given_up = self._given_up, None
             await self.release()
@@ -53,13 +53,13 @@ class Lease:
         if fence is None:
             return False
         self.fence, self._until, self._reached_at = fence, asked + TTL_S, asked
-        if not self.is_held:  # so long did the answer take
+        if not self.is_held:  # the answer took too long
             self.fence = None
             return False
         return True
 
     async def keep(self) -> None:
-        """Renew it until it is lost, which is when this returns."""
+        """Renew the lease, and return when it is lost."""
         pause = RENEW_EVERY_S
         while True:
             await asyncio.sleep(min(pause, max(self._left(), 0.0)))
@@ -101,7 +101,7 @@ class Lease:
         self._store.renew_lease(fence, self._store.clock(), TTL_S, about)
 
     async def release(self) -> None:
-        """For another to take it at once; that it fails does no harm, as the lease runs out."""
+        """Release the lease for another server; a failure does no harm, as the lease expires."""
         fence, self.fence = self.fence, None
         if fence is None:
             return

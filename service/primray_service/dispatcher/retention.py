@@ -1,5 +1,4 @@
-"""What is not kept: jobs past their time, scenes that nobody uses, files that no row speaks of, and, where the disk is short,
-checkpoints of frames that have ended."""
+"""Retention: deletes expired jobs, unused scenes, files without rows, and checkpoints of ended frames if the disk is short."""
 
 from __future__ import annotations
 
@@ -22,12 +21,12 @@ EXPIRE_EVERY_S = 2.0
 SCENES_EVERY_S = 600.0
 SWEEP_EVERY_S = 6 * 3600.0
 A_TIME = 100
-YOUNG_S = 120.0  # folders so young may be about to get a row
-ENOUGH = 4  # times the bytes that must be free: below, checkpoints of ended frames go
+YOUNG_S = 120.0  # younger folders may be about to get a row
+ENOUGH = 4  # times the required free bytes: below that, checkpoints of ended frames are deleted
 
 
 class Retention:
-    """Of one hold of the lease. `on_expired` is told the ids of jobs whose workers are to be killed."""
+    """Retention during one hold of the lease. `on_expired` gets the ids of jobs whose workers are to be killed."""
 
     def __init__(self, context: Context, on_expired: Callable[[str], None]) -> None:
         self._context = context
@@ -64,7 +63,8 @@ class Retention:
                 return
 
     async def _delete(self, job_id: str) -> bool:
-        """The row first: files without a row are swept away, a row without its files would promise what is not there."""
+        """Delete a job, its row first: files without a row are swept away, but a row without its files would promise missing
+        data."""
         context = self._context
         try:
             await context.calls.store(context.store.delete_job, job_id)
@@ -81,17 +81,17 @@ class Retention:
             try:
                 await context.calls.disk(keep.remove, scene.id, scene.tenant, context.store, context.data)
             except (Conflict, KeyError):
-                continue  # somebody uses it now, or removed it
+                continue  # in use, or removed by another
 
     async def remove_unused_contents(self) -> None:
-        """Files of uploads by content that were never put together, or whose scenes are gone."""
+        """Remove files uploaded by content that were never assembled into a scene, or whose scenes are gone."""
         context = self._context
         before = time.time() - context.limits.content_kept_s
         for tenant, sha256 in await context.calls.store(context.store.unused_contents, context.fence, before, A_TIME):
             await context.calls.disk(contents.forget, tenant, sha256, before, context.store, context.data)
 
     async def sweep(self) -> None:
-        """Folders of jobs that have no row; uploads and scenes likewise."""
+        """Remove folders of jobs that have no row, and uploads and scenes without rows."""
         context = self._context
         await context.calls.disk(keep.sweep, context.store, context.data)
         await context.calls.disk(contents.sweep, context.store, context.data)
@@ -100,7 +100,7 @@ class Retention:
         objects = context.data.objects
         if objects is not None:
             await context.calls.disk(shared.sweep, context.store, context.data)
-            for name in await context.calls.disk(objects.folders, "jobs"):  # a row is older than what it names
+            for name in await context.calls.disk(objects.folders, "jobs"):  # a row is older than its folder
                 await self._remove_without_row(name)
 
     async def _remove_without_row(self, name: str) -> None:
@@ -109,7 +109,7 @@ class Retention:
             await context.calls.disk(context.data.remove_job, name)
 
     async def make_room(self) -> None:
-        """A checkpoint of a frame that has ended saves time if its job is continued; nothing else depends on it."""
+        """Free disk space by deleting checkpoints of ended frames: they only save time if the job is continued."""
         context = self._context
         wanted = ENOUGH * context.limits.free_disk_bytes
         await context.look_at_disk()
@@ -118,7 +118,7 @@ class Retention:
         for path in await context.calls.disk(_checkpoints, context.data):
             job = await context.calls.store(context.store.job, path.parents[2].name)
             if job is not None and job.state in TERMINAL:
-                await context.calls.disk(path.unlink, True)  # here; what servers share has room
+                await context.calls.disk(path.unlink, True)  # the local copy; the shared store has room
                 if await context.calls.disk(context.data.free_bytes) >= wanted:
                     return
 
@@ -129,7 +129,7 @@ def _job_folders(data: DataDirectory, before: float) -> list[str]:
 
 
 def _checkpoints(data: DataDirectory) -> list[Path]:
-    """Oldest first."""
+    """Return the checkpoints, oldest first."""
     found = []
     for path in data.jobs.glob("*/frames/*/checkpoint-*.prc"):
         try:

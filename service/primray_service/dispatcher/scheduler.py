@@ -1,6 +1,6 @@
-"""One hold of the lease, from getting it until it is lost or given back: what runs, what waits, who is told what.
+"""One hold of the lease, from acquiring it until it is lost or released: what runs, what waits, who is notified.
 
-Everything that runs here ends before the hold does: the next holder, maybe this same process, begins with nothing under way.
+Everything that runs here ends before the hold does: the next holder, maybe this same process, starts with nothing in progress.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from .retention import Retention
 LOG = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.5
-LOOK_SOONEST_S = 0.05  # after the last look
+LOOK_SOONEST_S = 0.05  # after the last look at jobs
 LOOK_AT_DISK_EVERY_S = 2.0
 STOP_WITHIN_S = 4.0
-PREVIEW_ASKED_S = 15.0  # who asked so long before the frame began looks still
+PREVIEW_ASKED_S = 15.0  # a client that asked for a preview this long before the frame began is still watching
 MOST_ASKED = 1000
-MOST_CLAIMS = 100  # in one transaction: more take longer a claim, and keep others waiting
+MOST_CLAIMS = 100  # per transaction: more take longer for each claim, and delay others
 
 
 class Scheduler:
@@ -43,14 +43,14 @@ class Scheduler:
         self._running: dict[tuple[str, int], ClaimedFrame] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._awake = asyncio.Event()
-        self._starting = asyncio.Lock()  # one claim after another, or more frames than slots would be claimed
+        self._starting = asyncio.Lock()  # serialises claims, or more frames than slots would be claimed
         self._stopping = False
         self._is_lost = False
-        self.has_failed = False  # by a fault of ours
+        self.has_failed = False  # by an internal error
         self._check: asyncio.Task[None] | None = None
-        self._turn = 0  # frames claimed
-        self._served: dict[str, int] = {}  # which of them was each tenant's last
-        self._asked: dict[tuple[str, int], float] = {}  # previews of frames that did not run yet
+        self._turn = 0  # number of frames claimed
+        self._served: dict[str, int] = {}  # turn of each tenant's last claim
+        self._asked: dict[tuple[str, int], float] = {}  # previews requested for frames that did not run yet
         self._disk_at = 0.0
         self._look_at = 0.0
         self._later: asyncio.TimerHandle | None = None
@@ -73,7 +73,7 @@ class Scheduler:
         self._awake.set()
 
     async def live(self) -> None:
-        """Until the lease is lost, or `stop` and all that ran has been written down."""
+        """Run until the lease is lost, or until `stop` and all that ran has been stored."""
         keeping = asyncio.create_task(self._lease.keep())
         keeping.add_done_callback(lambda _: self._awake.set())
         self._spawn(Retention(self._context, self._expired).keep_on(), "retention")
@@ -97,7 +97,7 @@ class Scheduler:
     async def _round(self) -> None:
         await self._fill_slots()
         now = time.monotonic()
-        if now < self._look_at:  # a frame of many has ended: what all of them need is not looked at each time
+        if now < self._look_at:  # a frame of many has ended: the shared work is not repeated each time
             self._look_later(self._look_at - now)
             return
         self._look_at = now + LOOK_SOONEST_S
@@ -110,7 +110,7 @@ class Scheduler:
             self._later = asyncio.get_running_loop().call_later(seconds, self._awake.set)
 
     async def _shut_down(self) -> None:
-        """Running frames write a checkpoint and wait again, for this server's next start or another one."""
+        """Let running frames write a checkpoint and queue again, for this server's next start or another server."""
         for running in list(self._running.values()):
             running.shut_down()
         frames = {task for task in self._tasks if task.get_name() == "frame"}
@@ -123,7 +123,7 @@ class Scheduler:
             await asyncio.wait(frames, timeout=1.0)
 
     async def _end_all(self) -> None:
-        """Chunks are killed and nothing more is written; whoever has the lease next finds frames running, and takes them."""
+        """Kill all chunks and write nothing more; the next holder of the lease finds the frames running, and takes them."""
         for running in list(self._running.values()):
             running.kill("lost")
         while self._tasks:
@@ -143,7 +143,7 @@ class Scheduler:
         if isinstance(error, Lost):
             self._is_lost = True
         elif error is not None:
-            # Rows may say what is not so any more. Taking the lease anew puts them right.
+            # Rows may be outdated now; acquiring the lease again repairs them.
             LOG.error("the dispatcher's %s failed, so it begins anew", task.get_name(), exc_info=error)
             self.has_failed = True
         self._awake.set()
@@ -153,9 +153,9 @@ class Scheduler:
         return self._context.executor.capacity().slots - taken
 
     async def _start_frames(self) -> bool:
-        """In slots that are free; False if no frame waits."""
+        """Start frames in free slots; False if no frame waits."""
         context = self._context
-        # What frames in parts want is decided anew after each frame that begins.
+        # The needs of frames in parts are decided again after each frame that begins.
         most = 1 if any(running.wants_slot for running in self._parallel()) else min(self._free_slots(), MOST_CLAIMS)
         running = Counter(running.job.tenant for running in self._running.values() if running.slots > 0)
         asked = (context.fence, time.time(), context.quotas_of, most, self._served, running)
@@ -187,7 +187,7 @@ class Scheduler:
                 del self._running[running.key]
 
     async def _fill_slots(self) -> None:
-        """A frame has left its slot; rounds that go on meanwhile do the same."""
+        """Fill the slots that frames have left; passes that run concurrently do the same."""
         if not self._stopping:
             async with self._starting:
                 while self._free_slots() > 0 and await self._has_disk():
@@ -198,12 +198,12 @@ class Scheduler:
         return [running for running in self._running.values() if isinstance(running, ParallelFrame)]
 
     async def _fill_slot(self) -> bool:
-        """False if nothing waits for one."""
+        """Fill one slot; False if nothing waits for one."""
         return await self._start_part(is_first=True) or await self._start_frames() or await self._start_part(is_first=False)
 
     async def _start_part(self, *, is_first: bool) -> bool:
-        """Give a slot to a frame that is rendered in parts; `is_first`: only to one that goes before all frames that wait, by
-        its priority, or because it has begun and has none, unless it has just given way."""
+        """Give a slot to a frame that is rendered as parts; `is_first`: only to one that precedes all waiting frames, by its
+        priority, or because it has begun and has no slot, unless it was just preempted."""
         wanting = [running for running in self._parallel() if running.wants_slot]
         if not wanting:
             return False
@@ -214,7 +214,7 @@ class Scheduler:
             if best.job.priority < highest or (best.job.priority == highest and waits_its_turn):
                 return False
             if not best.wants_slot:
-                return True  # it has changed while others were looked at: look again
+                return True  # it changed while others were examined: look again
         best.take_slot()
         return True
 
@@ -230,7 +230,7 @@ class Scheduler:
         return not self._context.disk_is_full
 
     async def _look_at_jobs(self) -> None:
-        """Whether they are to be canceled, or are gone."""
+        """Process the rows of running jobs, which may have been canceled or deleted."""
         context = self._context
         job_ids = {job_id for job_id, _ in self._running}
         if not job_ids:

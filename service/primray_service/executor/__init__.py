@@ -1,2 +1,2 @@
-"""Executors: where the chunks of jobs run. base.py is what the dispatcher knows of them, by_name.py chooses
-one; local.py runs processes here."""
+"""Executors run the chunks of jobs: base.py is the interface for the dispatcher, by_name.py chooses one, local.py runs
+processes on this machine."""

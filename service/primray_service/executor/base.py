@@ -1,10 +1,9 @@
-"""Where chunks run: the interface that the dispatcher uses and every executor keeps; tests/service/executor/contract.py
-holds it.
+"""Interface of executors, which the dispatcher uses; tests/service/executor/contract.py tests every implementation.
 
-A chunk is one process's work: the check of a scene; a frame, or a range of its samples, from its last checkpoint until it
-ends or is told to yield; or putting such ranges together. Its worker sends messages
-(worker/protocol.py) while it runs and leaves files in a folder. At-least-once: the same chunk may run twice, in parallel
-even, after a server or a node died; whoever adopts results does so once (store.accept_checkpoint, accept_part).
+A chunk is one process's work: the check of a scene; a frame or a part of one, from its last checkpoint until it ends or
+receives a yield command; or a merge of parts. Its worker sends messages (worker/protocol.py) while it runs and leaves files
+in a folder. Delivery is at least once: after a server or a node died the same chunk may run twice, even at the same time;
+results are adopted once (store.accept_checkpoint, accept_part).
 """
 
 from __future__ import annotations
@@ -22,42 +21,43 @@ OnMessage = Callable[[Message], None]  # called in the event loop, in order; mus
 
 @dataclass(frozen=True)
 class Capacity:
-    slots: int  # chunks of renders at a time, 0 while there is nowhere to run them; checks have a slot of their own
+    slots: int  # concurrent render chunks, 0 while there is nowhere to run them; checks have a slot of their own
     cores: int
-    memory_bytes: int  # of one chunk
+    memory_bytes: int  # per chunk
     nodes: int = 1
 
     @property
     def threads(self) -> int:
-        """Of one render chunk."""
+        """Return the threads of one render chunk."""
         return max(1, self.cores // max(self.slots, 1))
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """`inputs`: files by the path that the worker finds them at, below its read-only job folder. `group`: chunks of one group
-    may run in one process, one after another; those of different groups never do, nor those of none. Within a group, no two
-    chunks leave outputs of the same name. `scene`: whose chunks may, of any group, have a process that has it open, one after
-    another; it is one tenant's."""
+    """A chunk of work. `inputs`: files by their path in the worker's read-only job folder. `group`: chunks of one group may run
+    in one process, one after another; those of different groups, or of none, never do. Within a group, no two chunks leave
+    outputs of the same name. `scene`: chunks of one scene, of any group, may reuse a process that has it open; a scene belongs
+    to one tenant."""
 
     id: str
-    kind: str  # "render", of parts and their merges too; "check"
+    kind: str  # "render", which includes parts and their merges; "check"
     command: Json  # the worker's first line: worker/protocol.py
     inputs: Mapping[str, Path] = field(default_factory=dict)
-    folders: Mapping[str, Path] = field(default_factory=dict)  # folders whose files are all inputs, by the path to find them at
-    load_cpu_s: float = 60.0  # CPU seconds before the message that sampling has begun (a check: in all)
+    # folders whose files are all inputs, by their path in the job folder
+    folders: Mapping[str, Path] = field(default_factory=dict)
+    load_cpu_s: float = 60.0  # CPU seconds before sampling must begin (a check: in total)
     memory_bytes: int | None = None  # None: the executor's
     group: str = ""
-    more_follow: bool = False  # of the group, maybe
+    more_follow: bool = False  # more chunks of the group may follow
     scene: str = ""
-    roots: tuple[str, ...] = ()  # folders of shared storage that its process may read, where they are
-    keep_s: float = 0.0  # how long a process may wait, with the scene open, for more of the scene
+    roots: tuple[str, ...] = ()  # folders of shared storage, at their own paths, that its process may read
+    keep_s: float = 0.0  # how long a process with the scene open may wait for another chunk of it
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a chunk's process ended, or that it waits for another chunk of the group (`lives`): then its files may change still,
-    and what it used most is of all its chunks so far. Its files are in `folder` until `Handle.release()`."""
+    """End of a chunk; its process is gone, or waits for another chunk of the group (`lives`): then its files may still change,
+    and its peak use covers all its chunks so far. Its files are in `folder` until `Handle.release()`."""
 
     reason: (
         str  # "exited", "signal", "memory-limit", "time-limit", "storage-limit", "killed" (by Handle.kill), "lost" (its node)
@@ -67,43 +67,43 @@ class Ended:
     folder: Path
     cpu_s: float
     peak_rss_bytes: int
-    log: str  # the tail of what it printed to stderr
-    log_file: Path | None = None  # all of it that was kept, until `Handle.release()`
-    protocol_error: str = ""  # what was wrong with its messages or its files, where it was ended for that
+    log: str  # tail of its stderr
+    log_file: Path | None = None  # all of the log that was kept, until `Handle.release()`
+    protocol_error: str = ""  # what was wrong with its messages or files, if it was ended for that
     lives: bool = False
 
 
 class Handle(Protocol):
-    """A chunk that runs."""
+    """A running chunk."""
 
     @property
     def folder(self) -> Path:
-        """Where the worker's files appear while it runs."""
+        """Return the folder where the worker's files appear while it runs."""
 
     async def result(self) -> Ended:
-        """When its process is gone, or waits for another chunk; never raises for what the process did."""
+        """Wait until its process is gone, or waits for another chunk; never raises for what the process did."""
 
     def tell(self, command: Json) -> None:
-        """Send a later line: stop, yield or preview. Nothing happens if it is gone."""
+        """Send a later command: stop, yield or preview. Has no effect if the process is gone."""
 
     def kill(self) -> None:
         """End it now."""
 
     def release(self) -> None:
-        """Its files are not needed any more."""
+        """Release its files, which are no longer needed."""
 
 
 class Executor(Protocol):
     def capacity(self) -> Capacity: ...
 
     async def start(self) -> None:
-        """Get ready; raises Problem("unavailable") where no chunk could run, saying why."""
+        """Get ready; raises Problem("unavailable") with the reason if no chunk could run."""
 
     def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
-        """Run a chunk now; the caller keeps to `capacity()`."""
+        """Run a chunk now; the caller respects `capacity()`."""
 
     def health(self) -> Json:
-        """For /readyz: {"ok": bool, "sandbox": {layer: "on" | "off: why"}, ...}."""
+        """Return the state for /readyz: {"ok": bool, "sandbox": {layer: "on" | "off: why"}, ...}."""
 
     async def close(self) -> None:
         """End every chunk and wait for their processes."""

@@ -1,4 +1,4 @@
-"""The executors there are, by the name that a configuration has; a module is imported when its executor is made."""
+"""Table of executors by their configuration name; a module is imported when its executor is created."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from primray.errors import SettingsError
 from .base import Executor
 
 DEFAULT = "local"
-# "module:function" beside this file; the function makes an executor of a ServeConfig and a DataDirectory.
+# "module:function" beside this file; the function makes an executor from a ServeConfig and a DataDirectory.
 EXECUTORS: Mapping[str, str] = {
     "local": "local:local_executor",
     "ray": "ray.executor:ray_executor",

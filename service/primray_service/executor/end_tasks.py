@@ -1,4 +1,4 @@
-"""Ending tasks."""
+"""Cancellation of asyncio tasks."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ AGAIN_AFTER_S = 1.0
 
 
 async def end_tasks(tasks: Collection[asyncio.Task[Any]]) -> None:
-    """Cancel them until none runs.
+    """Cancel the tasks until none runs.
 
-    Once is not enough: asyncio.wait_for, before Python 3.12, swallows a cancellation that comes in the moment in which what it
-    waits for is done, and a task that does so again and again goes on for ever.
+    Once is not enough: before Python 3.12, asyncio.wait_for swallows a cancellation that arrives at the moment its awaitable
+    completes, and a task that calls it repeatedly would run for ever.
     """
     left = {task for task in tasks if not task.done()}
     while left:

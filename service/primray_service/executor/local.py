@@ -1,7 +1,7 @@
 """LocalExecutor: each chunk is a process on this machine, in a sandbox and a folder of its own, under a watchdog.
 
-One worker of each kind waits, warm, with all that takes long imported; it serves one chunk, or several of one group after
-another, and the next one is started at a quieter moment. All methods are to be called in the event loop of the main thread.
+One idle worker of each kind waits with its slow imports done; it serves one chunk, or several of one group one after another,
+and its successor is started at a quieter moment. All methods must be called in the event loop of the main thread.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from .slots import Slots
 LOG = logging.getLogger(__name__)
 
 CORES_A_SLOT = 8
-READY_WITHIN_S = 120.0  # of a machine under load
+READY_WITHIN_S = 120.0  # on a machine under load
 # Starting a worker takes half a CPU second, which a render would miss: the next one is started when the chunk has ended, or
-# while it runs, sooner where more could come at any time.
+# while it runs, sooner if more could come at any time.
 WARM_AGAIN_AFTER_S, WARM_AGAIN_IF_FREE_AFTER_S = 8.0, 1.0
 WARM_AGAIN_AFTER_DEATH_S = 10.0
-# How long a worker waits for the next chunk of its group: the dispatcher gives it when it has claimed it.
+# Time for which a worker waits for the next chunk of its group, which the dispatcher gives it after claiming it.
 STAYS_S = 2.0
-# One that keeps its scene longer is looked at meanwhile: what took it over may not use the machine.
+# A worker that keeps its scene longer is monitored: if it was compromised it must not use the machine.
 LOOK_AT_IDLE_EVERY_S, IDLE_CPU_S = 1.0, 1.0
 
 
@@ -43,8 +43,8 @@ def local_executor(config: ServeConfig, data: DataDirectory) -> LocalExecutor:
 
 
 class LocalExecutor:
-    """`slots`: renders at a time (None: one for eight cores); `walls`: fewer than all that stand here, or another program, for
-    tests and machines without them."""
+    """Executor on this machine. `slots`: concurrent renders (None: one for every eight cores); `walls`: fewer sandbox layers
+    than are available, or another program, for tests and machines without them."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class LocalExecutor:
         self._keeps_warm = warm
         self._slots = Slots(data.slots, ulid(time.time()))
         self._warm: dict[str, Worker] = {}
-        self._staying: list[Worker] = []  # for chunks of their groups; the last is the newest
+        self._staying: list[Worker] = []  # idle, for chunks of their groups; the last is the newest
         self._runs: set[Run] = set()
         self._closing = False
         self._why_not = "it was not started"
@@ -71,7 +71,7 @@ class LocalExecutor:
         return self._capacity
 
     def open(self) -> None:
-        """Get ready without finding out whether workers can be started: for one that is made when there is work."""
+        """Get ready without testing whether workers can be started: for an executor that is created when there is work."""
         self._slots.open()
         self._why_not = ""
 
@@ -106,7 +106,7 @@ class LocalExecutor:
         return run
 
     def _worker_for(self, chunk: Chunk) -> tuple[Worker, bool]:
-        """And whether it had no chunk before."""
+        """Return a worker for the chunk, and whether it is a new one."""
         memory = chunk.memory_bytes or self._limits.memory_bytes
         for worker in reversed(self._staying):
             if worker.may_have(chunk) and worker.roots == chunk.roots and memory <= worker.memory_bytes:
@@ -118,16 +118,17 @@ class LocalExecutor:
         return self._start_worker(chunk.kind, memory, chunk.roots), True
 
     def _stay(self, worker: Worker) -> None:
-        """It has ended a chunk, and waits for another of its group or its scene; of many the oldest goes."""
+        """Keep a worker that has ended a chunk for another of its group or its scene; beyond the limit the oldest is
+        dismissed."""
         self._staying.append(worker)
-        worker.process.on_line = lambda _: self._dismiss(worker)  # it has nothing to say
+        worker.process.on_line = lambda _: self._dismiss(worker)  # an idle worker has nothing to say
         worker.process.exit.add_done_callback(lambda _: self._dismiss(worker))
         self._watch_idle(worker, worker.chunks, time.monotonic() + max(STAYS_S, worker.keep_s), None)
         if self._closing or len(self._staying) > self._capacity.slots:
             self._dismiss(self._staying[0])
 
     def _watch_idle(self, worker: Worker, chunks: int, until: float, cpu_s: float | None) -> None:
-        """It goes when its time is over, or if it does anything: it has nothing to do."""
+        """Dismiss an idle worker when its time is over, or if it uses the CPU: it has nothing to do."""
         if worker.chunks != chunks or worker not in self._staying:
             return
         used = watchdog.used_by(worker.process.pid)
@@ -150,11 +151,11 @@ class LocalExecutor:
 
     def _on_end(self, run: Run) -> None:
         self._runs.discard(run)
-        if not run.ended.result().lives:  # else more is to come, which a start beside it would slow down
+        if not run.ended.result().lives:  # otherwise more chunks follow, which a start at the same time would slow down
             self._warm_later(run.chunk.kind, 0.0)
 
     def health(self) -> Json:
-        """The self-test of the sandbox is the server's to make: it takes a moment."""
+        """Return the health of the executor; the server runs the sandbox's self-test, which takes a moment."""
         found: Json = {"ok": not self._why_not and not self._closing, "sandbox": self._layers()}
         found |= {"warm": sorted(self._warm), "staying": len(self._staying)}
         found |= {"running": len(self._runs), "slots": self._capacity.slots}
@@ -204,7 +205,7 @@ class LocalExecutor:
         if not self._closing and kind not in self._warm:
             try:
                 self._keep(kind, self._start_worker(kind))
-            except OSError as error:  # no processes or no space: chunks will say so
+            except OSError as error:  # no processes or no space: chunks will report it
                 LOG.warning("no worker could be started: %s", error)
 
     async def _end(self, worker: Worker) -> None:

@@ -1,4 +1,4 @@
-"""One chunk's life in a worker on this machine: its files are put there, it is watched, its end is told."""
+"""One chunk's life in a worker on this machine: its files are linked, it is watched, its end is reported."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ LOG = logging.getLogger(__name__)
 LOOK_EVERY_S = 0.15
 LOOK_AT_FOLDER_EVERY_S = 0.6
 LEAVE_WITHIN_S = 5.0  # after its last message
-# A worker stays for the next chunk of its group if that would miss the CPU second of a start, and if what the last one left in
-# it cannot be in the way: a large frame still has all of the memory and of the space that are allowed.
+# A worker stays for the next chunk of its group if a new start's CPU second would matter, and if leftovers cannot be in the
+# way: a large frame still has all of its allowed memory and disk space.
 STAYS_IF_CPU_S = 20.0
 STAYS_IF_PART = 0.25
-# The wall clock is the last resort, for a worker that sleeps: others may have the CPU.
+# The wall-clock limit is the last resort for a worker that sleeps: others may have the CPU.
 LOAD_WALL_PER_CPU = 20.0
 SIGNALS = {signal.SIGXCPU: "time-limit", signal.SIGXFSZ: "storage-limit"}
 
 
 class Run:
-    """A Handle. `on_stay` gets a worker that has ended the chunk and can have another of the same group."""
+    """Handle of a chunk. `on_stay` gets a worker that has ended the chunk and can take another of the same group."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class Run:
 
     @property
     def pid(self) -> int:
-        """Of the process that was started; a sandbox's processes may be around the worker."""
+        """Return the pid of the process that was started; a sandbox's processes may be around the worker."""
         return self._process.pid
 
     @property
@@ -83,7 +83,7 @@ class Run:
         return await asyncio.shield(self.ended)
 
     def tell(self, command: Json) -> None:
-        if self._last:  # or the next chunk would hear of it
+        if self._last:  # or the next chunk would receive it
             return
         line = json.dumps(command).encode() + b"\n"
         if self._told is not None:
@@ -101,7 +101,7 @@ class Run:
                 self._remove()
 
     def _completed(self, command: Json, threads: int) -> bytes:
-        """What this machine decides about where the chunk leaves it open."""
+        """Return the command with the settings that this machine decides if the chunk leaves them open."""
         limits = {
             "output_bytes": self._limits.output_bytes,
             "log_bytes": self._limits.log_bytes,
@@ -128,7 +128,7 @@ class Run:
             sending.cancel()
 
     async def _send(self) -> None:
-        """The command, not before the worker is ready: its log begins then."""
+        """Send the command once the worker is ready; its log begins then."""
         await self._worker.ready.wait()
         told, self._told = self._told or [], None
         self._process.write(self._command + b"\n" + b"".join(told))
@@ -151,7 +151,7 @@ class Run:
     def _look(self) -> None:
         used = watchdog.used_by(self._process.pid)
         if used.cpu_s < self._used.cpu_s:
-            return  # it has just ended, or what is around it alone is there
+            return  # it has just ended, or only the sandbox's processes are left
         self._used = used
         peak = watchdog.peak_rss_bytes(watchdog.innermost(self._process.pid))
         self._peak_bytes = max(self._peak_bytes, used.rss_bytes, peak)
@@ -162,7 +162,7 @@ class Run:
 
     def _on_line(self, line: bytes) -> None:
         if self._reason:
-            return  # what it says after it was ended counts no more
+            return  # messages after its end do not count
         try:
             message = parse(line)
             if self._last == "done" and self._may_stay and message["at"] == "ready":
@@ -182,7 +182,7 @@ class Run:
             self._sampling = True
         if at in LAST:
             self._last = at
-            self._look()  # for what it used in all
+            self._look()  # for its total usage
             asyncio.get_running_loop().call_later(LEAVE_WITHIN_S, self._should_be_gone)
         try:
             self._on_message(message)

@@ -1,4 +1,4 @@
-"""A worker on this machine: a process in a slot of its own, which waits for a chunk, and maybe for more of the same group."""
+"""A worker on this machine: a process with a private folder, which waits for a chunk, and maybe for more of the same group."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ READY = b'{"at": "ready"}'
 
 @dataclass(frozen=True)
 class Walls:
-    """How workers are started: `layers` of the sandbox (None: all that stand here), and what program they are."""
+    """Start options of workers: `layers` of the sandbox (None: all available ones), and their program."""
 
     layers: frozenset[str] | None = None
     program: Sequence[str] = WORKER
 
 
 class Worker:
-    """`group`: of the chunks that it ran last, "" before the first; `scene`: of all its chunks, which it has open."""
+    """A worker; `group`: that of its last chunks, "" before the first; `scene`: the open scene, the same for all its chunks."""
 
     def __init__(
         self,
@@ -45,9 +45,9 @@ class Worker:
         self.memory_bytes = memory_bytes
         self.group = self.scene = ""
         self.keep_s = 0.0
-        self.chunks = 0  # that it was given
-        self._released = 0  # whose files are not wanted any more
-        self._leaves_others = False  # files of another group lie in its output folder
+        self.chunks = 0  # number of chunks it was given
+        self._released = 0  # number of those whose files were released
+        self._leaves_others = False  # files of another group are in its output folder
         self._logs = 0
         self._inputs: Mapping[str, Path] = {}
         self._folders: Mapping[str, Path] = {}
@@ -58,7 +58,7 @@ class Worker:
         self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)
 
     def _on_line(self, line: bytes) -> None:
-        """Before it has a chunk; what it printed until it was ready is of no use to whoever reads a chunk's log."""
+        """Ignore lines before the first chunk; its earlier output does not belong to a chunk's log."""
         if line == READY:
             self.is_ready()
 
@@ -67,7 +67,7 @@ class Worker:
         self.process.begin_log()
 
     async def is_ready_within(self, seconds: float) -> bool:
-        """Or has ended before."""
+        """Return whether it is ready, or has ended, within that time."""
         waited: set[asyncio.Future[Any]] = {asyncio.ensure_future(self.ready.wait()), self.process.exit}
         await asyncio.wait(waited, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
         for future in waited - {self.process.exit}:
@@ -75,19 +75,20 @@ class Worker:
         return self.ready.is_set()
 
     def may_have(self, chunk: Chunk) -> bool:
-        """It ran chunks of the same group; or it has the same scene open, and nobody wants what those left."""
+        """Return whether the worker may run the chunk: it is of the same group; or the worker has the same scene open, and
+        earlier files were released."""
         if chunk.group and self.group == chunk.group:
             return True
         return bool(chunk.scene) and self.scene == chunk.scene and self._released == self.chunks
 
     def begin(self, chunk: Chunk) -> None:
-        """From now on it is this chunk's."""
+        """Assign the worker to this chunk."""
         self._leaves_others = self.chunks > 0 and not (chunk.group and self.group == chunk.group)
         self.group, self.scene, self.keep_s = chunk.group, chunk.scene, chunk.keep_s
         self.chunks += 1
 
     def put_files(self, chunk: Chunk) -> None:
-        """Those of the chunk that are not there yet; blocks. What only an earlier one had goes, and what another job's left."""
+        """Link the chunk's files that are not there yet, and remove those of earlier chunks and of other jobs; blocks."""
         if self._leaves_others:
             take_out(self.slot.out, [path.name for path in self.slot.out.iterdir() if path.is_file()])
         take_out(self.slot.job, [name for name, path in self._inputs.items() if chunk.inputs.get(name) != path])
@@ -97,12 +98,12 @@ class Worker:
         fill(self.slot.job, inputs, folders)
 
     def next_log(self) -> Path:
-        """The log of what ran until now, which is whole; what is printed from now on goes into another."""
+        """Return the log so far, which is complete; later output goes into another file."""
         self._logs += 1
         return self.process.change_log(self.slot.root / f"log-{self._logs}.txt")
 
     def release(self) -> None:
-        """The files of one of its chunks are not wanted any more."""
+        """Record that the files of one of its chunks were released."""
         self._released += 1
         self.remove_if_over()
 

@@ -1,4 +1,5 @@
-"""Lines from a worker, which may be anything: bounded, parsed, and of the shape that worker/protocol.py says, or refused."""
+"""Parser of lines from a worker, which are untrusted: bounded, parsed, and refused unless they have the shape in
+worker/protocol.py."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ MOST_DEPTH = 32
 
 
 class BadMessage(ValueError):
-    """What the worker sent is no message."""
+    """The worker's line is not a message."""
 
 
 def _number(value: Any) -> bool:
@@ -39,7 +40,7 @@ def _list(value: Any) -> bool:
 
 
 def _file(value: Any) -> bool:
-    """The plain name of a file in the output folder."""
+    """Return whether the value is the plain name of a file in the output folder."""
     return _text(value) and 0 < len(value) <= 255 and not value.startswith(".") and not set(value) & set("/\\\0\n\r")
 
 
@@ -56,7 +57,7 @@ def _pair(check: Check) -> Check:
 
 
 def _members(**checks: Check) -> Check:
-    """An object that has these at least."""
+    """Return a check for an object that has at least these members."""
     return lambda value: isinstance(value, dict) and all(name in value and check(value[name]) for name, check in checks.items())
 
 
@@ -97,7 +98,7 @@ SHAPES: Mapping[str, Check] = {
 
 
 def parse(line: bytes) -> dict[str, Any]:
-    """The message of a line; BadMessage if it is none."""
+    """Return the message of a line; raises BadMessage if it is none."""
     if len(line) > MAX_LINE_BYTES:
         raise BadMessage(f"a line of more than {MAX_LINE_BYTES} bytes")
     try:

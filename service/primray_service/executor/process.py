@@ -1,7 +1,7 @@
 """One worker process and its three pipes, in the event loop that started it: lines in, commands out, its end.
 
-All of it is bounded: a line, what is printed, and how fast a worker may talk. It belongs to the loop's thread, which must be
-the main one: workers die with the thread that started them.
+Everything is bounded: line length, output, and the rate of messages. It belongs to the loop's thread, which must be the main
+one: workers die with the thread that started them.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from ..worker.protocol import MAX_LINE_BYTES
 from .process_log import ProcessLog
 
 READ_BYTES = 2**16
-# A worker that says more in a second waits: reading it must not keep the server from its clients.
+# A worker that sends more in a second is throttled: reading it must not keep the server from its clients.
 BYTES_A_SECOND, LINES_A_SECOND = 8 * 2**20, 2000
 
 
 class Start(Protocol):
-    """How to start it."""
+    """Command, environment and folder of a process."""
 
     @property
     def argv(self) -> list[str]: ...
@@ -41,7 +41,7 @@ class Start(Protocol):
 @dataclass(frozen=True)
 class Exit:
     returncode: int  # negative: a signal
-    cpu_s: float  # of it and of what it has waited for, in all its life
+    cpu_s: float  # of it and of all children that it has waited for
     max_rss_bytes: int
 
 
@@ -49,7 +49,7 @@ OnLine = Callable[[bytes], None]
 
 
 class WorkerProcess:
-    """`on_line` gets whole lines without their end, in order, and the beginning of one that is too long."""
+    """A process. `on_line` gets complete lines without their end, in order, and the beginning of one that is too long."""
 
     def __init__(self, start: Start, log: Path, log_bytes: int, on_line: OnLine) -> None:
         self._loop = asyncio.get_running_loop()
@@ -57,7 +57,7 @@ class WorkerProcess:
         self._log_bytes = log_bytes
         self.log = ProcessLog(log, log_bytes)
         self.exit: asyncio.Future[Exit] = self._loop.create_future()
-        # What a child inherits of its parent's peak, by vfork, shows in its own.
+        # A child started by vfork inherits its parent's peak in its own.
         self.parent_peak_bytes = peak_rss_bytes()
         child = subprocess.Popen(
             start.argv,
@@ -69,7 +69,7 @@ class WorkerProcess:
             start_new_session=True,
             bufsize=0,
         )
-        child.returncode = 0  # it is waited for here; Popen must not
+        child.returncode = 0  # reaped here; Popen must not do it
         self.pid = child.pid
         assert child.stdin is not None
         assert child.stdout is not None
@@ -99,12 +99,12 @@ class WorkerProcess:
         except BlockingIOError:
             self._loop.add_writer(self._stdin.fileno(), self._flush)
             return
-        except OSError:  # it is gone, or has closed its stdin: its end is told elsewhere
+        except OSError:  # it is gone, or has closed its stdin: its end is reported elsewhere
             self._to_write.clear()
         self._loop.remove_writer(self._stdin.fileno())
 
     def kill(self, inner: int | None = None) -> None:
-        """End it; `inner`: the process to be killed first, so that those around it can tell what it used."""
+        """End it; `inner` is the process to kill first, so that those around it can report its usage."""
         if self.exit.done():
             return
         if inner is not None and inner != self.pid:
@@ -154,12 +154,12 @@ class WorkerProcess:
             self._loop.remove_reader(self._stderr.fileno())
 
     def begin_log(self) -> None:
-        """What was printed so far is forgotten."""
+        """Discard the log so far."""
         self._read_log()
         self.log.begin()
 
     def change_log(self, path: Path) -> Path:
-        """What is printed from now on goes to another file; that of what was printed so far, whole."""
+        """Switch the log to another file, and return the complete old one."""
         self._read_log()
         whole = self.log
         whole.close()
@@ -170,7 +170,7 @@ class WorkerProcess:
         _, status, usage = os.wait4(self.pid, 0)
         self._loop.remove_reader(self._pidfd)
         os.close(self._pidfd)
-        # What it said last is in the pipes still: as much as they hold, whoever else has them open.
+        # Its last lines are still in the pipes: read as much as they hold, whoever else has them open.
         for pipe, take in ((self._stdout, self._take), (self._stderr, self.log.add)):
             self._loop.remove_reader(pipe.fileno())
             for _ in range(64):
@@ -188,7 +188,7 @@ class WorkerProcess:
 
 
 def _read(handle: int) -> bytes | None:
-    """None: nothing now; b"": nothing any more."""
+    """Return bytes; None: nothing now; b"": end of file."""
     try:
         return os.read(handle, READ_BYTES)
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""What a worker printed, in a file that it cannot write to itself: beginning and end, where it was more than allowed."""
+"""Log of a worker's output, in a file that the worker cannot write to: beginning and end if it exceeds the limit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ TAIL_BYTES = 8192
 
 
 class ProcessLog:
-    """`most_bytes` in the file at most."""
+    """Log with at most `most_bytes` in its file."""
 
     def __init__(self, path: Path, most_bytes: int) -> None:
         self.path = path
@@ -17,7 +17,7 @@ class ProcessLog:
         self.begin()
 
     def begin(self) -> None:
-        """Anew."""
+        """Discard the content so far."""
         self._file.seek(0)
         self._file.truncate()
         self._left = self._most

@@ -1,6 +1,6 @@
-"""The private folders of workers, slots/<executor>-<n>/{job,out}, and their removal, also after a server that died.
+"""Private folders of workers, slots/<executor>-<n>/{job,out}, and their removal, including those of a dead server.
 
-A file slots/<executor>.lock is locked by its server as long as it lives; whoever gets the lock may remove what is its.
+A server locks slots/<executor>.lock as long as it lives; whoever gets the lock may remove its folders.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NO_LINKS = {errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS}
 
 @dataclass(frozen=True)
 class Slot:
-    """`job`: what its worker may read; `out`: where it may write; the log lies outside of both."""
+    """Folders of one worker. `job`: its read-only inputs; `out`: its outputs; the log is outside of both."""
 
     root: Path
 
@@ -42,7 +42,7 @@ class Slot:
 
 
 class Slots:
-    """The slots of one executor."""
+    """The folders of one executor's workers."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self._folder = folder
@@ -73,7 +73,7 @@ class Slots:
         return slot
 
     def close(self) -> None:
-        """All that is left of them."""
+        """Remove all folders that are left."""
         for slot in self._folder.glob(f"{self._name}-*"):
             shutil.rmtree(slot, ignore_errors=True)
         if self._lock is not None:
@@ -100,7 +100,7 @@ def _remove_if_dead(lock: Path) -> None:
 
 
 def fill(job: Path, inputs: Mapping[str, Path], folders: Mapping[str, Path]) -> None:
-    """Give the job folder its files: links to what lies there, copies where links cannot be."""
+    """Give the job folder its files: hard links, or copies where links are impossible."""
     for name, source in inputs.items():
         _put(source, _below(job, name))
     for name, folder in folders.items():
@@ -114,7 +114,7 @@ def fill(job: Path, inputs: Mapping[str, Path], folders: Mapping[str, Path]) -> 
 
 
 def take_out(job: Path, names: Iterable[str]) -> None:
-    """Files that `fill` gave it."""
+    """Remove files that `fill` added."""
     for name in names:
         _below(job, name).unlink(missing_ok=True)
 
@@ -127,7 +127,7 @@ def _below(job: Path, name: str) -> Path:
 
 
 def _put(source: Path, target: Path) -> None:
-    """Only plain files: a link in a package would lead out of the folder."""
+    """Link or copy a plain file; a link in a package would lead out of the folder."""
     if not stat.S_ISREG(os.lstat(source).st_mode):
         raise ValueError(f"{source.name} is not a plain file")
     target.parent.mkdir(parents=True, exist_ok=True)

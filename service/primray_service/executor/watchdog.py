@@ -1,4 +1,4 @@
-"""What a worker uses, read from /proc: memory and CPU seconds of its processes together, bytes in its folder."""
+"""Resource usage of a worker, read from /proc: memory and CPU seconds of its processes together, bytes in its folder."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from pathlib import Path
 PAGE = os.sysconf("SC_PAGE_SIZE")
 TICKS = os.sysconf("SC_CLK_TCK")
 MOST_PROCESSES = 512
-MOST_FILES = 10_000  # more in a folder count as too large
+MOST_FILES = 10_000  # a folder with more counts as too large
 
 
 @dataclass(frozen=True)
 class Used:
     rss_bytes: int = 0
-    cpu_s: float = 0.0  # of those that live, and of what they waited for
+    cpu_s: float = 0.0  # of living processes, and of children that they waited for
 
 
 def used_by(pid: int) -> Used:
-    """The process and all below it."""
+    """Return the usage of the process and all of its descendants."""
     rss = cpu = 0
     for process in _tree(pid):
         try:
@@ -32,7 +32,7 @@ def used_by(pid: int) -> Used:
 
 
 def peak_rss_bytes(pid: int) -> int:
-    """The most that one process has held (VmHWM); 0 where it is gone."""
+    """Return the most memory that one process has held (VmHWM); 0 if it is gone."""
     try:
         for line in Path(f"/proc/{pid}/status").read_text("ascii", "replace").splitlines():
             if line.startswith("VmHWM:"):
@@ -43,7 +43,7 @@ def peak_rss_bytes(pid: int) -> int:
 
 
 def innermost(pid: int) -> int:
-    """The process at the end of a line of only children: the worker itself, if a sandbox's processes are around it."""
+    """Return the process at the end of a chain of only children: the worker itself, if a sandbox's processes are around it."""
     for _ in range(4):
         below = _children(pid)
         if len(below) != 1:
@@ -62,7 +62,7 @@ def _tree(pid: int) -> list[int]:
 
 
 def _children(pid: int) -> list[int]:
-    """Of all its threads."""
+    """Return the children of all its threads."""
     found = []
     try:
         for thread in os.listdir(f"/proc/{pid}/task"):
@@ -73,7 +73,7 @@ def _children(pid: int) -> list[int]:
 
 
 def folder_bytes(folder: Path, most: int) -> int:
-    """Bytes on the disk of all files below; counting stops above `most`, or where there are too many of them."""
+    """Return the bytes on disk of all files below a folder; counting stops above `most`, or if there are too many files."""
     total = entries = 0
     folders = [str(folder)]
     while folders:

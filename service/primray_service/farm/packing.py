@@ -1,4 +1,4 @@
-"""A stage's files as a chunk has them: one file, or a folder with all that it refers to."""
+"""Files of a stage as inputs of a chunk: one file, or a folder with all that it refers to."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PACKAGE = "package"
 
 @dataclass(frozen=True)
 class Packed:
-    """`root`: the stage's path in a chunk's job folder."""
+    """A packed stage; `root` is its path in a chunk's job folder."""
 
     root: str
     inputs: Mapping[str, Path] = field(default_factory=dict)
@@ -25,7 +25,7 @@ class Packed:
 
 
 def packed(stage: Path, scratch: Path) -> Packed:
-    """PrimrayError where a file cannot be read. What is told of files goes to the log."""
+    """Pack a stage; raises PrimrayError if a file cannot be read. Notes about files go to the log."""
     found = scene_file(stage, scratch)
     for note in found.notes:
         LOG.warning(note)

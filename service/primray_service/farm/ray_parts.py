@@ -1,7 +1,7 @@
-"""RayParts: parts of a frame as chunks on the nodes of a Ray cluster, for a render that has no service.
+"""RayParts: parts of a frame as chunks on the nodes of a Ray cluster, for a render without a service.
 
-A RayExecutor in an event loop of its own thread does the work: the same driver, tasks, sandbox and caches of scenes as the
-service's. Nothing is kept here beyond the frame; what a lost chunk had rendered is rendered again.
+A RayExecutor in an event loop of its own thread does the work, with the same driver, tasks, sandbox and scene caches as in the
+service. Nothing is kept beyond the frame; samples of a lost chunk are rendered again.
 """
 
 from __future__ import annotations
@@ -35,17 +35,18 @@ from .packing import Packed, packed
 
 T = TypeVar("T")
 DAY_S = 24 * 3600.0
-# Who has the cluster's token renders stages of their own: what keeps strangers from filling a service does not bound them.
+# Holders of the cluster's token render stages of their own, so the limits against untrusted users of a service do not apply.
 LIMITS = Limits(load_cpu_s=DAY_S, seconds=30 * DAY_S, texture_bytes=2**40, output_bytes=2**40, instances=2**40)
-OF_ANY_NODE = ("memory-limit", "time-limit", "storage-limit")  # how a chunk ends that would end so anywhere
+OF_ANY_NODE = ("memory-limit", "time-limit", "storage-limit")  # ends that would be the same on any node
 LEAVE_WITHIN_S = 5.0
-NEVER_S = 1e9  # checkpoints before the end
+NEVER_S = 1e9  # no checkpoints before the end
 
 
 class RayParts:
-    """`address`: of the cluster's head, or "auto" on one of its nodes; the others are as for `primray serve --executor ray`.
+    """Executor of parts on a cluster. `address`: of the cluster's head, or "auto" on one of its nodes; the others are as for
+    `primray serve --executor ray`.
 
-    To be closed, or used as a context; it connects when its first frame begins.
+    Close it, or use it as a context manager; it connects when its first frame begins.
     """
 
     def __init__(
@@ -90,7 +91,7 @@ class RayParts:
         self._frames += 1
 
     def _connect(self) -> None:
-        """PrimrayError, with a code of executor/ray/protocol.py, where there is no cluster to work with."""
+        """Connect; raises PrimrayError, with a code of executor/ray/protocol.py, if there is no usable cluster."""
         self._folder = tempfile.TemporaryDirectory(prefix="primray-ray-")
         data = DataDirectory(Path(self._folder.name))
         data.create()
@@ -111,7 +112,7 @@ class RayParts:
             self._executor = self._wait(started())
 
     def _wait(self, work: Coroutine[Any, Any, T]) -> T:
-        """Do it in the loop's thread."""
+        """Run the coroutine in the loop's thread, and wait for it."""
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
 
     def slots(self) -> int:
@@ -137,7 +138,7 @@ class RayParts:
             "file": self._packed.root,
             "settings": settings_as_json(settings),
             "checkpoint": None,
-            "number": 10 * self._parts,  # a worker that stays leaves no two files of one name
+            "number": 10 * self._parts,  # a worker that stays must not leave two files of one name
             "checkpoint_every_s": NEVER_S,
             "picture_only": False,
             "preview": False,
@@ -157,7 +158,7 @@ class RayParts:
         )
 
     def _give(self, chunk: Chunk, file: Path, future: Future[None]) -> None:
-        """In the loop."""
+        """Submit a chunk; runs in the loop."""
         assert self._executor is not None
         if future.cancelled():
             return
@@ -169,7 +170,7 @@ class RayParts:
             return
         future.add_done_callback(lambda done: self._loop.call_soon_threadsafe(handle.kill) if done.cancelled() else None)
         following = asyncio.ensure_future(_follow(handle, heard, file, future))
-        self._following.add(following)  # a task that nobody holds may vanish
+        self._following.add(following)  # a task without a reference may be garbage-collected
         following.add_done_callback(self._following.discard)
 
     def end(self) -> None:
@@ -201,7 +202,7 @@ class RayParts:
 
 
 class _Heard:
-    """What a chunk's worker says that matters here."""
+    """Messages of a chunk's worker that matter here."""
 
     def __init__(self) -> None:
         self.file = ""  # its checkpoint
@@ -227,7 +228,7 @@ async def _follow(handle: Handle, heard: _Heard, file: Path, future: Future[None
 
 
 def _taken(ended: Ended, heard: _Heard, file: Path) -> Exception | None:
-    """None: its checkpoint is where it was asked for."""
+    """Copy the checkpoint to its file; return the error, or None."""
     if heard.problem is not None:
         return error_of(heard.problem)
     if heard.is_done and heard.file:

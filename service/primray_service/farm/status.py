@@ -1,4 +1,4 @@
-"""What a Ray cluster is doing: its nodes, how many renders each has room for, and what runs there, for whom."""
+"""State of a Ray cluster: its nodes, the room on each for renders, and running chunks with their owners."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ANSWER_WITHIN_S = 60.0  # many drivers may have to be asked
 
 @dataclass(frozen=True)
 class FarmStatus:
-    """As protocol.py has nodes, and owners with their chunks."""
+    """Nodes, and owners with their chunks, in the form of protocol.py."""
 
     nodes: Sequence[Json]
     owners: Sequence[Json]
@@ -28,9 +28,10 @@ class FarmStatus:
 
 
 def farm_status(settings: Mapping[str, Any]) -> FarmStatus:
-    """`settings`: address, cores, labels and allow_unsandboxed, as a server would have them, whose slots are told.
+    """Return the state of a cluster. `settings`: address, cores, labels and allow_unsandboxed, as for a server, whose slots are
+    reported.
 
-    PrimrayError, with a code of protocol.py, where there is no cluster to ask.
+    Raises PrimrayError, with a code of protocol.py, if there is no usable cluster.
     """
     try:
         return asyncio.run(_asked({"slots": None, "limits": asdict(Limits()), **settings}))
@@ -59,7 +60,7 @@ async def _asked(settings: Json) -> FarmStatus:
 
 
 def status_lines(status: FarmStatus, now: float) -> list[str]:
-    """A table of nodes, each with what runs there below it; `now` is Unix time, in seconds."""
+    """Return a table of nodes, each followed by its running chunks; `now` is Unix time, in seconds."""
     running: dict[str, list[tuple[str, Json]]] = {}
     for owner in status.owners:
         for chunk in owner["chunks"]:
@@ -69,7 +70,7 @@ def status_lines(status: FarmStatus, now: float) -> list[str]:
         here = running.pop(node["id"], [])
         rows.append((node["id"][:8], node["host"], str(node["slots"]), str(len(here)), node["why"]))
         rows += [_row(owner, chunk, now) for owner, chunk in here]
-    for node_id, here in running.items():  # of nodes that other labels choose, or that are going
+    for node_id, here in running.items():  # of nodes excluded by labels, or leaving
         rows.append((node_id[:8], "", "", str(len(here)), "not among the nodes asked for"))
         rows += [_row(owner, chunk, now) for owner, chunk in here]
     widths = [max(len(row[column]) for row in rows) for column in range(4)]

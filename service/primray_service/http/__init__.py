@@ -1,9 +1,9 @@
-"""What all routes share: how requests are guarded and read, and how answers are made.
+"""Code that all routes share: guards, reading of requests, making of answers.
 
-guard.py      what surrounds every request: ids, hosts, origins, headers, what goes wrong
-callers.py    who asks, as dependencies: Reader, Submitter, Admin; rates.py: how often; measured.py: counted and timed
-bodies.py     JSON bodies, read within limits and checked strictly; uploads.py: scenes
+guard.py      middleware around every request: ids, hosts, origins, headers, failures
+callers.py    callers as dependencies: Reader, Submitter, Admin; rates.py: request rates; measured.py: metrics
+bodies.py     JSON bodies, read within limits and validated strictly; uploads.py: scenes
 answers.py    JSON, ETags, conditional requests, problem documents; failures.py: exceptions as such
-file_answer.py, byte_ranges.py   files and parts of them; retry_after.py: when to ask again
-described.py  what the OpenAPI document says of operations; openapi.py makes it
+file_answer.py, byte_ranges.py   files and ranges of them; retry_after.py: when to ask again
+described.py  the OpenAPI description of operations; openapi.py makes the document
 """

@@ -1,4 +1,4 @@
-"""Answers: JSON, ETags and what depends on them (RFC 9110, 8.8.3 and 13), problem documents."""
+"""Answers: JSON, ETags and conditional requests (RFC 9110, 8.8.3 and 13), problem documents."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ETAG = re.compile(r'(W/)?("[\x21\x23-\x7e\x80-\xff]*")')
 
 
 def json_bytes(value: Any) -> bytes:
-    """Compact; numbers that JSON has not become null."""
+    """Return compact JSON; non-finite numbers become null."""
     try:
         text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     except ValueError:
@@ -45,13 +45,13 @@ def problem_answer(problem: Problem, request_id: str) -> Response:
 
 
 def none_match(request: Request, etag: str) -> bool:
-    """Whether the client lacks this version: If-None-Match does not name it."""
+    """Return whether the client lacks this version: If-None-Match does not name it."""
     header = request.headers.get("if-none-match")
     return header is None or not _names(header, etag, weakly=True)
 
 
 def check_match(request: Request, etag: str) -> bool:
-    """Whether If-Match was sent; Problem if it does not name this version."""
+    """Return whether If-Match was sent; raises Problem if it does not name this version."""
     header = request.headers.get("if-match")
     if header is None:
         return False
@@ -67,7 +67,8 @@ def _names(header: str, etag: str, weakly: bool) -> bool:
 
 
 def accepted(request: Request, *offered: str) -> str:
-    """The media type, of those offered, that Accept likes best (RFC 9110, 12.5.1), the first of equals; Problem if none."""
+    """Return the offered media type that Accept prefers (RFC 9110, 12.5.1), the first of equals; raises Problem if none is
+    accepted."""
     header = ",".join(request.headers.getlist("accept")) or "*/*"
     ranges = [_media_range(part) for part in header.split(",")]
 

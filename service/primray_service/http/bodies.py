@@ -1,4 +1,4 @@
-"""JSON bodies: read up to a limit, refused if a name comes twice, a number is not one, or the model does not know them."""
+"""JSON bodies: read up to a limit, and validated against a model; duplicate names and invalid numbers are refused."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from .callers import service_of
 Model = TypeVar("Model", bound=BaseModel)
 MORE_BYTES = 2**20
 AS_IT_IS = {"accept-encoding": "identity"}
-MOST_EXACT = 2**53  # below which doubles hold every whole number
-MAX_DIGITS = 40  # of a whole number: more is refused before it is converted
+MOST_EXACT = 2**53  # doubles hold every integer up to this
+MAX_DIGITS = 40  # of an integer: longer ones are refused before conversion
 
 
 def json_body(
     model: type[Model], *, may_lack: bool = False, limit: str = "json_bytes"
 ) -> Callable[[Request], Coroutine[Any, Any, Model]]:
-    """A dependency: the body as this model; `may_lack`: a request without any is as one with {}; `limit`: of its bytes."""
+    """Return a dependency that reads the body as this model; `may_lack`: no body counts as {}; `limit`: the limit on its
+    bytes."""
 
     async def body(request: Request) -> Model:
         if may_lack and has_no_body(request):
@@ -37,7 +38,7 @@ def json_body(
 
 
 def has_no_body(request: Request) -> bool:
-    """RFC 9112, 6.3: a request has one only if one of these says so."""
+    """Return whether the request has no body: RFC 9112, 6.3 announces one by either of these headers."""
     return request.headers.get("content-length", "0") == "0" and "transfer-encoding" not in request.headers
 
 
@@ -53,9 +54,9 @@ def check_json_type(request: Request) -> None:
 
 
 async def read(request: Request, most_bytes: int) -> bytes:
-    """The body; its bytes are counted, whatever Content-Length says.
+    """Return the body; its bytes are counted, whatever Content-Length says.
 
-    Of one that is too large a little more is read: a connection that is closed with bytes unread is reset, and the client
+    Of a body that is too large a little more is read: a connection that is closed with bytes unread is reset, and the client
     would see that instead of the answer.
     """
     body, size = bytearray(), 0
@@ -76,7 +77,7 @@ async def read(request: Request, most_bytes: int) -> bytes:
 
 
 def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
-    """Problem with the member that is at fault, below `where`."""
+    """Return the model; raises Problem with the member at fault, below `where`."""
     document = check_json(body)
     meant = _with_whole_numbers(in_own_words(document))
     try:
@@ -86,8 +87,8 @@ def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
 
 
 def _with_whole_numbers(value: Any) -> Any:
-    """16 for 16.0, the same object where there is none: JSON has one kind of number, and JSON Schema calls those integers that
-    have no fraction. Where numbers need not be whole, 16 is as good."""
+    """Return the value with 16 for 16.0, or the same object if there is none: JSON has one kind of number, and JSON Schema
+    calls those without a fraction integers. Members of type number accept 16 as well."""
     if isinstance(value, float):
         return int(value) if value.is_integer() and abs(value) < MOST_EXACT else value
     if isinstance(value, dict):
@@ -100,9 +101,8 @@ def _with_whole_numbers(value: Any) -> Any:
 
 
 def check_json(body: bytes) -> Any:
-    """The value. Refused is what pydantic lets pass: names that come twice, NaN, numbers of many digits; and NUL, which
-    PostgreSQL cannot store.
-    """
+    """Return the value. Refuses what pydantic lets pass: duplicate names, NaN, numbers of many digits; and NUL, which
+    PostgreSQL cannot store."""
     try:
         value = json.loads(
             body.decode("utf-8"), object_pairs_hook=_members, parse_constant=_no_constant, parse_int=_whole, parse_float=_finite
@@ -157,8 +157,8 @@ def _check_text(value: Any) -> None:
 
 
 def invalid(error: ValidationError, where: str = "", model: type[BaseModel] | None = None, document: Any = None) -> Problem:
-    """Return all that a model found in the document, in a few words each, with what was probably meant; nothing of what was
-    sent is repeated but names."""
+    """Return everything that the model found wrong with the document, in a few words each, with hints; apart from names,
+    nothing that was sent is repeated."""
     details: dict[str, list[str]] = {}
     for found in error.errors(include_url=False)[:20]:
         member = ".".join([where] * bool(where) + _place(found, document))
@@ -170,7 +170,7 @@ def invalid(error: ValidationError, where: str = "", model: type[BaseModel] | No
 
 
 def _place(found: Mapping[str, Any], document: Any) -> list[str]:
-    """Return the parts of a member's path in the document: pydantic names the branches of a union between them."""
+    """Return the components of a member's path in the document: pydantic inserts the branches of a union."""
     *above, last = found["loc"] or ("",)
     parts, value = [], document
     for part in above:
@@ -185,7 +185,7 @@ def _has(value: Any, part: int | str) -> bool:
 
 
 def one_of(details: Sequence[str]) -> str:
-    """Return one sentence of what the branches of a union say of one value."""
+    """Return one sentence from what the branches of a union report about one value."""
     first, *others = dict.fromkeys(details)
     return ", or ".join([first, *(detail.removeprefix("Input should be ") for detail in others)])
 

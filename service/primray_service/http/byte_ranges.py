@@ -1,4 +1,4 @@
-"""Which bytes a Range header asks for (RFC 9110, section 14). Pure."""
+"""Parser of Range headers (RFC 9110, section 14). Pure."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class ByteRange:
 
 
 def byte_ranges(header: str | None, total: int) -> list[ByteRange] | None:
-    """The ranges of a file of `total` bytes, merged where they touch, in the order of their beginnings.
+    """Return the requested ranges of a file of `total` bytes, merged where they touch, in the order of their beginnings.
 
-    None: the header is to be ignored (another unit, malformed, or so many ranges that the whole file is less work); an empty
-    list: nothing that it asks for exists (416).
+    None: the header is ignored (another unit, malformed, or so many ranges that the whole file is less work); an empty list: no
+    requested range exists (416).
     """
     if header is None:
         return None

@@ -1,4 +1,4 @@
-"""Who asks, for routes: `caller: Reader` (any key with that scope), `Submitter`, `Admin`."""
+"""Callers as dependencies of routes: `caller: Reader` (any key with that scope), `Submitter`, `Admin`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ def service_of(request: Request) -> Service:
 
 
 async def caller_of_request(request: Request) -> Caller:
-    """Problem("unauthenticated") unless a valid key or session came along, or none is needed; found once a request."""
+    """Return the caller, determined once per request; raises Problem("unauthenticated") unless a valid key or session was sent,
+    or none is needed."""
     known: Caller | None = request.scope.get("primray.caller")
     if known is None:
         known = request.scope["primray.caller"] = await _caller_of(request)
@@ -43,7 +44,7 @@ async def _caller_of(request: Request) -> Caller:
 
 
 async def _key_sha256(request: Request) -> str | None:
-    """Of the key that was sent, or that the session stands for; a key that was sent counts more."""
+    """Return the hash of the key that was sent, or else of the session's key."""
     header = request.headers.get("authorization")
     if header is not None:
         scheme, _, key = header.partition(" ")
@@ -64,7 +65,7 @@ async def _key_sha256(request: Request) -> str | None:
 
 
 def needs(scope: str) -> Callable[[Request], Coroutine[Any, Any, Caller]]:
-    """A dependency: the caller, if the key has this scope."""
+    """Return a dependency that provides the caller if the key has this scope."""
 
     async def with_scope(request: Request) -> Caller:
         caller = await caller_of_request(request)

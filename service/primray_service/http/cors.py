@@ -1,6 +1,6 @@
-"""Pages of other origins that were allowed by name: what browsers let them send, and read (CORS, by Starlette).
+"""CORS for pages of other origins that the configuration allows (by Starlette's middleware).
 
-Their requests carry a key in the Authorization header. Cookies stay out: the page's session is for this server's own pages.
+Their requests carry a key in the Authorization header. Cookies are excluded: the page's session is for this server's own pages.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ READ = (
     "retry-after",
     "x-request-id",
 )
-KNOWN_FOR_S = 600  # how long a browser need not ask again what is allowed
+KNOWN_FOR_S = 600  # time for which a browser caches the permission
 
 
 def allow_origins(app: FastAPI, config: ServeConfig) -> None:
-    """Add the middleware where origins are allowed; a server without any answers as if there were no CORS."""
+    """Add the middleware if origins are allowed; otherwise the server answers as if there were no CORS."""
     if config.allowed_origins:
         app.add_middleware(
             CORSMiddleware,

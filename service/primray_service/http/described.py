@@ -1,6 +1,6 @@
-"""What the OpenAPI document says of an operation: `@router.get(path, **described(answer(views.Job), problems=(...)))`.
+"""OpenAPI descriptions of operations: `@router.get(path, **described(answer(views.Job), problems=(...)))`.
 
-Routes answer by themselves (no response model is run on the way out); tests hold what is said here against what is sent.
+Routes make their answers themselves (no response model runs on the way out); tests compare the descriptions with what is sent.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from pydantic import BaseModel
 
 from ..problems import KINDS
 
-MODEL = "x-model"  # stands for a model's schema until the document is put together
-MODELS: dict[str, type[BaseModel]] = {}  # all that are named here
+MODEL = "x-model"  # placeholder for a model's schema until the document is assembled
+MODELS: dict[str, type[BaseModel]] = {}  # all models named here
 
 Json = dict[str, Any]
 
@@ -85,7 +85,8 @@ def answer(
     example: Any = None,
     links: Json | None = None,
 ) -> Answer:
-    """JSON of a model (`many`: a list of them), and `content`: other media types with their schemas."""
+    """Return a description of an answer: JSON of a model (`many`: a list of them), and other media types with their schemas in
+    `content`."""
     kinds: Json = {media_type: {"schema": schema} for media_type, schema in (content or {}).items()}
     if model is not None:
         schema = schema_of(model)
@@ -96,7 +97,7 @@ def answer(
 
 
 def leading_to(parameter: str, *operations: str) -> Json:
-    """Links (OpenAPI 3.1, 4.8.20) from an answer with an id to what can be done with it."""
+    """Return links (OpenAPI 3.1, 4.8.20) from an answer with an id to the operations that take it."""
     return {name: {"operationId": name, "parameters": {parameter: "$response.body#/id"}} for name in operations}
 
 
@@ -112,7 +113,8 @@ def described(
     headers: Sequence[str] = (),
     **more: Any,
 ) -> Json:
-    """Keyword arguments for a route's decorator. `headers`: of the request, from REQUEST_HEADERS; `more`: as they are."""
+    """Return keyword arguments for a route's decorator. `headers`: request headers from REQUEST_HEADERS; `more`: passed
+    through."""
     responses: dict[int | str, Json] = {
         one.status: {
             "description": one.description,

@@ -1,4 +1,4 @@
-"""Exceptions that routes let pass, as problem documents: the only place where they become answers."""
+"""Conversion of exceptions from routes to problem documents: the only place where they become answers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ log = structlog.get_logger("primray.http")
 
 
 class MethodsByPath:
-    """What can be done at a path, over all routes that it matches: the framework names those of the first only."""
+    """Methods of a path over all routes that match it; the framework names those of the first only."""
 
     def __init__(self, routers: Iterable[APIRouter]) -> None:
         self._routes = [route for router in routers for route in router.routes if isinstance(route, APIRoute)]
@@ -53,7 +53,7 @@ async def _of_problem(request: Request, problem: Exception) -> Response:
 
 
 def _is_opened_by_a_person(request: Request) -> bool:
-    """Whether a browser opens the address as a page: a script's or a picture's request has another mode."""
+    """Return whether a browser opens the address as a page: requests by scripts or for images have another mode."""
     is_page = "text/html" in request.headers.get("accept", "")
     return request.method == "GET" and is_page and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
 
@@ -77,11 +77,11 @@ async def _of_object_store(request: Request, error: Exception) -> Response:
 
 
 async def _of_validation(request: Request, error: Exception) -> Response:
-    """Parameters of the path, the query and the header."""
+    """Return the answer to invalid parameters of the path, the query or the header."""
     assert isinstance(error, RequestValidationError)
     details: dict[tuple[str, str], list[str]] = {}
     for one in error.errors()[:20]:
-        place, name, *_ = (*map(str, one["loc"]), "", "")  # after the name: places in its list, branches of its union
+        place, name, *_ = (*map(str, one["loc"]), "", "")  # after the name: indices of lists, branches of unions
         details.setdefault((name[:100], place), []).append(f"{one['msg']}{hint_of(one)}")
     found = [{"member": member, "in": place, "detail": one_of(texts)} for (member, place), texts in details.items()]
     first = found[0]
@@ -93,7 +93,7 @@ async def _of_validation(request: Request, error: Exception) -> Response:
 
 
 async def _of_http(request: Request, error: Exception) -> Response:
-    """The framework's own: no such path, no such method, a body that it refuses."""
+    """Return the answer to the framework's own errors: unknown path or method, a body that it refuses."""
     assert isinstance(error, HTTPException)
     headers = {name.lower(): value for name, value in (error.headers or {}).items()}
     if error.status_code == 404:

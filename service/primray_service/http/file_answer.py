@@ -1,4 +1,4 @@
-"""A file as an answer: HEAD, conditional requests, one range or several.
+"""Answers with a file: HEAD, conditional requests, one range or several.
 
 Starlette's FileResponse is not used: it answers 400 to a Range that RFC 9110 wants ignored, 416 as soon as one of several
 ranges lies outside, both as plain text, and a range to HEAD.
@@ -23,7 +23,7 @@ from .answers import check_match, none_match
 from .byte_ranges import ByteRange, byte_ranges
 
 PIECE_BYTES = 256 * 1024
-STORED_PIECE_BYTES = 4 * 1024 * 1024  # each is a request to the object store
+STORED_PIECE_BYTES = 4 * 1024 * 1024  # each block is a request to the object store
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,9 @@ async def file_answer(
     exactly: int | None = None,
     most_bytes: int | None = None,
 ) -> Response:
-    """`etag`: a strong one, in quotes. `exactly`: the file has to have so many bytes; `most_bytes`: what of a growing one is
-    answered. Problem("not-found") where there is no file; links are not followed."""
+    """Return the answer with a file. `etag`: a strong one, in quotes. `exactly`: the size that the file must have;
+    `most_bytes`: the most that is sent of a growing one. Raises Problem("not-found") if there is no file; links are not
+    followed."""
     check_match(request, etag)
     common = {"etag": etag, "accept-ranges": "bytes", **headers}
     if not none_match(request, etag):
@@ -86,13 +87,13 @@ async def file_answer(
 
 
 def _may_use_range(request: Request, etag: str) -> bool:
-    """Ranges are defined for GET; If-Range, only with the very same strong ETag (RFC 9110, 13.1.5)."""
+    """Return whether a Range applies: to GET, and with If-Range only for the same strong ETag (RFC 9110, 13.1.5)."""
     if_range = request.headers.get("if-range")
     return request.method == "GET" and (if_range is None or if_range.strip() == etag)
 
 
 class Opened(Protocol):
-    """A file that is being answered; `piece_bytes`: read at a time."""
+    """An open file that is being sent; `piece_bytes` are read at a time."""
 
     size: int
     piece_bytes: int
@@ -148,7 +149,7 @@ def _stream(
 
 
 class _FileStream(StreamingResponse):
-    """Closes its file however it ends, even if it never begins to send."""
+    """Stream that closes its file however it ends, even if it never begins to send."""
 
     def __init__(
         self, opened: Opened, parts: list[tuple[bytes, ByteRange]], end: bytes, status: int, headers: Mapping[str, str]

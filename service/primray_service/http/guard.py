@@ -1,8 +1,8 @@
-"""What surrounds every request, outermost first: an id, headers of safety, the log line, and an answer when all else fails;
-then the checks of where it comes from. Plain ASGI, so that streams pass untouched.
+"""Middleware around every request, outermost first: an id, security headers, the log line, and an answer to unhandled
+exceptions; then the checks of its origin. Plain ASGI, so that streams pass unchanged.
 
-A page of another site reaches a server on loopback through its visitor's browser: by a name that it points there (DNS
-rebinding: the Host header tells), or by posting a form (the Origin header tells).
+A page of another site can reach a server on loopback through its visitor's browser: by a host name that it points there (DNS
+rebinding: detected by the Host header), or by posting a form (detected by the Origin header).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def request_id_of(request: Request) -> str:
 
 
 class RequestGuard:
-    """Every answer has a request id and the headers of safety; whatever is raised becomes a problem, without its traceback."""
+    """Adds a request id and security headers to every answer; turns exceptions into problems, without tracebacks."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -74,7 +74,7 @@ class RequestGuard:
             except Exception:
                 log.exception("request failed", method=scope["method"], path=scope["path"])
                 if status:
-                    raise  # the answer has begun: the connection is closed, so that nobody takes it for complete
+                    raise  # the answer has begun: the connection is closed, so that the client does not take it for complete
                 problem = Problem("internal", "The server failed; its log says more under this request id.")
                 await problem_answer(problem, request_id)(scope, receive, send_with_headers)
             log.info(
@@ -87,7 +87,7 @@ class RequestGuard:
 
 
 class OriginGuard:
-    """Only for hosts that are this server, and changes only from its own pages and from origins that were allowed."""
+    """Accepts only hosts that are this server, and changes only from its own pages and from allowed origins."""
 
     def __init__(self, app: ASGIApp, config: ServeConfig) -> None:
         self._app = app
@@ -106,7 +106,7 @@ class OriginGuard:
 
 
 def hosts_of(config: ServeConfig) -> frozenset[str]:
-    """Names that this server answers for, beside all numeric addresses; "*" for any."""
+    """Return the names that this server answers for, beside all numeric addresses; "*" for any."""
     own = {"localhost", config.host, *config.allowed_hosts}
     if not config.on_loopback:
         own |= {socket.gethostname(), socket.getfqdn()}
@@ -114,7 +114,8 @@ def hosts_of(config: ServeConfig) -> frozenset[str]:
 
 
 def check_origin(headers: Headers, method: str, hosts: frozenset[str], origins: frozenset[str] = frozenset()) -> None:
-    """Problem unless Host is one of ours and, where something may change, Origin is that host or one of `origins`."""
+    """Raise Problem unless Host is one of ours and, for methods that change something, Origin is that host or one of
+    `origins`."""
     host = headers.get("host", "")
     name = _name_of(host)
     if "*" not in hosts and name not in hosts and not _is_address(name):
@@ -135,7 +136,7 @@ def check_origin(headers: Headers, method: str, hosts: frozenset[str], origins: 
 
 
 def check_text(path: str, query: bytes) -> None:
-    """NUL is in no name of ours, and no text that PostgreSQL can store."""
+    """Raise Problem for NUL, which no name of ours contains and PostgreSQL cannot store."""
     if "\0" in path:
         raise Problem("not-found", "There is nothing at this path.")
     if b"%00" in query:
@@ -143,7 +144,7 @@ def check_text(path: str, query: bytes) -> None:
 
 
 def urlsplit_or_none(url: str) -> tuple[str, str]:
-    """Scheme and authority; empty for what is no URL ("null" too)."""
+    """Return scheme and authority; empty for what is no URL (including "null")."""
     try:
         parts = urlsplit(url)
     except ValueError:
@@ -157,7 +158,7 @@ def _authority(origin: tuple[str, str]) -> str:
 
 
 def _with_port(host: str, origin: str) -> str:
-    """host:port with the port that the origin's scheme implies."""
+    """Return host:port with the port that the origin's scheme implies."""
     default = {"http": ":80", "https": ":443"}.get(origin.partition(":")[0], "")
     host = host.lower()
     has_port = host.rpartition(":")[1] and not host.endswith("]")
@@ -165,7 +166,7 @@ def _with_port(host: str, origin: str) -> str:
 
 
 def _name_of(host: str) -> str:
-    """Without its port, lower case."""
+    """Return the host without its port, in lower case."""
     if host.startswith("["):
         return host[1:].partition("]")[0]
     return host.partition(":")[0].lower().rstrip(".")

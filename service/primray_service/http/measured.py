@@ -1,4 +1,4 @@
-"""How long each request took, and how many bytes went through it, for /metrics."""
+"""Duration and size of requests, for /metrics."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Measured:
 
 
 def template_of(scope: Scope) -> str:
-    """The route's path with its parameters' names: /v1/jobs/{job_id}."""
+    """Return the route's path with its parameters' names: /v1/jobs/{job_id}."""
     route: BaseRoute | None = scope.get("route")
     return getattr(route, "path", NO_ROUTE)
 

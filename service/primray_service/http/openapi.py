@@ -1,4 +1,4 @@
-"""The OpenAPI document: FastAPI's, with our schemas, problem documents and what holds for every operation."""
+"""The OpenAPI document: FastAPI's, with our schemas, problem documents and whatever holds for every operation."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TAGS = (
     ("account", "Who asks, what was used, what is allowed."),
     ("health", "How the server is."),
 )
-# What any request may meet, under /v1.
+# Problems that any request under /v1 may get.
 ALWAYS = {
     "401": ("unauthenticated",),
     "403": ("forbidden", "cross-origin"),
@@ -52,7 +52,7 @@ PARAMETERS = {
     "sha256": "This version or none.",
 }
 METHODS = ("get", "head", "post", "put", "patch", "delete")
-HEAD_TOLD = ("/v1/scenes/{scene_id}",)  # where HEAD is worth a line of its own
+HEAD_TOLD = ("/v1/scenes/{scene_id}",)  # operations whose HEAD is documented separately
 
 
 def openapi(app: FastAPI) -> Json:
@@ -125,7 +125,7 @@ def _shared(slug: str) -> Json:
 
 
 def _without_content(response: Json) -> Json:
-    """An answer to HEAD; one that is shared has a body elsewhere."""
+    """Return the answer without its content, for HEAD; a shared response has a body elsewhere."""
     if "$ref" in response:
         slug = response["$ref"].rpartition("/")[2]
         response = {"description": KINDS[slug].title, "headers": REQUEST_ID}
@@ -133,7 +133,7 @@ def _without_content(response: Json) -> Json:
 
 
 def _with_refs(value: Any) -> Any:
-    """References in the place of models."""
+    """Replace models by references."""
     if isinstance(value, dict):
         if set(value) == {MODEL}:
             return {"$ref": REF + value[MODEL]}

@@ -1,4 +1,4 @@
-"""How many requests a key may make: a dependency of all of /v1 that spends one, and the headers that tell what is left."""
+"""Request rates of keys: a dependency of all of /v1 that takes a token, and headers with the remaining allowance."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ HEADERS = "primray.rate_headers"
 
 
 async def spend_request(request: Request) -> None:
-    """Problem("too-many-requests") where the key's bucket is empty. Who needs no key (on loopback) has no bucket."""
+    """Take a token; raises Problem("too-many-requests") if the key's bucket is empty. Callers without a key (on loopback) have
+    no bucket."""
     try:
         caller = await caller_of_request(request)
     except Problem:
-        return  # the route says so, if it needs a key at all
+        return  # the route reports it, if it needs a key at all
     structlog.contextvars.bind_contextvars(**_whose(request, caller.tenant))
     if caller.key is None:
         return
@@ -39,7 +40,7 @@ async def spend_request(request: Request) -> None:
 
 
 def _whose(request: Request, tenant: str) -> dict[str, str]:
-    """What every line of the log about this request tells as well."""
+    """Return the fields that every log line about this request has."""
     found = {"tenant": tenant}
     if "job_id" in request.path_params:
         found["job_id"] = request.path_params["job_id"][:64]
@@ -47,7 +48,7 @@ def _whose(request: Request, tenant: str) -> dict[str, str]:
 
 
 class RateHeaders:
-    """Puts what `spend_request` found on the answer."""
+    """Adds the allowance found by `spend_request` to the answer."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

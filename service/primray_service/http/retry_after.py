@@ -1,4 +1,4 @@
-"""Retry-After as an answer has it (RFC 9110, 10.2.3): seconds, or a date."""
+"""Parser of Retry-After (RFC 9110, 10.2.3): seconds, or a date."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from email.utils import parsedate_to_datetime
 
 
 def retry_after_s(headers: Mapping[str, str], now: float) -> float | None:
-    """Seconds from `now`; None where it is missing or unreadable."""
+    """Return seconds from `now`; None if the header is missing or unreadable."""
     text = headers.get("Retry-After", "").strip()
     if text.isascii() and text.isdigit():
         return float(text[:9])

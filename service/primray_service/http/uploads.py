@@ -1,7 +1,7 @@
-"""Receiving scenes, for POST /v1/scenes and for POST /v1/jobs with a form: streamed, refused early, answered kindly.
+"""Reception of scenes, for POST /v1/scenes and for POST /v1/jobs with a form: streamed, and refused early.
 
-Who refuses a body while it is still being sent has to read on for a moment: a connection that is closed with bytes unread is
-reset, and the client would see that instead of the answer.
+A server that refuses a body while it is being sent has to read on for a moment: a connection that is closed with bytes unread
+is reset, and the client would see that instead of the answer.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ LINGER_BYTES = 64 * MiB
 async def receive_scene(
     request: Request, service: Service, caller: Caller, fields: Collection[str] = ()
 ) -> tuple[SceneRow | None, bool, dict[str, bytes]]:
-    """The scene in a request's body, whether it is new, and a form's other parts by name. A form may lack a file (None)."""
+    """Return the scene in a request's body, whether it is new, and a form's other parts by name. A form may lack a file
+    (None)."""
     head = UploadHead(request.headers, request.query_params.get("name", ""))
     quotas = await asyncio.to_thread(service.quotas_of, caller)
     await refuse_over_quota(service, caller, quotas, head.length or 0)
@@ -59,7 +60,7 @@ async def receive_scene(
 
 
 async def receive_content(request: Request, service: Service, caller: Caller, sha256: str) -> bool:
-    """A file in a request's body, which must have this digest; whether it is new."""
+    """Store the file in a request's body, which must have this digest; return whether it is new."""
     head = UploadHead({name: value for name, value in request.headers.items() if name != "content-type"})
     quotas = await asyncio.to_thread(service.quotas_of, caller)
     await refuse_over_quota(service, caller, quotas, head.length or 0)
@@ -77,7 +78,7 @@ async def receive_content(request: Request, service: Service, caller: Caller, sh
 
 
 async def refuse_over_quota(service: Service, caller: Caller, quotas: Quotas, coming: int) -> None:
-    """Before anything is sent, where the request says how much will be; the store decides."""
+    """Raise Problem before the body is read if the announced size exceeds the quota; the store makes the final decision."""
     if quotas.stored_bytes is None:
         return
     usage = await asyncio.to_thread(service.store.usage, caller.tenant, time.time())
@@ -95,7 +96,7 @@ async def _body(request: Request) -> AsyncIterator[bytes]:
 
 
 def refused(request: Request, problem: Problem) -> Response:
-    """The answer to an upload that is refused while it may still be under way."""
+    """Return the answer to an upload that is refused while it may still be in progress."""
     answer = problem_answer(problem, request_id_of(request))
     if getattr(request.state, "body_was_read", False):
         return answer
@@ -103,7 +104,7 @@ def refused(request: Request, problem: Problem) -> Response:
 
 
 class Lingering(Response):
-    """Sends itself whole, then reads on for a moment what the client is still sending, and only then ends."""
+    """Response that reads on for a moment after it was sent, while the client is still sending."""
 
     def __init__(self, content: bytes | memoryview, status: int, headers: Mapping[str, str]) -> None:
         super().__init__(content, status, headers)

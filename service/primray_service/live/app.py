@@ -1,4 +1,4 @@
-"""The HTTP application of `primray view`: all of it below a path that is a secret, for this machine's own browsers alone."""
+"""The HTTP application of `primray view`; all paths are below a secret one, for browsers on this machine only."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Answer = Callable[[Request], Awaitable[Response]]
 
 
 class News:
-    """Wakes the page's event streams; `changed` may be called from any thread."""
+    """Notifies the page's event streams; `changed` is thread-safe."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -47,7 +47,7 @@ class News:
         self._wake()
 
     async def states(self, viewer: Viewer) -> AsyncIterator[bytes]:
-        """As server-sent events: the state now, and whenever it has changed; a comment where nothing does."""
+        """Yield server-sent events: the state now, and after each change; a comment as a heartbeat in between."""
         event, last = asyncio.Event(), b""
         self._waiting.add(event)
         try:
@@ -65,7 +65,7 @@ class News:
 
 
 def create_app(viewer: Viewer, news: News, token: str, name: str) -> Starlette:
-    """Of one viewer; `name` is what the stage is called."""
+    """Return the application for one viewer; `name` is the stage's display name."""
 
     async def index(request: Request) -> Response:
         return _file(FOLDER / "view.html")
@@ -109,7 +109,8 @@ def create_app(viewer: Viewer, news: News, token: str, name: str) -> Starlette:
 
 
 def _guarded(answer: Answer, token: str) -> Answer:
-    """Only for whoever knows the token, and by a name of this machine: other names lead here only by a trick."""
+    """Return the handler restricted to requests with the token that address this machine: other host names come from DNS
+    rebinding."""
 
     async def guarded(request: Request) -> Response:
         host = request.headers.get("host", "").partition(":")[0]
@@ -122,7 +123,8 @@ def _guarded(answer: Answer, token: str) -> Answer:
 
 
 def _picture(viewer: Viewer) -> Response:
-    """The newest picture: rows from the top of R, G, B and A as bytes, with straight alpha. Its number and size are headers."""
+    """Return the newest picture: rows from the top of R, G, B and A as bytes, with straight alpha. Its number and size are
+    headers."""
     shown = viewer.shown
     if shown is None:
         return _refused(404, "no-picture", "There is no picture yet.")
@@ -133,7 +135,8 @@ def _picture(viewer: Viewer) -> Response:
 
 
 async def _command(request: Request, viewer: Viewer) -> Response:
-    """One of `Viewer.tell`, as JSON. Its type makes browsers ask before another site's page sends it, which is not answered."""
+    """Run a command of `Viewer.tell`, as JSON. The media type makes browsers ask before another site's page may send it; we do
+    not allow that."""
     if request.headers.get("content-type") != "application/json":
         return _refused(415, "unsupported-media-type", "Commands are application/json.")
     body = b""

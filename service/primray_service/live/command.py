@@ -1,4 +1,4 @@
-"""`primray view`: looks at a stage in a browser."""
+"""`primray view`: shows a stage in a browser."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from primray.settings import AutoCamera, DefaultWrap, RenderContext, RenderSetti
 from ..cli.connection import need_extra
 from ..cli.exits import problems_as_errors
 
-SPP = 1024  # a picture refines up to so many samples a pixel
+SPP = 1024  # a picture refines up to this many samples per pixel
 
 
 def view(
@@ -94,6 +94,6 @@ def view(
     check_look(look)
     looks = Looks(view, display, look, option_values.exposure_of(exposure) or 0.0)
     viewed = ViewedScene(scene, settings)
-    viewed.open()  # refuses here, and not on a page that nobody has opened yet, a stage that cannot be opened
+    viewed.open()  # reports a stage that cannot be opened here, not on a page that nobody has opened yet
     with problems_as_errors():
         serve(viewed, settings.most_samples, looks, Path(scene).name, port, opens=not no_open)

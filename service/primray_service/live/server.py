@@ -1,4 +1,4 @@
-"""The running server of `primray view`: until Ctrl-C or SIGTERM, on loopback alone."""
+"""The running server of `primray view`: until Ctrl-C or SIGTERM, on loopback only."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ TOKEN_BYTES = 18
 
 
 def serve(scene: ViewedScene, spp: int, looks: Looks, name: str, port: int, opens: bool) -> None:
-    """Print the address, open it in the user's browser where that is wanted, and answer; Problem("unavailable") where the port
-    cannot be had."""
+    """Print the address, open it in the user's browser if requested, and serve; Problem("unavailable") if the port is not
+    available."""
     try:
         listener = socket.create_server((ADDRESS, port))
     except OSError as error:
@@ -63,12 +63,13 @@ def _tell(url: str, opens: bool) -> None:
 
 
 def _has_desktop() -> bool:
-    """Without one, what Python takes for a browser may be a program that fills the terminal."""
+    """Return whether there is a desktop. Without one, Python's default browser may be a program that takes over the
+    terminal."""
     return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 class _Server(uvicorn.Server):
-    """Tells when it listens, and when it is to stop; a second Ctrl-C ends it at once."""
+    """Reports when it listens and when it is to stop; a second Ctrl-C ends it at once."""
 
     def __init__(self, config: uvicorn.Config, stopping: Callable[[], None], listening: Callable[[], None]) -> None:
         super().__init__(config)

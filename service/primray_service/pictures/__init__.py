@@ -1,9 +1,9 @@
-"""Pictures of a job as it goes on: the preview that its worker wrote, tone-mapped and encoded for a browser.
+"""Pictures of a running job: the worker's preview, tone-mapped and encoded for a browser.
 
-request.py     which picture is asked for
-views.py       the numbers of a preview as 8-bit values (numpy, OpenColorIO)
-view_table.py  the view that they are seen through, for a page that draws by itself
-png.py         those as PNG
-process.py     the process in which that happens, so that the server's event loop never waits for it
-encoder.py     the server's end of it, and what it has made lately
+request.py     parameters of a picture
+views.py       a preview's values as 8-bit pixels (numpy, OpenColorIO)
+view_table.py  the display transform as a table, for pages that draw pictures themselves
+png.py         PNG encoding
+process.py     the helper process in which this happens, so that the server's event loop never waits for it
+encoder.py     the server's interface to it, with a cache of recent pictures
 """

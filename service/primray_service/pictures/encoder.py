@@ -1,4 +1,4 @@
-"""The server's end of the helper process: one request at a time, the last pictures kept, the same one never made twice."""
+"""The server's interface to the helper process: one request at a time, recent pictures cached, each picture made once."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .request import PictureRequest, Space
 
 KEPT_BYTES = 64 * MiB
 TIMEOUT_S = 20.0
-MOST_TABLES = 12  # of less than a megabyte each
+MOST_TABLES = 12  # each is smaller than a megabyte
 LINE_BYTES = 64 * 1024
-# The beginning of worker/preview.py's header, which is read here without numpy: magic, version, 4 sizes, passes, samples.
+# Beginning of worker/preview.py's header, which is read here without numpy: magic, version, 4 sizes, passes, samples.
 HEADER = struct.Struct("<8sIIIIIIQ")
 MAGIC = b"primrayP"
 
@@ -33,7 +33,7 @@ class Picture:
 
 
 def revision(path: Path) -> str | None:
-    """Of the preview in a file, without reading more than its header; None where there is none. Blocks, hardly."""
+    """Return the revision of the preview in a file, reading only its header; None if there is none. Blocks, but briefly."""
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
     except OSError:
@@ -44,12 +44,12 @@ def revision(path: Path) -> str | None:
     if len(head) < HEADER.size or head[:8] != MAGIC:
         return None
     *_, passes, samples = HEADER.unpack(head)
-    # The file's own number as well: another attempt may come by the same pass.
+    # The file's inode and time are included, since another attempt may reach the same pass.
     return f"{passes}-{samples}-{made.st_ino:x}-{made.st_mtime_ns:x}"
 
 
 class PictureEncoder:
-    """For one event loop. The helper starts with the first picture (or `warm`), and again if it died."""
+    """Encoder for one event loop. The helper starts with the first picture (or `warm`), and again if it died."""
 
     def __init__(self) -> None:
         self._process: asyncio.subprocess.Process | None = None
@@ -59,20 +59,20 @@ class PictureEncoder:
         self._tables: dict[tuple[str | None, ...], bytes] = {}
 
     async def picture(self, path: Path, known_revision: str, request: PictureRequest) -> Picture:
-        """Problem("unavailable") where it cannot be made."""
+        """Return a picture; Problem("unavailable") if it cannot be made."""
         key = (str(path), known_revision, request)
         if (kept := self._get(key)) is not None:
             return kept
         async with self._turn:
-            if (kept := self._get(key)) is not None:  # made while waiting
+            if (kept := self._get(key)) is not None:  # another request made it meanwhile
                 return kept
             made = await self._made({"path": str(path), **request.as_json()})
             self._keep(key, made)
             return made
 
     async def view_table(self, space: Space, *through: str | None) -> bytes:
-        """Return what pictures are seen through, as view_table.py says: view, display and look, or the configuration's own.
-        Problem("unavailable") where it cannot be made."""
+        """Return the display transform in the form of view_table.py: view, display and look, or the configuration's defaults.
+        Raises Problem("unavailable") if it cannot be made."""
         key = (space, *through)
         async with self._turn:
             if key not in self._tables:
@@ -114,7 +114,7 @@ class PictureEncoder:
             await self.close()
             raise _not_now(f"The picture could not be made: {type(error).__name__}.") from None
         except asyncio.CancelledError:
-            await self.close()  # its answer would be taken for the next one's
+            await self.close()  # its answer would be taken for the next request's
             raise
         if "error" in head:
             raise _not_now(f"The picture could not be made: {head['error']}.")
@@ -140,7 +140,7 @@ class PictureEncoder:
 
 
 def _environment() -> dict[str, str]:
-    """No keys and no database addresses; a folder of modules is passed on where this process has one."""
+    """Return the helper's environment, without keys and database addresses; PYTHONPATH is passed on."""
     kept = ("PATH", "PYTHONPATH", "LANG", "OCIO", "TMPDIR")
     return {name: os.environ[name] for name in kept if name in os.environ}
 

@@ -1,8 +1,8 @@
-"""The process that turns previews into pictures: `python -m primray_service.pictures.process`, spoken to over pipes.
+"""The process that turns previews into pictures: `python -m primray_service.pictures.process`, used over pipes.
 
-A request is a line of JSON: {"path", and PictureRequest's members}, or {"table": [SPACE, VIEW, DISPLAY, LOOK]} for a view.
-An answer is a line of JSON, {"bytes", "media_type", "headers"} or {"error"}, and then so many bytes. The process ends when its
-standard input does, however its server died.
+A request is a line of JSON: {"path", and PictureRequest's members}, or {"table": [SPACE, VIEW, DISPLAY, LOOK]} for a view. An
+answer is a line of JSON, {"bytes", "media_type", "headers"} or {"error"}, followed by that many bytes. The process ends when
+its standard input does, however its server died.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ JPEG_QUALITY = 90
 
 def main() -> None:
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints must not get between the answers
+    os.dup2(2, 1)  # output of libraries must not mix with the answers
     for line in sys.stdin.buffer:
         try:
             head, data = answer(json.loads(line))
@@ -50,7 +50,7 @@ def answer(asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
 
 
 def facts(preview: Preview) -> dict[str, str]:
-    """For headers: what the picture is a picture of."""
+    """Return facts about the picture, for headers."""
     width, height = preview.picture
     return {
         "preview-pass": str(preview.passes),
@@ -63,7 +63,7 @@ def jpeg(values: Any) -> bytes:
     import OpenImageIO as oiio
 
     height, width, channels = values.shape
-    kept = 1 if channels == 1 else 3  # JPEG has no alpha; the picture stands on black
+    kept = 1 if channels == 1 else 3  # JPEG has no alpha; the background is black
     with tempfile.TemporaryDirectory() as folder:
         path = str(Path(folder, "preview.jpg"))
         spec = oiio.ImageSpec(width, height, kept, "uint8")

@@ -1,8 +1,8 @@
-"""What the server's pictures are seen through, as a table: so that the page draws parts of files as it shows the picture.
+"""The display transform of the server's pictures as a table, so that the page draws parts of files like the server's pictures.
 
-A page has no OpenColorIO. It gets the default view's 8-bit values at a cube of linear colours, whose sides go by
-log2(value + LEAST) from 0 to MOST, and goes between them: within a step of 8 bits, but for a few in a hundred of the most
-saturated colours. The bytes: how long the JSON is (4, little-endian), JSON {side, least, most, display, view}, then
+The page has no OpenColorIO. It gets the default view's 8-bit values at a cube of linear colours, whose sides are spaced by
+log2(value + LEAST) from 0 to MOST, and interpolates: the result is within one 8-bit step, except for a few in a hundred of the
+most saturated colours. Format: length of the JSON (4 bytes, little-endian), JSON {side, least, most, display, view}, then
 side^3 x 3 values, blue running fastest.
 """
 
@@ -21,7 +21,7 @@ LEAST, MOST = 0.03, 512.0
 
 
 def view_table(space: str, view: str | None = None, display: str | None = None, look: str | None = None) -> bytes:
-    """`space`: one of request.Space; SettingsError for names that the configuration does not have."""
+    """Return the table. `space`: one of request.Space; SettingsError for names that the configuration does not have."""
     places = np.geomspace(LEAST, MOST + LEAST, SIDE, dtype=np.float64) - LEAST
     places[0] = 0.0
     cube = np.stack(np.meshgrid(places, places, places, indexing="ij"), axis=-1).astype(np.float32)

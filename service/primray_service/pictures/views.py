@@ -1,4 +1,4 @@
-"""A preview's numbers as 8-bit values: the picture as its PNG will be, one channel of it, or its error in false colours."""
+"""Previews as 8-bit pixels: the picture as its PNG will be, one channel of it, or its error in false colours."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from .request import PictureRequest
 Values = npt.NDArray[Any]
 
 LUMINANCE = np.array(LUMINANCE_WEIGHTS, np.float32)
-# viridis at even steps, by S. van der Walt and N. Smith, CC0: https://bids.github.io/colormap/
+# Viridis at even steps, by S. van der Walt and N. Smith, CC0: https://bids.github.io/colormap/
 VIRIDIS = np.array([
     (68, 1, 84), (72, 40, 120), (62, 74, 137), (49, 104, 142), (38, 130, 142),
     (31, 158, 137), (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
 ], np.float32)  # fmt: skip
-NO_ESTIMATE = (96, 96, 96)  # grey, which is not in the map
+NO_ESTIMATE = (96, 96, 96)  # grey, which is not in the colour map
 NO_ERROR = (0, 0, 0)
 MOST_DECADES = 4
-DARK = 1e-3  # luminance below which an error is told relative to this: relative to black it says nothing
+DARK = 1e-3  # luminance below which the error is relative to this value, since relative to black it is meaningless
 
 
 def picture(preview: Preview, request: PictureRequest) -> tuple[Values, dict[str, str]]:
-    """(H, W, 1, 3 or 4) uint8, and what the answer's headers say of it."""
+    """Return (H, W, 1, 3 or 4) uint8, and the answer's headers."""
     if request.view == "beauty":
         values = _beauty(_narrowed(preview.rgb, request), _narrowed(preview.alpha[..., None], request), request)
         return values, {} if request.channel == "a" else {"preview-view": _view_in_header(request)}
@@ -39,7 +39,7 @@ def picture(preview: Preview, request: PictureRequest) -> tuple[Values, dict[str
 
 
 def _view_in_header(request: PictureRequest) -> str:
-    """VIEW (DISPLAY), percent-encoded where a header cannot hold it."""
+    """Return VIEW (DISPLAY), percent-encoded if a header cannot hold it."""
     display, view = check_view(request.through, request.display)
     return quote(f"{view} ({display})", safe=" ()-.,:/+")
 
@@ -58,7 +58,7 @@ def _encoded(pixels: Values, request: PictureRequest, stops: float) -> Values:
 
 
 def _stops(rgb: Values, alpha: Values, request: PictureRequest) -> float:
-    """Return the exposure asked for beside that of the job's files."""
+    """Return the exposure requested relative to that of the job's files."""
     if request.stops != "auto":
         return (request.stops or 0.0) + request.exposure
     view = View(request.through, request.display, request.look)
@@ -71,9 +71,10 @@ def _one_channel(values: Values, channel: str) -> Values:
 
 
 def _error_map(preview: Preview, request: PictureRequest) -> tuple[Values, dict[str, str]]:
-    """The standard error of luminance (or of one channel) on a logarithmic scale of whole decades, so that it stays put.
+    """Return the standard error of luminance (or of one channel) on a logarithmic scale of whole decades, so that the scale is
+    stable.
 
-    Channels see the same paths, so their errors add up as they are, not as squares: that is their luminance's at most.
+    Channels see the same paths, so their errors are added linearly, not in quadrature: that is an upper bound for luminance.
     """
     deviation = _one_channel(preview.stderr, request.channel)
     side = _side(deviation.shape[1], request)
@@ -101,7 +102,7 @@ def _error_map(preview: Preview, request: PictureRequest) -> tuple[Values, dict[
 
 
 def _decades(values: Values) -> tuple[int, int]:
-    """Whole powers of ten around all but the most extreme thousandth."""
+    """Return whole powers of ten around all but the most extreme thousandth of the values."""
     if not values.size:
         return -MOST_DECADES, 0
     low, high = (float(x) for x in np.log10(np.quantile(values, (0.001, 0.999))))
@@ -114,12 +115,12 @@ def _narrowed(values: Values, request: PictureRequest) -> Values:
 
 
 def _side(width: int, request: PictureRequest) -> int:
-    """Of the boxes that make the picture no wider than asked for; it is never made wider than it is."""
+    """Return the side of the boxes that reduce the picture to the requested width; it is never enlarged."""
     return 1 if request.width is None else max(1, -(-width // request.width))
 
 
 def _box_mean(values: Values, side: int) -> Values:
-    """(H, W, C) averaged over boxes of side x side, the last of a row or column smaller."""
+    """Return (H, W, C) averaged over boxes of side x side; the last of a row or column are smaller."""
     if side == 1:
         return values
     height, width = values.shape[:2]

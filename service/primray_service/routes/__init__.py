@@ -1,4 +1,4 @@
 """The routes: one file for each resource, each with a `router`; app.py lists them. jobs/ has those of a job.
 
-Routes parse, call one function, and answer. What takes the store's time runs in threads (`def` routes, or in_thread).
+Routes parse, call one function, and answer. Calls of the store run in threads (`def` routes, or in_thread).
 """

@@ -1,4 +1,4 @@
-"""Who asks and what is left of their quotas; what this server can do."""
+"""The caller's identity and remaining quotas, and this server's capabilities."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SUFFIXES = {"usda": [".usda", ".usd"], "usdc": [".usdc", ".usd"], "usdz": [".usd
 
 @router.get("/whoami", **described(answer(account_views.WhoAmI)))
 def whoami(request: Request, caller: Reader) -> Response:
-    """The tenant and the key that a request is made with."""
+    """Return the tenant and the key that the request is made with."""
     return json_answer(
         {
             "tenant": caller.tenant,
@@ -44,7 +44,7 @@ def whoami(request: Request, caller: Reader) -> Response:
 
 @router.get("/usage", **described(answer(account_views.Usage)))
 def usage(caller: Reader, service: Serving) -> Response:
-    """What the tenant uses now, beside what it may use (null: as much as there is)."""
+    """Return what the tenant uses now, with its quotas (null: no limit)."""
     used = service.store.usage(caller.tenant, time.time())
     return json_answer(usage_json(caller.tenant, used, service.quotas_of(caller)))
 
@@ -63,7 +63,7 @@ def usage_json(tenant: str, used: Usage, quotas: Quotas) -> Json:
 
 @router.get("/capabilities", **described(answer(account_views.Capabilities)))
 def capabilities(caller: Reader, service: Serving) -> Response:
-    """Version, what may be sent, what comes back, and what is allowed of each."""
+    """Return the version, accepted inputs, available outputs, and all limits."""
     leading = service.who_leads.now()
     capacity = leading.capacity
     inputs: list[Json] = [

@@ -14,14 +14,14 @@ from ..problems import KINDS, Problem
 
 router = APIRouter(include_in_schema=False)
 
-# Nothing from elsewhere. What the forms of /docs send goes to this server alone; blob: is for pictures that it answered.
+# Nothing external is loaded. The forms of /docs send requests to this server only; blob: is for pictures in its answers.
 CSP = "default-src 'none'; style-src 'self'; img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 CSP_OF_DOCS = CSP.replace("img-src 'self'", "img-src 'self' blob:; script-src 'self'; connect-src 'self'")
 
 
 @router.get("/openapi.json")
 async def document(request: Request) -> Response:
-    """The OpenAPI document of this server."""
+    """Return the OpenAPI document of this server."""
     body, etag = _document(request)
     if not none_match(request, etag):
         return not_modified(etag)
@@ -29,7 +29,7 @@ async def document(request: Request) -> Response:
 
 
 def _document(request: Request) -> tuple[bytes, str]:
-    """Made once."""
+    """Return the document and its ETag; made once."""
     state = request.app.state
     if not hasattr(state, "openapi"):
         body = json_bytes(openapi(request.app))
@@ -40,19 +40,19 @@ def _document(request: Request) -> tuple[bytes, str]:
 
 @router.get("/docs")
 async def docs(request: Request) -> Response:
-    """The OpenAPI document, to be read and tried by people."""
+    """Return the OpenAPI document as a page to read and try."""
     return _html(operations_page(openapi(request.app)), CSP_OF_DOCS)
 
 
 @router.get("/problems")
 async def problems() -> Response:
-    """Every kind of problem."""
+    """List every kind of problem."""
     return _html(problems_page())
 
 
 @router.get("/problems/{slug}")
 async def problem(slug: str) -> Response:
-    """What a problem's `type` leads to."""
+    """Return the page of a problem's `type`."""
     if slug not in KINDS:
         raise Problem("not-found", "There is no such kind of problem.")
     return _html(problem_page(slug))

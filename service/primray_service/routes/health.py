@@ -1,4 +1,4 @@
-"""Whether the server is alive, and whether it is ready: without a key, so that whoever restarts it can ask."""
+"""Liveness and readiness of the server; no key is needed, so that supervisors can ask."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CHECK_TIMEOUT_S = 5.0
 
 @router.get("/healthz", **described(answer(scene_views.Health)))
 async def alive() -> Response:
-    """The process answers; nothing else is asked."""
+    """Return 200 while the process answers; nothing else is checked."""
     return json_answer({"status": "ok"}, headers={"cache-control": "no-store"})
 
 
@@ -37,8 +37,8 @@ async def alive() -> Response:
     ),
 )
 async def ready(service: Serving) -> Response:
-    """Database, disk, executor and sandbox, each with what is wrong, 503 if one of them is not in order; and which of the
-    servers over the database dispatches."""
+    """Return the state of database, disk, executor and sandbox, with the reason if one is not in order (503); and which of the
+    servers on the database dispatches."""
     names: dict[str, Callable[[Service], Awaitable[Json]]] = {
         "database": _database,
         "disk": _disk,
@@ -54,7 +54,8 @@ async def ready(service: Serving) -> Response:
 
 
 async def _checked(check: Callable[[Service], Awaitable[Json]], service: Service) -> Json:
-    """Never raises. Only an error's kind is told: its text may name hosts and users of a database."""
+    """Return a check's result; never raises. Only the error's type is reported: its text may contain hosts and users of a
+    database."""
     began = time.perf_counter()
     try:
         async with asyncio.timeout(CHECK_TIMEOUT_S):
@@ -92,7 +93,7 @@ def _rest(health: Json) -> Json:
 
 
 async def _sandbox(service: Service) -> Json:
-    """What a process tried from inside the sandbox when the server started."""
+    """Return the results of the sandbox's self-test at the server's start."""
     found = service.self_test
     if found is None:
         return {"ok": True, "detail": "this server runs no workers", "layers": {}, "attempts": {}}
@@ -111,6 +112,7 @@ LEADS = {
 
 
 async def _dispatcher(service: Service) -> Json:
-    """Never a reason to ask another server: what is kept can be read, and what is sent waits."""
+    """Return which server dispatches. No dispatcher is no reason to use another server: reading works, and submitted jobs
+    wait."""
     where = (await run_in_threadpool(service.who_leads.now)).where
     return {"ok": True, "detail": LEADS[where], "leads": where}

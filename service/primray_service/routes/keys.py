@@ -1,4 +1,4 @@
-"""API keys, for the server's operator: an admin's key makes and revokes those of any tenant."""
+"""API keys, for the server's operator: an admin's key creates and revokes keys of any tenant."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class KeyRequest(Sent):
 def create_key(
     request: Request, caller: Admin, service: Serving, asked: Annotated[KeyRequest, Depends(json_body(KeyRequest))]
 ) -> Response:
-    """Make a key. Its text is in this answer and nowhere else, ever."""
+    """Create a key. Its text is in this answer only."""
     now = time.time()
     changes = {} if asked.quotas is None else asked.quotas.model_dump(exclude_unset=True)
     quotas = Quotas(**{**asdict(service.quotas), **changes})
@@ -81,19 +81,20 @@ def list_keys(
     service: Serving,
     tenant: Annotated[str | None, Query(max_length=64, description="Only this tenant's.")] = None,
 ) -> Response:
-    """All keys, without their text; revoked and expired ones too."""
+    """List all keys, without their text; revoked and expired ones, too."""
     return json_answer({"items": [key_json(row) for row in service.store.keys(tenant)]})
 
 
 @router.get("/{key_id}", **described(answer(account_views.Key), problems=("not-found",)))
 def show(key_id: str, caller: Admin, service: Serving) -> Response:
-    """One key, without its text."""
+    """Return one key, without its text."""
     return json_answer(key_json(_found(service, key_id)))
 
 
 @router.delete("/{key_id}", **described(answer(None, 204, "It is refused from now on."), problems=("not-found",)))
 def revoke(key_id: str, request: Request, caller: Admin, service: Serving) -> Response:
-    """Refuse a key from now on (another server over the same database: within seconds). What it made stays."""
+    """Revoke a key: it is refused from now on (by other servers on the same database within seconds). Its jobs and scenes
+    stay."""
     row = _found(service, key_id)
     service.store.revoke_key(key_id, time.time())
     record(caller, "revoke-key", row.tenant, key_id=key_id)

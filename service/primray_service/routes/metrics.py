@@ -1,4 +1,4 @@
-"""/metrics, for Prometheus; http/measured.py measures every request for it."""
+"""/metrics for Prometheus; http/measured.py measures every request for it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
     "/metrics", **described(answer(content={"text/plain": {"type": "string"}}), problems=("unauthenticated", "forbidden"))
 )
 async def metrics(request: Request, service: Serving) -> Response:
-    """For Prometheus. Where keys are needed, an admin's: the numbers are of all tenants."""
+    """Return metrics for Prometheus. If keys are required, this needs an admin's: the numbers are of all tenants."""
     if service.config.metrics_key and service.config.needs_keys:
         caller = await caller_of_request(request)
         if not caller.allows("admin"):

@@ -1,4 +1,4 @@
-"""Uploads by content: a package as a list of its files, and those of them that the tenant has not sent before."""
+"""Uploads by content: a package as a list of its files, and the files that the tenant has not sent before."""
 
 from __future__ import annotations
 
@@ -89,10 +89,10 @@ async def package(
     service: Serving,
     asked: Annotated[PackageRequest, Depends(json_body(PackageRequest, limit="manifest_bytes"))],
 ) -> Response:
-    """Make a scene of files that are there, or learn which of them to send.
+    """Create a scene of files that the server has, or learn which ones to send.
 
-    `missing` lists the digests that this tenant has not sent: PUT each to /v1/contents/{sha256}, then ask again. An upload that
-    broke off is resumed in the same way. What other tenants have sent makes no difference.
+    `missing` lists the digests that this tenant has not sent: PUT each to /v1/contents/{sha256}, then repeat the request. An
+    interrupted upload is resumed in the same way. Files of other tenants make no difference.
     """
     files = [
         FileOfPackage(file.path, file.sha256, file.bytes, [Part(part.sha256, part.bytes) for part in file.parts or ()])
@@ -121,7 +121,7 @@ async def _quotas(service: Service, caller: Caller) -> Quotas:
 async def _kept(service: Service, caller: Caller, manifest: Manifest) -> tuple[Scene, bool] | None:
     quotas = await _quotas(service, caller)
     if await asyncio.to_thread(service.store.scene, caller.tenant, manifest.scene_id) is None:
-        await refuse_over_quota(service, caller, quotas, manifest.joined_bytes)  # before it is put together
+        await refuse_over_quota(service, caller, quotas, manifest.joined_bytes)  # before it is assembled
     return await to_the_end(
         lambda: keep_package(manifest, caller.tenant, service.store, service.data, service.limits, quotas, time.time())
     )
@@ -148,7 +148,7 @@ async def _kept(service: Service, caller: Caller, manifest: Manifest) -> tuple[S
     ),
 )
 async def content(sha256: Digest, request: Request, caller: Submitter, service: Serving) -> Response:
-    """Send a file of a package. Its bytes must have the digest that the address names; a file that no scene has is removed
+    """Upload a file of a package. Its bytes must have the digest in the address; a file that belongs to no scene is removed
     after a day."""
     try:
         is_new = await receive_content(request, service, caller, sha256)

@@ -1,4 +1,4 @@
-"""The web page: the files of page/, and the only headers that let a browser run them."""
+"""The web page: the files of page/, and the only headers that let a browser run scripts."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ MEDIA_TYPES = {
     ".txt": "text/plain; charset=utf-8",
     "": "text/plain; charset=utf-8",  # licences
 }
-# Everything from this server, nothing inline. blob: is for pictures that the page fetched itself, to know of their failure.
+# Everything comes from this server, nothing is inline. blob: is for pictures that the page fetches itself, to notice failures.
 POLICY = (
     "default-src 'self'; img-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-# A browser asks each time whether its copy is still good: after an upgrade, old modules must not meet new ones.
+# A browser validates its copy each time: after an upgrade, old modules must not mix with new ones.
 HEADERS = {
     "cache-control": "no-cache",
     "content-security-policy": POLICY,
@@ -54,7 +54,7 @@ class Static:
 
 @lru_cache(maxsize=1)
 def files() -> dict[str, Static]:
-    """By path below page/. All of them are read once: what is not among them cannot be asked for."""
+    """Return the files by path below page/. All are read once: only these can be requested."""
     return {
         path.relative_to(FOLDER).as_posix(): _static(path.read_bytes(), MEDIA_TYPES[path.suffix])
         for path in sorted(FOLDER.rglob("*"))
@@ -73,7 +73,7 @@ async def index(request: Request) -> Response:
 
 
 def login_page(problem: Problem) -> Response:
-    """Return what a person sees in place of the problem "unauthenticated": words, and a field for the key."""
+    """Return the page that a person sees for the problem "unauthenticated": an explanation, and a field for the key."""
     headers = {**HEADERS, **problem.headers, "cache-control": "no-store"}
     return Response(files()["login.html"].content, problem.status, headers, media_type=MEDIA_TYPES[".html"])
 
@@ -90,7 +90,7 @@ async def view_table(
     display: OcioName = None,
     look: OcioName = None,
 ) -> Response:
-    """What the server's pictures are seen through (pictures/view_table.py)."""
+    """Return the display transform of the server's pictures as a table (pictures/view_table.py)."""
     return _answer_with(request, _table(await service.pictures.view_table(space, view, display, look)))
 
 
@@ -113,7 +113,7 @@ def _answer(request: Request, path: str) -> Response:
 
 def _answer_with(request: Request, found: Static) -> Response:
     packed = _takes_gzip(request.headers.get("accept-encoding", "")) and len(found.packed) < len(found.content)
-    # The packed bytes are another representation, so they have an entity tag of their own (RFC 9110, section 8.8.3).
+    # The compressed bytes are another representation, so they have an entity tag of their own (RFC 9110, section 8.8.3).
     etag = f'"{found.etag}-gz"' if packed else f'"{found.etag}"'
     headers = {**HEADERS, "etag": etag}
     known = {tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")}

@@ -1,4 +1,4 @@
-"""Scenes: upload, list, look at, delete. Their bytes are only ever stored here; a worker's check says what is in them."""
+"""Scenes: upload, list, show, delete. Their bytes are only stored here; a worker's check reads what is in them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..store.base import Conflict
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
 
 RETRY_AFTER_S = 1  # while a scene is checked
-# Any text is looked for, and not found: the pattern is only told.
+# Any text is looked up and may not be found: the pattern only documents ids.
 SceneId = Annotated[str, Path(json_schema_extra={"pattern": "^sha256:[0-9a-f]{64}$"})]
 
 BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
@@ -81,7 +81,7 @@ async def upload(
     service: Serving,
     name: Annotated[str | None, Query(max_length=1024, description="A file name, to recognise it by.")] = None,
 ) -> Response:
-    """Upload a scene; the same bytes are stored once, and answered with 200 when they are sent again."""
+    """Upload a scene. Equal bytes are stored once; sending them again is answered with 200."""
     try:
         scene, is_new, _ = await receive_scene(request, service, caller)
         if scene is None:
@@ -98,7 +98,7 @@ def list_scenes(
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
     cursor: Annotated[str | None, Query(max_length=512)] = None,
 ) -> Response:
-    """The tenant's scenes, newest first, a page at a time."""
+    """List the tenant's scenes, newest first, a page at a time."""
     try:
         scenes, next_cursor = service.store.scenes(caller.tenant, limit, cursor)
     except ValueError:
@@ -119,7 +119,7 @@ def list_scenes(
     ),
 )
 async def show(scene_id: SceneId, request: Request, caller: Reader, service: Serving) -> Response:
-    """A scene: whether it is checked yet, and what is in it. HEAD tells whether it has to be uploaded at all."""
+    """Return a scene: whether it is checked, and what is in it. HEAD tells whether it has to be uploaded at all."""
     scene = await run_in_threadpool(service.store.scene, caller.tenant, scene_id)
     if scene is None:
         raise no_scene()
@@ -130,7 +130,7 @@ async def show(scene_id: SceneId, request: Request, caller: Reader, service: Ser
 
 @router.delete("/{scene_id}", **described(answer(None, 204, "It is gone."), problems=("not-found", "scene-in-use")))
 def delete(scene_id: SceneId, caller: Submitter, service: Serving) -> Response:
-    """Delete a scene that no job waits for or renders."""
+    """Delete a scene that no queued or running job uses."""
     try:
         remove(scene_id, caller.tenant, service.store, service.data)
     except KeyError:
@@ -145,7 +145,7 @@ def no_scene() -> Problem:
 
 
 def etag_of(scene: Scene) -> str:
-    """A scene's bytes never change; its state does once."""
+    """Return an entity tag: a scene's bytes never change, its state does once."""
     return f'"{scene.state.value}-{scene.id[7:23]}"'
 
 
@@ -157,7 +157,7 @@ def scene_answer(scene: Scene, status: int = 200, headers: dict[str, str] | None
 
 
 def scene_json(scene: Scene) -> Json:
-    """What the check found stands beside what is known of every scene."""
+    """Return a scene's JSON: the results of the check beside the members of every scene."""
     return {
         **scene.facts,
         "id": scene.id,

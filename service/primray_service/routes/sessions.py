@@ -1,4 +1,4 @@
-"""Sessions of browsers: a key is exchanged for a cookie, which goes along where no header can be sent."""
+"""Sessions of browsers: a key is exchanged for a cookie, which is sent where no header can be."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ router = APIRouter(prefix="/v1/session", tags=["keys"])
     ),
 )
 async def begin(request: Request, asked: Annotated[SessionRequest, Depends(json_body(SessionRequest))]) -> Response:
-    """Log a browser in: the cookie is HttpOnly, for this site only, and good for 12 hours."""
+    """Log a browser in: the cookie is HttpOnly, for this site only, and valid for 12 hours."""
     now = time.time()
     sha256 = sha256_of(asked.key.strip())
     caller = caller_of(await run_in_threadpool(request.app.state.keys.key, sha256), now)

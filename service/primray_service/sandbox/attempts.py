@@ -1,6 +1,7 @@
-"""A program that enters the sandbox and then tries what a hostile scene might make a worker do; a line of JSON for each try.
+"""A program that enters the sandbox and tries what a hostile scene might make a worker do; prints a line of JSON for each
+attempt.
 
-Everything here must fail. self_test.py starts it, with targets that are really there: a listening port, a readable file.
+Every attempt must fail. self_test.py starts it with targets that really exist: a listening port, a readable file.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from .entry import enter
 _libc = ctypes.CDLL(None, use_errno=True)
 _PTRACE_SEIZE = 0x4206
 _CLONE_NEWUSER = 0x10000000
-_HELD: list[Any] = []  # so that nothing is closed, or undone, while other things are tried
+_HELD: list[Any] = []  # keeps opened objects alive during later attempts
 
 
 def tries(targets: dict[str, Any], job: Path, out: Path) -> dict[str, Callable[[], object]]:
-    """By name, each a call that raises OSError if it is refused. The one that would end this program comes last."""
+    """Return the attempts by name: calls that raise OSError if refused. The one that would end this program comes last."""
     server = int(targets["server_pid"])
     return {
         "read /etc/passwd": lambda: _read("/etc/passwd"),
@@ -55,7 +56,7 @@ def tries(targets: dict[str, Any], job: Path, out: Path) -> dict[str, Callable[[
 
 
 def _read(path: str) -> None:
-    """An empty file tells nothing: such is the environment of bubblewrap's own process 1."""
+    """Read a file, and fail on an empty one: the environment of bubblewrap's own process 1 is empty, which proves nothing."""
     with open(path, "rb") as file:
         if not file.read(1):
             raise OSError(errno.ENODATA, os.strerror(errno.ENODATA))

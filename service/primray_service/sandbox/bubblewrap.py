@@ -1,6 +1,6 @@
-"""A worker inside bubblewrap: an empty root with only what Python needs, its own process ids, network, users and mounts.
+"""A worker inside bubblewrap: an empty root with only what Python needs, and its own pid, network, user and mount namespaces.
 
-The outermost wall, where the kernel and the container around the server allow namespaces; the others stand without it.
+This is the outermost layer, if the kernel and the server's container allow namespaces; the other layers work without it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ _TRY_S = 20.0
 
 
 def wrap(slot: Path, environment: Mapping[str, str], command: Sequence[str], beside: Sequence[str] = ()) -> list[str]:
-    """The argument list that runs a command with slot/job at /job (read-only) and slot/out at /out; `beside` can be read."""
+    """Return the argument list that runs a command with slot/job at /job (read-only) and slot/out at /out; `beside` is readable
+    as well."""
     program = shutil.which("bwrap")
     if program is None:
         raise FileNotFoundError("bwrap")
@@ -29,7 +30,7 @@ def wrap(slot: Path, environment: Mapping[str, str], command: Sequence[str], bes
 
 
 def missing() -> str | None:
-    """Why it cannot be used here, or None; tried once."""
+    """Return why it cannot be used here, or None; tried once."""
     if shutil.which("bwrap") is None:
         return "not installed"
     first = _trial(with_proc=True)
@@ -45,7 +46,7 @@ def _with_proc() -> bool:
 
 @cache
 def _trial(*, with_proc: bool) -> str | None:
-    """Start Python in the empty root; what went wrong, or None."""
+    """Start Python in the empty root, and return the error, or None."""
     command = [shutil.which("bwrap") or "bwrap", *_root(with_proc), "--", sys.executable, "-I", "-S", "-c", "pass"]
     try:
         ended = subprocess.run(command, env={}, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TRY_S, check=False)
@@ -61,7 +62,7 @@ def _root(with_proc: bool) -> list[str]:
     arguments = ["--unshare-all", "--die-with-parent", "--new-session", "--clearenv", "--cap-drop", "ALL"]
     arguments += ["--uid", "65534", "--gid", "65534", "--hostname", "worker"]
     for path in readable_paths():
-        if os.path.islink(path):  # /lib on most systems
+        if os.path.islink(path):  # /lib is a link on most systems
             arguments += ["--symlink", os.readlink(path), path]
         else:
             arguments += ["--ro-bind", path, path]

@@ -1,18 +1,18 @@
-"""System calls by name: those that a worker is refused, why, and their numbers on the two machines that we know.
+"""System calls by name: those that a worker is refused, why, and their numbers on the two supported architectures.
 
-Numbers are the kernel's (asm/unistd_64.h; asm-generic/unistd.h for aarch64), which never change; None: the machine has no such
-call. The three folders of a worker and its pipes need none of these.
+Numbers are the kernel's (asm/unistd_64.h; asm-generic/unistd.h for aarch64), which never change; None: the architecture has no
+such call. A worker's files and pipes need none of the refused calls.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-Numbers = tuple[int | None, int | None]  # x86_64, aarch64
+Numbers = tuple[int | None, int | None]  # (x86_64, aarch64)
 
 # Refused with EPERM whatever their arguments.
 REFUSED: Mapping[str, Numbers] = {
-    # The network and other processes' sockets; a worker's pipes need none.
+    # Network, and other processes' sockets; a worker's pipes need none.
     "socket": (41, 198),
     "socketpair": (53, 199),
     "connect": (42, 203),
@@ -48,7 +48,7 @@ REFUSED: Mapping[str, Numbers] = {
     "userfaultfd": (323, 282),
     "move_pages": (279, 239),
     "migrate_pages": (256, 238),
-    # The kernel's large surfaces.
+    # Kernel interfaces with large attack surfaces.
     "bpf": (321, 280),
     "perf_event_open": (298, 241),
     "io_uring_setup": (425, 425),
@@ -76,7 +76,7 @@ REFUSED: Mapping[str, Numbers] = {
     "listmount": (458, 458),
     "unshare": (272, 97),
     "setns": (308, 268),
-    # What only root does: a worker may have been started by it.
+    # Calls for root only: a worker may have been started by root.
     "kexec_load": (246, 104),
     "kexec_file_load": (320, 294),
     "init_module": (175, 105),
@@ -107,7 +107,7 @@ REFUSED: Mapping[str, Numbers] = {
     "_sysctl": (156, None),
     "personality": (135, 92),
     "modify_ldt": (154, None),
-    # Who it is.
+    # User and group ids.
     "setuid": (105, 146),
     "setgid": (106, 144),
     "setreuid": (113, 145),
@@ -118,7 +118,7 @@ REFUSED: Mapping[str, Numbers] = {
     "setfsuid": (122, 151),
     "setfsgid": (123, 152),
     "capset": (126, 91),
-    # What Landlock does not know of: files' modes, owners, times, names; watching folders.
+    # File operations that Landlock does not cover: modes, owners, times, extended attributes; watching folders.
     "chmod": (90, None),
     "fchmod": (91, 52),
     "fchmodat": (268, 53),
@@ -163,7 +163,7 @@ REFUSED: Mapping[str, Numbers] = {
     "semget": (64, 190),
     "mq_open": (240, 180),
     "mq_unlink": (241, 181),
-    # The machine's shares.
+    # Scheduling priorities and resource shares.
     "setpriority": (141, 140),
     "sched_setscheduler": (144, 119),
     "sched_setparam": (142, 118),
@@ -171,7 +171,7 @@ REFUSED: Mapping[str, Numbers] = {
     "ioprio_set": (251, 30),
 }
 
-# Refused or not by their arguments: seccomp.py.
+# Refused depending on their arguments: seccomp.py.
 BY_ARGUMENT: Mapping[str, Numbers] = {
     "clone": (56, 220),
     "clone3": (435, 435),
@@ -185,7 +185,7 @@ BY_ARGUMENT: Mapping[str, Numbers] = {
     "tgkill": (234, 131),
 }
 
-# Called by us.
+# Calls that the sandbox itself makes.
 OURS: Mapping[str, Numbers] = {
     "close_range": (436, 436),
     "capset": (126, 91),
@@ -195,5 +195,5 @@ OURS: Mapping[str, Numbers] = {
     "seccomp": (317, 277),
 }
 
-# Calls after this one are not known to us (Linux 6.18): a worker gets ENOSYS, as on an older kernel.
+# Later calls are unknown here (Linux 6.18): a worker gets ENOSYS, as on an older kernel.
 LAST_KNOWN = 469

@@ -1,7 +1,7 @@
-"""The first thing that a worker does: raise the walls around itself, before it imports USD or numpy and before it knows a job.
+"""Entry into the sandbox, a worker's first action: before it imports USD or numpy and before it has a job.
 
-Landlock binds the calling thread and those born later, so no library may have started threads yet. Whatever layer was announced
-and cannot be raised ends the worker: nothing runs with fewer walls than the server believes.
+Landlock binds the calling thread and threads started later, so no library may have started threads yet. A layer that was
+announced and cannot be applied ends the worker: nothing runs with fewer layers than the server believes.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from .spawn import PLAN
 
 
 class SandboxError(Exception):
-    """A wall could not be raised."""
+    """A layer could not be applied."""
 
 
 @dataclass(frozen=True)
 class Entered:
     job: Path  # read-only
-    out: Path  # its own
+    out: Path  # writable
     layers: frozenset[str]
     took_ms: dict[str, float] = field(default_factory=dict)  # by layer
 
 
 def enter(keep_files: tuple[int, ...] = ()) -> Entered:
-    """Go in, for good. The current folder, HOME and TMPDIR are in the output folder afterwards; all files but standard input,
-    output, error and `keep_files` are closed."""
+    """Enter the sandbox, for good. Afterwards the current folder, HOME and TMPDIR are in the output folder; all files but
+    standard input, output, error and `keep_files` are closed."""
     plan = _plan()
     entered = Entered(Path(plan["job"]), Path(plan["out"]), frozenset(plan["layers"]))
     try:
@@ -63,7 +63,7 @@ def _plan() -> dict[str, Any]:
 def _require_one_thread() -> None:
     try:
         threads = len(os.listdir("/proc/self/task"))
-    except OSError:  # no /proc: threads that Python knows of it would have started itself
+    except OSError:  # no /proc: threads known to Python are those it started itself
         return
     if threads != 1:
         raise SandboxError(f"{threads} threads run already: the sandbox must be entered before anything starts one")

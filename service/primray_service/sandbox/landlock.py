@@ -1,8 +1,8 @@
 """Landlock: the kernel's rules on which files this process and its later threads may open (docs.kernel.org,
-userspace-api/landlock.html). It needs no privileges and no namespaces, so it is the wall where bubblewrap cannot work.
+userspace-api/landlock.html). It needs no privileges and no namespaces, so it works where bubblewrap cannot.
 
-It binds the calling thread and those born later: enter before any library starts threads. It hides no names (stat works) and
-knows no modes, owners or times: seccomp.py refuses their calls.
+It binds the calling thread and threads started later: enter before any library starts threads. It does not hide names (stat
+works) and covers no modes, owners or times: seccomp.py refuses their calls.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ REMOVE_DIR, REMOVE_FILE = 1 << 4, 1 << 5
 MAKE_CHAR, MAKE_DIR, MAKE_REG, MAKE_SOCK, MAKE_FIFO, MAKE_BLOCK, MAKE_SYM = (1 << bit for bit in range(6, 13))
 REFER, TRUNCATE, IOCTL_DEV = 1 << 13, 1 << 14, 1 << 15
 
-# Highest bit that each ABI knows, by its number.
+# Highest right that each ABI version knows.
 _KNOWN_FS = {1: MAKE_SYM, 2: REFER, 3: TRUNCATE, 4: TRUNCATE, 5: IOCTL_DEV}
 _OF_A_FILE = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
 NET_ALL = 0b11  # bind and connect TCP: ABI 4
 SCOPE_ALL = 0b11  # abstract unix sockets and signals: ABI 6
 
 READ = READ_FILE | READ_DIR
-# Links, devices, sockets and pipes are not made; REFER lets files move between its own folders, never in from others.
+# Links, devices, sockets and pipes cannot be created; REFER lets files move between its own folders, never in from others.
 WRITE = READ | WRITE_FILE | REMOVE_DIR | REMOVE_FILE | MAKE_DIR | MAKE_REG | REFER | TRUNCATE
 
 _CREATE_RULESET_VERSION = 1
@@ -48,19 +48,20 @@ class _PathBeneath(ctypes.Structure):
 
 
 def abi() -> int:
-    """What the kernel offers; OSError where it has none or it is switched off."""
+    """Return the kernel's ABI version; OSError if Landlock is missing or switched off."""
     return call("landlock_create_ruleset", None, 0, _CREATE_RULESET_VERSION)
 
 
 def handled_fs(version: int) -> int:
-    """Every right that this ABI knows: what is handled and not granted is refused."""
+    """Return all rights that this ABI knows: those handled and not granted are refused."""
     return 2 * _KNOWN_FS[min(version, max(_KNOWN_FS))] - 1
 
 
 def restrict(readable: Iterable[str], writable: Iterable[str], devices: Iterable[str] = ()) -> None:
-    """From now on only these can be opened: `readable` and `writable` with all below them, `devices` to read and write.
+    """Restrict this process to these paths: `readable` and `writable` with everything below them, `devices` for reading and
+    writing.
 
-    Paths that are not there are left out. no_new_privs must be set.
+    Paths that do not exist are skipped. no_new_privs must be set.
     """
     version = abi()
     handled = handled_fs(version)

@@ -1,4 +1,4 @@
-"""Which walls stand on this machine: found out once, by trying."""
+"""Layers of the sandbox that work on this machine: tested once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LAYERS = ("rlimits", "landlock", "seccomp", "bubblewrap")
 
 @cache
 def layers() -> dict[str, str]:
-    """Each layer's name with "on" or "off: why"."""
+    """Return each layer's name with "on" or "off: why"."""
     return {
         "rlimits": "on",
         "landlock": _landlock(),
@@ -25,7 +25,7 @@ def usable_layers() -> frozenset[str]:
 
 
 def works(usable: frozenset[str] | None = None) -> bool:
-    """Whether uploads of strangers may be opened: files are walled in, and system calls filtered."""
+    """Return whether untrusted uploads may be opened: file access is restricted, and system calls are filtered."""
     on = usable_layers() if usable is None else usable
     return "seccomp" in on and bool(on & {"landlock", "bubblewrap"})
 

@@ -1,7 +1,7 @@
-"""Resource limits of a worker (setrlimit). They bind before anything is read; a worker cannot raise them again, as hard limits
-are set with them and it has no capabilities.
+"""Resource limits of a worker (setrlimit). They apply before anything is read; a worker cannot raise them again, as hard limits
+are set as well and it has no capabilities.
 
-What they cannot say, the executor's watchdog does: resident memory, CPU seconds of one phase, bytes of all files together.
+The executor's watchdog covers the rest: resident memory, CPU seconds of one phase, bytes of all files together.
 """
 
 from __future__ import annotations
@@ -11,18 +11,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 GiB = 2**30
-# Beyond the budget, address space that is reserved and never touched: pxr alone reserves 561 MB of which 90 MB are resident,
-# glibc an arena of 64 MiB and a stack of 8 MiB for each thread. With 1 GiB, oneTBB sometimes found no room for its threads.
+# Address space beyond the budget, for memory that is reserved and never touched: pxr alone reserves 561 MB of which 90 MB are
+# resident, glibc an arena of 64 MiB and a stack of 8 MiB for each thread. With 1 GiB, oneTBB sometimes found no room for its
+# threads.
 RESERVED_BYTES = 2 * GiB
 RESERVED_BYTES_PER_THREAD = 72 * 2**20
 OPEN_FILES = 4096
-# Tasks are counted over all of the user's processes: the limit is so many above those of the machine when a worker starts.
+# The kernel counts tasks over all of the user's processes: the limit is this number above those of the machine when a worker
+# starts.
 MORE_TASKS = 2048
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What one worker may use. `cpu_s`: of its whole life; None: as its command says, later (`limit_cpu`)."""
+    """Resources of one worker. `cpu_s`: for its whole life; None: set later by its command (`limit_cpu`)."""
 
     memory_bytes: int
     threads: int = 1
@@ -31,7 +33,7 @@ class Budget:
 
 
 def limits_of(budget: Budget) -> dict[str, int]:
-    """By the names of the resource module."""
+    """Return the limits by the names of the resource module."""
     found = {
         "RLIMIT_AS": budget.memory_bytes + RESERVED_BYTES + budget.threads * RESERVED_BYTES_PER_THREAD,
         "RLIMIT_FSIZE": budget.file_bytes,
@@ -45,7 +47,7 @@ def limits_of(budget: Budget) -> dict[str, int]:
 
 
 def _tasks() -> int:
-    """Threads of the whole machine, at least the user's."""
+    """Return the threads of the whole machine, which include the user's."""
     try:
         with open("/proc/loadavg", encoding="ascii") as file:
             return int(file.read().split()[3].split("/")[1])
@@ -54,7 +56,7 @@ def _tasks() -> int:
 
 
 def set_limits(limits: Mapping[str, int]) -> None:
-    """Soft and hard; where the hard limit is lower already, that stays."""
+    """Set soft and hard limits; a hard limit that is lower already stays."""
     for name, wanted in limits.items():
         which = getattr(resource, name)
         hard = resource.getrlimit(which)[1]
@@ -63,7 +65,7 @@ def set_limits(limits: Mapping[str, int]) -> None:
 
 
 def limit_cpu(seconds: float) -> None:
-    """SIGXCPU, which ends the process, after so many more CPU seconds of all threads, and SIGKILL two seconds later."""
+    """Send SIGXCPU, which ends the process, after that many more CPU seconds of all threads, and SIGKILL two seconds later."""
     spent = resource.getrusage(resource.RUSAGE_SELF)
     soft = int(spent.ru_utime + spent.ru_stime + seconds) + 1
     hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
@@ -72,7 +74,7 @@ def limit_cpu(seconds: float) -> None:
 
 
 def limit_cpu_of_phase(seconds: float) -> None:
-    """SIGXCPU after so many more CPU seconds, unless `end_phase` comes first."""
+    """Send SIGXCPU after that many more CPU seconds, unless `end_phase` is called first."""
     spent = resource.getrusage(resource.RUSAGE_SELF)
     soft = int(spent.ru_utime + spent.ru_stime + seconds) + 1
     hard = resource.getrlimit(resource.RLIMIT_CPU)[1]

@@ -1,6 +1,6 @@
-"""The server's OpenColorIO configuration inside the sandbox: which files of it a worker may read, and under what name.
+"""The server's OpenColorIO configuration inside the sandbox: which of its files a worker may read, and under what name.
 
-Workers render what strangers send, so they see of the configuration's folder its LUTs alone, and of its other search paths all.
+Workers render untrusted scenes, so they see only the LUTs of the configuration's folder, and all of its other search paths.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MOST_FILES = 4000
 
 
 def configuration() -> str | None:
-    """What OCIO names, whole; None where it names nothing that is there."""
+    """Return the absolute path or name of the configuration in $OCIO; None if it names nothing that exists."""
     said = os.environ.get(OCIO, "")
     if said.startswith(BUILTIN):
         return said
@@ -26,7 +26,7 @@ def configuration() -> str | None:
 
 
 def readable_files(source: str, slot: Path) -> tuple[str, ...]:
-    """Files and folders for workers; never one that holds a worker's own."""
+    """Return files and folders for workers; never one that contains a worker's own."""
     found = () if source.startswith(BUILTIN) else _files_of(source)
     return tuple(path for path in found if not slot.is_relative_to(path))
 
@@ -46,7 +46,7 @@ def _files_of(source: str) -> tuple[str, ...]:
 
 
 def _search_paths(source: str) -> list[str]:
-    """As the configuration says; none of what cannot be read, which the worker reports."""
+    """Return the configuration's search paths; none if it cannot be read, which the worker reports."""
     import PyOpenColorIO as ocio
 
     try:

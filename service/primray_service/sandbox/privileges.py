@@ -1,4 +1,5 @@
-"""What a process gives up before it reads anything: capabilities, new privileges, inherited files, life without its parent."""
+"""Privileges that a process drops before it reads anything: capabilities, new privileges, inherited files, life without its
+parent."""
 
 from __future__ import annotations
 
@@ -23,14 +24,15 @@ _MOST_CAPABILITIES = 64
 
 
 def die_with_parent(parent: int | None) -> None:
-    """SIGKILL when the thread that started this process ends; at once if `parent` is not the parent any more."""
+    """Request SIGKILL when the thread that started this process ends; it is sent at once if `parent` is not the parent any
+    more."""
     prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if parent is not None and os.getppid() != parent:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
 def close_other_files(keep: tuple[int, ...] = ()) -> None:
-    """All but standard input, output and error and these."""
+    """Close all files but standard input, output and error and these."""
     first = 3
     for handle in sorted({h for h in keep if h >= 3}):
         _close_range(first, handle - 1)
@@ -48,9 +50,9 @@ def _close_range(first: int, last: int) -> None:
 
 
 def drop_capabilities() -> None:
-    """Of all sets, so that root is a user as others are (and rlimits bind it)."""
+    """Drop the capabilities of all sets, so that root is a user like others (and rlimits bind it)."""
     for capability in range(_MOST_CAPABILITIES):
-        with suppress(OSError):  # one that this kernel does not have, or that is not ours to drop
+        with suppress(OSError):  # unknown to this kernel, or not ours to drop
             prctl(PR_CAPBSET_DROP, capability)
     with suppress(OSError):
         prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_CLEAR_ALL)

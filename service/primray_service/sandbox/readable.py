@@ -1,6 +1,6 @@
-"""What a worker must be able to read to run Python, USD and the renderer, and nothing else: no home, no whole /usr, no /etc.
+"""Paths that a worker must read to run Python, USD and the renderer, and nothing else: no home, no whole /usr, no /etc.
 
-Editable installs count: of a checkout only the two packages' own folders are shown, not what lies beside them.
+Editable installs are supported: of a checkout only the folders of the two packages are visible.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import sys
 import sysconfig
 from functools import cache
 
-# What a worker imports, below. pxr's plugins, Embree's and OpenBLAS's libraries lie in or beside these packages.
+# Packages that a worker imports. pxr's plugins, Embree's and OpenBLAS's libraries are in or beside these packages.
 _PACKAGES = ("primray", "primray_service", "pxr", "numpy", "OpenImageIO", "PyOpenColorIO", "embreex")
 _LIBRARIES = ("/usr/lib", "/usr/lib64", "/usr/lib32", "/usr/local/lib", "/lib", "/lib64", "/lib32")
 _FILES = ("/etc/ld.so.cache",)
-# How many cores there are, and how much memory: libraries size their pools by these.
+# Number of cores and amount of memory, by which libraries size their pools.
 _MACHINE = (
     "/sys/devices/system/cpu",
     "/proc/cpuinfo",
@@ -30,7 +30,7 @@ DEVICES = ("/dev/null",)
 
 @cache
 def readable_paths() -> tuple[str, ...]:
-    """Folders and files, those that are there; the first ones cover others below them."""
+    """Return those folders and files that exist; earlier ones cover others below them."""
     found = [*_LIBRARIES, *_FILES, *_interpreter(), *_python_folders()]
     kept: list[str] = []
     for path in sorted(set(filter(os.path.exists, found))):
@@ -40,12 +40,12 @@ def readable_paths() -> tuple[str, ...]:
 
 
 def machine_paths() -> tuple[str, ...]:
-    """Read by a worker as well; in a new root they are mounted in other ways."""
+    """Return paths of kernel file systems that a worker reads as well; in a new root they are mounted in other ways."""
     return (*_MACHINE, *_RANDOM)
 
 
 def interpreter_links() -> list[tuple[str, str]]:
-    """The chain of symbolic links from sys.executable to the program: (link, where it points to)."""
+    """Return the chain of symbolic links from sys.executable to the program: (link, target)."""
     links: list[tuple[str, str]] = []
     path = sys.executable
     while os.path.islink(path) and len(links) < 40:
@@ -65,7 +65,7 @@ def _python_folders() -> list[str]:
     folders = [sysconfig.get_path(name) for name in names]
     base = {"base": sys.base_prefix, "platbase": sys.base_exec_prefix, "installed_base": sys.base_prefix}
     folders += [sysconfig.get_path(name, vars=base) for name in ("stdlib", "platstdlib")]
-    # A shared libpython lies in the base installation's lib.
+    # A shared libpython is in the base installation's lib.
     library = sysconfig.get_config_var("LIBDIR")
     if isinstance(library, str) and sysconfig.get_config_var("Py_ENABLE_SHARED"):
         folders.append(library)

@@ -1,7 +1,7 @@
 """A seccomp filter: which system calls a worker may make (kernel: Documentation/userspace-api/seccomp_filter.rst).
 
-What is refused gets EPERM, which libraries know how to take; calls younger than this list get ENOSYS. The filter is a classic
-BPF program: load a word of `struct seccomp_data`, compare, jump, return.
+Refused calls get EPERM, which libraries handle; calls newer than this list get ENOSYS. The filter is a classic BPF program:
+load a word of `struct seccomp_data`, compare, jump, return.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _GET_ACTION_AVAIL = 2
 
 _CLONE_THREAD = 0x00010000
 _CLONE_NEW = 0x7E020000 | 0x00000080  # NEWNS, NEWCGROUP, NEWUTS, NEWIPC, NEWUSER, NEWPID, NEWNET; NEWTIME
-_TIOCSTI, _TIOCLINUX = 0x5412, 0x541C  # both put words into a terminal's mouth
+_TIOCSTI, _TIOCLINUX = 0x5412, 0x541C  # both inject input into a terminal
 _PR_SET_PDEATHSIG = 1
 
 
 def _low(argument: int) -> int:
-    """Offset of an argument's low 32 bits; both machines are little-endian."""
+    """Return the offset of an argument's low 32 bits; both architectures are little-endian."""
     return 16 + 8 * argument
 
 
@@ -51,7 +51,7 @@ class _Instruction:
 
 
 def _refuse_if(code: int, offset: int, values: tuple[int, ...]) -> Iterator[_Instruction]:
-    """Refuse where a word of the arguments is one of the values (or has one of the bits), else allow."""
+    """Refuse if a word of the arguments is one of the values (or has one of the bits), else allow."""
     yield _Instruction(_LOAD, offset)
     for place, value in enumerate(values):
         yield _Instruction(code, value, if_true=len(values) - place)
@@ -60,7 +60,7 @@ def _refuse_if(code: int, offset: int, values: tuple[int, ...]) -> Iterator[_Ins
 
 
 def _allow_if(code: int, offset: int, values: tuple[int, ...]) -> Iterator[_Instruction]:
-    """The other way round."""
+    """Allow if a word of the arguments is one of the values (or has one of the bits), else refuse."""
     yield _Instruction(_LOAD, offset)
     for place, value in enumerate(values):
         yield _Instruction(code, value, if_true=len(values) - place)
@@ -80,11 +80,11 @@ def _by_argument(name: str, pid: int) -> list[_Instruction]:
     match name:
         case "clone":
             return list(_threads_only())
-        case "clone3":  # its flags lie in memory, which a filter cannot read; glibc then takes clone
+        case "clone3":  # its flags are in memory, which a filter cannot read; glibc then falls back to clone
             return [_Instruction(_RETURN, ENOSYS)]
         case "ioctl":
             return list(_refuse_if(_EQUAL, _low(1), (_TIOCSTI, _TIOCLINUX)))
-        case "prctl":  # or it would live on without its server
+        case "prctl":  # otherwise it could outlive its server
             return list(_refuse_if(_EQUAL, _low(0), (_PR_SET_PDEATHSIG,)))
         case "prlimit64" | "sched_setaffinity":
             return list(_allow_if(_EQUAL, _low(0), (0, pid)))
@@ -93,7 +93,7 @@ def _by_argument(name: str, pid: int) -> list[_Instruction]:
 
 
 def program(pid: int) -> list[_Instruction]:
-    """The filter for the process of this id on this machine."""
+    """Return the filter for the process with this id on this architecture."""
     here = machine()
     if here is None:
         raise OSError(errno.ENOSYS, "no seccomp filter is known for this machine")
@@ -120,7 +120,7 @@ class _Program(ctypes.Structure):
 
 
 def available() -> None:
-    """OSError where the kernel has no seccomp filters."""
+    """Raise OSError if the kernel has no seccomp filters."""
     if machine() is None:
         raise OSError(errno.ENOSYS, "no seccomp filter is known for this machine")
     action = ctypes.c_uint32(EPERM & 0xFFFF0000)
@@ -128,7 +128,7 @@ def available() -> None:
 
 
 def install() -> None:
-    """For all threads of this process. no_new_privs must be set."""
+    """Install the filter for all threads of this process. no_new_privs must be set."""
     code = b"".join(instruction.packed() for instruction in program(os.getpid()))
     filter_program = _Program(len(code) // 8, code)
     call("seccomp", _SECCOMP_SET_MODE_FILTER, _FLAG_TSYNC, ctypes.byref(filter_program))

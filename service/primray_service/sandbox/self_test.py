@@ -1,4 +1,4 @@
-"""Whether the walls hold: a real worker process tries to get out (attempts.py), towards targets that are really there."""
+"""Self-test of the sandbox: a real worker process tries to break out (attempts.py), towards targets that really exist."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LAST = "execute a program"
 
 @dataclass(frozen=True)
 class SelfTest:
-    """`attempts`: by what was tried, "refused: why" or "allowed"; `ok`: all were refused."""
+    """Result. `attempts`: by name, "refused: why" or "allowed"; `ok`: all were refused."""
 
     ok: bool
     layers: dict[str, str]
@@ -38,7 +38,8 @@ class SelfTest:
 
 
 def self_test(folder: Path, only: frozenset[str] | None = None) -> SelfTest:
-    """Blocks for some 0.2 s. `folder`: below the data directory, where slots lie; `only`: fewer layers than stand here."""
+    """Run the self-test; blocks for some 0.2 s. `folder`: below the data directory, where slots are; `only`: fewer layers than
+    are available."""
     with _slot(folder) as slot, _targets(slot) as targets:
         attempts, problem = _run(slot, targets, only)
     allowed = sorted(name for name, result in attempts.items() if result == "allowed")
@@ -53,7 +54,7 @@ def self_test(folder: Path, only: frozenset[str] | None = None) -> SelfTest:
 
 @contextmanager
 def _slot(folder: Path) -> Iterator[Path]:
-    """A folder with a lock beside it, as slots have: another server that starts would remove it else."""
+    """Provide a folder with a lock beside it, as slots have: otherwise another server that starts would remove it."""
     lock, handle = make_held(lambda: _make_lock(folder))
     slot = folder / f"{lock.stem}-1"
     try:
@@ -96,7 +97,7 @@ def _run(slot: Path, targets: dict[str, Any], only: frozenset[str] | None) -> tu
 
 @contextmanager
 def _targets(slot: Path) -> Iterator[dict[str, Any]]:
-    """Things that could be reached if no wall stood."""
+    """Provide targets that could be reached without a sandbox."""
     for name in ("job", "out"):
         (slot / name).mkdir()
     (slot / "job" / "scene").write_bytes(b"#usda 1.0\n")

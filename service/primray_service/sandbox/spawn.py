@@ -1,9 +1,9 @@
-"""How to start a worker: its argument list and its environment, with every wall that stands here.
+"""Start of a worker: its argument list and its environment, with every layer of the sandbox that works here.
 
     spawn = worker_spawn(slot, Budget(memory_bytes=..., threads=...))
     subprocess.Popen(spawn.argv, env=spawn.env, cwd=spawn.cwd, start_new_session=True, stdin=PIPE, stdout=PIPE, stderr=PIPE)
 
-slot/job and slot/out are there and the worker's alone; files may be put into slot/job (by hard links) at any time later. The
+slot/job and slot/out exist and are the worker's alone; files may be put into slot/job (by hard links) at any time later. The
 program calls `enter()` first of all (entry.py).
 """
 
@@ -24,7 +24,7 @@ from .readable import DEVICES, machine_paths, readable_paths
 
 WORKER = ("-m", "primray_service.worker")
 INHERITED = ("PRIMRAY_ISA",)
-PLAN = "PRIMRAY_SANDBOX"  # the environment variable that tells `enter` what to do
+PLAN = "PRIMRAY_SANDBOX"  # environment variable with the plan for `enter`
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Spawn:
     cwd: str
     job: str  # the two folders as the worker sees them
     out: str
-    wrapped: bool  # the child is bubblewrap, and the worker its grandchild
+    wrapped: bool  # whether the child is bubblewrap, and the worker its grandchild
 
 
 def worker_spawn(
@@ -44,8 +44,8 @@ def worker_spawn(
     layers: frozenset[str] | None = None,
     roots: Sequence[str] = (),
 ) -> Spawn:
-    """`layers`: fewer than stand here, for tests of one at a time. Make it and start it in the thread that lives longest:
-    the worker dies with it. `roots`: folders that it can read beside its own, where they are."""
+    """Return how to start a worker. `layers`: fewer than are available, for tests of single ones. `roots`: folders that it can
+    read at their own paths. Start it in the thread that lives longest: the worker dies with that thread."""
     on = usable_layers() if layers is None else layers
     wrapped = "bubblewrap" in on
     slot = slot.resolve()
@@ -62,16 +62,16 @@ def worker_spawn(
         "parent": None if wrapped else os.getpid(),
     }
     env = {**_environment(out, budget.threads), **({} if colors is None else {OCIO: colors}), PLAN: json.dumps(plan)}
-    # Isolated: no PYTHON* variables, no user's site-packages, not the current folder. No .pyc files are written.
+    # Isolated mode: no PYTHON* variables, no user site-packages, not the current folder. No .pyc files are written.
     command = [sys.executable, "-I", "-B", *program]
     argv = bubblewrap.wrap(slot, env, command, (*luts, *roots)) if wrapped else command
-    # bubblewrap's own environment is empty: what is not there cannot be read from /proc.
+    # bubblewrap's own environment is empty, so that nothing can be read from /proc.
     return Spawn(argv, {} if wrapped else env, "/", job, out, wrapped)
 
 
 def _environment(out: str, threads: int) -> dict[str, str]:
-    """All of it, but for the OpenColorIO configuration (ocio.py): the core's class of CPUs is inherited, and no plug-in path,
-    search path or token."""
+    """Return the worker's complete environment: beside the OpenColorIO configuration (ocio.py) only the core's ISA class is
+    inherited, and no plug-in path, search path or token."""
     chosen = {name: os.environ[name] for name in INHERITED if name in os.environ}
     return chosen | {
         "HOME": f"{out}/tmp",
@@ -79,13 +79,14 @@ def _environment(out: str, threads: int) -> dict[str, str]:
         "LANG": "C.UTF-8",
         "LC_ALL": "C.UTF-8",
         "PXR_WORK_THREAD_LIMIT": str(threads),
-        "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # or USD prints a banner that the line above was there
+        "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # otherwise USD prints a warning about the line above
         "OPENBLAS_NUM_THREADS": "1",  # numpy's; each thread reserves memory and none has work
     }
 
 
 def decode_exit(returncode: int, wrapped: bool) -> tuple[int | None, int | None]:
-    """Exit code and signal of the worker, one of them None. bubblewrap tells a signal as 128 and its number, as shells do."""
+    """Return exit code and signal of the worker, one of them None. bubblewrap reports a signal as 128 plus its number, as
+    shells do."""
     if returncode < 0:
         return None, -returncode
     if wrapped and returncode > 128:
@@ -94,8 +95,8 @@ def decode_exit(returncode: int, wrapped: bool) -> tuple[int | None, int | None]
 
 
 def worker_pid(child: int) -> int | None:
-    """The process that runs the worker, of a spawned child: itself or, in bubblewrap, the last of its line; None while it is
-    not there."""
+    """Return the pid of a spawned child's worker: the child, or inside bubblewrap the last of its chain; None before it
+    exists."""
     pid = child
     for _ in range(3):
         below = _children(pid)

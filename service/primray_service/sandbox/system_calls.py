@@ -1,4 +1,4 @@
-"""Calls into the kernel by ctypes: the few that Python's standard library does not have."""
+"""System calls through ctypes: those that Python's standard library does not have."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _libc.prctl.restype = ctypes.c_int
 
 
 def machine() -> int | None:
-    """The place of this machine in `Numbers`; None if it is neither."""
+    """Return the index of this architecture in `Numbers`; None if unsupported."""
     name = platform.machine()
     return MACHINES.index(name) if name in MACHINES else None
 
@@ -34,7 +34,7 @@ def number_of(numbers: Numbers) -> int | None:
 
 
 def call(name: str, *arguments: Any) -> int:
-    """OSError where the kernel answers with an error, or has no such call."""
+    """Make a system call; OSError if the kernel answers with an error, or has no such call."""
     number = number_of(OURS[name])
     if number is None:
         raise OSError(os.strerror(38), name)

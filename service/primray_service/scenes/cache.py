@@ -1,5 +1,5 @@
-"""What a server has of an object store that it shares: copies of scenes and of jobs' files, removed when they were not used for
-a day, and sooner, those used longest ago first, where the disk is short."""
+"""Local cache of a shared object store: copies of scenes and of jobs' files, removed after a day without use, and sooner, least
+recently used first, if the disk is short."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..files import DataDirectory
 from .preparing import locked, set_aside
 
 KEPT_S = 24 * 3600.0
-USED_S = 600.0  # what was used so lately may be in use
+USED_S = 600.0  # files used within this time may be in use
 EVERY_S = 60.0
 
 
 def evict(data: DataDirectory, wanted_bytes: int) -> int:
-    """Tells how many. Blocks."""
+    """Evict copies, and return their number. Blocks."""
     now, removed = time.time(), 0
     for used_at, folder in sorted(_copies(data)):
         is_old = now - used_at > KEPT_S
@@ -29,7 +29,7 @@ def evict(data: DataDirectory, wanted_bytes: int) -> int:
 
 
 def _copies(data: DataDirectory) -> Iterator[tuple[float, Path]]:
-    """With when they were used last."""
+    """Yield the copies with the time of their last use."""
     for folder in data.scenes.iterdir():
         yield folder.stat().st_mtime, folder
     for path in data.contents.glob("*/*"):
@@ -40,7 +40,7 @@ def _copies(data: DataDirectory) -> Iterator[tuple[float, Path]]:
 
 def _remove(folder: Path, data: DataDirectory) -> None:
     if folder.parent.parent == data.contents:
-        folder.unlink(missing_ok=True)  # packages that have it keep their links
+        folder.unlink(missing_ok=True)  # packages that contain it keep their links
         return
     if folder.parent == data.jobs:
         shutil.rmtree(folder, ignore_errors=True)

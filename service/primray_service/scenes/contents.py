@@ -1,8 +1,8 @@
-"""Packages that are uploaded by content: files arrive by their digests, and a scene is put together from those that are there.
+"""Packages uploaded by content: files are sent by their digests, and a scene is assembled from those that the server has.
 
-contents/<tenant>/<sha256> holds a tenant's files, each once. A package's members are links to them (copies where links cannot
-be), so a scene that shares files with another costs what is new in it. The file comes before its row, and goes after it; the
-lock of scenes/ keeps the two together.
+contents/<tenant>/<sha256> holds a tenant's files, each once. A package's members are links to them (copies where links are
+impossible), so a scene that shares files with another takes space only for new ones. A file is created before its row, and
+removed after it; the lock of scenes/ keeps the two together.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ JOINED_BYTES = 2**20
 
 
 def keep_content(received: Received, tenant: str, store: Store, data: DataDirectory, quotas: Quotas, now: float) -> bool:
-    """A file that arrived whole is the tenant's from now on; whether it is new. Blocks. QuotaExceeded."""
+    """Store a complete file for the tenant, and return whether it is new. Blocks. Raises QuotaExceeded."""
     target = data.content(tenant, received.scene_id)
     with _changing(tenant, received.sha256, store, data):
         is_new_here = not target.exists()
@@ -53,7 +53,8 @@ def keep_content(received: Received, tenant: str, store: Store, data: DataDirect
 
 
 def missing_of(manifest: Manifest, tenant: str, store: Store, now: float) -> list[str]:
-    """Digests that the tenant has to send, in the order of the package's files. Problem for a size that is another's."""
+    """Return the digests that the tenant has to send, in the order of the package's files. Problem if a size contradicts its
+    digest's."""
     known = store.contents(tenant, manifest.sizes, now)
     for file in manifest.files:
         for part in file.sent:
@@ -65,7 +66,7 @@ def missing_of(manifest: Manifest, tenant: str, store: Store, now: float) -> lis
 def keep_package(
     manifest: Manifest, tenant: str, store: Store, data: DataDirectory, limits: Limits, quotas: Quotas, now: float
 ) -> tuple[Scene, bool] | None:
-    """The tenant's scene of these files, and whether it is new; None where a file is not there any more. Blocks. Problem,
+    """Return the tenant's scene of these files, and whether it is new; None if a file no longer exists. Blocks. Raises Problem,
     QuotaExceeded."""
     folder = data.scene(manifest.scene_id)
     row = _row(manifest, tenant, now)
@@ -77,7 +78,7 @@ def keep_package(
             with _scene_lock(manifest.scene_id, store, data), locked(data):
                 if not folder.exists():
                     if is_here:
-                        return None  # removed in between: ask again
+                        return None  # removed meanwhile: ask again
                     os.rename(staged, folder)
                     sync(data.scenes)
                 if data.objects is not None:
@@ -88,7 +89,7 @@ def keep_package(
 
 
 def bring_package(scene: Scene, staged: Path, data: DataDirectory, limits: Limits) -> bool:
-    """Put a scene of an object store together in a folder; False where it is not one that was uploaded by content."""
+    """Assemble a scene of an object store in a folder; False if it was not uploaded by content."""
     target = staged / MANIFEST
     assert data.objects is not None
     try:
@@ -104,7 +105,7 @@ def bring_package(scene: Scene, staged: Path, data: DataDirectory, limits: Limit
 
 
 def release(digests: Iterable[str], tenant: str, store: Store, data: DataDirectory) -> None:
-    """Remove the files of those that have no row any more. Blocks."""
+    """Remove the files of digests that have no row any more. Blocks."""
     for sha256 in digests:
         with _changing(tenant, sha256, store, data):
             if not store.has_content(tenant, sha256):
@@ -112,14 +113,14 @@ def release(digests: Iterable[str], tenant: str, store: Store, data: DataDirecto
 
 
 def forget(tenant: str, sha256: str, before: float, store: Store, data: DataDirectory) -> None:
-    """Remove what no scene has and nobody asked for since. Blocks."""
+    """Remove a content if no scene has it and nobody asked for it since `before`. Blocks."""
     with _changing(tenant, sha256, store, data):
         if store.forget_content(tenant, sha256, before):
             data.remove(data.content(tenant, f"sha256:{sha256}"))
 
 
 def sweep(store: Store, data: DataDirectory) -> None:
-    """Remove files that have no row: a server died between the two. Blocks."""
+    """Remove files without rows, which a server leaves that dies between the two steps. Blocks."""
     names = [folder.name for folder in data.contents.iterdir()]
     names += [] if data.objects is None else data.objects.folders("contents")
     for name in dict.fromkeys(names):
@@ -132,14 +133,15 @@ def sweep(store: Store, data: DataDirectory) -> None:
 
 
 def _row(manifest: Manifest, tenant: str, now: float) -> Scene:
-    """Its files are counted as the tenant's contents; the list is the scene's own, and what is put together from parts."""
+    """Return the scene's row. Its files count as the tenant's contents; the list, and files joined from parts, count as the
+    scene's."""
     own = len(manifest.text) + manifest.joined_bytes
     state = SceneState.CHECKING
     return Scene(manifest.scene_id, tenant, state, "zip", manifest.name, manifest.bytes, own, now, now)
 
 
 def _put_together(manifest: Manifest, tenant: str, staged: Path, data: DataDirectory, limits: Limits) -> None:
-    """The package's folder and what is written down of it. FileNotFoundError where a file is gone."""
+    """Make the package's folder and its description. FileNotFoundError if a file is gone."""
     package = staged / "package"
     package.mkdir(mode=0o700)
     for file in manifest.files:
@@ -167,7 +169,7 @@ def _brought(sha256: str, tenant: str, data: DataDirectory) -> Path:
 
 
 def _join(parts: list[Path], target: Path, file: FileOfPackage, data: DataDirectory, limits: Limits) -> None:
-    """A file from its parts, whose digest must be the one that was told."""
+    """Join a file's parts; the result must have the announced digest."""
     _refuse_without_room(file.bytes, data, limits)
     with target.open("xb") as joined:
         os.chmod(target, 0o600)
@@ -204,7 +206,7 @@ def _refuse_without_room(coming: int, data: DataDirectory, limits: Limits) -> No
 
 @contextmanager
 def _changing(tenant: str, sha256: str, store: Store, data: DataDirectory) -> Iterator[None]:
-    """Nobody else adds or removes this content meanwhile, on any server."""
+    """Lock this content, so that no server adds or removes it meanwhile."""
     if data.objects is None:
         with locked(data):
             yield

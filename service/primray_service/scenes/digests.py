@@ -1,4 +1,4 @@
-"""Digests of a body by RFC 9530: which ones the client sent, computed while the bytes pass, compared at their end."""
+"""Digests of a body (RFC 9530): those that the client sent, computed while the bytes pass, and compared at the end."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from collections.abc import Mapping
 from ..problems import Problem
 
 HEADERS = ("Content-Digest", "Repr-Digest")
-ALGORITHMS = {"sha-256": "sha256", "sha-512": "sha512"}  # those that RFC 9530, section 5, calls active
-# A dictionary member of RFC 8941: key=:base64:, parameters allowed and of no meaning here.
+ALGORITHMS = {"sha-256": "sha256", "sha-512": "sha512"}  # the algorithms that RFC 9530, section 5, calls active
+# A dictionary member of RFC 8941: key=:base64:; parameters are allowed and ignored.
 MEMBER = re.compile(r"\s*([a-z*][a-z0-9_.*-]*)=:([A-Za-z0-9+/=]*):\s*(?:;[^,]*)?")
 
 
 class BodyDigests:
-    """The digests that came with a body. Algorithms other than sha-256 and sha-512 are left alone, as the RFC asks."""
+    """The digests that came with a body. Algorithms other than sha-256 and sha-512 are ignored, as the RFC asks."""
 
     def __init__(self, headers: Mapping[str, str]) -> None:
         self._expected: list[tuple[str, str, bytes]] = []
@@ -44,7 +44,7 @@ class BodyDigests:
 
 
 def sha256_header(hexadecimal: str) -> str:
-    """The value of Repr-Digest for a file of this SHA-256."""
+    """Return the value of Repr-Digest for a file with this SHA-256."""
     return f"sha-256=:{encoded(bytes.fromhex(hexadecimal))}:"
 
 

@@ -1,4 +1,4 @@
-"""Which layers of a package can be its root, and which of them a job means."""
+"""Entries of a package: layers that can be its root, and the one that a job selects."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ SHOWN = 50
 
 
 def layers(paths: Iterable[str]) -> list[str]:
-    """Those that may be named as a job's entry."""
+    """Return the layers that can be a job's entry."""
     return sorted(path for path in paths if path.lower().endswith(ROOT_SUFFIXES) and not _is_left_over(path))
 
 
 def candidates(paths: Iterable[str]) -> list[str]:
-    """The layers in the outermost folder that has any: what is further in is referred to by them."""
+    """Return the layers in the outermost folder that has any: those further in are referenced by them."""
     found = layers(paths)
     outermost = min((path.count("/") for path in found), default=0)
     return [path for path in found if path.count("/") == outermost]
 
 
 def choose(entry: str | None, roots: Sequence[str], known: Sequence[str] | None = None) -> str | None:
-    """The entry of a job: the one asked for, or the only candidate. None where nothing is known of the package yet.
+    """Return a job's entry: the requested one, or the only candidate. None if nothing is known of the package yet.
 
     `roots`: candidates; `known`: all layers (None: those in `roots`).
     """
@@ -43,5 +43,5 @@ def choose(entry: str | None, roots: Sequence[str], known: Sequence[str] | None 
 
 
 def _is_left_over(path: str) -> bool:
-    """What macOS adds to zips, and hidden files."""
+    """Return whether the path is one that macOS adds to zips, or a hidden file."""
     return any(part == "__MACOSX" or part.startswith(".") for part in path.split("/"))

@@ -1,4 +1,5 @@
-"""From a staged file to scenes/<hex> and a row in the store, and back out again; shared.py: where an object store is shared."""
+"""Storage of scenes: from a staged file to scenes/<hex> and a row in the store, and removal; shared.py is for a shared object
+store."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from .staging import sweep as sweep_incoming
 def keep(
     received: Received, tenant: str, store: Store, data: DataDirectory, limits: Limits, quotas: Quotas, now: float
 ) -> tuple[Scene, bool]:
-    """The tenant's scene of these bytes, and whether it is new. Blocks: for a thread. Problem for what is refused."""
+    """Return the tenant's scene of these bytes, and whether it is new. Blocks. Raises Problem if it is refused."""
     if data.objects is not None:
         return shared.keep(received, tenant, store, data, data.objects, limits, quotas, now)
     folder = data.scene(received.scene_id)
@@ -47,7 +48,8 @@ def keep(
 
 
 def remove(scene_id: str, tenant: str, store: Store, data: DataDirectory) -> None:
-    """The tenant's row, and the bytes if they are nobody's then. Conflict, KeyError: as Store.delete_scene. Blocks."""
+    """Remove the tenant's row, and the bytes if no other tenant has them. Conflict, KeyError: see Store.delete_scene.
+    Blocks."""
     contents = store.contents_of_scene(tenant, scene_id)
     with shared.removing(scene_id, store, data), locked(data):
         is_nobodys = store.delete_scene(tenant, scene_id)
@@ -60,7 +62,7 @@ def remove(scene_id: str, tenant: str, store: Store, data: DataDirectory) -> Non
 
 
 def sweep(store: Store, data: DataDirectory) -> int:
-    """Remove uploads that were under way when their server died, and folders that no row speaks of; tells how many."""
+    """Remove uploads that were in progress when their server died, and folders without rows; return their number."""
     removed = sweep_incoming(data.incoming)
     ids = [f"sha256:{folder.name}" for folder in data.scenes.iterdir() if len(folder.name) == 64]
     for scene_id in ids:

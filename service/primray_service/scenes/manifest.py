@@ -1,6 +1,6 @@
 """A package as a list of its files: paths, digests and sizes. Pure.
 
-The scene's id is the digest of the list, written in one way: equal files at equal paths are one scene, whoever sends them.
+The scene's id is the digest of the list in canonical form: equal files at equal paths are one scene, whoever sends them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ class Part:
 
 @dataclass(frozen=True)
 class FileOfPackage:
-    """`parts`: stretches that are sent by themselves, in order, as a usdz is cut at its members; none: it is sent whole."""
+    """A file of a package. `parts`: byte ranges that are sent separately, in order, as a usdz is split at its members; none: it
+    is sent whole."""
 
     path: str
     sha256: str
@@ -37,7 +38,7 @@ class FileOfPackage:
 
     @property
     def sent(self) -> Sequence[Part]:
-        """What is sent of it; the empty file is not."""
+        """Return what is sent of the file: its parts, or itself; nothing for an empty file."""
         if self.parts:
             return self.parts
         return (Part(self.sha256, self.bytes),) if self.bytes else ()
@@ -45,7 +46,7 @@ class FileOfPackage:
 
 @dataclass(frozen=True)
 class Manifest:
-    """Its files are in order of their paths."""
+    """A package's list; its files are in order of their paths."""
 
     files: Sequence[FileOfPackage]
     name: str = ""
@@ -61,17 +62,17 @@ class Manifest:
 
     @property
     def sizes(self) -> Mapping[str, int]:
-        """Of what is sent, by digest."""
+        """Return the sizes of everything that is sent, by digest."""
         return {part.sha256: part.bytes for file in self.files for part in file.sent}
 
     @property
     def joined_bytes(self) -> int:
-        """Of files that are put together from parts, and so stored beside them."""
+        """Return the bytes of files that are joined from parts, and so stored in addition to them."""
         return sum(file.bytes for file in self.files if file.parts)
 
 
 def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Manifest:
-    """Problem for a list that no package could have: it is judged as a zip's directory would be."""
+    """Return the manifest; raises Problem for a list that no package could have, by the same rules as for a zip's directory."""
     count = sum(max(len(file.parts), 1) for file in files)
     if count > limits.package_entries:
         raise Problem("package-unsafe", f"The package has {count} files or parts; {limits.package_entries} are allowed.")
@@ -96,7 +97,7 @@ def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Ma
 
 
 def read_manifest(text: bytes, name: str = "") -> Manifest:
-    """A list that `manifest_of` wrote."""
+    """Return a manifest from the text that `manifest_of` wrote."""
     rows = json.loads(text)["files"]
     files = [FileOfPackage(path, sha256, size, [Part(*part) for part in parts]) for path, sha256, size, *parts in rows]
     return Manifest(files, name, text)

@@ -1,4 +1,4 @@
-"""The parts of a multipart/form-data body, one after another, as its bytes arrive: nothing is gathered in memory or on disk."""
+"""Parser of multipart/form-data bodies that yields parts as their bytes arrive: nothing is collected in memory or on disk."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class PartBegins:
 
 
 PART_ENDS = None
-# A part's beginning, its bytes, PART_ENDS.
+# Events: a part's beginning, its bytes, PART_ENDS.
 PartEvent = PartBegins | bytes | None
 
 
 def boundary_of(content_type: str) -> bytes | None:
-    """None unless it is a multipart form's content type."""
+    """Return the boundary; None unless it is a multipart form's content type."""
     if content_type.partition(";")[0].strip().lower() != "multipart/form-data":
         return None
     match = re.search(r';\s*boundary\s*=\s*(?:"([^"]{1,70})"|([^;\s"]{1,70}))', content_type, re.IGNORECASE)
@@ -36,7 +36,7 @@ def boundary_of(content_type: str) -> bytes | None:
 
 
 async def part_events(stream: AsyncIterator[bytes], boundary: bytes) -> AsyncIterator[PartEvent]:
-    """Events in order; Problem for a malformed body, and for one that ends before its last boundary."""
+    """Yield events in order; Problem for a malformed or truncated body."""
     events: list[PartEvent] = []
     headers: dict[bytes, bytes] = {}
     name, value = bytearray(), bytearray()

@@ -1,4 +1,4 @@
-"""What a scene is called: by people, and as a file where its messages name it."""
+"""Names of scenes: for people, and for the file that messages name."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from pathlib import PurePosixPath
 
 MOST_CHARS = 120  # of a file's name
 MOST_NAME_CHARS = 255  # of a job's
-# No separators, nothing that USD reads in a path (@, brackets, colons, quotes), nothing hidden.
+# No separators, nothing with a meaning in USD paths (@, brackets, colons, quotes), no hidden files.
 _PLAIN = re.compile(r"[^\W_][^/\\\x00-\x1f\x7f@<>\[\]\"'`:${}]*")
 _SUFFIXES = {"usda": (".usda", ".usd"), "usdc": (".usdc", ".usd"), "usdz": (".usdz",)}
 
 
 def job_name(scene: str, entry: str | None, camera: str | None, frames: str | None) -> str:
-    """Of a job that was given none: its scene's or layer's, with what tells it from others of the same scene."""
+    """Return the name for a job that was given none: its scene's or layer's, with what distinguishes it from others of the same
+    scene."""
     stem = PurePosixPath(entry or scene or "scene").stem
     camera = PurePosixPath(camera).name if camera else None
     return " ".join(filter(None, (stem, camera, frames)))[:MOST_NAME_CHARS]
 
 
 def file_name(name: str, kind: str) -> str:
-    """A plain file name for a scene that was sent as `name`: that, with a suffix of its kind; scene.KIND where it is none."""
+    """Return a plain file name for a scene that was sent as `name`, with a suffix of its kind; scene.KIND if the name is not
+    plain."""
     path = PurePosixPath(name.replace("\\", "/"))
     stem = path.stem if path.suffix.lower() in (".usda", ".usdc", ".usdz", ".usd", ".zip") else path.name
     if len(stem.encode()) > MOST_CHARS or not _PLAIN.fullmatch(stem):

@@ -1,8 +1,8 @@
-"""A staged upload made ready to be kept: recognised, unpacked, written down what was found, synced; and the lock of scenes/.
+"""Preparation of a staged upload for storage: it is recognised, unpacked, described and synced; and the lock of scenes/.
 
-A folder in scenes/ appears whole, by one rename, after everything in it was synced; the row follows. So a crash leaves at
-worst a folder without a row, which a sweep removes. The lock keeps an upload from relying on bytes that a removal is about to
-take away; it is a file's, open for writing, since servers of several machines may share a data directory (staging.py).
+A folder in scenes/ appears complete, by one rename, after everything in it was synced; the row follows. So a crash leaves at
+worst a folder without a row, which a sweep removes. The lock keeps an upload from relying on bytes that are about to be
+removed; it is a lock of a file open for writing, since servers on several machines may share a data directory (staging.py).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from .unpack import unpack
 from .zip_directory import read_directory
 from .zip_names import refuse_names
 
-ABOUT = "about.json"  # what was found while unpacking, for the next tenant who sends the same bytes
+ABOUT = "about.json"  # description from unpacking, for the next tenant who sends the same bytes
 LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def set_aside(scene_id: str, data: DataDirectory) -> Path | None:
-    """Out of scenes/ at once; it may take long to delete."""
+    """Rename the scene's folder out of scenes/ at once, since its deletion may take long."""
     gone = Path(tempfile.mkdtemp(prefix="gone-", dir=data.incoming))
     try:
         os.rename(data.scene(scene_id), gone)
@@ -54,7 +54,7 @@ def locked(data: DataDirectory) -> Iterator[None]:
 
 
 def prepare(received: Received, data: DataDirectory, limits: Limits) -> Json:
-    """Recognise, unpack, write down what was found, and sync all of it."""
+    """Recognise, unpack and describe the upload, and sync all of it."""
     staged = received.path.parent
     with received.path.open("rb") as file:
         kind: str = recognize(file.read(HEAD_BYTES), received.name)
@@ -79,13 +79,13 @@ def prepare(received: Received, data: DataDirectory, limits: Limits) -> Json:
 
 
 def refuse_as_usdz(received: Received, about: Json) -> None:
-    """A zip that was sent as a usdz, but is none."""
+    """Raise Problem for a zip that was sent as a usdz, but is not one."""
     if about["kind"] == "zip" and called_usdz(received.media_type, received.name):
         raise problem_of(about["no_usdz_because"])
 
 
 def sync_all(folder: Path) -> None:
-    """All files of a folder: one call for the whole file system, since a package may have thousands."""
+    """Sync all files of a folder by one call for the whole file system, since a package may have thousands."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         if LIBC.syncfs(handle):  # syncfs(2)

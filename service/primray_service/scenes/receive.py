@@ -1,7 +1,7 @@
-"""A body that is a scene, or a form with one in it, to a folder in incoming/: streamed, counted, hashed on the way.
+"""Reception of a scene, as a body or in a form, into a folder in incoming/: streamed, counted and hashed on the way.
 
-Content-Length is never believed; it is used to refuse at once what would be refused later. Blocking work (writing, hashing)
-is done in threads, a mebibyte at a time.
+Content-Length is never trusted; it is used to refuse early what would be refused later. Blocking work (writing, hashing) is
+done in threads, a mebibyte at a time.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from .recognize import display_name, disposition_name
 from .threads import to_the_end
 
 WRITE_BYTES = 1 * MiB
-FORM_OVERHEAD_BYTES = 64 * KiB  # boundaries and part headers, beside the fields that are asked for
+FORM_OVERHEAD_BYTES = 64 * KiB  # boundaries and part headers, beside the expected fields
 FILE_FIELD = "file"
 
 
 @dataclass(frozen=True)
 class UploadHead:
-    """What a request's head says of its body; header names as in RFC 9530 and lower-case alike are found."""
+    """Head of a request, about its body; header names are found as RFC 9530 writes them and in lower case."""
 
     headers: Mapping[str, str]
     name: str = ""  # ?name=
@@ -49,7 +49,7 @@ class UploadHead:
 
 @dataclass(frozen=True)
 class Received:
-    """A file that arrived whole; `path` lies in the staging folder that was given."""
+    """A file that was received completely; `path` is in the given staging folder."""
 
     path: Path
     sha256: str
@@ -70,8 +70,8 @@ async def receive(
     limits: Limits,
     fields: Collection[str] = (),
 ) -> tuple[Received | None, dict[str, bytes]]:
-    """The file of a raw body, or the part `file` of a form, and the form's parts named in `fields` (each of json_bytes at
-    most). A form may lack a file; a raw body may not be empty."""
+    """Return the file of a raw body, or the part `file` of a form, and the form's parts named in `fields` (each of json_bytes
+    at most). A form may lack a file; a raw body must not be empty."""
     boundary = boundary_of(head.content_type)
     encoding = head.headers.get("content-encoding", "identity").lower()
     if encoding != "identity":
@@ -142,7 +142,7 @@ async def _receive_form(
 
 
 async def _counted(body: AsyncIterator[bytes], digests: BodyDigests, most: int, limits: Limits) -> AsyncIterator[bytes]:
-    """The body's pieces; Problem if there are too many bytes, or none for too long."""
+    """Yield the body's blocks; Problem if there are too many bytes, or none for too long."""
     total = 0
     pieces = aiter(body)
     while True:
@@ -175,7 +175,7 @@ def _refuse_without_room(data: DataDirectory, limits: Limits, coming: int) -> No
 
 
 class _Writer:
-    """The staging folder's file `upload`, gathered to pieces that are worth a thread's turn."""
+    """Writer of the staging folder's file `upload`, buffered into blocks that are worth a thread switch."""
 
     def __init__(self, staged: Path, data: DataDirectory, limits: Limits) -> None:
         self._path = staged / "upload"

@@ -1,4 +1,5 @@
-"""What kind of file was sent, by its first bytes and, between usdz and zip, by how its members lie; and names for display."""
+"""Recognition of files: the kind by the first bytes and, for usdz or zip, by the layout of the members; and names for
+display."""
 
 from __future__ import annotations
 
@@ -31,8 +32,8 @@ MAX_NAME_CHARS = 255
 
 
 def recognize(head: bytes, name: str = "") -> SceneKind:
-    """`head`: the file's first HEAD_BYTES, or all. A usdz is "zip" here: see is_usdz. Problem("not-usd") for anything else,
-    with the command that converts it where `name` or the bytes say what it is."""
+    """Return the kind of a file. `head`: its first HEAD_BYTES, or all. A usdz is "zip" here: see is_usdz. Problem("not-usd")
+    for anything else, with the command that converts it if `name` or the bytes reveal what it is."""
     if head.startswith(b"#usda "):
         return "usda"
     if head.startswith(b"PXR-USDC"):
@@ -40,7 +41,8 @@ def recognize(head: bytes, name: str = "") -> SceneKind:
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
         return "zip"
     if is_pointer(head):
-        raise Problem("not-usd", f"USD cannot open it: {WHAT_IT_IS}.", code=StageOpenError.code)  # as opening it would say
+        # the same code as opening it would give
+        raise Problem("not-usd", f"USD cannot open it: {WHAT_IT_IS}.", code=StageOpenError.code)
     advice = advice_for(name, head)
     if advice is not None:
         raise Problem("not-usd", advice, code=OTHER_FORMAT)
@@ -52,7 +54,7 @@ def recognize(head: bytes, name: str = "") -> SceneKind:
 
 
 def without_layers(paths: Sequence[str]) -> Problem:
-    """Return what is wrong with a package without a layer, with how to convert what it holds instead."""
+    """Return the problem of a package without a layer, with how to convert its contents."""
     sentence = f"None of the package's {len(paths)} files is a usd, usda, usdc or usdz layer."
     other = next((path for path in paths if refers_to_other_format(path)), None)
     if other is None:
@@ -65,8 +67,8 @@ def called_usdz(media_type: str, name: str) -> bool:
 
 
 def wrong_as_usdz(members: Sequence[Member]) -> Problem | None:
-    """Why a zip is no usdz, or None if it is one. It depends on the bytes alone, so that the same bytes are always the same
-    kind of scene, whatever they were called."""
+    """Return why a zip is no usdz, or None if it is one. The answer depends on the bytes alone, so that equal bytes are always
+    the same kind of scene, whatever they were called."""
     if not members:
         return unsafe("A usdz without members is not USD.")
     first = min(members, key=lambda member: member.header_at)
@@ -100,15 +102,15 @@ def _guess(head: bytes) -> str:
 
 
 def display_name(given: str) -> str:
-    """A file name for people to read, never for opening: without folders and control characters, at most 255 characters."""
+    """Return a file name for display, never for opening: without folders and control characters, at most 255 characters."""
     name = unicodedata.normalize("NFC", given).replace("\\", "/").rpartition("/")[2]
-    # Category C: control, format (bidirectional overrides among them), surrogates, private use.
+    # Category C: control, format (including bidirectional overrides), surrogates, private use.
     name = "".join(char for char in name if not unicodedata.category(char).startswith("C")).strip()
     return "" if name in (".", "..") else name[:MAX_NAME_CHARS]
 
 
 def disposition_name(value: str) -> str:
-    """The file name in a Content-Disposition header (RFC 6266); "" if there is none."""
+    """Return the file name in a Content-Disposition header (RFC 6266); "" if there is none."""
     extended = re.search(r"filename\*\s*=\s*utf-8'[^']*'([^;\s]+)", value, re.IGNORECASE)
     if extended:
         return display_name(unquote(extended.group(1), errors="replace"))
@@ -116,5 +118,5 @@ def disposition_name(value: str) -> str:
     if plain is None:
         return ""
     quoted = plain.group(1)
-    # Browsers send backslashes and quotes of names percent-encoded or escaped; both read back the same.
+    # Browsers send backslashes and quotes of names percent-encoded or escaped; both decode to the same name.
     return display_name(re.sub(r'\\(["\\])', r"\1", quoted) if quoted is not None else plain.group(2))

@@ -1,7 +1,7 @@
-"""Scenes in an object store that several servers share: scenes/<hex>/upload, as it was sent, and about.json, which says that it
-is whole. Packages are unpacked where they are needed.
+"""Scenes in an object store that several servers share: scenes/<hex>/upload, as it was sent, and about.json, which marks it as
+complete. Packages are unpacked where they are needed.
 
-A lock of the database keeps an upload from relying on bytes that a removal is about to take away.
+A lock in the database keeps an upload from relying on bytes that are about to be removed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def keep(
     quotas: Quotas,
     now: float,
 ) -> tuple[Scene, bool]:
-    """As keep.keep: the bytes first, then the row."""
+    """Store a scene like keep.keep: the bytes first, then the row."""
     name = data.name_of(data.scene(received.scene_id))
     known = _known(objects, name)
     about: Json = prepare(received, data, limits) if known is None else known
@@ -48,7 +48,7 @@ def keep(
             objects.write(f"{name}/{ABOUT}", json.dumps(about).encode())
         with _lock(received.scene_id, store):
             if not objects.has(f"{name}/{ABOUT}"):
-                continue  # removed in between
+                continue  # removed meanwhile
             kept = store.put_scene(scene_row(received, tenant, about, now), quotas)
         if known is None:
             _take(received.path.parent, received.scene_id, data)
@@ -64,19 +64,19 @@ def _known(objects: Objects, name: str) -> Json | None:
 
 
 def _take(staged: Path, scene_id: str, data: DataDirectory) -> None:
-    """A copy for this server."""
+    """Make a local copy for this server."""
     with locked(data):
         if not data.scene(scene_id).exists():
             os.rename(staged, data.scene(scene_id))
 
 
 def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
-    """What a worker needs of a scene is here. Blocks."""
+    """Fetch the files of a scene that a worker needs. Blocks."""
     folder = data.scene(scene.id)
     if data.objects is None or scene.kind == "shared":
         return
     if folder.exists():
-        os.utime(folder)  # used just now: cache.py
+        os.utime(folder)  # marks it as just used: cache.py
         return
     with staging_here(data) as staged:
         path = staged / UPLOAD
@@ -85,7 +85,7 @@ def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
         except FileNotFoundError:
             if bring_package(scene, staged, data, limits):
                 _take(staged, scene.id, data)
-            return  # whoever looks for it says so
+            return  # the reader reports it
         received = _received(scene, path)
         (staged / ABOUT).write_text(json.dumps(prepare(received, data, limits)))
         _take(staged, scene.id, data)
@@ -101,7 +101,7 @@ def _received(scene: Scene, path: Path) -> Received:
 
 @contextmanager
 def removing(scene_id: str, store: Store, data: DataDirectory) -> Iterator[None]:
-    """Nobody relies on the scene's bytes meanwhile."""
+    """Lock the scene, so that nobody relies on its bytes meanwhile."""
     if data.objects is None:
         yield
         return
@@ -110,7 +110,7 @@ def removing(scene_id: str, store: Store, data: DataDirectory) -> Iterator[None]
 
 
 def remove(scene_id: str, data: DataDirectory) -> None:
-    """The bytes, which are nobody's; what says that they are whole first."""
+    """Remove bytes that belong to nobody; the completeness mark goes first."""
     if data.objects is not None:
         name = data.name_of(data.scene(scene_id))
         data.objects.remove(f"{name}/{ABOUT}")
@@ -119,7 +119,7 @@ def remove(scene_id: str, data: DataDirectory) -> None:
 
 
 def sweep(store: Store, data: DataDirectory) -> None:
-    """Those that no row speaks of."""
+    """Remove scenes without rows."""
     assert data.objects is not None
     for name in data.objects.folders("scenes"):
         scene_id = f"sha256:{name}"

@@ -1,5 +1,5 @@
-"""Folders in incoming/ for uploads under way, each with a lock beside it that is held while it is in use: so a dead server's
-can be told from a living one's.
+"""Folders in incoming/ for uploads in progress, each with a lock beside it that is held while it is in use: so those of a dead
+server can be distinguished from a living one's.
 
 The locks are of files that are open for writing: where the data directory is mounted by several machines (NFS), no other lock
 is seen by all of them.
@@ -24,7 +24,7 @@ LOCK = ".lock"
 
 @asynccontextmanager
 async def staging(data: DataDirectory) -> AsyncIterator[Path]:
-    """A new folder, gone at the end unless it was renamed."""
+    """Provide a new folder, which is removed at the end unless it was renamed."""
     folder, lock = await to_the_end(lambda: _made(data.incoming))
     try:
         yield folder
@@ -34,7 +34,7 @@ async def staging(data: DataDirectory) -> AsyncIterator[Path]:
 
 @contextmanager
 def staging_here(data: DataDirectory) -> Iterator[Path]:
-    """As `staging`, in this thread."""
+    """Provide a folder like `staging`, in this thread."""
     folder, lock = _made(data.incoming)
     try:
         yield folder
@@ -61,7 +61,7 @@ def _discard(folder: Path, lock: int) -> None:
 
 
 def sweep(incoming: Path) -> int:
-    """Remove what nobody holds; tells how many. For the start of a server."""
+    """Remove folders that nobody holds, and return their number; for the start of a server."""
     removed = 0
     for path in incoming.iterdir():
         if path.suffix == LOCK:

@@ -1,4 +1,5 @@
-"""Blocking work beside the event loop, always waited for: files must not be closed or removed while a thread uses them."""
+"""Blocking work beside the event loop that is always waited for: files must not be closed or removed while a thread uses
+them."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ T = TypeVar("T")
 
 
 async def to_the_end(function: Callable[[], T]) -> T:
-    """As asyncio.to_thread; but a cancelled caller waits for the thread before the cancellation goes on."""
+    """Run a function like asyncio.to_thread, but wait for the thread even if cancelled, and only then propagate the
+    cancellation."""
     running = asyncio.ensure_future(asyncio.to_thread(function))
     cancelled: asyncio.CancelledError | None = None
     while not running.done():
@@ -19,6 +21,6 @@ async def to_the_end(function: Callable[[], T]) -> T:
         except asyncio.CancelledError as error:
             cancelled = error
     if cancelled is not None:
-        running.exception()  # fetched, so that it is not reported as lost
+        running.exception()  # retrieved, so that it is not reported as lost
         raise cancelled
     return running.result()

@@ -1,4 +1,4 @@
-"""A zip to a folder, member by member, counting what comes out: sizes in headers are compared, never believed."""
+"""Extraction of a zip to a folder, member by member, counting the output: sizes in headers are compared, never trusted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .zip_names import ARCHIVE_HEAD_BYTES, archive_kind
 
 READ_BYTES = 256 * 1024
 WRITE_BYTES = 1 * MiB
-RATIO_FROM_BYTES = 1 * MiB  # text of less than this may well shrink by more than the limit's ratio
+RATIO_FROM_BYTES = 1 * MiB  # smaller texts may well exceed the limit's ratio
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Unpacked:
 
 
 def unpack(file: BinaryIO, members: list[Member], folder: Path, limits: Limits, free_bytes: Callable[[], int]) -> Unpacked:
-    """Names must have been checked. On refusal nothing is left behind."""
+    """Unpack members whose names were checked. If refused, nothing is left behind."""
     folder.mkdir(mode=0o700)
     total = 0
     packed = sum(member.packed_bytes for member in members)
@@ -69,7 +69,7 @@ def _unpack_member(
 
 
 def _content(file: BinaryIO, member: Member) -> Iterator[bytes]:
-    """The member's bytes, inflated; at most WRITE_BYTES at a time. A stream that ends early or late is refused."""
+    """Yield the member's inflated bytes, at most WRITE_BYTES at a time. A stream that ends early or late is refused."""
     file.seek(member.data_at)
     left = member.packed_bytes
     inflate = zlib.decompressobj(-zlib.MAX_WBITS) if member.method == DEFLATED else None

@@ -1,7 +1,7 @@
-"""A zip's members as its central directory and every local header agree on them; nothing is unpacked here.
+"""Reader of a zip's members, on which the central directory and every local header must agree; nothing is unpacked here.
 
-Written for this service because the standard library's reader believes the central directory, keeps all of it in memory
-whatever its size, and renames what it does not like. Layout: PKWARE APPNOTE 6.3.10, sections 4.3 to 4.5.
+The standard library's reader is not used: it trusts the central directory, keeps all of it in memory whatever its size, and
+renames members. Layout: PKWARE APPNOTE 6.3.10, sections 4.3 to 4.5.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ STORED, DEFLATED = 0, 8
 ENCRYPTED, DESCRIPTOR, STRONG, UTF8, MASKED = 1 << 0, 1 << 3, 1 << 6, 1 << 11, 1 << 13
 EXTRA_ZIP64, EXTRA_UNICODE_PATH = 0x0001, 0x7075
 ALL16, ALL32 = 0xFFFF, 0xFFFFFFFF
-MAX_EXTRA_BYTES = 1024  # of one member's extra fields, on the average: those that are written take some 30
+MAX_EXTRA_BYTES = 1024  # average per member; usual ones take some 30
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Member:
     crc: int
     packed_bytes: int
     bytes: int
-    unix_mode: int  # 0 where the maker was not Unix
+    unix_mode: int  # 0 if it was not made on Unix
     dos_attributes: int
     header_at: int
     data_at: int
@@ -49,13 +49,13 @@ def unsafe(detail: str, member: str | bytes | None = None) -> Problem:
 
 
 def shown(name: str | bytes) -> str:
-    """A member's name for a message: what cannot be printed is escaped."""
+    """Return a member's name for a message, with unprintable characters escaped."""
     text = name.decode("utf-8", "backslashreplace") if isinstance(name, bytes) else name
     return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)[:300]
 
 
 def read_directory(file: BinaryIO, limits: Limits) -> list[Member]:
-    """In the order of the directory. Problem for anything inconsistent, encrypted, or read by no reader here."""
+    """Return the members in the order of the directory. Problem for anything inconsistent, encrypted, or unsupported."""
     total = file.seek(0, os.SEEK_END)
     count, size, start = _end_record(file, total)
     if count > limits.package_entries:
@@ -69,12 +69,12 @@ def read_directory(file: BinaryIO, limits: Limits) -> list[Member]:
 
 
 def _end_record(file: BinaryIO, total: int) -> tuple[int, int, int]:
-    """Number of members, size and place of the central directory."""
+    """Return number of members, size and offset of the central directory."""
     tail_at = max(0, total - 22 - ALL16)
     file.seek(tail_at)
     tail = file.read(total - tail_at)
     at = len(tail) - 22
-    # The record's comment must end where the file ends; look from the back, as all readers do.
+    # The record's comment must end where the file ends; search from the back, as all readers do.
     while at >= 0 and not (
         tail[at : at + 4] == END and at + 22 + int.from_bytes(tail[at + 20 : at + 22], "little") == len(tail)
     ):
@@ -128,7 +128,7 @@ def _members(file: BinaryIO, directory: bytes, count: int, directory_at: int) ->
         _refuse_unreadable(name, flags, method, size, packed)
         if header_at + 30 > directory_at:
             raise unsafe("The member's place lies outside of the file.", name)
-        mode = attributes >> 16 if made_by in (3, 19) or attributes >> 16 else 0  # Unix, macOS, or says so all the same
+        mode = attributes >> 16 if made_by in (3, 19) or attributes >> 16 else 0  # Unix, macOS, or with a mode all the same
         member = Member(raw_name, name, flags, method, crc, packed, size, mode, attributes & 0xFF, header_at, 0)
         yield _with_local_header(file, member, directory_at)
         at = end
@@ -137,7 +137,7 @@ def _members(file: BinaryIO, directory: bytes, count: int, directory_at: int) ->
 
 
 def _large(extra: bytes, size: int, packed: int, header_at: int, disk: int, name: bytes) -> tuple[int, int, int, int]:
-    """Sizes and place from the zip64 field, where the 32-bit ones say that they are there (4.5.3)."""
+    """Return sizes and offset from the zip64 field, if the 32-bit fields refer to it (4.5.3)."""
     field = dict(_extra_fields(extra, name)).get(EXTRA_ZIP64, b"")
     values = []
     at = 0
@@ -158,11 +158,12 @@ def _extra_fields(extra: bytes, name: bytes) -> Iterator[tuple[int, bytes]]:
         if at + 4 + size > len(extra):
             raise unsafe("The member's extra fields are damaged.", name)
         yield kind, extra[at + 4 : at + 4 + size]
-        at += 4 + size  # what is left over, less than a field's head, is padding: alignment tools leave it
+        at += 4 + size  # a remainder shorter than a field's head is padding by alignment tools
 
 
 def _decode(raw_name: bytes, flags: int, extra: bytes) -> str:
-    """Flag 11 says UTF-8; without it, some write UTF-8 all the same. Old code pages cannot be told apart: refused."""
+    """Return a member's name. Flag 11 says UTF-8; some writers use UTF-8 without it. Old code pages cannot be distinguished:
+    refused."""
     try:
         name = raw_name.decode("utf-8")
     except UnicodeDecodeError:
@@ -185,7 +186,7 @@ def _refuse_unreadable(name: str, flags: int, method: int, size: int, packed: in
 
 
 def _with_local_header(file: BinaryIO, member: Member, directory_at: int) -> Member:
-    """The member with the place of its data; its local header must say what the directory says (4.3.7)."""
+    """Return the member with the offset of its data; its local header must match the directory (4.3.7)."""
     file.seek(member.header_at)
     head = file.read(30)
     if len(head) < 30 or head[:4] != LOCAL:
@@ -199,7 +200,7 @@ def _with_local_header(file: BinaryIO, member: Member, directory_at: int) -> Mem
     differs = [what for what, there, here in (
         ("name", raw_name, member.raw_name), ("method", method, member.method), ("flags", flags, member.flags),
     ) if there != here]  # fmt: skip
-    # Sizes and sum follow the data where flag 3 is set; the header then holds zeros, or them all the same.
+    # If flag 3 is set, sizes and sum follow the data; the header then holds zeros, or the same values.
     sums = (("sum", crc, member.crc), ("packed size", packed, member.packed_bytes), ("size", size, member.bytes))
     differs += [what for what, there, here in sums if there != here and not (flags & DESCRIPTOR and there == 0)]
     if differs:
@@ -209,7 +210,7 @@ def _with_local_header(file: BinaryIO, member: Member, directory_at: int) -> Mem
 
 
 def _refuse_overlaps(members: list[Member], directory_at: int) -> None:
-    """Members that share bytes are how a small zip becomes petabytes (Fifield, "A better zip bomb", 2019)."""
+    """Refuse members that share bytes, by which a small zip becomes petabytes (Fifield, "A better zip bomb", 2019)."""
     end = 0
     for member in sorted(members, key=lambda m: m.header_at):
         if member.header_at < end:

@@ -1,4 +1,4 @@
-"""Which members of a package are refused for their name or for what they are. Nothing is renamed: the sender shall know."""
+"""Members of a package that are refused for their name or kind. Nothing is renamed, so that the sender learns of it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .zip_directory import DEFLATED, Member, unsafe
 # codes), as Java and Python write it; an empty stored block has five, and a flush before it as many again.
 MOST_OF_NOTHING = 12
 DOS_FOLDER = 0x10
-# Reserved on Windows whatever the suffix; packages travel, and nobody needs them.
+# Reserved on Windows with any suffix; packages are shared between systems, and nobody needs these names.
 DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 MAX_DEPTH = 64
-MAX_PART_BYTES = 255  # of file systems
+MAX_PART_BYTES = 255  # limit of file systems
 
-# How archives begin, to refuse those in a package: their members would be seen by no check.
+# First bytes of archives, to refuse those in a package: their members would escape all checks.
 ARCHIVES = {
     b"PK\x03\x04": "zip", b"PK\x05\x06": "zip", b"PK\x07\x08": "zip", b"Rar!\x1a\x07": "rar", b"7z\xbc\xaf\x27\x1c": "7-Zip",
     b"\x1f\x8b\x08": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd", b"MSCF": "cabinet",
@@ -29,7 +29,7 @@ ARCHIVE_HEAD_BYTES = 264
 
 
 def refuse_names(members: Sequence[Member], limits: Limits) -> None:
-    """Problem("package-unsafe") with the first member that is not a plain file or folder at a plain relative path."""
+    """Raise Problem("package-unsafe") for the first member that is not a plain file or folder at a plain relative path."""
     for member in members:
         why = wrong_with_path(member.name, limits.path_bytes) or _wrong_with_kind(member)
         if why:
@@ -38,7 +38,7 @@ def refuse_names(members: Sequence[Member], limits: Limits) -> None:
 
 
 def wrong_with_path(name: str, most_bytes: int) -> str | None:
-    """A sentence, or None for a relative path that means the same on every file system."""
+    """Return the objection to a path, or None if it is relative and means the same on every file system."""
     if len(name.encode()) > most_bytes:
         return f"The member's path has more than {most_bytes} bytes."
     parts = name.removesuffix("/").split("/")
@@ -79,8 +79,8 @@ def _wrong_with_kind(member: Member) -> str | None:
 
 
 def _refuse_clashes(members: Sequence[Member]) -> None:
-    """Paths that are one file on a system that ignores case or Unicode's forms, or a file where others need a folder."""
-    seen: dict[str, tuple[str, bool]] = {}  # folded path -> path as written, whether a folder
+    """Refuse paths that are one file on a system that ignores case or Unicode's forms, or a file where others need a folder."""
+    seen: dict[str, tuple[str, bool]] = {}  # by folded path: path as written, whether a folder
     written: set[str] = set()
     for member in members:
         path = member.name.removesuffix("/")
@@ -103,7 +103,7 @@ def folded(path: str) -> str:
 
 
 def archive_kind(head: bytes) -> str | None:
-    """The name of the archive format whose first bytes these are."""
+    """Return the name of the archive format whose first bytes these are."""
     if head[TAR_AT : TAR_AT + len(TAR)] == TAR:
         return "tar"
     return next((kind for start, kind in ARCHIVES.items() if head.startswith(start)), None)

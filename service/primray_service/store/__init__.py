@@ -1,8 +1,10 @@
-"""The only SQL: what base.py         what the service asks of a store; sql_store.py is that
-database/       schema.py: the tables; rows.py: between them and the service's types; migrations/, migrate.py: how they came
-                about; engine.py: connections, locks, retries; transaction.py: one transaction, its events and sums; notices.py:
-                what servers tell each other
-operations/     open_job.py: a job under its lock, every change of one; the others are the operations
+"""The store, and the only SQL of the service.
+
+base.py         interface of a store; sql_store.py implements it
+database/       schema.py: the tables; rows.py: their conversion to the service's types; migrations/, migrate.py: its versions;
+                engine.py: connections, locks, retries; transaction.py: one transaction, its events and sums; notices.py:
+                notices between servers
+operations/     open_job.py: a job under its lock, and every change of one; the others are the operations
 """
 
 from __future__ import annotations
@@ -14,5 +16,5 @@ __all__ = ["SchemaTooNew", "SqlStore", "open_store"]
 
 
 def open_store(url: str) -> SqlStore:
-    """The store at an SQLAlchemy URL, sqlite:///FILE or postgresql://...; `migrate()` it before use."""
+    """Return the store at an SQLAlchemy URL, sqlite:///FILE or postgresql://...; call `migrate()` before use."""
     return SqlStore(url)

@@ -1,4 +1,4 @@
-"""The store: all of its parts over one database."""
+"""The store: all operations on one database."""
 
 from __future__ import annotations
 

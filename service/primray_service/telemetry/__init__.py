@@ -1,1 +1,1 @@
-"""What the server says of itself to its operator: logs, metrics, traces."""
+"""Telemetry for the server's operator: logs, metrics, traces."""

@@ -1,6 +1,6 @@
-"""The server's log: a line of JSON an event, or for people on a terminal. No keys, no bodies, no query strings.
+"""The server's log: a line of JSON for each event, or readable text on a terminal. No keys, no bodies, no query strings.
 
-Bound where they are known, and then in every line: request_id (http/guard.py), job_id, tenant, attempt, frame.
+Context that is bound once and then part of every line: request_id (http/guard.py), job_id, tenant, attempt, frame.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from typing import Any, TextIO
 
 import structlog
 
-# What must never be written, however it came into a value: our keys, bearer tokens, webhook secrets, passwords in URLs.
+# Secrets that must never be logged, however they came into a value: our keys, bearer tokens, webhook secrets, passwords in
+# URLs.
 SECRETS = re.compile(r"primray_[A-Za-z0-9_-]{20,}|(?i:bearer)\s+\S+|whsec_[A-Za-z0-9+/=]+|(?<=://)[^/\s:@]+:[^/\s@]+(?=@)")
 SECRET_NAMES = frozenset({"authorization", "cookie", "set-cookie", "key", "secret", "password", "query", "query_string"})
 HIDDEN = "[hidden]"
 
 
 def configure(as_json: bool | None = None, stream: TextIO | None = None, level: int = logging.INFO) -> None:
-    """For a process that logs: once, at its start. `as_json` None: unless the stream is a terminal."""
+    """Configure logging once, at a process's start. `as_json` None: unless the stream is a terminal."""
     stream = stream or sys.stderr
     as_json = not stream.isatty() if as_json is None else as_json
     shared: list[Any] = [
@@ -47,9 +48,9 @@ def configure(as_json: bool | None = None, stream: TextIO | None = None, level: 
 
 
 def _take_over_standard_logging(shared: list[Any], last: list[Any], stream: TextIO, level: int) -> None:
-    """uvicorn, alembic and the like write through the same processors."""
+    """Route standard logging (uvicorn, alembic) through the same processors."""
     handler = logging.StreamHandler(stream)
-    # The traceback is in the record here, and is put into the event by the formatter's own step.
+    # The traceback is in the record here; the formatter's own step puts it into the event.
     steps = [structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last]
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
@@ -66,7 +67,7 @@ def _take_over_standard_logging(shared: list[Any], last: list[Any], stream: Text
 
 
 def without_secrets(_: Any, __: str, event: MutableMapping[str, Any]) -> Mapping[str, Any]:
-    """Members that are called as secrets are, and whatever looks like one, at any depth."""
+    """Redact members with secret names, and whatever looks like a secret, at any depth."""
     return {name: HIDDEN if name.lower() in SECRET_NAMES else _hidden(value) for name, value in event.items()}
 
 
@@ -81,7 +82,7 @@ def _hidden(value: Any) -> Any:
 
 
 def _with_trace(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
-    """The trace's id, where OpenTelemetry is on."""
+    """Add the trace's id if OpenTelemetry is on."""
     trace = sys.modules.get("opentelemetry.trace")
     if trace is not None:
         context = trace.get_current_span().get_span_context()

@@ -1,4 +1,4 @@
-"""What Prometheus is told: this server's requests as they happen, everything else as it is when it is asked for."""
+"""Prometheus metrics: this server's requests as they happen, everything else as it is at the time of the scrape."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LATENCY_S = (0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60
 
 
 class RequestMetrics:
-    """Requests by the route's template, never by its path: ids would make a series each."""
+    """Metrics of requests by the route's template, never by path: ids would make a series each."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -41,7 +41,7 @@ class RequestMetrics:
 
 
 def exposition(requests: RequestMetrics, service: Service) -> bytes:
-    """The text format. Reads the store: for a thread."""
+    """Return the metrics in the text format. Reads the store: call it in a thread."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Now(service))
     return generate_latest(requests.registry) + generate_latest(registry)

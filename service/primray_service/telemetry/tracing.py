@@ -1,6 +1,6 @@
-"""Optional OpenTelemetry: on where the extra `otel` is installed and an exporter is named by OTEL_* in the environment.
+"""Optional OpenTelemetry: on if the extra `otel` is installed and an exporter is named by OTEL_* in the environment.
 
-Spans of requests; the W3C traceparent of the one that submits a job is kept in its row and told to its workers.
+Traces requests; the W3C traceparent of the request that submits a job is stored in its row and passed to its workers.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import os
 from typing import Any
 
 ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
-UNTRACED = "healthz,readyz,metrics"  # asked every few seconds
+UNTRACED = "healthz,readyz,metrics"  # requested every few seconds
 
 
 def is_wanted() -> bool:
@@ -19,7 +19,7 @@ def is_wanted() -> bool:
 
 
 def instrument(app: Any) -> str:
-    """Trace a FastAPI application's requests, if that is wanted; a sentence for the log, "" if it is not."""
+    """Trace a FastAPI application's requests, if configured; return a sentence for the log, "" if not."""
     if not is_wanted():
         return ""
     try:
@@ -48,7 +48,7 @@ def _exporter() -> Any:
 
 
 def traceparent() -> str:
-    """Of the current span, in W3C's form (https://www.w3.org/TR/trace-context/); "" where nothing is traced."""
+    """Return the current span in W3C's form (https://www.w3.org/TR/trace-context/); "" if nothing is traced."""
     try:
         from opentelemetry import trace
     except ImportError:

@@ -1,2 +1,2 @@
-"""Jobs that wait: order.py says who comes first, estimate.py when a job's turn comes, rates.py how long frames took, places.py
-tells clients."""
+"""The queue of jobs: order.py is the order, turns.py the next claims, estimate.py start times, rates.py durations, positions.py
+reports to clients."""

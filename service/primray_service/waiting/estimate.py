@@ -1,4 +1,4 @@
-"""Where a job stands in the queue, and when its first frame begins. Pure."""
+"""Position of a job in the queue, and the start of its first frame. Pure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .order import Waiting
 
 @dataclass(frozen=True)
 class Active:
-    """A job of which frames run; `left_s`: until it is done, waiting frames with it, None if that is not known."""
+    """A job with running frames; `left_s`: until it is done, including waiting frames, None if unknown."""
 
     priority: int
     frames_running: int
@@ -19,19 +19,19 @@ class Active:
 
 @dataclass(frozen=True)
 class Place:
-    place: int  # 1: it is begun next, of those that are not
-    frames_ahead: int  # that run or will be claimed before its first
+    place: int  # 1: the next to begin
+    frames_ahead: int  # frames that run or will be claimed before its first
     start_s: float | None  # seconds from now; None: unknown
 
 
 def places(
     order: Sequence[Waiting], active: Sequence[Active], slots: int, seconds_of: Callable[[Waiting], float | None]
 ) -> Mapping[str, Place]:
-    """Of jobs that are not begun. What has a lower priority gives way, so it is not waited for."""
+    """Return the places of jobs that have not begun. Frames of lower priority are preempted, so they are not waited for."""
     found: dict[str, Place] = {}
-    before: dict[int, tuple[int, float | None]] = {}  # what runs, by the priority of who waits for it
+    before: dict[int, tuple[int, float | None]] = {}  # running work, by the priority of the waiting job
     claimed = 0
-    ahead_s: float | None = 0.0  # slot seconds of jobs that are not begun
+    ahead_s: float | None = 0.0  # slot seconds of jobs that have not begun
     for job in order:
         if not job.begun:
             if job.priority not in before:
@@ -46,7 +46,7 @@ def places(
 
 
 def _added_up(active: Sequence[Active]) -> tuple[int, float | None]:
-    """Frames that run, and the slot seconds until all are done; None if one's is not known."""
+    """Return the number of running frames, and the slot seconds until all are done; None if one of those is unknown."""
     left = [job.left_s * job.frames_running for job in active if job.left_s is not None]
     return sum(job.frames_running for job in active), sum(left) if len(left) == len(active) else None
 
@@ -54,6 +54,6 @@ def _added_up(active: Sequence[Active]) -> tuple[int, float | None]:
 def _start_s(running_s: float | None, ahead_s: float | None, frames_ahead: int, slots: int) -> float | None:
     if frames_ahead < slots:
         return 0.0
-    if not slots or running_s is None or ahead_s is None:  # without slots, nobody knows when there will be some
+    if not slots or running_s is None or ahead_s is None:  # without slots, the time of the next is unknown
         return None
     return (running_s + ahead_s) / slots

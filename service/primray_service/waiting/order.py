@@ -1,7 +1,7 @@
-"""The order in which waiting jobs are begun, for the places that clients see; turns.py claims in the same order.
+"""The order in which waiting jobs begin, for the positions that clients see; turns.py claims in the same order.
 
-Larger priorities go first. Among equals it is the tenant's turn that has the fewest frames running, and then the oldest job's.
-What only the moment decides (quotas; who was served last, where tenants have equal rights) is not in it.
+Higher priorities go first. Among equals it is the turn of the tenant with the fewest running frames, and then of the oldest
+job. Transient criteria are left out (quotas; which of several equal tenants was served last).
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Waiting:
-    """A job with frames that could be claimed; `begun`: others of its frames ran already, or run."""
+    """A job with claimable frames; `begun`: others of its frames ran already, or run."""
 
     job_id: str
     tenant: str
     priority: int
     created_at: float
-    frames: int = 1  # that wait
+    frames: int = 1  # waiting frames
     begun: bool = False
     work: tuple[str, str] = ("", "")  # scene and settings, for rates.py
 
 
 def in_order(waiting: Iterable[Waiting], running: Mapping[str, int]) -> list[Waiting]:
-    """`running`: frames of each tenant. A tenant's jobs are begun one after another, a frame each time it is its turn."""
+    """Return the jobs in order. `running`: frames of each tenant. A tenant's jobs begin one after another, a frame at each of
+    its turns."""
     turns: defaultdict[tuple[str, int], int] = defaultdict(int)
     keys: dict[str, tuple[int, int, float, str]] = {}
     oldest_first = sorted(waiting, key=lambda job: (job.created_at, job.job_id))

@@ -1,4 +1,4 @@
-"""What clients are told of a waiting job's turn: one look at the queue serves all who ask within a moment."""
+"""Positions of queued jobs for clients: one read of the queue serves all who ask within a moment."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .rates import Rates
 
 LOG = logging.getLogger(__name__)
 
-MOST = 10_000  # waiting jobs that have a place; those behind them have none yet
+MOST = 10_000  # queued jobs with a position; those behind them have none yet
 GOOD_FOR_S = 0.5
-LONG_S = 0.03  # a look that takes longer is not waited for: who asks meanwhile is told what was seen last
-REST = 10.0  # times as long as a look took, until the next
+LONG_S = 0.03  # slower reads are not waited for: callers get the previous result meanwhile
+REST = 10.0  # pause until the next read, as a multiple of the last one's duration
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class _Seen:
 
 
 class Places:
-    """May be used from any thread; blocks for the database. `slots`: how many there are now."""
+    """Positions of queued jobs. Thread-safe; blocks on the database. `slots`: their current number."""
 
     def __init__(self, store: Store, slots: Callable[[], int], rates: Rates) -> None:
         self._store = store
@@ -42,12 +42,12 @@ class Places:
         self._lock = threading.Lock()
 
     def of(self, job: Job) -> Json | None:
-        """None unless it waits for its turn; its members are null as long as they are not known."""
+        """Return the job's position; None unless it is queued; its members are null while unknown."""
         if job.state != JobState.QUEUED:
             return None
         seen = self._seen_now(job)
         found, waiting = seen.places.get(job.id), len(seen.places)
-        if found is None:  # its scene is being checked, or it has just been begun
+        if found is None:  # its scene is being checked, or it has just begun
             return {"place": None, "waiting": waiting, "frames_ahead": None, "estimated_start_s": None}
         start_s = None if found.start_s is None else round(found.start_s, 1)
         return {
@@ -69,12 +69,12 @@ class Places:
             return self._seen
 
     def _look_beside(self) -> None:
-        """Under the lock, which it lets go."""
+        """Read the queue; called under the lock, and releases it."""
         try:
             self._look_again(time.time())
         except Exception:
             LOG.warning("the queue could not be looked at", exc_info=True)
-            self._took_s = 0.0  # the next who asks waits, and is told why
+            self._took_s = 0.0  # the next caller waits, and gets the error
         finally:
             self._lock.release()
 
@@ -94,7 +94,7 @@ class Places:
 
 
 def _left_s(job: Job, now: float) -> float | None:
-    """As its last report said, which is some seconds old."""
+    """Return the seconds until the job is done by its last report, which is some seconds old."""
     eta_s, told = job.progress.get("eta_s"), job.progress.get("updated_at")
     if eta_s is None or told is None:
         return None

@@ -1,6 +1,6 @@
-"""How long frames took lately, by scene and settings: what a waiting job's estimate is made of.
+"""Recent durations of frames by scene and settings, for the estimates of waiting jobs.
 
-The server that dispatches notes it, in the store: others read it there, and whoever dispatches next.
+The dispatching server records them in the store: others read them there, and so does the next dispatcher.
 """
 
 from __future__ import annotations
@@ -16,21 +16,22 @@ from functools import lru_cache
 from ..jobs import Job, Json
 
 MOST = 1000
-NEWEST = 0.5  # the weight of the last frame in the mean
-NEWS = 0.1  # a change of so much is worth writing down
-GOOD_FOR_S = 2.0  # what was read, for those that do not note it themselves
+NEWEST = 0.5  # weight of the newest frame in the mean
+NEWS = 0.1  # smallest relative change that is worth storing
+GOOD_FOR_S = 2.0  # lifetime of what was read, on servers that do not record it
 
 Work = tuple[str, str]
 
 
 def work_of(job: Job) -> Work:
-    """Jobs of the same work take as long; which frames they are does not count, nor their seed."""
+    """Return a job's work: jobs of the same work take as long; the frames' numbers and the seed do not count."""
     return job.scene_id, _work(job.settings)
 
 
 @lru_cache(maxsize=1000)
 def work_of_text(settings: str) -> str:
-    """The second half of `work_of`, of settings as they are stored: most jobs that wait have been seen, or are like others."""
+    """Return the second half of `work_of` from settings as they are stored; cached, since most waiting jobs were seen before,
+    or are like others."""
     return _work(json.loads(settings))
 
 
@@ -40,23 +41,23 @@ def _work(settings: Json) -> str:
 
 
 def key_of(work: Work) -> str:
-    """A work's name in the store."""
+    """Return a work's name in the store."""
     return hashlib.sha256("\0".join(work).encode()).hexdigest()
 
 
 class Rates:
-    """May be used from any thread; `read`: what the store has, by `key_of`, those noted first first."""
+    """Durations by work. Thread-safe; `read`: the store's records by `key_of`, in order of recording."""
 
     def __init__(self, read: Callable[[], Mapping[str, float]] = dict) -> None:
         self._read = read
         self._seconds: OrderedDict[str, float] = OrderedDict()
-        self._kept: dict[str, float] = {}  # what the store has of what was noted here
-        self._until = 0.0  # what was read is good, by the monotonic clock
+        self._kept: dict[str, float] = {}  # stored values of what was recorded here
+        self._until = 0.0  # end of the validity of what was read, by the monotonic clock
         self._lock = threading.Lock()
 
     def note(self, job: Job, seconds: float) -> tuple[str, float] | None:
-        """A frame of this job has ended, and had a slot for so long. What the store is to keep, a work's key and its seconds,
-        where that is news: most frames take as long as the one before."""
+        """Record that a frame of this job has ended and held a slot for that long. Returns a work's key and seconds for the
+        store if they have changed: most frames take as long as the one before."""
         key = key_of(work_of(job))
         with self._lock:
             before = self._seconds.pop(key, seconds)
@@ -71,7 +72,7 @@ class Rates:
         return key, now
 
     def refresh(self) -> None:
-        """Take over what the store has, unless that was done a moment ago. Blocks."""
+        """Read the store's records, unless that was done a moment ago. Blocks."""
         if time.monotonic() < self._until:
             return
         found = self._read()
@@ -80,6 +81,6 @@ class Rates:
             self._until = time.monotonic() + GOOD_FOR_S
 
     def of(self, work: Work) -> float | None:
-        """Seconds a frame; None if nothing is known."""
+        """Return the seconds per frame; None if unknown."""
         with self._lock:
             return self._seconds.get(key_of(work))

@@ -1,7 +1,7 @@
-"""Whose frames are claimed next, several at once: as if each were claimed alone, with what the ones before it changed. Pure.
+"""Turns: which frames are claimed next, several at once, as if each were claimed alone after the ones before it. Pure.
 
-order.py has the order. To it comes what only the moment decides: what quotas allow, and, of tenants with as many frames
-running, the one that was served the longest time ago.
+order.py has the order. Added to it are transient criteria: quotas, and, among tenants with equally many running frames, the one
+that was served longest ago.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Head:
-    """A job near the front of its tenant's queue. `frames`: that wait, and are not planned yet; `begun`: it counts as one
-    that runs; `alone`: what follows is to be decided after it has begun."""
+    """A job near the front of its tenant's queue. `frames`: waiting and not planned yet; `begun`: it counts as running;
+    `alone`: nothing after it is planned until it has begun."""
 
     job_id: str
     created_at: float
@@ -30,7 +30,8 @@ class Head:
 
 @dataclass
 class Tenant:
-    """`jobs`, `frames`: that run; `most_jobs`: that may; `served`: the number of its last turn, 0: none yet."""
+    """A tenant. `jobs`, `frames`: running ones; `most_jobs`: allowed running jobs; `served`: the number of its last turn, 0:
+    none yet."""
 
     name: str
     jobs: int = 0
@@ -45,8 +46,8 @@ class Tenant:
 
 @dataclass
 class Line:
-    """A tenant's jobs of one priority, oldest first. `more` reads some that follow a job, none if there are none; `begun`:
-    those that it may go on with where it may begin no other."""
+    """A tenant's jobs of one priority, oldest first. `more` reads jobs that follow one, none if there are none; `begun`: those
+    that it may continue if it may start no other."""
 
     tenant: Tenant
     heads: list[Head]
@@ -57,13 +58,13 @@ class Line:
         self.heads = self._merged(self.heads)
 
     def _merged(self, heads: list[Head]) -> list[Head]:
-        """A job is one object, wherever it is listed."""
+        """Return the heads, with one object for each job wherever it is listed."""
         known = {head.job_id: head for head in self.begun}
         return [known.get(head.job_id, head) for head in heads]
 
     @property
     def order(self) -> tuple[int, int, float, str]:
-        """Whose turn it is among lines: not later than its first job says, without reading more."""
+        """Return the line's rank among lines; a lower bound from its first job, without reading more."""
         age = self.heads[0].age if self.heads and self.tenant.may_begin else (0.0, "")
         return self.tenant.frames, self.tenant.served, *age
 
@@ -89,7 +90,7 @@ class Line:
 
 @dataclass
 class Plan:
-    """So many frames at most, by job, the first job first. `turn`: the last one's number."""
+    """Plan of at most `most` frames, by job, the first job first. `turn`: the last one's number."""
 
     most: int
     turn: int
@@ -101,7 +102,7 @@ class Plan:
         return self.is_closed or self.frames.total() >= self.most
 
     def fill(self, lines: Iterable[Line]) -> None:
-        """From the lines of one priority, which all go before those of the next."""
+        """Add frames from the lines of one priority, which all precede those of the next."""
         heap = [(*line.order, i, line) for i, line in enumerate(lines)]
         heapq.heapify(heap)
         while heap and not self.is_full:
@@ -110,7 +111,7 @@ class Plan:
             if head is None:
                 continue
             if (now := (line.tenant.frames, line.tenant.served, *head.age)) != tuple(was):
-                heapq.heappush(heap, (*now, i, line))  # its place is known only now
+                heapq.heappush(heap, (*now, i, line))  # its rank is known only now
                 continue
             self.turn += 1
             line.take(head, self.turn)

@@ -1,10 +1,10 @@
-"""Webhooks: calls to a client's own address when something happens to a job, by the scheme of standardwebhooks.com (1.0.0).
+"""Webhooks: calls of a client's own address about events of a job, by the scheme of standardwebhooks.com (1.0.0).
 
-addresses.py   which addresses may be called: refused when a job is submitted, and again when it is connected to
+addresses.py   which addresses may be called: checked when a job is submitted, and again at each connection
 signing.py     secrets and signatures
-delivery.py    one try: connect to the address that was checked, send, read a little
-sender.py      what is due, again and again; run by the server that holds the lease
-acceptance.py  a job request's webhook, as it is kept with the job
+delivery.py    one attempt: connect to the checked address, send, read a little
+sender.py      loop over due deliveries; run by the server that holds the lease
+acceptance.py  a job request's webhook, as it is stored with the job
 """
 
 from __future__ import annotations

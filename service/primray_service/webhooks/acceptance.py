@@ -1,4 +1,4 @@
-"""A job request's webhook as it is kept with the job, and as it is shown."""
+"""A job request's webhook as it is stored with the job, and as it is shown."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from .signing import key_of, new_secret
 
 
 def accepted_webhook(webhook: Webhook, config: ServeConfig, resolve: Resolve = resolve_now) -> Json:
-    """What to keep: with a secret, made if none was given. Problem if it cannot be called. Call it in a thread: it looks up
-    a name."""
+    """Return the webhook to store: with a secret, made if none was given. Problem if it cannot be called. Call it in a thread:
+    it resolves a name."""
     check_address(webhook.url, config, resolve)
     if webhook.secret is not None:
         try:
@@ -23,5 +23,5 @@ def accepted_webhook(webhook: Webhook, config: ServeConfig, resolve: Resolve = r
 
 
 def shown_webhook(kept: Json, *, with_secret: bool = False) -> Json:
-    """What clients see of a kept webhook; the secret only in the answer to the request that made it."""
+    """Return a stored webhook as clients see it; the secret only in the answer to the request that made it."""
     return {name: value for name, value in kept.items() if name != "secret" or with_secret}

@@ -1,7 +1,7 @@
-"""Which addresses webhooks may call: public ones, and those of networks that the server's owner opened.
+"""Addresses that webhooks may call: public ones, and those in networks that the configuration opens.
 
-A name is looked up when a job is submitted, for a clear answer, and again for each try, whose connection goes to the
-very address that was found and checked then. What a name means in between is of no importance.
+A name is resolved when a job is submitted, for an immediate error, and again for each attempt, which connects to the very
+address that was resolved and checked then; so changes in between (DNS rebinding) do not matter.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from collections.abc import Callable, Sequence
 from ..config import ServeConfig
 from ..problems import Problem
 
-# The address families as the system's own library orders them; OSError (socket.gaierror) if there is none.
+# Returns addresses in the order of the system's resolver; OSError (socket.gaierror) if there are none.
 Resolve = Callable[[str, int], Sequence[str]]
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 LOOK_UP_S = 3.0
 LONGEST_URL = 2048
 
-# https://www.iana.org/assignments/iana-ipv4-special-registry, -ipv6-special-registry: what is not globally reachable, or
-# reaches IPv4 by another way (6to4, Teredo). Metadata services lie in 169.254.0.0/16, 100.64.0.0/10 and fc00::/7;
+# https://www.iana.org/assignments/iana-ipv4-special-registry, -ipv6-special-registry: addresses that are not globally
+# reachable, or reach IPv4 in another way (6to4, Teredo). Metadata services are in 169.254.0.0/16, 100.64.0.0/10 and fc00::/7;
 # 168.63.129.16 is Azure's, a public number that each of its machines sees as its own host.
 _CLOSED_4 = tuple(
     ipaddress.IPv4Network(text)
@@ -48,7 +48,7 @@ _CLOSED_4 = tuple(
         "240.0.0.0/4",
     ]
 )
-_OPEN_6 = ipaddress.IPv6Network("2000::/3")  # all that was ever given out
+_OPEN_6 = ipaddress.IPv6Network("2000::/3")  # the part of IPv6 that is allocated so far
 _CLOSED_6 = tuple(
     ipaddress.IPv6Network(text) for text in ["2001::/23", "2001:db8::/32", "2002::/16", "2620:4f:8000::/48", "3fff::/20"]
 )
@@ -61,7 +61,8 @@ def is_public(address: Address) -> bool:
 
 
 def may_be_called(text: str, networks: Sequence[str]) -> bool:
-    """Whether an address is public, or of one of the opened networks; an IPv4 address in IPv6's clothes is an IPv4 address."""
+    """Return whether an address is public, or in one of the opened networks; an IPv4 address mapped into IPv6 counts as
+    IPv4."""
     address = ipaddress.ip_address(text)
     if isinstance(address, ipaddress.IPv6Address):
         if address.scope_id is not None:
@@ -72,16 +73,16 @@ def may_be_called(text: str, networks: Sequence[str]) -> bool:
 
 
 def resolve_now(host: str, port: int) -> Sequence[str]:
-    """By the system's resolver, however long that takes."""
+    """Resolve by the system's resolver, however long that takes."""
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_ADDRCONFIG)
     return list(dict.fromkeys(str(sockaddr[0]) for *_, sockaddr in found))
 
 
 class Target:
-    """The parts of a webhook's URL that decide where a request goes; Problem if it is none that can be called."""
+    """The parts of a webhook's URL that decide where a request goes; Problem if it cannot be called."""
 
     def __init__(self, text: str, http_is_allowed: bool) -> None:
-        # Heavy, and needed only by who has webhooks.
+        # Imported late: slow, and needed only for jobs with webhooks.
         import httpx2
 
         if len(text) > LONGEST_URL:
@@ -103,14 +104,14 @@ class Target:
             raise _refused("The address names no port that exists.")
 
     def closed_among(self, addresses: Sequence[str], networks: Sequence[str]) -> str | None:
-        """The first address that may not be called: one is enough to refuse a name, whatever else it means."""
+        """Return the first address that may not be called: one is enough to refuse a name."""
         return next((address for address in addresses if not may_be_called(address, networks)), None)
 
 
 def check_address(text: str, config: ServeConfig, resolve: Resolve = resolve_now) -> None:
-    """Problem("webhook-address") unless it may be called. A name may be looked up for LOOK_UP_S; call it in a thread.
+    """Raise Problem("webhook-address") unless it may be called. Resolving may take LOOK_UP_S, so call it in a thread.
 
-    A name that cannot be looked up now is let through: each try looks again.
+    A name that cannot be resolved now is accepted: each attempt resolves it again.
     """
     target = Target(text, config.webhook_http)
     try:
@@ -122,12 +123,12 @@ def check_address(text: str, config: ServeConfig, resolve: Resolve = resolve_now
     except (OSError, UnicodeError):
         raise _refused(f"There is no host of the name {target.host}.") from None
     if addresses is not None and target.closed_among(addresses, config.webhook_networks):
-        # Which address a name has inside of the server's network is nothing to tell.
+        # The message does not reveal which address the name has inside the server's network.
         raise _refused(f"{target.host} is not on the public internet, or is reserved; this server does not call there.")
 
 
 def _looked_up(target: Target, resolve: Resolve) -> Sequence[str] | None:
-    """None if it took too long: the system's resolver cannot be told to give up."""
+    """Resolve a name; None if it took too long: the system's resolver cannot be interrupted."""
     found: list[Sequence[str] | BaseException] = []
 
     def look() -> None:

@@ -1,6 +1,7 @@
-"""One try of one webhook: look the name up, check every address it has, connect to one of exactly those, send, read a little.
+"""One attempt to deliver a webhook: resolve the name, check every address it has, connect to one of exactly those, send, read a
+little.
 
-No redirect is followed, no proxy or environment variable has a say, and what is answered is not kept: only its status is.
+No redirects, no proxies and no environment variables are used, and of the answer only the status is kept.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from ..store.base import WebhookDelivery
 from .addresses import Resolve, Target
 from .signing import signed_headers
 
-TIMEOUT_S = 10.0  # of all: looking up, connecting, sending, reading
-CONNECT_S = 4.0  # to one address, before the next is tried
+TIMEOUT_S = 10.0  # in total: resolve, connect, send, read
+CONNECT_S = 4.0  # for one address, before the next is tried
 ADDRESSES = 3
 MOST_READ = 4096
 USER_AGENT = f"primray/{__version__} (webhooks)"
@@ -32,7 +33,7 @@ USER_AGENT = f"primray/{__version__} (webhooks)"
 
 @dataclass(frozen=True)
 class Outcome:
-    """`hopeless`: there is no sense in another try. `wait_s`: what the receiver asked for, if it did."""
+    """Result. `hopeless`: another attempt is useless. `wait_s`: the delay that the receiver asked for."""
 
     state: Literal["delivered", "undelivered", "hopeless"]
     error: str = ""
@@ -51,7 +52,7 @@ async def deliver(
     tls: ssl.SSLContext,
     timeout_s: float = TIMEOUT_S,
 ) -> Outcome:
-    """Never raises for what the receiver, the network or the address does."""
+    """Make one attempt; never raises for what the receiver, the network or the address does."""
     try:
         target = Target(delivery.url, config.webhook_http)
         body = json.dumps(delivery.payload, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
@@ -65,7 +66,7 @@ async def deliver(
         return Outcome("undelivered", f"no answer within {timeout_s:g} s")
     except (httpx2.HTTPError, OSError) as error:
         return Outcome("undelivered", _reason(error))
-    except ValueError as error:  # a secret or payload that cannot be sent, a header that is none
+    except ValueError as error:  # a secret or payload that cannot be sent, an invalid header
         return Outcome("hopeless", _reason(error))
 
 
@@ -85,7 +86,7 @@ async def _addresses(target: Target, networks: Sequence[str], resolve: Resolve) 
 async def _send(
     target: Target, addresses: Sequence[str], headers: dict[str, str], body: bytes, tls: ssl.SSLContext, now: float
 ) -> Outcome:
-    """To the first address that can be connected to; the certificate must be that of the name."""
+    """Send to the first address that accepts a connection; the certificate must be the name's."""
     headers = headers | {
         "Host": target.url.netloc.decode("ascii"),
         "Content-Type": "application/json",
@@ -109,7 +110,7 @@ async def _send(
 
 
 async def _read_a_little(response: httpx2.Response) -> None:
-    """So much that a well-behaved receiver can finish its answer; as sent, not unpacked."""
+    """Read enough for a well-behaved receiver to finish its answer; without decompression."""
     read = 0
     async for part in response.aiter_raw():
         read += len(part)

@@ -1,7 +1,7 @@
-"""Sends what is due, again and again: run by the server that holds the lease, beside its dispatcher.
+"""Delivery of due webhooks in a loop: run by the server that holds the lease, beside its dispatcher.
 
-At-least-once: a try whose end could not be written down is made again; receivers know it by its webhook-id. Receivers
-that hang keep only their own calls waiting: so many at a time to one host, whatever the number that is due.
+Delivery is at least once: an attempt whose result could not be stored is repeated; receivers recognise it by its webhook-id.
+Slow receivers delay only their own calls: the number of concurrent calls to one host is bounded.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from ..store.base import Lost, Store, WebhookDelivery
 from .addresses import Resolve, resolve_now
 from .delivery import TIMEOUT_S, Outcome, deliver
 
-# Between a try and the next; the first is made at once. The Standard Webhooks specification's example, without the last two.
+# Delays between attempts; the first is made at once. The Standard Webhooks specification's example, without the last two.
 DELAYS_S: tuple[float, ...] = (5, 5 * 60, 30 * 60, 2 * 3600, 5 * 3600, 10 * 3600, 14 * 3600)
-JITTER = 0.2  # of a delay: so much later at most
-LONGEST_WAIT_S = 24 * 3600.0  # that a receiver may ask for
+JITTER = 0.2  # random extension of a delay, as a fraction at most
+LONGEST_WAIT_S = 24 * 3600.0  # longest delay that a receiver may ask for
 LOOK_EVERY_S = 1.0
 AT_A_TIME = 32
 AT_A_TIME_TO_A_HOST = 4
-LOOK_AT = 500  # due ones, among which hosts that are not busy are looked for
+LOOK_AT = 500  # due deliveries that are searched for idle hosts
 STOP_GRACE_S = 2.0
 
 _log = structlog.get_logger("primray.webhooks")
 
 
 class WebhookSender:
-    """`run` until `stop`; `wake` from the event loop when something became due."""
+    """The sender. `run` lasts until `stop`; call `wake` in the event loop when something became due."""
 
     def __init__(
         self,
@@ -60,10 +60,10 @@ class WebhookSender:
         self._stopping = False
         self._tries: dict[str, asyncio.Task[None]] = {}  # by delivery id
         self._hosts: Counter[str] = Counter()
-        self._ended: set[str] = set()  # since the store was last asked: what it answered may be older than their end
+        self._ended: set[str] = set()  # since the last read of the store, which may be older than their end
 
     async def run(self, fence: Callable[[], int | None]) -> None:
-        """`fence`: of the lease that this server holds now, or None."""
+        """Deliver until stopped. `fence`: of the lease that this server holds now, or None."""
         while not self._stopping:
             held = fence()
             if held is not None:
@@ -71,7 +71,7 @@ class WebhookSender:
                     await self._start_due(held)
                 except Lost:
                     pass
-                except Exception as error:  # the database is away: look again, as the dispatcher does
+                except Exception as error:  # the database is away: retry, as the dispatcher does
                     _log.warning("webhooks_not_read", error=f"{type(error).__name__}: {error}"[:300])
             self._woken.clear()
             with suppress(TimeoutError):
@@ -86,7 +86,7 @@ class WebhookSender:
         self._woken.set()
 
     async def stop(self) -> None:
-        """No new try; those under way have STOP_GRACE_S. `run` then returns."""
+        """Stop: no new attempts; running ones have STOP_GRACE_S. `run` then returns."""
         self._stopping = True
         self._woken.set()
 
@@ -125,10 +125,10 @@ class WebhookSender:
                 error=outcome.error,
             )
         except Lost:
-            pass  # its next holder tries again
+            pass  # the next holder tries again
         except Exception as error:
             _log.warning("webhook_not_noted", webhook_id=delivery.id, error=f"{type(error).__name__}: {error}"[:300])
-            await asyncio.sleep(LOOK_EVERY_S)  # it is due still, and is not to be sent over and over
+            await asyncio.sleep(LOOK_EVERY_S)  # it is still due, and must not be sent over and over
         finally:
             self._ended.add(delivery.id)
             del self._tries[delivery.id]
@@ -138,7 +138,7 @@ class WebhookSender:
             self._woken.set()
 
     def _decided(self, delivery: WebhookDelivery, outcome: Outcome) -> tuple[str, float]:
-        """The delivery's next state, and when it is to be tried again."""
+        """Return the delivery's next state, and the time of its next attempt."""
         now = self._clock()
         if outcome.state == "delivered":
             return "delivered", now
@@ -149,7 +149,7 @@ class WebhookSender:
 
 
 def _default_tls() -> ssl.SSLContext:
-    """The system's certificates; slow to load, so once."""
+    """Return a TLS context with the system's certificates; cached, since loading is slow."""
     import httpx2
 
     return httpx2.create_ssl_context(trust_env=False)

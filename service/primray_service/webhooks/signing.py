@@ -12,7 +12,7 @@ import hmac
 import secrets
 
 PREFIX = "whsec_"
-KEY_BYTES = range(24, 65)  # the scheme's least and most
+KEY_BYTES = range(24, 65)  # lengths that the scheme allows
 MADE_KEY_BYTES = 32
 
 
@@ -21,7 +21,7 @@ def new_secret() -> str:
 
 
 def key_of(secret: str) -> bytes:
-    """The bytes that a secret stands for; ValueError says what is wrong with it."""
+    """Return the bytes of a secret; ValueError says what is wrong with it."""
     if not secret.startswith(PREFIX):
         raise ValueError(f"A secret starts with {PREFIX}.")
     try:
@@ -34,7 +34,7 @@ def key_of(secret: str) -> bytes:
 
 
 def signed_headers(secret: str, message_id: str, timestamp: int, body: bytes) -> dict[str, str]:
-    """The three headers of one try; `timestamp` is the try's, in seconds since 1970."""
+    """Return the three headers of one attempt; `timestamp` is the attempt's, in seconds since 1970."""
     signed = b".".join((message_id.encode(), str(timestamp).encode(), body))
     signature = base64.b64encode(hmac.digest(key_of(secret), signed, hashlib.sha256)).decode()
     return {"webhook-id": message_id, "webhook-timestamp": str(timestamp), "webhook-signature": f"v1,{signature}"}

@@ -1,1 +1,1 @@
-"""The program that runs one chunk in its sandbox: `python -m primray_service.worker`. protocol.py says how it is spoken to."""
+"""The program that runs one chunk in its sandbox: `python -m primray_service.worker`. protocol.py is its protocol."""

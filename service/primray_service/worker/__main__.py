@@ -1,5 +1,5 @@
-"""A worker: enters its sandbox, imports what takes long, says that it is ready, does one thing and ends; or, told to stay,
-waits for more work of the same job."""
+"""A worker: enters its sandbox, does its slow imports, reports that it is ready, runs one chunk and ends; or, if told to stay,
+waits for more chunks of the same job."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from .warm import warm_up
 
 Do = Callable[[Mapping[str, Any], Path, Path, Channel], None]
 
-# The server comes first: its clients wait for it. Checks are short, and somebody waits for them too.
+# Workers yield the CPU to the server, whose clients wait for it. Checks are short, and clients wait for them too.
 NICE = {"check": 5, "render": 10}
 AUTOGROUP_TRIES = 8
-LATER_S = 2.0  # than the server's watchdog, which can say why
+LATER_S = 2.0  # after the server's watchdog, which can report the reason
 
 
 def main(arguments: list[str]) -> None:
@@ -37,17 +37,17 @@ def main(arguments: list[str]) -> None:
     channel.start()
     warm_up(kind, entered.out / "tmp")
     do = check if kind == "check" else renders()
-    gc.freeze()  # or a collection would go over all that was imported, for longer than a small frame takes
+    gc.freeze()  # otherwise each collection would visit everything imported, for longer than a small frame takes
     while True:
         channel.send("ready")
         work(do, channel, entered)
-        gc.collect()  # before it is ready again: the last frame's memory is to be free
+        gc.collect()  # frees the last frame's memory before the worker reports ready
 
 
 def work(do: Do, channel: Channel, entered: Entered) -> None:
-    """What comes next; returns where more may follow."""
+    """Run the next chunk; returns if more may follow."""
     command = channel.work()
-    shared = command.get("root")  # of shared storage: its files are named from there
+    shared = command.get("root")  # on shared storage: its file names are relative to that
     if shared:
         channel.text = ClientText(entered.job, entered.out, Path(shared))
     try:
@@ -66,8 +66,8 @@ def work(do: Do, channel: Channel, entered: Entered) -> None:
 
 
 def give_way(nice: int) -> None:
-    """Let other processes go first. Where the kernel shares time between sessions, nice says nothing beyond this one's own:
-    then the session has to give way as well (sched(7), "The autogroup feature")."""
+    """Lower this process's CPU priority. If the kernel shares CPU time between sessions, nice has no effect beyond this one:
+    then the session's priority is lowered as well (sched(7), "The autogroup feature")."""
     os.nice(nice)
     with contextlib.suppress(PermissionError):  # it leads a group already, and is in a session of its own
         os.setsid()
@@ -76,9 +76,9 @@ def give_way(nice: int) -> None:
     for _ in range(AUTOGROUP_TRIES):
         try:
             Path("/proc/self/autogroup").write_text(str(nice))
-        except BlockingIOError:  # the kernel takes one in 0.1 s from all who are not privileged
+        except BlockingIOError:  # the kernel accepts one write in 0.1 s from all unprivileged processes
             time.sleep(0.1 * random.random())
-        except OSError:  # there is no such feature
+        except OSError:  # the feature does not exist
             return
         else:
             return
@@ -91,7 +91,8 @@ def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) ->
 
 
 def renders() -> Do:
-    """Frames of one job, whose stage is kept from one to the next; their parts, and the merges of these."""
+    """Return the function that renders frames of one job, keeping the stage open in between; also their parts, and merges of
+    these."""
     from .merge_task import merge_parts
     from .product_task import render_products
     from .render_task import render_frame

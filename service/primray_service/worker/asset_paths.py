@@ -1,6 +1,6 @@
-"""Where an asset path leads: to a file of the scene, to one that was not uploaded, or out. Its text alone decides.
+"""Resolution of asset paths by their text: to a file of the scene, to one that was not uploaded, or outside.
 
-The sandbox is the wall; this is for a clear message. Paths may go up as long as they stay in what was uploaded.
+The sandbox enforces the boundary; this gives a clear message. Paths may go up as long as they stay in the upload.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Found:
 
 
 def find(container: Container, layer: str, asset_path: str) -> Found | None:
-    """The file that an asset path of a layer leads to; None if it was not uploaded. Problem if it leads out.
+    """Return the file that an asset path of a layer refers to; None if it was not uploaded. Problem if it leads outside.
 
-    Relative to the layer; inside of a usdz also to the package, as its specification says.
+    Paths are relative to the layer; inside a usdz also to the package, as its specification says.
     """
     shown = container.shown(layer)
     outer, inner = split_package(asset_path)
@@ -53,7 +53,7 @@ def find(container: Container, layer: str, asset_path: str) -> Found | None:
 
 
 def refuse_expression(container: Container, layer: str, expression: str) -> None:
-    """Problem where the literal parts of an expression lead out whatever its variables are."""
+    """Raise Problem if the literal parts of an expression lead outside for any values of its variables."""
     for literal in _LITERAL.finditer(expression):
         text = literal[1] if literal[1] is not None else literal[2]
         if leads_out(posixpath.dirname(layer), _VARIABLE.sub("x", text)):
@@ -67,7 +67,7 @@ def refuse_expression(container: Container, layer: str, expression: str) -> None
 
 
 def leads_out(folder: str, path: str) -> bool:
-    """Absolute, with a scheme or a drive, or further up than the folder's root."""
+    """Return whether a path leads outside: absolute, with a scheme or a drive, or further up than the folder's root."""
     plain = path.replace("\\", "/")
     if plain.startswith("/") or SCHEME.match(plain):
         return True
@@ -75,7 +75,7 @@ def leads_out(folder: str, path: str) -> bool:
 
 
 def split_package(path: str) -> tuple[str, str | None]:
-    """`a.usdz[b.usdz[c]]` as (`a.usdz`, `b.usdz[c]`)."""
+    """Return `a.usdz[b.usdz[c]]` as (`a.usdz`, `b.usdz[c]`)."""
     if path.endswith("]") and "[" in path:
         outer, _, inner = path[:-1].partition("[")
         return outer, inner
@@ -83,7 +83,7 @@ def split_package(path: str) -> tuple[str, str | None]:
 
 
 def _inside(outer: Found | None, inner: str | None, layer: str, asset_path: str) -> Found | None:
-    """The member of a package; Problem where its name leads out of it, whether the package is there or not."""
+    """Return the member of a package; Problem if its name leads out of it, whether the package exists or not."""
     if inner is None:
         return outer
     name, further = split_package(inner)
@@ -101,7 +101,7 @@ def _inside(outer: Found | None, inner: str | None, layer: str, asset_path: str)
 
 
 def _names(container: Container, path: str) -> Iterator[str]:
-    """The file of this path, or the first tile of a UDIM pattern."""
+    """Yield the names of the file with this path, or of the first tile of a UDIM pattern."""
     if path in container.files:
         yield path
     elif "<UDIM>" in path:

@@ -14,25 +14,25 @@ from .client_text import ClientText
 from .protocol import LAST, MAX_LINE_BYTES, WORK
 
 SERVER_GONE = 4  # exit code
-PREVIEWS_FOR_S = 10.0  # after somebody asked for one
+PREVIEWS_FOR_S = 10.0  # after a client asked for one
 
 
 def claim_stdout() -> BinaryIO:
-    """The pipe of messages; what libraries print to stdout from now on goes to stderr, which is the log."""
+    """Return the pipe for messages; output of libraries to stdout then goes to stderr, which is the log."""
     messages = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
     return messages
 
 
 class Channel:
-    """Messages may be sent by any thread; commands are read by one of its own."""
+    """Channel to the server. Messages may be sent by any thread; a thread of its own reads commands."""
 
     def __init__(self, commands: BinaryIO, messages: BinaryIO, text: ClientText) -> None:
         self._commands = commands
         self._messages = messages
         self.text = text
         self._lock = threading.Lock()
-        self._work: Mapping[str, Any] | None = None  # that is being done, or is to be
+        self._work: Mapping[str, Any] | None = None  # current or next chunk
         self._came = threading.Event()
         self._previews_until = 0.0
         self._number: int | None = None
@@ -58,23 +58,23 @@ class Channel:
             view = view[self._messages.write(view) or 0 :]
 
     def leave(self, at: str, **members: Any) -> None:
-        """The last message, and the end of the process: nothing that libraries do at exit is waited for."""
+        """Send the last message and end the process, without waiting for exit handlers of libraries."""
         assert at in LAST
         self.send(at, **members)
         os._exit(0)
 
     def work(self) -> Mapping[str, Any]:
-        """The command that says what to do next, once it has come."""
+        """Wait for the command with the next chunk, and return it."""
         self._came.wait()
         self._came.clear()
         assert self._work is not None
         return self._work
 
     def done(self, *, stay: bool, **members: Any) -> None:
-        """The last message of a piece of work; the end of the process too, unless it is to stay."""
+        """Send the last message of a chunk, and end the process unless it is to stay."""
         if not stay:
             self.leave("done", **members)
-        self._work = None  # what is told from now on comes too late, until there is more work
+        self._work = None  # later commands come too late, until there is another chunk
         self.send("done", **members)
 
     def ask_preview(self) -> None:
@@ -84,8 +84,8 @@ class Channel:
         return time.monotonic() < self._previews_until
 
     def nothing_to_save(self, number: int | None) -> None:
-        """From now on stop and yield are answered at once, since there is no more than checkpoint `number`; None: not any
-        more, whoever samples looks at them."""
+        """Answer stop and yield at once from now on, since there is no more than checkpoint `number` to save; None: the
+        sampling handles them."""
         self._number = number
         self._leave_if_told()
 
@@ -93,7 +93,7 @@ class Channel:
         number = self._number
         if number is not None and self.give_way:
             self.leave("yielded", number=number)
-        if number == 0 and self.stop:  # where there is a checkpoint, the picture is made from it
+        if number == 0 and self.stop:  # if there is a checkpoint, the picture is made from it
             self.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
 
     def _read(self) -> None:
@@ -125,7 +125,7 @@ class Channel:
 
 
 def finite(value: Any) -> Any:
-    """JSON in the strict sense has no NaN and no infinity; they become null."""
+    """Return the value with NaN and infinities, which strict JSON does not have, as null."""
     if isinstance(value, Mapping):
         return {str(name): finite(inner) for name, inner in value.items()}
     if isinstance(value, list | tuple):

@@ -1,7 +1,7 @@
-"""The check of a scene: what was uploaded is looked at once, so that jobs fail early and the page knows what to offer.
+"""The check of a scene: an upload is examined once, so that jobs fail early and the page knows what to offer.
 
-First every layer by itself (what it names, how deep, how far it would expand), then the composed stage. Problems end it; what
-can be rendered around is a warning. All of it runs in the sandbox, which is the wall: this is here for clear messages.
+First every layer is examined alone (its asset paths, its depth, its expanded size), then the composed stage. Problems end the
+check; what can be rendered anyway is a warning. The sandbox enforces the boundary: the check gives clear messages.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from .package import Container, File, read_file, read_folder, scene_layers
 SHARED = "shared"
 MOST_WARNINGS = 300
 MOST_LISTED = 2_000  # files
-MOST_COMPOSED = 10_000_000  # prims: what USD composes in some minutes
-# What USD's own Python makes of a binary layer whose tables were damaged: names that are no text, prims that are None.
+MOST_COMPOSED = 10_000_000  # prims: USD composes this many in some minutes
+# Exceptions from USD's Python for a binary layer with damaged tables: names that are not text, prims that are None.
 DAMAGED = (UnicodeDecodeError, AttributeError)
 
 
@@ -45,7 +45,7 @@ class Sends(Protocol):
 
 
 def check_scene(command: Mapping[str, Any], job: Path, out: Path, channel: Sends) -> None:
-    """Problem where the scene is refused; else `facts`, after its warnings."""
+    """Check a scene; Problem if it is refused; else sends `facts`, after its warnings."""
     check = _Check(command, job, channel)
     if command["kind"] == SHARED:
         from .check_shared import check_shared
@@ -66,13 +66,13 @@ class _Check:
         self.warnings = Warnings(channel)
         place = job / command["file"]
         self.is_package = command["kind"] == "zip"
-        self.root = place if self.is_package else place.parent  # of the files' names
+        self.root = place if self.is_package else place.parent  # file names are relative to this
         self.files = read_folder(place, self.limits) if self.is_package else read_file(place, self.limits)
         self.contents: dict[str, LayerContent] = {}
-        self.unreadable: dict[str, StageOpenError] = {}  # layers; composing goes on without those that are no root
+        self.unreadable: dict[str, StageOpenError] = {}  # by layer; composition continues without those that are not roots
         self.not_uploaded: list[tuple[str, str]] = []  # layers and paths in them
         self.places: dict[str, tuple[Container, File]] = {}
-        self.named: set[str | None] = set()  # layers that others lead to
+        self.named: set[str | None] = set()  # layers that others refer to
         self.leads_to: dict[tuple[str, str], str | None] = {}
 
     def run(self) -> dict[str, Any]:
@@ -104,7 +104,7 @@ class _Check:
             try:
                 content = layer_content(str(self.root / name), name)
             except StageOpenError as error:
-                if error.code == DAMAGED_LAYER:  # USD would open it, and nobody could say what it names
+                if error.code == DAMAGED_LAYER:  # USD would open it, but its references cannot be listed
                     raise
                 self.unreadable[name] = error
                 continue
@@ -115,7 +115,7 @@ class _Check:
             self.contents[name] = content
 
     def _refuse_deep_text(self, name: str, file: File) -> None:
-        """Before USD's parser, which recurses, sees it."""
+        """Refuse deeply nested text before USD's parser sees it, which recurses."""
         if file.kind != "usda":
             return
         depth = nesting_depth(file.path, self.limits.prim_depth, file.at, file.bytes)
@@ -123,7 +123,7 @@ class _Check:
             raise too_large("nested brackets", depth, self.limits.prim_depth, layer=name)
 
     def _entries(self) -> list[str]:
-        """Those of the outermost layers that no other layer names; all of them if each is named by another."""
+        """Return the outermost layers that no other layer refers to; all of them if each is referred to by another."""
         outermost = candidates(self.files.files)
         named = {
             found.name
@@ -135,7 +135,7 @@ class _Check:
         return [name for name in outermost if name not in named] or outermost
 
     def _readable(self, entries: list[str]) -> list[str]:
-        """Those that can be opened; the error of one that is asked for, or of the first where there is no other."""
+        """Return the entries that can be opened; raises the error of a requested one, or of the first if none can be."""
         broken = {
             entry: self.unreadable[root] for entry in entries if (root := _root_layer(self.files, entry)) in self.unreadable
         }
@@ -152,7 +152,7 @@ class _Check:
         return find(container, file.name, path)
 
     def _resolve_all(self) -> None:
-        """Every path in every layer: refused if it leads out, a warning if it leads to nothing."""
+        """Resolve every path in every layer: refuse those that lead outside, warn of missing files."""
         for name, content in self.contents.items():
             for expression in content.expressions:
                 refuse_expression(self.places[name][0], self.places[name][1].name, expression)
@@ -167,7 +167,7 @@ class _Check:
         self._resolve_documents()
 
     def _resolve_documents(self) -> None:
-        """What MaterialX documents name, alike; of one that cannot be read, composing tells."""
+        """Resolve the paths in MaterialX documents likewise; composition reports unreadable ones."""
         for container, file in self.files.walk():
             name = container.shown(file.name)
             if not is_document(name):
@@ -181,7 +181,7 @@ class _Check:
                     self.not_uploaded.append((name, path))
 
     def _warn_of_unreadable(self) -> None:
-        """Of those that no layer names; of the others composing tells."""
+        """Warn of unreadable layers that no layer refers to; composition reports the others."""
         for name, error in self.unreadable.items():
             if name not in self.named:
                 self._warn("file-ignored", "", f"The layer {name!r} is left out. {error.message}", "info")
@@ -213,18 +213,19 @@ class _Check:
         return stage
 
     def _shown(self, missing: MissingLayer) -> tuple[str, str]:
-        """Layer and path as the sender knows them: the same words whether there is such a file on this machine or not, and of
-        this machine's folders none. Of what leads out by composing, the last part."""
+        """Return layer and path as the sender knows them: the same words whether the file exists on this machine or not,
+        without this machine's folders. Of what leads outside by composition, only the last component."""
         root = f"{self.root}/"
         path = missing.asset_path
-        if path.startswith(root):  # of a usdz's members, USD tells whole paths
+        if path.startswith(root):  # for members of a usdz, USD reports absolute paths
             path = split_package(path.removeprefix(root))[1] or path.removeprefix(root)
         elif path.startswith("/"):
             path = f".../{path.rpartition('/')[2]}"
         return layer_file(missing.layer).removeprefix(root), path
 
     def _warn_of_not_uploaded(self, told: Collection[str]) -> None:
-        """But for what the stage's own notes have `told`: hidden variants, clips, what nothing is bound to."""
+        """Warn of files that were not uploaded, except for those that the stage's own notes reported: hidden variants, clips,
+        unbound materials."""
         for layer, path in self.not_uploaded:
             if path not in told:
                 self._warn("asset-not-uploaded", "", f"The layer {layer!r} names {path!r}, which was not uploaded.")
@@ -250,7 +251,7 @@ class _Check:
 
 
 class Warnings:
-    """What a check warns of: each once, and not too many."""
+    """Warnings of a check: each once, up to a limit."""
 
     def __init__(self, channel: Sends) -> None:
         self._channel = channel
@@ -263,7 +264,7 @@ class Warnings:
         self._warned.add(key)
         if len(self._warned) > MOST_WARNINGS:
             code, prim, detail, severity = "more-warnings", "", f"There are more than {MOST_WARNINGS} warnings.", "info"
-        kind = CODES[code].kind if code in CODES else Kind.NOTE  # the service's own are about files and names
+        kind = CODES[code].kind if code in CODES else Kind.NOTE  # the service's own codes are about files and names
         self._channel.send(
             "warning",
             code=code,
@@ -290,7 +291,7 @@ def too_large(what: str, count: int, limit: int, layer: str | None = None) -> Pr
 
 
 def _root_layer(files: Container, name: str) -> str:
-    """The layer that opening a file begins with: of a usdz its first member, and so on."""
+    """Return the layer that opening a file begins with: the first member of a usdz, recursively."""
     inner = files.inner.get(name)
     if inner is None or not inner.files:
         return files.shown(name)

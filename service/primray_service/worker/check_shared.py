@@ -1,6 +1,7 @@
-"""The check of a stage on shared storage: what it refers to lies in its shared root, and it can be composed.
+"""The check of a stage on shared storage: its references stay in its shared root, and it can be composed.
 
-The sandbox is the wall: of the file system a worker sees the root alone. This is for messages that say which layer leads out.
+The sandbox enforces the boundary: a worker sees only the root of the file system's folders. The check gives messages that name
+the layer at fault.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ LAYERS = (".usd", ".usda", ".usdc")
 
 
 def check_shared(command: Mapping[str, Any], channel: Sends) -> None:
-    """Problem where the stage is refused; else `facts`, after its warnings."""
+    """Check a stage; Problem if it is refused; else sends `facts`, after its warnings."""
     channel.send("phase", phase="opening")
     root, stage = Path(command["root"]), Path(command["file"])
     limits = limits_of(command.get("limits") or {})
@@ -71,11 +72,11 @@ def _refuse_deep_text(stage: Path, root: Path, limits: Limits) -> None:
 
 
 def _refuse_paths_out(layer: str, root: Path) -> None:
-    """By the text of each path, and by where links lead."""
+    """Refuse paths that lead outside, by their text and by links."""
     try:
         content = layer_content(layer, _shown(layer, root))
     except (StageOpenError, *DAMAGED):
-        return  # composing says what is wrong with it
+        return  # composition reports what is wrong with it
     for path in content.asset_paths:
         outer = split_package(path)[0].replace("\\", "/")
         place = posixpath.normpath(posixpath.join(posixpath.dirname(layer), outer))
@@ -85,7 +86,7 @@ def _refuse_paths_out(layer: str, root: Path) -> None:
 
 
 def _refuse_outside(file: str, root: Path) -> None:
-    """A file that was opened: by a search path, or by a link that only composing met."""
+    """Refuse a file that was opened through a search path, or through a link that only composition followed."""
     if not Path(os.path.realpath(file.partition("[")[0])).is_relative_to(root):
         raise _outside(_shown(file, root), posixpath.basename(file))
 
@@ -96,7 +97,7 @@ def _outside(layer: str, path: str) -> Problem:
 
 
 def _shown(path: str, root: Path) -> str:
-    """As the client knows it: below the root; of anything else the last part."""
+    """Return a path as the client knows it: below the root; otherwise its last component."""
     if Path(path).is_relative_to(root):
         return Path(path).relative_to(root).as_posix()
     return path if not path.startswith("/") else f".../{posixpath.basename(path)}"

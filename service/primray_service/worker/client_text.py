@@ -1,7 +1,7 @@
-"""Texts on their way to a client: without the places that files have on this machine.
+"""Texts for clients, without paths of this machine.
 
-The renderer names a stage's files by their paths from its folder already. Here all that leaves a worker goes through, so that
-what it missed (a library's own words, a path that leads out of what was uploaded) tells nothing of the machine either.
+The renderer already names a stage's files by paths relative to its folder. All text that leaves a worker passes through here,
+so that nothing else (a library's own messages, a path outside the upload) reveals paths of the machine either.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-# An absolute path between the marks that USD puts around assets: it leads out of what was uploaded.
+# An absolute path between the marks that USD puts around assets: it leads outside the upload.
 _OUTSIDE = re.compile(r"@/(?:[^@/]*/)*([^@/]*)@")
-# What USD says of a file there, whether there is one or none: it may quote its contents.
+# USD's explanation about a file, whether it exists or not: it may quote the file's contents.
 _WHY = re.compile(r" -- .*?(?=; skipping\.|\.?$)", re.DOTALL)
 _PRIM = re.compile(r"(?:/[A-Za-z_]\w*)+")  # nothing but a prim's path, or a folder that could be one
 _ANONYMOUS = re.compile(r"anon:0x[0-9a-fA-F]+:?")
 
 
 class ClientText:
-    """Of one worker, by its folders as it sees them."""
+    """Texts of one worker, by its folders as it sees them."""
 
     def __init__(self, job: Path, out: Path, shared: Path | None = None) -> None:
         folders = [
@@ -46,7 +46,7 @@ class ClientText:
         return _ANONYMOUS.sub("", text) if "anon:0x" in text else text
 
     def in_json(self, value: Any) -> Any:
-        """The same value with all its texts so; paths of prims stay what they are."""
+        """Return the value with all of its texts converted; prim paths stay as they are."""
         if isinstance(value, str):
             return self.in_text(value)
         if isinstance(value, Mapping):

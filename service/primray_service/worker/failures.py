@@ -1,4 +1,4 @@
-"""What a worker's exceptions are called on the outside: problem documents, with places inside of the job's own files.
+"""Problem documents for a worker's exceptions, with locations inside the job's own files.
 
 Sentences are the renderer's own, so that a service says what the command line says.
 """
@@ -20,12 +20,12 @@ _DISK = {errno.EFBIG, errno.EDQUOT, errno.ENOSPC}
 
 
 def is_expected(error: BaseException) -> bool:
-    """Whether it says what is wrong without the place in the program where it was found."""
+    """Return whether the error explains itself without a traceback."""
     return isinstance(error, Problem | errors.PrimrayError) and not isinstance(error, errors.InternalError)
 
 
 def problem_of_error(error: BaseException, job_folder: str) -> Problem:
-    """The problem that tells a client what happened; what it does not tell is in the log."""
+    """Return the problem that tells a client what happened; the log has the details."""
     if isinstance(error, Problem):
         return error
     if isinstance(error, MemoryError):
@@ -59,7 +59,7 @@ def _of_primray(error: errors.PrimrayError, job_folder: str) -> Problem:
 
 
 def unreadable_layer(error: errors.StageOpenError, layer: str, job_folder: str) -> Problem:
-    """With USD's own sentence, and where in the layer it stopped, if it says so."""
+    """Return the problem of an unreadable layer, with USD's own sentence, and the position in the layer if USD gives it."""
     found = _PLACE.search(error.message)
     line, column = (int(found[1]), int(found[2])) if found else (None, None)
     detail = _sentence(error, job_folder)
@@ -72,7 +72,8 @@ def _sentence(error: errors.PrimrayError, job_folder: str) -> str:
 
 
 def _inside(error: errors.PrimrayError, job_folder: str) -> str:
-    """A place as the client knows it: a path below the job's folder, a prim's path; of another file its name alone."""
+    """Return the location as the client knows it: a path below the job's folder, or a prim path; for another file only its
+    name."""
     where = error.where
     if where.startswith(job_folder + "/"):
         return where[len(job_folder) + 1 :]

@@ -1,4 +1,4 @@
-"""Parts of a frame put together: their checkpoints become one, whose picture and error are told. No stage is opened."""
+"""Merge of a frame's parts: their checkpoints become one, whose picture and error are reported. No stage is opened."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .render_watch import in_rec709
 
 
 def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-    """Leaves a checkpoint of all of their samples and a preview, and says what the error is."""
+    """Merge parts: leaves a checkpoint with all of their samples and a preview, and reports the error."""
     channel.send("phase", phase="opening")
     merged, judged = _merged([job / str(name) for name in command["parts"]], command)
     number = int(command["number"]) + 1
@@ -40,7 +40,7 @@ def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Chann
 
 
 def _merged(paths: list[Path], command: Mapping[str, Any]) -> tuple[Merged, dict[str, Any] | None]:
-    """And what the error decides, where one is asked for."""
+    """Return the merged film, and the measured error if one was requested."""
     if command["target"] is None:
         return merge(paths), None
     merged, found = merge_and_judge(paths, command["most"], float(command["target"]), str(command["metric"]))
@@ -61,7 +61,7 @@ def _send_preview(merged: Merged, samples: int, background: str | None, out: Pat
 
 
 def _error_of(errors: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any] | None:
-    """In the metric that is asked for, as progress tells it."""
+    """Return the error in the requested metric, in the form of progress messages."""
     found = errors.get(command["metric"])
     if not found or not _is_known(found["ci95"]):
         return None

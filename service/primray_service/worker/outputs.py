@@ -1,4 +1,4 @@
-"""The files that a frame leaves, by the endings of their names: .exr is the record, .png a view of it, .json the report."""
+"""Output files of a frame, by their extensions: .exr is the record, .png a view of it, .json the report."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ DEFAULT_NAMES = ("beauty.exr", "beauty.png", "report.json")
 def write_pictures(
     image: Image, names: Sequence[str], folder: Path, diagnostics: Diagnostics, files: PictureFiles
 ) -> dict[str, Any]:
-    """Write the pictures and return the report with what writing took; what a view does not show well goes to `diagnostics`.
+    """Write the pictures and return the report with the time for writing; view problems go to `diagnostics`.
 
     EXRs come first, so that a view that fails loses nothing else.
     """
@@ -70,7 +70,7 @@ def write_report(report: Mapping[str, Any], names: Sequence[str], folder: Path) 
 
 
 def described(path: Path) -> dict[str, Any]:
-    """What `done` says of a file."""
+    """Return the description of a file for `done`."""
     with open(path, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     return {
@@ -83,7 +83,8 @@ def described(path: Path) -> dict[str, Any]:
 
 
 def to_send(report: Mapping[str, Any], most_bytes: int) -> dict[str, Any]:
-    """The report as a message can carry it: without what is in `warning` messages, or can only be very long."""
+    """Return the report as a message can carry it: without what `warning` messages have, and without members that are too
+    long."""
     left = {name: value for name, value in report.items() if name != "diagnostics"}
     left["diagnostics_count"] = len(report["diagnostics"])
     if len(json.dumps(left)) > most_bytes:

@@ -1,6 +1,7 @@
-"""The files of a scene as its check sees them: those of the job's folder, and inside of each usdz those of its directory.
+"""The files of a scene as its check sees them: those of the job's folder, and inside each usdz those in its directory.
 
-Nothing is unpacked: members of a usdz are stored, so they are stretches of the file, which USD opens as `package.usdz[member]`.
+Nothing is unpacked: members of a usdz are stored, so they are byte ranges of the file, which USD opens as
+`package.usdz[member]`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ..scenes.zip_directory import Member, read_directory
 from ..scenes.zip_names import refuse_names
 
 IMAGES = {".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".tga", ".bmp", ".webp", ".tx", ".psd", ".avif"}
-# What a plug-in or a script would be; never loaded.
+# Extensions of plug-ins and scripts, which are never loaded.
 PROGRAMS = {".py", ".pyc", ".pyd", ".so", ".dll", ".dylib", ".sh", ".exe", ".lua"}
 _MAGIC = ((b"#usda ", "usda"), (b"#sdf ", "usda"), (b"PXR-USDC", "usdc"), (b"PK\x03\x04", "usdz"))
 _SUFFIXES = {".usd", ".usda", ".usdc", ".usdz"}
@@ -30,9 +31,9 @@ _SUFFIXES = {".usd", ".usda", ".usdc", ".usdz"}
 @dataclass(frozen=True)
 class File:
     name: str  # in its container, with /
-    kind: str  # usda, usdc, usdz (by their first bytes), image, program, other; "?": called USD, but is none
+    kind: str  # usda, usdc, usdz (by their first bytes), image, program, other; "?": named like USD, but is not
     bytes: int
-    path: Path  # of the file on the disk that has it, from `at` on
+    path: Path  # the file on disk that contains it, from `at` on
     at: int
 
     def open(self) -> BinaryIO:
@@ -41,12 +42,12 @@ class File:
 
 @dataclass
 class Container:
-    """A folder or the inside of a usdz. `prefix` and `suffix`: what stands around a member's name to name it from outside."""
+    """A folder or the inside of a usdz. `prefix` and `suffix` surround a member's name to make its name from outside."""
 
     prefix: str = ""
     suffix: str = ""
     files: dict[str, File] = field(default_factory=dict)
-    inner: dict[str, Container] = field(default_factory=dict)  # of the usdz among the files
+    inner: dict[str, Container] = field(default_factory=dict)  # by usdz file in it
     is_one_file: bool = False  # the scene is its only file
 
     def shown(self, name: str) -> str:
@@ -60,7 +61,7 @@ class Container:
 
 
 def read_folder(folder: Path, limits: Limits) -> Container:
-    """Everything below a folder. Problem for what is no plain file, and for packages that are none."""
+    """Read everything below a folder. Problem for special files, and for invalid packages."""
     found = Container()
     for path in sorted(_plain_files(folder)):
         name = path.relative_to(folder).as_posix()
@@ -69,7 +70,7 @@ def read_folder(folder: Path, limits: Limits) -> Container:
 
 
 def read_file(path: Path, limits: Limits) -> Container:
-    """One file by itself."""
+    """Read one file without a folder."""
     found = Container(is_one_file=True)
     _add(found, _file(path.name, path, 0, path.stat().st_size), limits, depth=1)
     return found
@@ -107,7 +108,7 @@ def _add(container: Container, file: File, limits: Limits, depth: int) -> None:
 
 
 def _members(file: File, limits: Limits, inside: Container | None) -> list[Member]:
-    """Of a usdz; what is wrong with one is told with the member's name, as seen from outside unless it is all that was sent."""
+    """Return the members of a usdz; problems name the member, as seen from outside unless the usdz is all that was sent."""
     try:
         with file.open() as opened:
             members = read_directory(opened, limits)
@@ -129,7 +130,7 @@ def _file(name: str, path: Path, at: int, size: int) -> File:
             opened.seek(at)
             head = opened.read(min(size, 8))
         kind = next((kind for magic, kind in _MAGIC if head.startswith(magic)), "?")
-        # .usd may be text or binary; the others are what they are called.
+        # .usd may be text or binary; the others must be what they are named.
         fits = kind in {".usd": ("usda", "usdc"), ".usda": ("usda",), ".usdc": ("usdc",), ".usdz": ("usdz",)}[suffix]
         return File(name, kind if fits else "?", size, path, at)
     if suffix in PROGRAMS or PurePosixPath(name).name.lower() == "pluginfo.json":
@@ -138,7 +139,7 @@ def _file(name: str, path: Path, at: int, size: int) -> File:
 
 
 def scene_layers(container: Container) -> list[tuple[Container, File]]:
-    """All layers, those in packages too; not what macOS leaves in zips, nor hidden files."""
+    """Return all layers, including those in packages; not what macOS leaves in zips, nor hidden files."""
     named = set(layers_of(container.files))
     return [
         (inside, file)
@@ -148,7 +149,7 @@ def scene_layers(container: Container) -> list[tuple[Container, File]]:
 
 
 class _Stretch(io.RawIOBase):
-    """A part of a file, read as if it were one."""
+    """A byte range of a file, as a file object."""
 
     def __init__(self, path: Path, at: int, size: int) -> None:
         self._file = path.open("rb", buffering=0)

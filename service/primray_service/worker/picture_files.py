@@ -1,4 +1,4 @@
-"""How the files of a job are written: view, exposure, halves and compression, as its settings say."""
+"""Settings of a job's picture files: view, exposure, half floats and compression."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PictureFiles:
-    """What OpenColorIO shows a picture through, and how an EXR stores it."""
+    """OpenColorIO transform of pictures, and storage of an EXR."""
 
     view: str | None = None
     display: str | None = None
@@ -24,7 +24,7 @@ class PictureFiles:
     encoding: Encoding = field(default_factory=Encoding)
 
     def view_of(self, image: Image) -> View:
-        """Return the view of the image's files: the job's, else what the stage's product asks for."""
+        """Return the view of the image's files: the job's, else the one that the stage's product requests."""
         return image.view_of(self.view, self.display, self.look)
 
     def stops(self, image: Image) -> float:
@@ -39,7 +39,7 @@ class PictureFiles:
 
 
 def picture_files_of(command: Mapping[str, Any]) -> PictureFiles:
-    """Return what the command's `files` say; SettingsError for a compression that no EXR has."""
+    """Return the command's `files`; SettingsError for a compression that EXR does not have."""
     said = command.get("files") or {}
     encoding = Encoding(None, tuple(said.get("half", ())), *compression_of(said.get("compression")))
     return PictureFiles(said.get("view"), said.get("display"), said.get("look"), said.get("exposure"), encoding)

@@ -1,10 +1,10 @@
-"""The picture of now in a file that needs no decoder: written by workers, read by the server, which believes nothing of it.
+"""Previews: the current picture in a file that needs no decoder, written by workers and read by the server, which trusts
+nothing of it.
 
-Little-endian throughout: the magic, version, sizes of the preview and of the picture, the number of complete passes, samples
-taken in all (HEADER), how many channels there are, each one's name (a byte of length, ASCII), and the channels one after
-another as half floats, rows from the top. Colours are scene-referred, linear Rec.709, whatever the EXR's are; `stderr.*` are
-their standard errors, infinite where there is none yet. A picture of more than a megapixel is averaged over boxes of k x k
-pixels.
+Little-endian throughout: the magic, version, sizes of the preview and of the picture, the number of complete passes, total
+samples (HEADER), number of channels, each one's name (a length byte, ASCII), and the channels one after another as half floats,
+rows from the top. Colours are scene-referred, linear Rec.709, whatever the EXR's are; `stderr.*` are their standard errors,
+infinite while unknown. A picture of more than a megapixel is averaged over boxes of k x k pixels.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ Values = npt.NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """`channels`: (7, H, W) float16 in the order of CHANNELS."""
+    """A preview. `channels`: (7, H, W) float16 in the order of CHANNELS."""
 
     channels: Values
-    picture: tuple[int, int]  # width, height of what it is a preview of
-    passes: int  # grows with every preview of a frame
+    picture: tuple[int, int]  # width and height of the full picture
+    passes: int  # increases with every preview of a frame
     samples: int
 
     @property
@@ -58,7 +58,7 @@ class Preview:
         return self._of(6, 7)[..., 0]
 
     def _of(self, begin: int, end: int) -> Values:
-        """(H, W, n) float32"""
+        """Return (H, W, n) float32."""
         return np.ascontiguousarray(np.moveaxis(self.channels[begin:end], 0, -1), np.float32)
 
 
@@ -67,11 +67,11 @@ class BadPreview(ValueError):
 
 
 def preview_of(pixels: Values, errors: Values, passes: int, samples: int) -> Preview:
-    """Of a film's means with coverage (H, W, 4) and standard errors (H, W, 3)."""
+    """Return a preview of a film's means with coverage (H, W, 4) and standard errors (H, W, 3)."""
     height, width = pixels.shape[:2]
     side = box_side(width, height)
     rgba = _box_mean(pixels, side)
-    # The mean of n independent pixels has the root of the mean of their variances over root n.
+    # The standard error of a mean of n independent pixels is the root of their mean variance over root n.
     counts = _box_counts(height, side)[:, None, None] * _box_counts(width, side)[None, :, None]
     deviation = np.sqrt(_box_mean(np.square(errors), side) / counts) if side > 1 else errors
     stacked = np.concatenate([rgba[..., :3], deviation, rgba[..., 3:]], axis=2)
@@ -82,7 +82,7 @@ def preview_of(pixels: Values, errors: Values, passes: int, samples: int) -> Pre
 
 
 def box_side(width: int, height: int) -> int:
-    """The least whole number of pixels a side of a box so that boxes are at most a megapixel."""
+    """Return the smallest integer side of a box, in pixels, for which there are at most a megapixel of boxes."""
     side = max(math.isqrt(max(width * height // MOST_PIXELS - 1, 0)), 1)
     while -(-width // side) * -(-height // side) > MOST_PIXELS:
         side += 1
@@ -106,7 +106,7 @@ def _box_mean(values: Values, side: int) -> Values:
 
 
 def write_preview(preview: Preview, folder: Path) -> tuple[str, int]:
-    """Put it at its name in the folder in one step; that name, and its size."""
+    """Write it to its name in the folder in one step; return that name, and its size."""
     width, height = preview.resolution
     head = HEADER.pack(MAGIC, VERSION, width, height, *preview.picture, preview.passes, preview.samples)
     names = b"".join(bytes([len(name)]) + name.encode() for name in CHANNELS)
@@ -118,7 +118,7 @@ def write_preview(preview: Preview, folder: Path) -> tuple[str, int]:
 
 
 def read_preview(path: Path) -> Preview:
-    """BadPreview unless every byte is where it should be; FileNotFoundError where there is none. Links are not followed."""
+    """Read a preview; BadPreview unless every byte is valid; FileNotFoundError if there is none. Links are not followed."""
     handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(handle, "rb") as file:
         data = file.read(MOST_BYTES + 1)

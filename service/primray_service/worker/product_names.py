@@ -1,4 +1,4 @@
-"""Names of products' files within a job: plain ASCII names without folders, different from product to product."""
+"""File names of products within a job: plain ASCII names without folders, distinct between products."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pathlib import PurePosixPath
 from primray.errors import SettingsError
 from primray.render.frame_names import frame_name
 
-LONGEST = 60  # characters of a stem: the end of the frame's names follows, and a number where two are alike
+LONGEST = 60  # characters of a stem, which the frame's suffix follows, and a number if two are equal
 
 
 def names_within_job(files: Sequence[str], time_code: float | None, end: str) -> list[str]:
-    """Return a name for each product's file of a frame, from paths as productName says them.
+    """Return a name for each product's file of a frame, from the paths in productName.
 
-    Folders are left out, unless two files differ in them alone. `end` comes before the extension; where a name has a place for
-    the frame's number of its own, the number is not repeated. SettingsError where there is such a place and no frame.
+    Folders are dropped, unless two files differ in them alone. `end` comes before the extension; if a name has its own
+    placeholder for the frame's number, the number is not repeated. SettingsError if there is such a placeholder and no frame.
     """
     own = [_at_frame(file, time_code) for file in files]
     plain = [PurePosixPath(file).name.casefold() for file in own]
@@ -39,7 +39,8 @@ def _at_frame(file: str, time_code: float | None) -> str:
 
 
 def _stem(text: str, end: str) -> str:
-    """Return letters, digits, _, - and single dots, beginning with a letter or digit and without the frame's number."""
+    """Return the text as letters, digits, _, - and single dots, beginning with a letter or digit and without the frame's
+    number."""
     number = end.partition(".")[2]
     if number and re.search(rf"(^|[._-]){re.escape(number)}$", text):
         text = text[: -len(number)].rstrip("._-")

@@ -1,7 +1,7 @@
-"""A frame of several products: those that one render makes share it, and renders follow one another.
+"""A frame of several products: products with equal settings share a render, and renders run one after another.
 
-A frame's checkpoint is a zip of its renders' own checkpoints, so that a worker that dies or gives way costs no render that has
-ended, and so that each of them can take more samples later.
+A frame's checkpoint is a zip of its renders' own checkpoints, so that a worker that dies or is preempted loses no finished
+render, and so that each of them can take more samples later.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from .render_task import REPORT_BYTES, Run, check_view_of, limit_images, setting
 from .render_watch import Numbers, Phases, Share, Warnings
 from .stage_of_frames import StageOfFrames
 
-MOST_PRODUCTS = 60  # of a frame, each a file
+MOST_PRODUCTS = 60  # per frame, each a file
 SPENT = "spent.json"  # in a checkpoint: seconds of sampling of each render
 
 
 def render_products(stages: StageOfFrames, command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-    """Render them, and leave, or return if it is to stay; or raise what went wrong."""
+    """Render the products, and end the process, or return if it is to stay; raises errors."""
     number = int(command.get("number") or 0)
     channel.nothing_to_save(number)
     frame = _Frame(stages, command, job, out, channel, Checkpoints(number, out))
@@ -55,7 +55,7 @@ def render_products(stages: StageOfFrames, command: Mapping[str, Any], job: Path
 
 
 class Checkpoints(Numbers):
-    """Numbers of checkpoints that hold those of all renders begun so far; `place` is the render that is under way."""
+    """Checkpoints that hold those of all renders begun so far; `place` is the index of the running render."""
 
     def __init__(self, number: int, out: Path) -> None:
         super().__init__(number, out)
@@ -158,7 +158,7 @@ class _Frame:
     def _render(
         self, place: int, renders: int, own: RenderSettings, products: Sequence[Product], names: Mapping[str, str]
     ) -> tuple[dict[str, Any], list[str]] | None:
-        """None where it was stopped before there was a picture."""
+        """Render; None if it was stopped before there was a picture."""
         checkpoint, numbers = self.numbers.file(place), self.numbers
         if checkpoint is None and (self._channel.stop or self._command.get("picture_only")):
             return None
@@ -200,7 +200,7 @@ class _Frame:
         return report, files
 
     def _tell(self, diagnostics: Sequence[Diagnostic] | Diagnostics) -> None:
-        """Report what no render before has reported."""
+        """Report diagnostics that no earlier render has reported."""
         new = [diagnostic for diagnostic in diagnostics if diagnostic not in self._known]
         self._known.update(new)
         self._told.extend(new)

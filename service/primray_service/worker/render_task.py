@@ -1,7 +1,7 @@
-"""One frame from its last checkpoint until it ends, gives way or is stopped, told as it goes.
+"""One frame from its last checkpoint until it ends, is preempted or is stopped, with reports of its progress.
 
-primray's own machinery does the work (render.prepare, Sampling, Saver); here it is watched, paused and written down. What a
-frame's pixels are does not depend on how often that happened.
+primray's own code does the work (render.prepare, Sampling, Saver); here it is monitored, paused and stored. A frame's pixels do
+not depend on how often that happened.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ REPORT_BYTES = 2**20
 
 
 def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-    """Do it, and leave, or return if it is to stay; or raise what went wrong."""
+    """Render a frame, and end the process, or return if it is to stay; raises errors."""
     number = int(command.get("number") or 0)
     channel.nothing_to_save(number)
     phases, warned, costs, diagnostics = Phases(channel), Warnings(channel), Costs(), Diagnostics()
@@ -76,9 +76,10 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
 
 
 class Run:
-    """The sampling of one picture, from its checkpoint if there is one; it has ended, or the process has left to give way.
+    """The sampling of one picture, from its checkpoint if there is one. Afterwards it has ended, or the process has ended to
+    yield.
 
-    `spent_s`: seconds of it before, which its time limit counts.
+    `spent_s`: earlier seconds of it, which count towards its time limit.
     """
 
     def __init__(
@@ -122,7 +123,7 @@ class Run:
 
 
 def check_view_of(names: Sequence[str], files: PictureFiles, prepared: Prepared) -> None:
-    """SettingsError before sampling where a view is to be written and the configuration cannot make it."""
+    """Raise SettingsError before sampling if a view is to be written and the configuration cannot make it."""
     from primray.images.exposure import View
     from primray.images.image import shows_view
 
@@ -141,12 +142,12 @@ def _prepare(command: Mapping[str, Any], job: Path, stages: StageOfFrames, costs
     return within_limits(prepared, command.get("limits") or {}, diagnostics)
 
 
-# What a stage may ask for, and the limit of jobs that it is under.
+# Stop rules that a stage may set, and the limit of jobs that applies to each.
 LIMITED = {"spp": "samples", "time_limit_s": "seconds"}
 
 
 def within_limits(prepared: Prepared, limits: Mapping[str, Any], diagnostics: Diagnostics) -> Prepared:
-    """Return what is prepared, with no more samples and seconds asked for by the stage than a job could ask for."""
+    """Return the prepared scene with the stage's samples and seconds reduced to what a job may request."""
     for one in prepared.asked.asked:
         most = limits.get(LIMITED.get(one.name, ""))
         if most is not None and one.value > most:
@@ -162,7 +163,7 @@ def _checkpoint(command: Mapping[str, Any], job: Path) -> Path | None:
 
 
 def settings_of(command: Mapping[str, Any], job: Path) -> RenderSettings:
-    """Return the command's settings, with its limits and with the places of the package's images."""
+    """Return the command's settings, with its limits and with the paths of the package's images."""
     values = dict(command["settings"])
     limits = command.get("limits") or {}
     if values.get("max_memory_bytes") is None and limits.get("memory_bytes") is not None:
@@ -176,12 +177,12 @@ def settings_of(command: Mapping[str, Any], job: Path) -> RenderSettings:
 
 
 def place_of_image(command: Mapping[str, Any], job: Path, name: str | None) -> str | None:
-    """Return the place of the package's file of this name; what is no such file stays as it is."""
+    """Return the path of the package's file with this name; other values stay as they are."""
     return str(package_file(command, job, name) or name) if name else name
 
 
 def package_file(command: Mapping[str, Any], job: Path, name: str) -> Path | None:
-    """Return the package's (or the shared root's) file of this name; None: there is no such file."""
+    """Return the package's (or the shared root's) file with this name, or None."""
     if command.get("root"):
         folder = Path(command["root"])
     else:

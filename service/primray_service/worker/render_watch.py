@@ -1,5 +1,5 @@
-"""What a render under way tells its server (phases, warnings, progress, rows of the error, previews, checkpoints), and how it
-is told to stop."""
+"""Reports of a running render to its server (phases, warnings, progress, rows of the error, previews, checkpoints), and its
+commands to stop."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PHASES = {
     "build": "building",
     "write": "writing",
 }
-PROGRESS_EVERY_S, PART_PROGRESS_EVERY_S = 0.5, 1.0  # parts: there are more of them
+PROGRESS_EVERY_S, PART_PROGRESS_EVERY_S = 0.5, 1.0  # parts report less often, since there are more of them
 PREVIEW_EVERY_S = 0.5  # at most, and at most a tenth of the time
 MOST_WARNINGS = 1000
 # Seconds from the last sample to the end of all work: encoding the files, a second for 4 megapixels.
@@ -39,12 +39,13 @@ TAIL_S, TAIL_S_PER_PIXEL = 0.1, 2.5e-7
 
 
 def passes_of(sampling: Sampling) -> int:
-    """As many times as each pixel has got a block of samples, on average: the same after a resume as before it."""
+    """Return the number of sample blocks per pixel, on average: the same after a resume as before it."""
     return int(sampling.mean_samples() / SAMPLE_BLOCK)
 
 
 def in_rec709(pixels: Values, errors: Values, space: ColorSpace) -> tuple[Values, Values]:
-    """Previews know one space. Channels see the same paths, so their errors add up as they are: they are that at most."""
+    """Return pixels and errors in Rec.709, the colour space of previews. Channels see the same paths, so their errors are added
+    linearly, which is an upper bound."""
     by = matrix(space, REC709)
     if by is None:
         return pixels, errors
@@ -52,7 +53,7 @@ def in_rec709(pixels: Values, errors: Values, space: ColorSpace) -> tuple[Values
 
 
 class Phases:
-    """Tells each phase once."""
+    """Reports each phase once."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -66,7 +67,7 @@ class Phases:
 
 
 class Warnings:
-    """Tells each diagnostic once; of very many the first, and how many more there are."""
+    """Reports each diagnostic once; of very many the first ones, and the number of the others."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -93,7 +94,7 @@ class Warnings:
 
 
 class Numbers:
-    """Names of checkpoints: each takes the place of the one before, which stays until the server has the new one."""
+    """Names of checkpoints: each replaces the previous one, which stays until the server has the new one."""
 
     def __init__(self, number: int, out: Path) -> None:
         self.number = number
@@ -113,7 +114,7 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Share:
-    """Which of a frame's renders is watched. Those of several products follow one another."""
+    """The watched render's share of a frame. Renders of several products run one after another."""
 
     place: int = 0
     renders: int = 1
@@ -123,18 +124,18 @@ class Share:
         return (self.place + own) / self.renders
 
     def own(self, fraction: float) -> float:
-        """Return this render's part of what the frame has reached."""
+        """Return this render's own fraction from the frame's."""
         return min(max(fraction * self.renders - self.place, 0.0), 1.0)
 
     def left_s(self, own: float, whole: float) -> float:
-        """Return the seconds left of the frame; each render to come takes as long as this one."""
+        """Return the seconds left of the frame; each later render is assumed to take as long as this one."""
         return own + (self.renders - self.place - 1) * whole
 
 
 class Watch:
-    """Between the sampling and the server: progress, rows, previews, checkpoints, being told to stop. `shows`: previews, and
-    the error; no part of a frame does. `backdrop` is behind the previews while it samples; `is_composited`: something is behind
-    the picture of the files."""
+    """Monitor of a render: progress, rows, previews, checkpoints, commands to stop. `shows`: whether previews and the error are
+    reported, which parts do not. `backdrop` is behind the previews while it samples; `is_composited`: something is behind the
+    picture of the files."""
 
     def __init__(
         self,
@@ -168,7 +169,7 @@ class Watch:
         self._first_rays = sampling.film.rays
 
     def run(self, fraction: float) -> str:
-        """Sample until something stops it, "stopped", or it "gave way". `fraction` was reached by earlier runs."""
+        """Sample until it ends, and return why: "stopped", or it "gave way". `fraction` was reached by earlier runs."""
         sampling = self._sampling
         sampling.most_fraction = min(max(fraction, 0.0), 0.99)
         sampling.schedule = replace(sampling.schedule, first_look=self._shows, is_part=not self._shows)
@@ -186,18 +187,18 @@ class Watch:
         if sampling.stop is None:
             self._saver.save(sampling)
             return "gave way"
-        self._saver.save_meanwhile(sampling)  # while the picture is written
+        self._saver.save_meanwhile(sampling)  # saved while the picture is written
         return "stopped"
 
     def last_words(self) -> None:
-        """The last rows, progress and preview of a picture that is complete now."""
+        """Report the last rows, progress and preview of a complete picture."""
         self._send_rows()
         self._send_progress(1.0)
         if self._shows and self._sampling.film.samples != self._shown_samples:
             self._preview()
 
     def show(self, image: Image) -> int:
-        """Preview the picture as its files show it where that is not what was sampled; return the last preview's pass."""
+        """Preview the picture as its files show it if that differs from what was sampled; return the last preview's pass."""
         if self._shows and (self._is_composited or image.shown is not image):
             shown = image.shown
             self._send_preview(*in_rec709(shown.pixels, self._sampling.film.image()[1], image.color_space))
@@ -219,7 +220,8 @@ class Watch:
             self._preview()
 
     def _wants_preview(self) -> bool:
-        """The first one as soon as every pixel has samples; that of a frame that goes on from a checkpoint may at once."""
+        """Return whether to send a preview: the first one as soon as every pixel has samples; a frame that resumes from a
+        checkpoint may send one at once."""
         if not self._shows or time.monotonic() < self._next_preview or self._sampling.done == 0:
             return False
         return self._shown < 0 or (self._channel.wants_preview() and passes_of(self._sampling) > self._shown)
@@ -234,7 +236,7 @@ class Watch:
         self._next_preview = time.monotonic() + max(PREVIEW_EVERY_S, 9 * took)
 
     def _send_preview(self, pixels: Values, errors: Values) -> None:
-        """Pixels and errors are in Rec.709."""
+        """Send a preview; pixels and errors are in Rec.709."""
         number, samples = max(passes_of(self._sampling), self._shown + 1), self._sampling.film.samples
         preview = preview_of(pixels, errors, self._share.passes + number, samples)
         file, size = write_preview(preview, self._out)
@@ -242,7 +244,7 @@ class Watch:
         self._shown, self._shown_samples = number, samples
 
     def _send_rows(self) -> None:
-        """Of several renders the first alone has a curve: a frame has one."""
+        """Send rows of the convergence curve. Of several renders only the first has one: a frame has one curve."""
         rows = self._sampling.rows if self._share.place == 0 else []
         for row in rows[self._rows :]:
             found = row.as_json()

@@ -1,4 +1,4 @@
-"""The stage of a job's frames, opened once for those that one worker renders; what frames have in common stays made."""
+"""The stage of a job's frames, opened once for those that one worker renders; what frames have in common is reused."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from primray.settings import RenderSettings
 
 
 class StageOfFrames:
-    """Made before there is one: what the process has then, libraries mostly, is not the stage's."""
+    """The open stage. Create it before the stage is opened: memory in use by then, mostly libraries, does not count as the
+    stage's."""
 
     def __init__(self) -> None:
         self._kept: KeptStage | None = None
@@ -23,7 +24,7 @@ class StageOfFrames:
     def prepare(
         self, file: str, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, more_follow: bool
     ) -> Prepared:
-        """As render.prepare, for a checkpoint. Of the last frame nothing is kept that it does not have itself."""
+        """Prepare a frame like render.prepare, for a checkpoint. Nothing is kept of the last frame beyond itself."""
         found, self._kept = self._kept, None
         if found is None or not self._has(found, file, settings):
             with costs.stage("open"):

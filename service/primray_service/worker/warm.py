@@ -1,4 +1,4 @@
-"""What a worker does before it has work: all that is done once in a process, by rendering a stage of one cube.
+"""Warm-up of a worker before its first chunk: rendering a stage of one cube does whatever happens once in a process.
 
 Libraries are loaded, their plug-ins and configurations read, threads started, so that the first picture of a job is not late.
 """
@@ -11,7 +11,7 @@ STAGE = '#usda 1.0\ndef Cube "cube" {\n}\n'
 
 
 def warm_up(kind: str, folder: Path) -> None:
-    """`folder`: for files that are gone afterwards."""
+    """Warm up; `folder` is for files that are removed afterwards."""
     from primray import usd
     from primray.composition import Composition
     from primray.diagnostics import Diagnostics

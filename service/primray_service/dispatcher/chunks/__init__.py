@@ -1,2 +1,3 @@
-"""Chunks: commands.py says what one is to do, bringing.py brings its files from an object store, chunk_run.py and check_run.py
-are one that runs, inbox.py and messages.py what it says, checked; adoption.py takes over the files that it leaves."""
+"""Chunks: commands.py makes their commands, stage_inputs.py fetches their files from an object store, chunk_run.py and
+check_run.py are running chunks, inbox.py and messages.py validate their messages; adoption.py takes over the files that they
+leave."""

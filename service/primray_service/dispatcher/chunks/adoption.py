@@ -1,4 +1,4 @@
-"""Taking over the files that a worker leaves: checked, whole, and on the disk before any row names them."""
+"""Adoption of files that a worker leaves: each is validated and on the disk before any row names it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PREVIEW_BYTES = 32 * 2**20
 
 
 class NotAdopted(Exception):
-    """What the worker left is not what it said."""
+    """The files of a worker do not match its message."""
 
 
 @dataclass(frozen=True)
@@ -31,22 +31,23 @@ class Adopted:
 
 
 def checkpoint_file(number: int, frame: int, chunk_id: str) -> str:
-    """A name in the job's folder that no other chunk uses, not even one of a server that believes to have the lease still."""
+    """Return a checkpoint's name in the job's folder, unique to the chunk, even against a server that wrongly believes it holds
+    the lease."""
     return f"frames/{frame}/checkpoint-{number}-{chunk_id}.prc"
 
 
 def part_file(first: int, number: int, frame: int, chunk_id: str) -> str:
-    """As `checkpoint_file`, of the part of a frame that begins with this sample."""
+    """Return a name like `checkpoint_file` for the part of a frame that begins with this sample."""
     return f"frames/{frame}/part-{first}-{number}-{chunk_id}.prc"
 
 
 def missing(data: DataDirectory, folder: Path, names: Iterable[str]) -> set[str]:
-    """Of files that rows name, those that are not there any more."""
+    """Return those of these files, named by rows, that no longer exist."""
     return {name for name in names if not data.has(folder / name)}
 
 
 def _why(error: ValueError | FileNotFoundError) -> str:
-    """Without the name of the file, which is the server's."""
+    """Return the reason without the file's name, which is the server's."""
     return (error.strerror or "the file is not there") if isinstance(error, OSError) else str(error)
 
 
@@ -60,7 +61,7 @@ def adopt_checkpoint(data: DataDirectory, source: Path, target: Path, most_bytes
 
 
 def adopt_preview(data: DataDirectory, source: Path, folder: Path) -> bool:
-    """False if a newer one has taken its place, whose message follows."""
+    """Adopt a preview; False if a newer one has replaced it, whose message follows."""
     try:
         adopt(source, folder / PREVIEW, PREVIEW_BYTES)
     except FileNotFoundError:
@@ -74,8 +75,8 @@ def adopt_preview(data: DataDirectory, source: Path, folder: Path) -> bool:
 def adopt_outputs(
     made: Iterable[MadeFile], ended: Ended, frame_folder: Path, most_bytes: int, chunk_id: str
 ) -> list[tuple[Adopted, Path]]:
-    """Take the files over to names of this chunk in the frame's folder, and see whether they are what was said. They get their
-    own names by `publish`."""
+    """Adopt a chunk's outputs under temporary names in the frame's folder, and validate them. `publish` gives them their
+    names."""
     found, left = [], most_bytes
     take = adopt_copy if ended.lives else adopt
     for i, item in enumerate(made):
@@ -94,9 +95,9 @@ def adopt_outputs(
 
 
 def publish_new(data: DataDirectory, kept: Path, target: Path) -> bool:
-    """Give an adopted file its name; False if there is a file of that name."""
+    """Give an adopted file its name; False if a file of that name exists."""
     if data.objects is not None:
-        data.objects.put(kept, data.name_of(target))  # if there is one, it has these very bytes
+        data.objects.put(kept, data.name_of(target))  # if one exists, it has the same bytes
         kept.unlink()
         return True
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -113,20 +114,20 @@ def publish_over(kept: Path, target: Path) -> None:
 
 
 def published(data: DataDirectory, folder: Path) -> None:
-    """The names in the folder are on the disk."""
+    """Flush the folder's names to the disk."""
     if data.objects is None:
         sync(folder)
 
 
 def tidy_frame(data: DataDirectory, job_id: str, number: int, keep: Collection[str]) -> None:
-    """Remove what chunks that died left in a frame's folder: all but its checkpoints (`keep`, by their names in the job's
+    """Remove the leftovers of dead chunks in a frame's folder: all but its checkpoints (`keep`, by their names in the job's
     folder), preview and log."""
     folder = data.frame(job_id, number)
     data.remove_below(folder, {folder / PREVIEW, folder / LOG} | {data.job(job_id) / name for name in keep if name})
 
 
 def append_log(data: DataDirectory, path: Path, title: str, text: str | Path, most_bytes: int) -> None:
-    """Add a run's log, or what is in that file, to the frame's; of more than so many bytes the beginning goes."""
+    """Append a run's log, given as text or as a file, to the frame's; beyond `most_bytes` the beginning is dropped."""
     data.bring_newest(path)
     _append(path, title, text, most_bytes)
     data.share(path)

@@ -1,4 +1,5 @@
-"""What a chunk's worker needs, from the store that servers share to this one, before its command is made."""
+"""Staging of a chunk's input files: copies from the store that servers share to this machine, before the chunk's command is
+made."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ from ..context import Context
 
 
 async def bring(context: Context, scene: Scene | None, job_id: str = "", files: Iterable[str] = ()) -> None:
-    """The scene, and files of the job by their names in its folder, "" for none; those that are nowhere are left out. Problem,
-    OSError."""
+    """Stage the scene, and files of the job by their names in its folder ("" for none); files that exist nowhere are skipped.
+    Raises Problem or OSError."""
     if context.data.objects is not None:
         await context.calls.disk(_bring, context.data, context.limits, scene, job_id, list(files))
 

@@ -1,4 +1,4 @@
-"""One check's chunk while it runs. Belongs to the event loop."""
+"""The running chunk of one scene check. Belongs to the event loop."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from . import messages
 from .chunk_run import LEAVE_S
 from .inbox import MOST_WARNINGS
 
-MOST_KEPT = 500  # warnings
+MOST_KEPT = 500  # warnings kept
 
 
 class CheckRun:
     def __init__(self, executor: Executor, chunk: Chunk) -> None:
         self.facts: Json = {}
         self.warnings: list[Json] = []
-        self.last: Json | messages.Failed | None = None  # facts, or why there are none
+        self.last: Json | messages.Failed | None = None  # facts, or the failure
         self.is_not_believed = False
         self._said_last = asyncio.Event()
         self._warned = 0

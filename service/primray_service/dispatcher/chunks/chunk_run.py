@@ -1,4 +1,4 @@
-"""One chunk while it runs: its process, what has come from it, and what it is told. Belongs to the event loop."""
+"""A running chunk: its process, its messages and the commands sent to it. Belongs to the event loop."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ...jobs import Json
 from .inbox import Inbox
 from .messages import NotBelieved
 
-LEAVE_S = 0.3  # a worker that has said its last word may end by itself for so long
-STAY_S = 2.0  # or get ready for the next frame, which takes less than starting another
+LEAVE_S = 0.3  # grace period for a worker to exit after its last message
+STAY_S = 2.0  # grace period to get ready for the next chunk, which takes less than starting another worker
 PREVIEW_EVERY_S = 3.0
 
 
 class ChunkRun:
-    """`killed_for`: why it was killed by us, "" if it was not."""
+    """A running chunk; `killed_for` is why the dispatcher killed it, "" if it did not."""
 
     def __init__(self, executor: Executor, chunk: Chunk, convergence: list[Json]) -> None:
         self._loop = asyncio.get_running_loop()
@@ -35,7 +35,7 @@ class ChunkRun:
 
     @property
     def is_over(self) -> bool:
-        """Nothing more will come from it."""
+        """Return whether all messages have been received."""
         return self._ending.done() or self.inbox.last is not None
 
     @property
@@ -55,7 +55,7 @@ class ChunkRun:
         self._news.set()
 
     async def news(self, timeout_s: float) -> None:
-        """Until something came, or so many seconds."""
+        """Wait until a message comes, or for `timeout_s` seconds."""
         with suppress(TimeoutError):
             await asyncio.wait_for(self._news.wait(), timeout_s)
         self._news.clear()
@@ -64,7 +64,7 @@ class ChunkRun:
         self.handle.tell({"do": does})
 
     def tell_to_end(self, does: str, grace_s: float, why: str) -> None:
-        """Stop or yield; killed if it is still there after so long."""
+        """Tell the worker to stop or yield, and kill it if it is still there after the grace period."""
         self.tell(does)
         self.kill_in(grace_s, why)
 
@@ -84,20 +84,20 @@ class ChunkRun:
             self.tell("preview")
 
     async def ended(self) -> Ended:
-        """After its last word, or its death; its process is gone then."""
+        """Return how the chunk ended, after its last message or its death; its process is gone then."""
         if not self._ending.done():
             await asyncio.wait([self._ending], timeout=STAY_S if self.chunk.more_follow or self.chunk.keep_s else LEAVE_S)
-            self.handle.kill()  # what it still does is of no use
+            self.handle.kill()  # nothing that it still does is needed
         return await asyncio.shield(self._ending)
 
     def release(self) -> None:
-        """What it left has been taken."""
+        """Release the folder of the chunk, since its files have been taken."""
         if self._ending.done() and not self._released:
             self._released = True
             self.handle.release()
 
     async def close(self) -> None:
-        """Its process and its files are gone afterwards."""
+        """End the process and remove its files."""
         if self._timer is not None:
             self._timer.cancel()
         if not self._ending.done():

@@ -1,4 +1,4 @@
-"""The chunk that runs a frame, or checks a scene: its command and the files it may see."""
+"""Chunks for the executor: the command that renders a frame or checks a scene, and the files that its worker may see."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ from ...scenes.entries import choose
 from ...scenes.names import file_name
 from ...shared_roots import SharedFile, shared_name
 
-MERGE_CPU_S = 900.0  # reading and measuring some large films
+MERGE_CPU_S = 900.0  # for reading and measuring several large films
 FILE_SETTINGS = tuple(FileSettings.model_fields)
-SHARED = "shared"  # the kind of scenes on shared storage
-CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
+SHARED = "shared"  # kind of scenes on shared storage
+CHECKPOINT = "checkpoint.prc"  # name under which a worker finds the checkpoint to resume from
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What a frame's chunk is to do, beyond what its job says."""
+    """Details of a frame's chunk that its job does not determine."""
 
-    frames: int  # of its job
-    more: bool = False  # frames of it wait
+    frames: int  # number of frames in the job
+    more: bool = False  # whether more frames of the job are queued
     picture_only: bool = False
-    preview: bool = False  # somebody looks at it already
-    taken: int | None = None  # samples that parts have taken: the frame takes no more than these, and one that is odd
+    preview: bool = False  # whether a client watches already
+    taken: int | None = None  # samples already taken by parts: the frame takes no more, except for one if the number is odd
 
 
 def render_chunk(
     chunk_id: str, job: Job, frame: Frame, scene: Scene, data: DataDirectory, capacity: Capacity, limits: Limits, asked: Asked
 ) -> Chunk:
-    """Problem if there is nothing to render with."""
+    """Return the chunk that renders a frame; raises Problem if inputs are missing."""
     root, inputs, folders = _files(scene, data)
     roots = _roots(scene, data)
     saved = data.job(job.id) / frame.checkpoint_file if frame.checkpoint_file else None
-    # A checkpoint that is gone (a disk was lost, or short) costs time, nothing else: samples are a function of the seed.
+    # A lost checkpoint (from a failed or full disk) costs time only: samples are a function of the seed.
     begin = saved is None or not saved.is_file()
     if saved is not None and not begin:
         inputs[CHECKPOINT] = saved
@@ -66,8 +66,8 @@ def render_chunk(
         "files": {name: value for name in FILE_SETTINGS if (value := job.settings.get(name)) is not None},
     }
     command |= _products_of(job, frame, asked.frames) | _root_of(roots)
-    # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene. A frame that is
-    # retried has a group of its own, since its outputs have the names of those before.
+    # Frames of one attempt share processes, and so do a tenant's other jobs of the same scene. A retried frame has its own
+    # group, since its outputs have the same names as those before.
     group = f"{job.id}/{job.attempt}/{frame.attempt}" if asked.frames > 1 else ""
     return Chunk(
         chunk_id,
@@ -85,7 +85,7 @@ def render_chunk(
 
 
 def _products_of(job: Job, frame: Frame, frames: int) -> Json:
-    """The products that are written under their own names, and how the names of this frame's files end."""
+    """Return the products that are written under their own names, and the suffix of this frame's file names."""
     products = products_by_name(job.settings)
     if products is None:
         return {}
@@ -95,7 +95,7 @@ def _products_of(job: Job, frame: Frame, frames: int) -> Json:
 def part_chunk(
     chunk_id: str, job: Job, frame: Frame, part: Part, scene: Scene, data: DataDirectory, capacity: Capacity, limits: Limits
 ) -> Chunk:
-    """Problem if there is nothing to render with."""
+    """Return the chunk that renders a part; raises Problem if inputs are missing."""
     of_part = replace(frame, checkpoint=part.checkpoint, checkpoint_file=part.checkpoint_file, progress={})
     whole = render_chunk(chunk_id, job, of_part, scene, data, capacity, limits, Asked(1))
     settings = replace(
@@ -113,12 +113,12 @@ def part_chunk(
 def merge_chunk(
     chunk_id: str, job: Job, frame: Frame, parts: Sequence[Part], scene: Scene, data: DataDirectory, limits: Limits
 ) -> Chunk:
-    """What the frame's checkpoint has, if it has any, and what these parts have: one checkpoint. Its worker is one that
-    rendered parts, where one waits: a start would take longer than the merge."""
+    """Return the chunk that merges the frame's checkpoint, if it has one, and these parts into one checkpoint. It goes to an
+    idle worker that rendered parts, if there is one: starting a worker would take longer than the merge."""
     folder, stop = data.job(job.id), job.settings.get("stop", {})
     merged = {CHECKPOINT: folder / frame.checkpoint_file} if frame.merged else {}
     merged |= {f"part-{part.first}.prc": folder / part.checkpoint_file for part in parts}
-    # Files of the scene stay: else they would be taken from the worker, and its next part would miss them.
+    # The scene's files stay: otherwise they would be removed from the worker, and its next part would miss them.
     root, inputs, folders = _files(scene, data)
     roots = _roots(scene, data)
     command: Json = {
@@ -152,7 +152,8 @@ def _group_of_parts(job: Job) -> str:
 
 
 def _open_scene(job: Job, scene: Scene) -> str:
-    """Files of shared storage change: no process keeps them open for another job."""
+    """Return the key of the open scene for reuse by other chunks. Files on shared storage may change, so no process keeps them
+    open for another job."""
     if scene.kind == SHARED:
         return ""
     return f"{job.tenant}/{scene.id}"
@@ -160,14 +161,15 @@ def _open_scene(job: Job, scene: Scene) -> str:
 
 def _settings_of(job: Job, frame: Frame, capacity: Capacity, asked: Asked) -> RenderSettings:
     settings = frame_settings(job.settings, frame, capacity)
-    if job.parallel is not None:  # in one place too: the picture is not to depend on how many there are
-        spp = settings.spp if settings.stops_early else settings.most_samples  # in parts the stage's are not known
+    if job.parallel is not None:  # even in one slot: the picture must not depend on the number of slots
+        # with parts, the stage's render settings are not known here
+        spp = settings.spp if settings.stops_early else settings.most_samples
         settings = replace(settings, adaptive=False, spp=spp, error_metric=settings.metric)
     return settings if asked.taken is None else replace(settings, spp=asked.taken, time_limit_s=None)
 
 
 def spent_s(frame: Frame) -> float:
-    """Seconds of sampling up to the last checkpoint, in all chunks of this attempt: what a time limit counts."""
+    """Return the seconds of sampling up to the last checkpoint, over all chunks of this attempt: what a time limit counts."""
     return float(frame.progress.get("spent_s", 0.0))
 
 
@@ -185,7 +187,7 @@ def check_chunk(chunk_id: str, scene: Scene, data: DataDirectory, limits: Limits
 
 
 def _roots(scene: Scene, data: DataDirectory) -> tuple[str, ...]:
-    """The shared root that a scene is in; Problem where the tenant may not use it any more, or the file is gone."""
+    """Return the shared root of a scene; raises Problem if the tenant may no longer use it, or the file is gone."""
     return (str(_shared_file(scene, data).root.path),) if scene.kind == SHARED else ()
 
 
@@ -198,7 +200,7 @@ def _shared_file(scene: Scene, data: DataDirectory) -> SharedFile:
 
 
 def _files(scene: Scene, data: DataDirectory) -> tuple[str, dict[str, Path], dict[str, Path]]:
-    """The root layer's name, files and folders; Problem where the scene's bytes are gone."""
+    """Return the root layer's name, the files and the folders; raises Problem if the scene's files are gone."""
     if scene.kind == SHARED:
         return str(_shared_file(scene, data).path), {}, {}
     folder = data.scene(scene.id)
@@ -223,14 +225,14 @@ def _entry(job: Job, scene: Scene) -> str:
 
 
 def frame_settings(asked: Json, frame: Frame, capacity: Capacity) -> RenderSettings:
-    """The library's settings of a job's, for one frame on this executor."""
+    """Return the render settings of one frame on this executor from the job's settings."""
     settings = render_settings(Settings.model_validate_json(json.dumps(asked)))
     return replace(settings, time_code=frame.time_code, threads=capacity.threads, max_memory_bytes=capacity.memory_bytes)
 
 
 def output_names(job: Job, frame: Frame, frames: int) -> tuple[str, ...]:
-    """In the job's outputs folder and in URLs. Frames that are asked for by number have it in them; later attempts have their
-    number, since whoever fetched a name may keep what it meant."""
+    """Return the names of a frame's outputs in the job's outputs folder and in URLs. Frames requested by number have it in
+    their names; later attempts have the attempt's number, so that a name that a client has fetched keeps its meaning."""
     end = name_end(job, frame, frames)
     if products_by_name(job.settings) is not None:
         return (f"report{end}.json",)
@@ -238,12 +240,12 @@ def output_names(job: Job, frame: Frame, frames: int) -> tuple[str, ...]:
 
 
 def name_end(job: Job, frame: Frame, frames: int) -> str:
-    """What is before the extension in the names of all files of a frame."""
+    """Return the part of the names of a frame's files before the extension."""
     attempt = f"-{job.attempt}" if job.attempt > 1 else ""
     return f"{attempt}.{_code_text(frame)}" if frames > 1 or frame.time_code is not None else attempt
 
 
 def _code_text(frame: Frame) -> str:
-    """ "0012", "-003", "0012.500"; the frame's place where it has no time code."""
+    """Return the time code as text: "0012", "-003" or "0012.500"; the frame's index if it has no time code."""
     code = float(frame.number) if frame.time_code is None else frame.time_code
     return f"{int(code):04d}" if code == int(code) else f"{code:08.3f}"

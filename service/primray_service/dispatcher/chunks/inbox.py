@@ -1,4 +1,5 @@
-"""What has come from a chunk's worker and is not dealt with yet: of what replaces itself the newest, else all in order."""
+"""Messages of a chunk's worker that are not yet processed: the newest of a kind that supersedes older ones, else all in
+order."""
 
 from __future__ import annotations
 
@@ -10,9 +11,9 @@ from ...jobs import Json
 from . import messages
 from .messages import Checkpoint, Done, Failed, NotBelieved, Preview, Yielded
 
-MOST_CHECKPOINTS = 64  # that wait to be adopted
+MOST_CHECKPOINTS = 64  # waiting for adoption
 MOST_ROWS = 2000
-MOST_WARNINGS = 10_000  # of one chunk; what is repeated is counted again
+MOST_WARNINGS = 10_000  # per chunk; repeated ones count again
 
 
 class Inbox:
@@ -27,12 +28,12 @@ class Inbox:
         self.checkpoints: deque[Checkpoint] = deque()
         self.last: Done | Yielded | Failed | None = None
         self.sampling_since: float | None = None
-        self.has_news = False  # that its rows do not say yet
-        self.is_urgent = False  # and that should not wait for its turn
+        self.has_news = False  # not yet in its rows
+        self.is_urgent = False  # to be written at once
         self._warned = 0
 
     def put(self, message: Mapping[str, Any], now: float) -> None:
-        """NotBelieved for what our worker does not send."""
+        """Add a message; raises NotBelieved for one that our worker does not send."""
         self.heard_at = now
         if self.last is not None:
             raise NotBelieved("a message after the last")
@@ -66,7 +67,8 @@ class Inbox:
         self.has_news = True
 
     def _on_row(self, message: Mapping[str, Any], now: float) -> None:
-        """A chunk that went on from a checkpoint measures again what the one before had measured after it."""
+        """Add a row of the convergence curve. A chunk that resumed from a checkpoint repeats rows that its predecessor measured
+        after it."""
         row = messages.row_of(message)
         self.convergence = [earlier for earlier in self.convergence if earlier["samples"] < row["samples"]]
         if len(self.convergence) >= MOST_ROWS:

@@ -1,6 +1,6 @@
-"""What a worker says, checked: a worker has read what somebody uploaded, and is believed nothing.
+"""Validation of workers' messages: a worker has read untrusted input, so nothing that it sends is trusted.
 
-Texts lose what a database or a terminal stumbles over, numbers must be numbers, and there is only so much of everything.
+Texts lose characters that a database or a terminal cannot take, numbers are checked, and sizes are bounded.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ SLUG = re.compile(r"[a-z0-9-]{1,60}")
 SHA256 = re.compile(r"[0-9a-f]{64}")
 MEDIA_TYPE = re.compile(r"[a-z]+/[a-z0-9.+-]{1,60}")
 MOST_OUTPUTS = 64
-MOST_VALUES = 50_000  # of one message, nested ones counted
+MOST_VALUES = 50_000  # per message, including nested values
 MOST_DEPTH = 12
 TEXT_CHARS = 4000
-# What of a render's report goes into results; the whole is one of the outputs.
+# Members of a render's report that are kept in results; the complete report is one of the outputs.
 OF_REPORT = (
     *("stop", "samples", "rays", "error", "convergence", "sampling_s", "stages_s", "pixels_sha256", "interrupted"),
     *("invalid_samples", "isa", "threads", "versions", "settings", "parts", "denoised"),
@@ -48,7 +48,7 @@ class Preview:
 
 @dataclass(frozen=True)
 class MadeFile:
-    """A file that a worker says it made."""
+    """A file that a worker claims to have made."""
 
     name: str
     file: str
@@ -73,7 +73,7 @@ class Failed:
 
 
 def clean_text(value: object, most: int = TEXT_CHARS) -> str:
-    """Without control characters (NUL is no text for PostgreSQL) and lone surrogates (no UTF-8)."""
+    """Return the text without control characters (PostgreSQL refuses NUL) and lone surrogates (not UTF-8)."""
     if not isinstance(value, str):
         raise NotBelieved("a text is missing")
     return "".join(c if _is_text(c) else "?" for c in value[:most])
@@ -86,7 +86,7 @@ def _is_text(character: str) -> bool:
 
 
 def clean(value: object) -> Any:
-    """A JSON value that can be stored; NotBelieved for numbers that are none, or where there is too much of it."""
+    """Return a JSON value that can be stored; raises NotBelieved for non-finite numbers and for values that are too large."""
     left = MOST_VALUES
 
     def cleaned(item: object, depth: int) -> Any:
@@ -122,7 +122,7 @@ def whole(value: object, most: int = 2**53) -> int:
 
 
 def mapping(value: object) -> Json:
-    """Cleaned."""
+    """Return a cleaned JSON object."""
     if not isinstance(value, Mapping):
         raise NotBelieved("an object is missing")
     found: Json = clean(value)
@@ -130,7 +130,7 @@ def mapping(value: object) -> Json:
 
 
 def file_name(value: object) -> str:
-    """A plain name in the worker's output folder."""
+    """Return the plain name of a file in the worker's output folder."""
     if not isinstance(value, str) or not FILE_NAME.fullmatch(value) or ".." in value:
         raise NotBelieved("a file's name is not one of ours")
     return value
@@ -147,7 +147,7 @@ _PROGRESS = ("samples_done", "samples_min", "samples_max", "rays", "rays_per_s",
 
 
 def progress_of(message: Mapping[str, Any]) -> Json:
-    """A frame's progress, with the names of the protocol and no others."""
+    """Return a frame's progress with the protocol's members only."""
     found: Json = {"fraction": min(max(float(number(message.get("fraction"))), 0.0), 1.0)}
     for name in _PROGRESS:
         if message.get(name) is not None:
@@ -176,7 +176,7 @@ def _interval_of(value: object) -> list[float | int]:
 
 
 def row_of(message: Mapping[str, Any]) -> Json:
-    """A row of the convergence curve."""
+    """Return a row of the convergence curve."""
     found: Json = {name: number(message.get(name)) for name in ("t_s", "samples", "relmse")}
     if message.get("ci95") is not None:
         found["ci95"] = _interval_of(message["ci95"])
@@ -228,7 +228,7 @@ def _made_of(item: Json) -> MadeFile:
 
 
 def failed_of(message: Mapping[str, Any]) -> Failed:
-    """A problem document of a known type; its title and status are the table's, whatever was said."""
+    """Return a problem document of a known type; its title and status are the table's, whatever the worker sent."""
     said = mapping(message.get("problem"))
     slug = str(said.get("type", "")).removeprefix("/problems/")
     if not SLUG.fullmatch(slug) or slug not in KINDS:

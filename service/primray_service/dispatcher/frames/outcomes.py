@@ -1,4 +1,4 @@
-"""What becomes of a frame once its chunk has ended. Pure: what is known of the end goes in, a decision comes out."""
+"""Outcome of a frame whose chunk has ended. Pure: facts about the end go in, a decision comes out."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..chunks.messages import Done, Failed, Yielded
 
 Last = Done | Yielded | Failed
 
-# From outside, as by an administrator or the kernel's out-of-memory killer: no fault of the scene's.
+# Signals from outside, as by an administrator or the kernel's out-of-memory killer: not the scene's fault.
 _FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGPIPE})
 
 
 @dataclass(frozen=True)
 class Picture:
-    """It made outputs, which are to be adopted."""
+    """The chunk made outputs, which are to be adopted."""
 
     done: Done
 
@@ -33,7 +33,7 @@ class Broken:
 
 @dataclass(frozen=True)
 class Again:
-    """The frame is queued again; `frame` counts its deaths."""
+    """The frame is queued again; `frame` counts its worker's deaths."""
 
     frame: Frame
     why: str  # yield, crash, kill, shutdown, storage, silent, checkpoint
@@ -42,7 +42,7 @@ class Again:
 
 @dataclass(frozen=True)
 class GivenUp:
-    """It was to be canceled, and leaves no picture of its own."""
+    """The frame was canceled and leaves no picture."""
 
 
 Outcome = Picture | Broken | Again | GivenUp
@@ -50,7 +50,7 @@ Outcome = Picture | Broken | Again | GivenUp
 
 @dataclass(frozen=True)
 class Circumstances:
-    """`killed_for`: why the dispatcher itself killed the chunk, "" if it did not."""
+    """Facts about the end; `killed_for` is why the dispatcher itself killed the chunk, "" if it did not."""
 
     canceling: bool
     killed_for: str
@@ -92,7 +92,7 @@ def _of_failure(frame: Frame, last: Failed, about: Circumstances) -> Outcome:
 
 
 def _is_disk(slug: str, about: Circumstances) -> bool:
-    """Whether it was the server's disk that was full, not what the job may write that was used up."""
+    """Return whether the server's disk was full, as opposed to the job's own limit being reached."""
     return about.disk_is_full and slug in ("storage-limit", "storage-full")
 
 
@@ -114,7 +114,7 @@ LIMITS_REACHED = ("memory-limit", "time-limit", "storage-limit")
 
 
 def limit_problem(ended: Ended, limits: Limits, memory_bytes: int | None = None, cpu_s: float | None = None) -> Problem:
-    """The problem of a worker that an executor ended at a limit."""
+    """Return the problem for a worker that an executor ended at a limit."""
     if ended.reason == "memory-limit":
         most = memory_bytes or limits.memory_bytes
         return Problem("memory-limit", f"It needed more than the {_size(most)} that are allowed.", limit=most)
@@ -146,5 +146,5 @@ def signal_name(number: int) -> str:
 
 
 def was_killed(ended: Ended) -> bool:
-    """By others than its own fault and ours."""
+    """Return whether the process was killed by others, neither by its own fault nor by us."""
     return ended.reason in ("killed", "lost") or (ended.reason == "signal" and ended.signal in _FROM_OUTSIDE)

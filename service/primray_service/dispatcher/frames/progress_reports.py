@@ -1,4 +1,4 @@
-"""Telling the store how a frame that runs is doing: at most twice a second a job, and what matters at once."""
+"""Reports of a running frame's progress to the store: at most twice a second for each job, and important changes at once."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from ..chunks.inbox import Inbox
 from ..context import Context
 from .shared_jobs import SharedJob
 
-MOST_WARNING_EVENTS = 20  # of a job; its row has the rest
+MOST_WARNING_EVENTS = 20  # per job; its row has the others
 
 Event = tuple[str, Json]
 
 
 class Heard(Protocol):
-    """A chunk's run, or those of a frame's parts together."""
+    """Messages of one chunk, or of all parts of a frame together."""
 
     @property
     def inbox(self) -> Inbox: ...
 
 
 def wait_s(run: Heard, shared: SharedJob, now: float) -> float | None:
-    """Seconds until what is new may be told; None if nothing is."""
+    """Return the seconds until news may be reported; None if there is none."""
     if not run.inbox.has_news:
         return None
     return 0.0 if run.inbox.is_urgent else shared.throttle.report_in(now)
 
 
 async def report(context: Context, shared: SharedJob, job: Job, frame: Frame, run: Heard) -> tuple[Job, Frame]:
-    """Write what is new; the job and the frame as they are then."""
+    """Write the news, and return the updated job and frame."""
     loop, inbox = asyncio.get_running_loop(), run.inbox
     async with shared.lock:
         inbox.has_news = inbox.is_urgent = False
@@ -60,7 +60,7 @@ async def report(context: Context, shared: SharedJob, job: Job, frame: Frame, ru
 
 
 async def tell_preview(context: Context, shared: SharedJob, frame: Frame, number: int) -> None:
-    """That there is a new preview; of many only some are told."""
+    """Report a new preview; of frequent ones only some are reported."""
     loop = asyncio.get_running_loop()
     async with shared.lock:
         if shared.throttle.takes_event(f"preview {frame.number}", loop.time()):
@@ -69,7 +69,7 @@ async def tell_preview(context: Context, shared: SharedJob, frame: Frame, number
 
 
 def updated(frame: Frame, run: Heard) -> Frame:
-    """The frame with what its worker has said."""
+    """Return the frame with the messages of its worker applied."""
     inbox = run.inbox
     spent = {name: value for name, value in frame.progress.items() if name == "spent_s"}
     progress = frame.progress if inbox.progress is None else inbox.progress | spent

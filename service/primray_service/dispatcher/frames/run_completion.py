@@ -1,5 +1,5 @@
-"""Writing down how a frame's run ended: its outputs and its row, so that a crash at any point leaves what the next dispatcher
-ends in the same way."""
+"""Storage of how a frame's run ended: its outputs and its row, in an order in which a crash at any point leaves a state that
+the next dispatcher completes in the same way."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from .outcomes import Again, Broken, GivenUp, Outcome
 from .shared_jobs import SharedJob
 from .totals import frame_result, target_warning
 
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0  # before a frame whose worker was killed again and again is tried once more
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0  # before a retry of a frame whose worker was killed repeatedly
 
 
 def not_begun(frame: Frame, error: Exception, limits: Limits) -> Outcome:
-    """What becomes of a frame whose chunk could not be made or submitted."""
+    """Return the outcome of a frame whose chunk could not be made or submitted."""
     if isinstance(error, Problem) and error.slug != "unavailable":
         return Broken(error.as_json())
     if isinstance(error, ValueError):
@@ -38,7 +38,7 @@ def not_begun(frame: Frame, error: Exception, limits: Limits) -> Outcome:
 
 @dataclass
 class RunCompletion:
-    """Of one run; `is_over` says whether the job is at its end too."""
+    """Completion of one run; `is_over` tells whether the job has ended too."""
 
     context: Context
     shared: SharedJob
@@ -49,7 +49,7 @@ class RunCompletion:
     is_over: bool = False
 
     async def with_picture(self, done: Done, *, out_of_time: bool) -> Outcome | None:
-        """Adopt the outputs and end the frame; another outcome if that cannot be."""
+        """Adopt the outputs and end the frame; return another outcome if that is impossible."""
         began = time.monotonic()
         canceling = self.job.state is JobState.CANCELING
         if not done.outputs:
@@ -98,7 +98,7 @@ class RunCompletion:
         self.is_over = job.state in TERMINAL
 
     async def _earlier_outputs(self) -> list[Output]:
-        """Of earlier attempts: their rows go when the frame ends, their files after that."""
+        """Return the outputs of earlier attempts: their rows are deleted when the frame ends, their files after that."""
         if self.frame.attempt == 1:
             return []
         rows = await self.context.calls.store(self.context.store.outputs, self.job.id)
@@ -123,7 +123,7 @@ class RunCompletion:
         for made, kept in adopted:
             target = context.data.output(job.id, made.name, made.sha256)
             if not await context.calls.disk(adoption.publish_new, context.data, kept, target):
-                # A server that died left it before its row was written; or one that has the lease now has been here.
+                # A dead server left the file before it wrote its row; or a server that holds the lease now was here.
                 now = await context.calls.store(context.store.clock)
                 await context.calls.store(context.store.renew_lease, context.fence, now, TTL_S)
                 await context.calls.disk(adoption.publish_over, kept, target)
@@ -144,7 +144,8 @@ class RunCompletion:
         reason = "" if error is None else str(error["type"]).removeprefix("/problems/")
         await self._log(f"{state.value} {reason}".strip())
         if self.run is not None:
-            self.run.release()  # whoever hears of the end may ask for the scene again at once, and is to find this worker free
+            # a client that hears of the end may send the next job of the scene at once, and should find this worker free
+            self.run.release()
         async with self.shared.lock:
             now = time.time()
             frame = replace(self.frame, state=state, result=result, error=error, finished_at=now, phase="")
@@ -174,7 +175,7 @@ class RunCompletion:
         self.is_over = job.state in TERMINAL
 
     async def _log(self, became: str) -> None:
-        """Into the frame's log: what its worker printed, and how it ended."""
+        """Append to the frame's log: the worker's output, and how it ended."""
         if self.ended is None or self.run is None:
             return
         path = self.context.data.frame(self.job.id, self.frame.number) / adoption.LOG
@@ -190,7 +191,7 @@ class RunCompletion:
 
 
 def _is_asked(name: str, command: Json) -> bool:
-    """Return whether the command asks for a file of this name. Products name their files, so their ends alone are known."""
+    """Return whether the command asks for a file of this name. Products name their files, so only the suffix is known."""
     if name in command["outputs"]:
         return True
     products = command.get("products")

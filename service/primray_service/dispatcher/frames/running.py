@@ -1,7 +1,7 @@
-"""A claimed frame, until its row says how it ended or that it waits again.
+"""A claimed frame, until its row says how it ended or that it is queued again.
 
-It lives in one task of the event loop. What others tell it (`saw`, `give_way`, `kill`) is only passed on to the worker, or ends
-it; the task then finds out why its chunk ended, and decides by outcomes.py.
+It runs in one task of the event loop. Calls from others (`saw`, `preempt`, `kill`) are passed on to the worker, or end it; the
+task then determines why its chunk ended, and outcomes.py decides.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from . import progress_reports, run_completion
 from .outcomes import Again, Broken, Circumstances, GivenUp, Outcome, Picture, outcome_of
 from .shared_jobs import SharedJob, SharedJobs
 
-SILENT_S = 900.0  # a worker that says nothing for so long is taken to hang
+SILENT_S = 900.0  # a worker silent for this long is considered hung
 PICTURE_S = 20.0  # to make a canceled frame's picture from its checkpoint
-YIELD_S = 60.0  # a frame that was told to give way is killed after so long; it does so between two parts of a pass
+YIELD_S = 60.0  # a preempted frame is killed after this long; it yields between two parts of a pass
 LOOK_S = 5.0
 
-# A chunk killed for one of these leaves no trace: the row is another's, or says already what became of the frame.
+# A chunk killed for one of these leaves no trace: the row is another's, or already has the frame's outcome.
 DROPPED = frozenset({"lost", "expired", "gone"})
 
 
 @dataclass(frozen=True)
 class Taken:
-    """What parts have done of a frame whose picture is to be made: it takes samples up to `samples` (no more than `merged`, but
-    for an odd one), since it is at its end, or out of time."""
+    """Samples that parts have taken of a frame whose picture is to be made: it takes samples up to `samples` (no more than
+    `merged`, except for an odd one), since it is complete or out of time."""
 
     samples: int
     merged: int
@@ -47,7 +47,7 @@ class Taken:
 
 
 class RunningFrame:
-    """`has_slot`: its chunk runs, or is about to; `going`: it was told to end, or to give way."""
+    """A claimed frame; `has_slot`: its chunk runs or is about to; `going`: it was told to end, or to yield."""
 
     def __init__(
         self,
@@ -63,12 +63,12 @@ class RunningFrame:
         self.going = False
         self._context = context
         self._jobs = jobs
-        self._on_free = on_free  # gives its slot to another
+        self._on_free = on_free  # gives its slot to another frame
         self._run: ChunkRun | None = None
-        self._kill_for = ""  # before there is a run, or after
-        self._taken = taken  # in parts
+        self._kill_for = ""  # before the run exists, or after it
+        self._taken = taken  # set for the picture of a frame in parts
         self._out_of_time = taken is not None and taken.out_of_time
-        self._wants_preview = False  # before there is a run to be asked
+        self._wants_preview = False  # requested before the run exists
         self._claimed_at = asyncio.get_running_loop().time()
 
     @property
@@ -80,7 +80,7 @@ class RunningFrame:
         return int(self.has_slot)
 
     def holders(self) -> list[Running]:
-        """Of its slots, for deciding who gives way."""
+        """Return the holders of its slots, for preemption."""
         here = Running(self.key, self.job.priority, self.job.tenant, self.sampled_s, self.going)
         return [here] if self.has_slot else []
 
@@ -97,7 +97,7 @@ class RunningFrame:
         return self.job.state is JobState.PAUSING
 
     def saw(self, job: Job | None) -> None:
-        """The job's row as it is now."""
+        """Process the job's current row."""
         if job is None or job.attempt != self.job.attempt or job.state in TERMINAL:
             self.kill("gone")
             return
@@ -112,14 +112,16 @@ class RunningFrame:
             self.going = True
 
     def _yield_for_pause(self, run: ChunkRun) -> None:
-        """With a checkpoint of the samples taken by now; where there are none yet, nothing is lost by ending it at once."""
+        """Yield for a pause, with a checkpoint of the samples taken so far; if there are none yet, end at once, which loses
+        nothing."""
         if run.inbox.sampling_since is None:
             run.kill("pause")
         elif not self.going:
             run.tell_to_end("yield", YIELD_S, "yield")
 
     def _stop_for_cancel(self, run: ChunkRun) -> None:
-        """With a picture if there can be one: of the samples taken by now, or of the checkpoint that it is just reading."""
+        """Stop for a cancellation, with a picture if possible: of the samples taken so far, or of the checkpoint that is being
+        read."""
         if run.inbox.sampling_since is not None:
             run.tell_to_end("stop", self._context.limits.stop_grace_s, "cancel")
         elif self.frame.checkpoint_file:
@@ -128,7 +130,7 @@ class RunningFrame:
             run.kill("cancel")
 
     def give_way(self, key: Key | None = None) -> None:
-        """`key`: of the holder, of which there is one."""
+        """Yield to another frame; `key` names the holder, of which a whole frame has one."""
         if not self.going:
             self.going = True
             if self._run is not None:
@@ -150,7 +152,7 @@ class RunningFrame:
             self._run.kill(why)
 
     async def live(self) -> None:
-        """Lost if another dispatcher has the frame now."""
+        """Run the frame; raises Lost if another dispatcher has it now."""
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._live(reading)
@@ -163,11 +165,11 @@ class RunningFrame:
         if isinstance(outcome, GivenUp) and self.frame.checkpoint_file and not self._kill_for:
             await self._close()
             ended, outcome = await self._render(reading, picture_only=True)
-        # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
-        # before it waits again itself, or it would be first in the queue.
+        # The process is gone, so another frame can start: while this one's outputs are adopted, and before a preempted frame is
+        # queued again, or it would be first in the queue.
         self.has_slot = False
         noted = None
-        if isinstance(outcome, Picture) and not self.is_canceling and self._taken is None:  # else others had a part
+        if isinstance(outcome, Picture) and not self.is_canceling and self._taken is None:  # otherwise other slots had a part
             noted = self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
         await self._on_free()
         shared = await reading
@@ -180,7 +182,7 @@ class RunningFrame:
             await self._context.calls.store(self._context.store.note_work, self._context.fence, *noted, time.time(), MOST)
 
     async def _render(self, reading: asyncio.Task[SharedJob], *, picture_only: bool) -> tuple[Ended | None, Outcome]:
-        """Run a chunk of the frame to its end, and what becomes of the frame; no `Ended` where there was no chunk."""
+        """Run a chunk of the frame to its end and return the frame's outcome; `Ended` is None if there was no chunk."""
         run = await self._start(picture_only)
         if not isinstance(run, ChunkRun):
             return None, run
@@ -231,12 +233,12 @@ class RunningFrame:
             self._run = ChunkRun(context.executor, chunk, frame.convergence)
         except (Problem, ValueError, OSError) as error:
             return run_completion.not_begun(frame, error, context.limits)
-        if self.going and not self.is_canceling:  # told to before there was anybody to tell
+        if self.going and not self.is_canceling:  # told to yield before the run existed
             self._run.tell_to_end("yield", YIELD_S, "yield")
         return self._run
 
     async def _follow(self, run: ChunkRun, reading: asyncio.Task[SharedJob]) -> SharedJob:
-        """Deal with what comes until nothing more does."""
+        """Process messages until there are no more."""
         loop, context = asyncio.get_running_loop(), self._context
         shared: SharedJob | None = None
         first_sample = True
@@ -258,7 +260,7 @@ class RunningFrame:
                 self.saw(job)
             self._watch(run)
         shared = shared or await reading
-        await self._take_preview(run, shared)  # of a short frame, the only one may have come with its last words
+        await self._take_preview(run, shared)  # a short frame's only preview may come with its last messages
         return shared
 
     def _watch(self, run: ChunkRun) -> None:
@@ -274,7 +276,8 @@ class RunningFrame:
             await self._take_checkpoint(run, run.inbox.checkpoints.popleft())
 
     async def _take_checkpoint(self, run: ChunkRun, message: Checkpoint) -> None:
-        """On the disk first, then in the row; the one before goes last. Whatever happens between, the row's file is there."""
+        """Adopt a checkpoint: the file is on the disk before the row names it, and the previous one is removed last, so the
+        row's file exists at any time."""
         context, frame = self._context, self.frame
         began = time.monotonic()
         if message.number != frame.checkpoint + 1:
@@ -313,7 +316,7 @@ class RunningFrame:
         context.metrics.checkpoints += 1
         context.metrics.adopt_checkpoint.observe(time.monotonic() - began)
         older = frame.checkpoint_file
-        # What a time limit counts: by the wall clock, which is near enough, and all that is known of every kind of worker.
+        # Time that a limit counts, by the wall clock: close enough, and known for every kind of worker.
         progress = frame.progress | {"spent_s": float(run.chunk.command["spent_s"]) + run.sampled_s}
         taken = replace(frame, checkpoint=message.number, checkpoint_file=name, merged=self._merged, crashes=0, kills=0)
         self.frame = replace(taken, progress=progress)
@@ -322,7 +325,7 @@ class RunningFrame:
 
     @property
     def _merged(self) -> int:
-        """Of its checkpoints: whether parts could go on from them."""
+        """Return the samples merged in its checkpoint, from which parts could continue; 0 if it is no such checkpoint."""
         return self._taken.merged if self._taken is not None and self._taken.merged == self._taken.samples else 0
 
     async def _take_preview(self, run: ChunkRun, shared: SharedJob) -> None:
@@ -337,7 +340,7 @@ class RunningFrame:
             run.kill("not-believed")
             return
         except OSError:
-            return  # there is no room for it; nobody's picture depends on it
+            return  # the disk is full; pictures do not depend on previews
         if taken:
             await progress_reports.tell_preview(context, shared, self.frame, preview.number)
 

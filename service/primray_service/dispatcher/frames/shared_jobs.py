@@ -1,4 +1,4 @@
-"""What the frames of one job that run at the same time share."""
+"""State that concurrently running frames of one job share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PAGE = 500
 
 @dataclass
 class SharedJob:
-    """A job of which frames run. Who writes its row holds `lock`: rows must not go back to what was known earlier."""
+    """A job with running frames. Writers of its row hold `lock`, so that rows never return to an older state."""
 
     totals: JobTotals
     throttle: ReportThrottle
@@ -24,7 +24,7 @@ class SharedJob:
 
 
 class SharedJobs:
-    """The jobs of which frames run, or ran a moment ago, read once."""
+    """Jobs with frames that run, or ran a moment ago, each read once."""
 
     MOST = 8  # beside those that fill the slots; a job may have thousands of frames
 

@@ -1,4 +1,4 @@
-"""What a job's frames add up to while they run and at the end: its progress, warnings, usage and result. Pure."""
+"""Sums over a job's frames while they run and at the end: its progress, warnings, usage and result. Pure."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from datetime import UTC, datetime
 from ...jobs import FRAME_TERMINAL, Frame, FrameState, Job, Json
 
 MOST_WARNINGS = 500
-NEARLY_DONE = 0.99  # of a frame whose samples are all taken, and whose picture is not there
-MOST_DIGESTS = 256  # frames whose digests a job's result lists; each frame's own result has it anyway
+NEARLY_DONE = 0.99  # progress of a frame whose samples are all taken, but whose picture is not there yet
+MOST_DIGESTS = 256  # frames whose digests a job's result lists; each frame's own result has them anyway
 METRICS = ("relmse", "rmse", "display")
 # Ends from best to worst: a job's is the worst of its frames'.
 STOPS = ("target-error", "samples", "time-limit", "interrupted")
@@ -20,7 +20,7 @@ STOPS = ("target-error", "samples", "time-limit", "interrupted")
 
 @dataclass
 class FrameTotals:
-    """One frame's part; `seconds`: that it took in all, known at its end."""
+    """One frame's share; `seconds` is its total time, known at its end."""
 
     state: FrameState
     progress: Json = field(default_factory=dict)
@@ -32,7 +32,7 @@ class FrameTotals:
 
     @property
     def fraction(self) -> float:
-        """1 for a frame that succeeded alone: one that was canceled or failed at its end is not done."""
+        """Return the fraction that is done; 1 only for a frame that succeeded, not for one that was canceled or failed."""
         found = float(self.progress.get("fraction", 0.0))
         return 1.0 if self.state is FrameState.SUCCEEDED else min(found, NEARLY_DONE)
 
@@ -42,13 +42,13 @@ class FrameTotals:
 
     @property
     def whole_s(self) -> float:
-        """With reading the scene and writing the picture; of a frame that has ended."""
+        """Return the duration of a finished frame, including reading the scene and writing the picture."""
         stages = (self.result or {}).get("stages_s") or {}
         return max(float(sum(stages.values())), self.sampling_s)
 
 
 class JobTotals:
-    """Of one attempt of a job."""
+    """Sums over one attempt of a job."""
 
     def __init__(self, job: Job, frames: Iterable[Frame]) -> None:
         self.job_id, self.attempt = job.id, job.attempt
@@ -78,7 +78,7 @@ class JobTotals:
         return all(frame.state in FRAME_TERMINAL for frame in self._frames.values())
 
     def add_warnings(self, warnings: Iterable[Json]) -> list[Json]:
-        """Those that are new: what several frames say of a prim is said once."""
+        """Add warnings and return the new ones: the same warning about a prim from several frames counts once."""
         new = []
         for warning in warnings:
             key = tuple(str(warning.get(name, "")) for name in ("code", "prim", "attribute", "detail"))
@@ -121,7 +121,7 @@ class JobTotals:
         }
 
     def _added_up(self) -> tuple[Counter[FrameState], Counter[str]]:
-        """Frames by state, and sums over them: in one pass, since a job may have 10,000."""
+        """Return the number of frames by state, and sums over them, in one pass, since a job may have 10,000."""
         counts: Counter[FrameState] = Counter()
         fraction, rays, elapsed_s = 0.0, 0, 0.0
         for frame in self._frames.values():
@@ -135,13 +135,14 @@ class JobTotals:
         return counts, Counter({"fraction": fraction, "rays": rays, "elapsed_s": elapsed_s})
 
     def _shown(self, running: Sequence[FrameTotals]) -> FrameTotals:
-        """The frame whose samples and error stand for the job's: the first of those that run, else the one of largest error."""
+        """Return the frame whose samples and error represent the job: the first running one, else the one with the largest
+        error."""
         known = [frame for frame in running if frame.progress.get("error")] or running
         return known[0] if known else max(self._frames.values(), key=_size_of_error, default=FrameTotals(FrameState.QUEUED))
 
     def _eta(self, running: Sequence[FrameTotals], counts: Mapping[FrameState, int]) -> tuple[float | None, list[float] | None]:
-        """Seconds until the job is done, and their interval: frames to come are taken to last as long as those that ended, or
-        as those that run will have; as many side by side as run now."""
+        """Return the seconds until the job is done, and their interval: queued frames are assumed to take as long as ended
+        ones, or as running ones will; as many run concurrently as now."""
         waits = counts[FrameState.QUEUED] > 0
         if not running:
             return (None, None) if waits else (0.0, [0.0, 0.0])
@@ -168,7 +169,7 @@ class JobTotals:
         }
 
     def first_error(self) -> Json | None:
-        """Of the failed frames the first, told with its number where there are others."""
+        """Return the problem of the first failed frame, with its number if the job has several."""
         for number in sorted(self._frames):
             error = self._frames[number].error
             if self._frames[number].state is FrameState.FAILED and error is not None:
@@ -176,13 +177,13 @@ class JobTotals:
         return None
 
     def cancel_waiting(self) -> None:
-        """The job is being canceled: frames that wait will not run."""
+        """Cancel queued frames, since the job is being canceled."""
         for frame in self._frames.values():
             if frame.state is FrameState.QUEUED:
                 frame.state = FrameState.CANCELED
 
     def result(self) -> Json | None:
-        """None if no frame made a picture."""
+        """Return the job's result; None if no frame made a picture."""
         made = {n: r for n in sorted(self._frames) if (r := self._frames[n].result) is not None and r.get("stop")}
         if not made:
             return None
@@ -213,7 +214,7 @@ def _size_of_error(frame: FrameTotals) -> float:
 
 
 def _spread(running: Sequence[FrameTotals], left: Sequence[float]) -> tuple[float, float] | None:
-    """How far the interval of the seconds left goes below and above, as parts of them; of the widest."""
+    """Return how far the interval of the seconds left extends below and above, as fractions; that of the widest."""
     found = []
     for frame, eta in zip(running, left, strict=True):
         interval = frame.progress.get("eta_ci95")
@@ -240,9 +241,9 @@ def _sums(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
 
 
 def frame_result(report: Mapping[str, object], stop: Json, job: Job, outputs: Sequence[str]) -> Json:
-    """What a frame's row keeps of the report that its worker made."""
+    """Return the part of the worker's report that a frame's row keeps."""
     followed = report.get("settings")
-    followed = followed if isinstance(followed, Mapping) else {}  # the job's, and where they are open the stage's
+    followed = followed if isinstance(followed, Mapping) else {}  # the job's rules, and the stage's where those are open
     asked = job.settings.get("stop", {})
     told = followed.get("error_metric")
     metric = asked.get("metric") or (told if told in METRICS else METRICS[0])
@@ -270,7 +271,7 @@ def _error_of(says: Mapping[str, object], metric: str, target: float | None) -> 
 
 
 def target_warning(frame: Frame, result: Json, frames: int) -> Json | None:
-    """That a frame ended above the error that was asked for."""
+    """Return a warning if a frame ended above its target error."""
     stop, error = result["stop"], result["error"]
     if stop.get("target_met") is not False or stop["reason"] == "interrupted":
         return None

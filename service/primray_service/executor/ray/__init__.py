@@ -1,10 +1,10 @@
 """Chunks on the nodes of a Ray cluster.
 
-    executor.py    what the dispatcher has: a RayExecutor; run.py: one of its chunks
-    link.py        the process that speaks to Ray for it, seen from the server
-    protocol.py    what the two say to each other
-    driver/        that process
-    node/          what runs on the cluster's nodes: a chunk in a task, in the same sandboxed worker as on one machine
+    executor.py    RayExecutor, for the dispatcher; run.py: one of its chunks
+    link.py        the driver process, seen from the server
+    protocol.py    messages between the two
+    driver/        the driver process, which talks to Ray
+    node/          code on the cluster's nodes: a chunk in a Ray task, in the same sandboxed worker as on one machine
 
-The server itself never imports ray: Ray ends the process that has lost its cluster, and unpickles what the cluster sends.
+The server itself never imports ray: Ray ends a process that has lost its cluster, and unpickles what the cluster sends.
 """

@@ -1,7 +1,7 @@
-"""RayExecutor: chunks run as tasks of a Ray cluster, on any of its nodes that has primray and whose sandbox holds.
+"""RayExecutor: chunks run as tasks of a Ray cluster, on any of its nodes that has primray and a working sandbox.
 
-The cluster may die at any time, and this server's driver with it: every chunk under way is then lost, capacity is nothing, so
-that jobs wait, and it is tried again until the cluster is back. What a job is stays in the database.
+The cluster may die at any time, and this server's driver with it: every running chunk is then lost, capacity is zero, so that
+jobs wait, and the connection is retried until the cluster is back. Jobs stay in the database.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from .run import RayRun
 
 LOG = logging.getLogger(__name__)
 
-NOT_ASKED = "it cannot be asked"  # so a node's reason begins if that was an error
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 15.0  # before it is tried again to connect
+NOT_ASKED = "it cannot be asked"  # prefix of a node's reason if asking it failed
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 15.0  # between attempts to connect
 
 
 def ray_executor(config: ServeConfig, data: DataDirectory) -> RayExecutor:
@@ -46,9 +46,9 @@ def ray_executor(config: ServeConfig, data: DataDirectory) -> RayExecutor:
 
 
 class RayExecutor:
-    """`slots`: chunks at a time (None: as many as the nodes have room for); `cores`: that one takes of a node (None: 8, or all
-    of the smallest node's); `labels`: of nodes that take work (all of them); `waits`: it starts without a cluster, or without a
-    node that takes work, and has no slots until there is one."""
+    """Executor on a Ray cluster. `slots`: concurrent chunks (None: as many as the nodes have room for); `cores`: for each chunk
+    (None: 8, or all of the smallest node's); `labels`: of nodes that take work ({}: all of them); `waits`: it starts without a
+    cluster, or without a fit node, and has no slots until there is one."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class RayExecutor:
         self._why_not = "it was not started"
 
     def capacity(self) -> Capacity:
-        """No slots while the cluster is away."""
+        """Return the capacity, which is zero while the cluster is away."""
         slots = int(self._cluster["slots"]) if self._link is not None else 0
         cores, memory = int(self._cluster["cores"]), int(self._cluster["memory_bytes"])
         return Capacity(slots, cores * max(slots, 1), memory, len(self._working_nodes()))
@@ -97,10 +97,10 @@ class RayExecutor:
         except OSError as error:
             raise Problem("unavailable", f"The Ray driver cannot be started: {error.strerror}.") from error
         except NotConnected as error:
-            # A wrong address, a wrong token and a missing package stay wrong however long the server waits.
+            # A wrong address, a wrong token and a missing package do not go away by waiting.
             if not self._waits or error.code != protocol.UNREACHABLE:
                 raise Problem("unavailable", f"{error.why}.", code=error.code) from error
-            self._why_not = "the Ray cluster is not there yet; jobs wait"  # who asks does not learn its address
+            self._why_not = "the Ray cluster is not there yet; jobs wait"  # clients do not learn the cluster's address
             LOG.warning("%s; the server starts, and jobs wait until the cluster is there", error.why)
         else:
             self._why_not = ""
@@ -108,7 +108,7 @@ class RayExecutor:
         self._keeping = asyncio.create_task(self._keep_connected())
 
     async def _require_node(self, link: Link) -> None:
-        """Problem where no node takes work and nothing waits for one to come; a warning where something does."""
+        """Raise Problem if no node takes work, or warn if the server may wait for one."""
         if self._settings["slots"] or self._working_nodes():
             return
         why = self._why_no_node()
@@ -119,14 +119,14 @@ class RayExecutor:
         raise Problem("unavailable", f"{why}.", code=protocol.NO_NODE)
 
     async def _keep_connected(self) -> None:
-        """Until the server stops: connect when the cluster is there, and notice when it is gone."""
+        """Keep the connection until the server stops: connect when the cluster is there, and notice when it is gone."""
         while True:
             link = self._link or await self._connected()
             last = await link.ended()
             self._lost(f"the Ray cluster at {self._address} is gone: {last or 'its driver ended'}")
 
     async def _connected(self) -> Link:
-        """Try until the cluster answers. What is wrong is logged when it changes, not at each attempt."""
+        """Retry until the cluster answers. Errors are logged when they change, not at each attempt."""
         pause_s, logged = FIRST_PAUSE_S, ""
         while True:
             await asyncio.sleep(pause_s)
@@ -143,7 +143,7 @@ class RayExecutor:
             return link
 
     def _lost(self, why: str) -> None:
-        self._link, self._why_not = None, "the Ray cluster is gone; jobs wait"  # whoever asks is not told where it was
+        self._link, self._why_not = None, "the Ray cluster is gone; jobs wait"  # clients do not learn the cluster's address
         if not self._closing:
             LOG.error("%s; %d chunks are lost", why, len(self._runs))
         for run in list(self._runs.values()):
@@ -192,7 +192,7 @@ class RayExecutor:
         return f"no node of the Ray cluster takes work ({'; '.join(refused) or 'none has the labels and the cores'})"
 
     def _layers(self) -> dict[str, str]:
-        """Of the first node: they are alike, mostly; each node's own stand in `nodes`."""
+        """Return the sandbox layers of the first node; those of each node are in `nodes`."""
         nodes = self._working_nodes()
         return dict(nodes[0]["sandbox"]) if nodes else {}
 
@@ -211,6 +211,6 @@ class RayExecutor:
 
 
 def _told(node: Json) -> Json:
-    """To whoever asks for /readyz, which needs no key: no names of hosts, nor errors' texts, which may have such."""
+    """Return a node for /readyz, which needs no key: without host names, and without error texts, which may contain such."""
     why = NOT_ASKED if node["why"].startswith(NOT_ASKED) else node["why"]
     return {"id": node["id"][:8], "slots": node["slots"], "why": why, "received": node["received"]}

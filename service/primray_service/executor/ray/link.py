@@ -1,4 +1,4 @@
-"""The Ray driver seen from the server: a process of its own, its lines, and its end, which the server outlives."""
+"""The Ray driver seen from the server: a separate process, its lines, and its end, which the server outlives."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from . import protocol
 DRIVER = "primray_service.executor.ray.driver"
 CONNECT_WITHIN_S = 90.0
 END_WITHIN_S = 3.0
-LAST_LINES = 20  # of what it printed to stderr
-# What Ray prints when the head refuses a token: it tries on for 20 s, and then says only that it could not connect.
+LAST_LINES = 20  # of its stderr that are kept
+# Ray prints this when the head refuses a token; it retries for 20 s, and then reports only that it could not connect.
 REFUSED = b"InvalidAuthToken"
 
 OnLine = Callable[[Mapping[str, Any]], None]
 
 
 class NotConnected(Exception):
-    """`code`: one of protocol.py."""
+    """No connection to a cluster; `code` is one of protocol.py."""
 
     def __init__(self, code: str, why: str) -> None:
         super().__init__(why)
@@ -35,7 +35,7 @@ class NotConnected(Exception):
 
 
 class Link:
-    """One driver process, from its start to its end. `on_line` gets what it says once it is connected."""
+    """One driver process, from its start to its end. `on_line` gets its lines once it is connected."""
 
     def __init__(self, process: asyncio.subprocess.Process, on_line: OnLine) -> None:
         self._process = process
@@ -46,7 +46,7 @@ class Link:
 
     @classmethod
     async def connect(cls, settings: Json, on_line: OnLine) -> Link:
-        """NotConnected where there is no Ray to work with."""
+        """Start a driver and connect it; raises NotConnected if there is no usable Ray."""
         if find_spec("ray") is None:
             raise NotConnected(protocol.NOT_INSTALLED, "ray is not installed: pip install 'primray[ray]'")
         process = await asyncio.create_subprocess_exec(
@@ -56,7 +56,7 @@ class Link:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             limit=protocol.MAX_LINE_BYTES,
-            start_new_session=True,  # Ctrl-C is the server's to hear
+            start_new_session=True,  # Ctrl-C is for the server
         )
         link = cls(process, on_line)
         link.send({"do": "connect", **settings})
@@ -72,20 +72,20 @@ class Link:
         return link
 
     def send(self, line: Json) -> None:
-        """Nothing happens if it is gone."""
+        """Send a line; has no effect if the process is gone."""
         assert self._process.stdin is not None
         if not self._process.stdin.is_closing():
             with suppress(OSError):
                 self._process.stdin.write(json.dumps(line).encode() + b"\n")
 
     async def ended(self) -> str:
-        """Wait for its end; the last that it printed."""
+        """Wait for its end, and return the last line that it printed."""
         await asyncio.wait(self._reading)
         await self._process.wait()
         return " ".join(line for line in list(self._said)[-3:])
 
     async def close(self) -> None:
-        """It ends by itself when nobody speaks to it any more; if it does not, it is ended."""
+        """Close its input, which ends it; kill it if it does not end."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         try:
@@ -100,7 +100,7 @@ class Link:
         while True:
             try:
                 line = await self._process.stdout.readline()
-            except ValueError:  # longer than any of ours
+            except ValueError:  # longer than any of our lines
                 self._process.kill()
                 return
             if not line.endswith(b"\n"):
@@ -131,5 +131,6 @@ class Link:
 
 
 def environment(ours: Mapping[str, str]) -> dict[str, str]:
-    """The driver's: tokens are asked for unless that was switched off on purpose, and nothing is sent home."""
+    """Return the driver's environment: token authentication is on unless it was switched off on purpose, and usage statistics
+    are off."""
     return {"RAY_AUTH_MODE": "token", "RAY_USAGE_STATS_ENABLED": "0", **ours}

@@ -1,4 +1,4 @@
-"""One chunk on a cluster, seen from the server: its files come into a slot here before the messages that name them."""
+"""One chunk on a cluster, seen from the server: its files arrive in a local folder before the messages that name them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOG = logging.getLogger(__name__)
 
 
 class RayRun:
-    """A Handle. `send` puts a line to the driver."""
+    """Handle of a chunk on a cluster. `send` sends a line to the driver."""
 
     def __init__(self, chunk: Chunk, run_id: str, slot: Slot, on_message: OnMessage, send: Callable[[Json], None]) -> None:
         self.chunk = chunk
@@ -79,7 +79,7 @@ class RayRun:
         self._end(Ended(folder=self.folder, log_file=log_file, protocol_error=str(told.get("protocol_error", "")), **about))
 
     def is_lost(self, why: str) -> None:
-        """Nothing more will be heard of it."""
+        """End the chunk as lost: nothing more will come from it."""
         self._end(Ended("lost", None, None, self.folder, 0.0, 0, why))
 
     def _end(self, ended: Ended) -> None:

@@ -1,1 +1,1 @@
-"""What an administrator does for all tenants: look at jobs, change them, and set quotas."""
+"""Administration of all tenants: jobs, workers and quotas."""

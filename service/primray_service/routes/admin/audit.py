@@ -1,4 +1,4 @@
-"""A line in the server's log for each action of an administrator: who did what, to whom."""
+"""Audit log: a line in the server's log for each action of an administrator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ log = structlog.get_logger()
 
 
 def record(caller: Caller, action: str, tenant: str, **about: object) -> None:
-    """`tenant` is the one that the action concerns; who acted is `by`, the id of a key, or "local" where none is needed."""
+    """Log an action. `tenant` is the one concerned; `by` is the id of the administrator's key, or "local" if none is needed."""
     key = caller.key
     by = {"by": "local", "by_name": "", "by_tenant": caller.tenant}
     if key is not None:

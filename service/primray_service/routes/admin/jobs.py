@@ -1,6 +1,6 @@
-"""Jobs of all tenants, for an administrator: list, look at, change, cancel, pause, resume, retry a frame.
+"""Jobs of all tenants, for an administrator: list, show, change, cancel, pause, resume, retry a frame.
 
-Pictures and scenes are the tenant's alone: nothing here answers with them.
+Pictures and scenes are the tenant's alone: no route here returns them.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def list_jobs(
     cursor: Annotated[str | None, Query(max_length=512, description="The page before gave it.")] = None,
     order: Annotated[Literal["desc", "asc"], Query(description="By creation: desc has the newest first.")] = "desc",
 ) -> Response:
-    """Jobs of all tenants, or of one, a page at a time."""
+    """List jobs of all tenants, or of one, a page at a time."""
     if label and tenant is None:
         raise Problem("invalid-request", "label: labels are looked for within one tenant; name it.", member="label")
     where = JobFilter(frozenset(state or ()), dict(split_label(text) for text in label or []))
@@ -81,7 +81,7 @@ def list_jobs(
 
 @router.get("/{job_id}", **described(answer(admin_views.AdminJob, headers=("ETag", "Retry-After")), problems=("not-found",)))
 def show(job_id: JobId, caller: Admin, service: Serving) -> Response:
-    """One job of any tenant."""
+    """Return one job of any tenant."""
     return answered(service, found(service, job_id))
 
 
@@ -96,7 +96,7 @@ def frames(
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
     after: Annotated[int, Query(ge=-1, lt=2**31, description="Only frames with larger numbers.")] = -1,
 ) -> Response:
-    """Frames of a job of any tenant, in order, a page at a time."""
+    """List the frames of a job of any tenant, in order, a page at a time."""
     found(service, job_id)
     rows = service.store.frames(job_id, limit + 1, after)
     next_after = rows[limit - 1].number if len(rows) > limit else None
@@ -142,7 +142,7 @@ def change(
     ),
 )
 def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
-    """End a job of any tenant; the picture made so far is kept."""
+    """Cancel a job of any tenant; the picture rendered so far is kept."""
     check_version(request, found(service, job_id))
     job = canceled(service, job_id)
     record(caller, "cancel-job", job.tenant, job_id=job_id)
@@ -190,7 +190,7 @@ def resume(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
     ),
 )
 def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Admin, service: Serving) -> Response:
-    """Render one frame of a job of any tenant again; that tenant's usage counts it."""
+    """Render one frame of a job of any tenant again; it counts towards that tenant's usage."""
     job = found(service, job_id)
     check_version(request, job)
     job = retried(service, job_id, number, service.tenant_quotas.of(job.tenant))

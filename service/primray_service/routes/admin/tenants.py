@@ -1,4 +1,4 @@
-"""Tenants for an administrator: what each uses, and its quotas, which can be set here."""
+"""Tenants for an administrator: their usage and quotas, which can be set here."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def list_tenants(
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
     after: Annotated[str, Query(max_length=64, description="Only names that follow this one.")] = "",
 ) -> Response:
-    """All tenants that have a key, or have used anything, with what they use and may use."""
+    """List all tenants that have a key, or have used anything, with their usage and quotas."""
     rows = service.store.usage_of_all(time.time(), limit + 1, after)
     next_after = rows[limit - 1][0] if len(rows) > limit else None
     items = [tenant_json(service, tenant, used) for tenant, used in rows[:limit]]
@@ -49,7 +49,7 @@ def list_tenants(
 
 @router.get("/{tenant}", **described(answer(admin_views.Tenant), problems=("invalid-request",)))
 def show(tenant: TenantName, caller: Admin, service: Serving) -> Response:
-    """What a tenant uses and may use; a tenant is made by naming it, so there is none that is not found."""
+    """Return a tenant's usage and quotas; a tenant is created by naming it, so none is not found."""
     return json_answer(tenant_json(service, tenant, service.store.usage(tenant, time.time())))
 
 
@@ -67,9 +67,9 @@ def set_quotas(
     service: Serving,
     asked: Annotated[QuotaRequest, Depends(json_body(QuotaRequest))],
 ) -> Response:
-    """Set quotas of a tenant, whatever its keys say. Members that are left out stay as they are; null: no limit.
+    """Set quotas of a tenant, overriding those of its keys. Members that are omitted stay as they are; null: no limit.
 
-    Jobs that run go on. Another server over the same database keeps to them within seconds.
+    Running jobs continue. Other servers on the same database apply the quotas within seconds.
     """
     quotas = service.store.quotas_set(tenant) | asked.model_dump(exclude_unset=True)
     service.store.set_quotas(tenant, quotas, time.time())
@@ -81,7 +81,7 @@ def set_quotas(
 
 @router.delete("/{tenant}/quotas", **described(answer(admin_views.Tenant), problems=("invalid-request",)))
 def unset_quotas(tenant: TenantName, caller: Admin, service: Serving) -> Response:
-    """Take back what was set: the tenant has the quotas of its newest key, or the server's."""
+    """Remove the quotas set by an administrator: those of the tenant's newest key apply again, or the server's."""
     service.store.set_quotas(tenant, {}, time.time())
     service.tenant_quotas.forget(tenant)
     record(caller, "unset-quotas", tenant)

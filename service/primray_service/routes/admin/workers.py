@@ -1,4 +1,4 @@
-"""Where renders run, and what runs there now, for an administrator."""
+"""Workers and running frames, for an administrator."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def list_workers(
     service: Serving,
     limit: Annotated[int, Query(ge=1, le=1000, description="Frames that run, at most.")] = 200,
 ) -> Response:
-    """The executor of the server that dispatches, its nodes, and the frames that run, of all tenants, by when they began."""
+    """Return the executor of the server that dispatches, its nodes, and the running frames of all tenants, by start time."""
     leading = service.who_leads.now()
     capacity = leading.capacity
     here: Json = {"id": "local", "slots": capacity.slots, "why": ""}

@@ -1,1 +1,1 @@
-"""The routes of jobs: jobs.py lists, shows and changes them, submissions.py makes them, the others are what one has."""
+"""The routes of jobs: jobs.py lists, shows and changes them, submissions.py creates them, the others serve their parts."""

@@ -1,4 +1,4 @@
-"""How a job's error fell: the rows of its frames' convergence curves, as JSON or CSV."""
+"""Convergence of a job's error: rows of its frames' curves, as JSON or CSV."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def convergence(
     frame: Annotated[int | None, Query(ge=0, lt=2**31, description="Only of this frame.")] = None,
     format: Annotated[Literal["json", "csv"] | None, Query(description="Whatever Accept says; for links.")] = None,
 ) -> Response:
-    """The error's estimate after so many samples and seconds, frame after frame.
+    """Return estimates of the error by samples and seconds, frame after frame.
 
-    `Accept: text/csv`, or ?format=csv, gives a table with a head line.
+    `Accept: text/csv`, or ?format=csv, gives a table with a header line.
     """
     kind = FORMATS[format] if format else accepted(request, *FORMATS.values())
     found(service, caller, job_id)
@@ -67,7 +67,7 @@ def frames_of(service: Service, job_id: str, number: int | None) -> Iterable[Fra
 
 
 def csv_of(rows: Sequence[Json]) -> bytes:
-    """RFC 4180; the interval in two columns."""
+    """Return CSV (RFC 4180), with the interval in two columns."""
     text = io.StringIO()
     table = csv.writer(text)
     table.writerow(COLUMNS)

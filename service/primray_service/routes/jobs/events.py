@@ -1,7 +1,7 @@
-"""A job's events: as a stream (server-sent events) or as pages of JSON, by what the client accepts.
+"""A job's events: as a stream (server-sent events) or as pages of JSON, by content negotiation.
 
-Ids are the rows' numbers, so whoever comes back with Last-Event-ID (or ?after=) misses nothing. The stream ends after the
-end of the job; who asks again then is told with 204 that nothing will come, which stops a browser's EventSource.
+Ids are the rows' numbers, so a client that reconnects with Last-Event-ID (or ?after=) misses nothing. The stream ends after the
+job's end; a further request gets 204, which stops a browser's EventSource.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from .jobs import JobId, found_shared
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 HEARTBEAT_S = 10.0
-RETRY_MS = 2000  # before a browser comes back
+RETRY_MS = 2000  # delay before a browser reconnects
 PAGE = 500
 PLACE_S = 1.0
-SHARED_S = 0.5  # streams of one job share what one of them read
+SHARED_S = 0.5  # streams of one job share a read for this long
 STREAM, PAGES = "text/event-stream", "application/json"
 
 
@@ -53,11 +53,11 @@ async def events(
     after: Annotated[int | None, Query(ge=0, lt=2**63, description="Only events with larger ids.")] = None,
     limit: Annotated[int, Query(ge=1, le=PAGE, description="Of a page of JSON.")] = PAGE,
 ) -> Response:
-    """What happened to a job, and what happens.
+    """Return past and coming events of a job.
 
-    `Accept: text/event-stream` (as EventSource sends it) gives a stream that goes on until the job ends; else there is a page
-    of the events so far. A comment comes every 10 seconds, so that a dead connection is noticed. While the job waits for its
-    turn, the stream has events `queue` without an id: the job's member of that name, when it has changed.
+    `Accept: text/event-stream` (as EventSource sends it) gives a stream until the job ends; otherwise the answer is a page of
+    the events so far. A comment is sent every 10 seconds, so that a dead connection is noticed. While the job is queued, the
+    stream has events `queue` without an id: the job's member of that name, whenever it changes.
     """
     kind = accepted(request, PAGES, STREAM)
     seen = last_seen(request)
@@ -91,11 +91,11 @@ async def read(service: Service, job_id: str, after: int, limit: int) -> Sequenc
 
 
 async def stream(service: Service, caller: Caller, job_id: str, after: int) -> AsyncIterator[bytes]:
-    """Until the job has ended and all of it is told, the job is deleted, or the server stops."""
+    """Yield the stream until the job has ended and all events are sent, the job is deleted, or the server stops."""
     yield f"retry: {RETRY_MS}\n\n".encode()
     loop = asyncio.get_running_loop()
     spoke = loop.time()
-    told: Json | None = None  # of its place in the queue
+    told: Json | None = None  # position in the queue that was sent last
     with service.changes.watching(job_id) as changed:
         while not service.changes.closing:
             rows = await read(service, job_id, after, PAGE)
@@ -118,7 +118,7 @@ async def stream(service: Service, caller: Caller, job_id: str, after: int) -> A
 
 
 async def place_of(service: Service, caller: Caller, job_id: str) -> Json | None:
-    """What is told while it waits for its turn: an event without a number, since only the newest counts."""
+    """Return the job's position in the queue while it waits: an event without an id, since only the newest counts."""
     job: Job = await found_shared(service, caller, job_id)
     if job.state is not JobState.QUEUED:
         return None
@@ -127,17 +127,17 @@ async def place_of(service: Service, caller: Caller, job_id: str) -> Json | None
 
 
 async def is_over(service: Service, caller: Caller, job_id: str, after: int) -> bool:
-    """Whether there is no such job any more, or it has ended and there is no event that the stream has not told."""
+    """Return whether the job is deleted, or has ended and the stream has sent all of its events."""
     try:
         job: Job = await found_shared(service, caller, job_id)
     except Problem:
         return True
     if job.state not in TERMINAL:
         return False
-    # The end may have come between the last look at the events and that at the job.
+    # The end may have come between the last read of the events and that of the job.
     return not await asyncio.to_thread(service.store.events, job_id, after, 1)
 
 
 def sse(event: Event) -> bytes:
-    """JSON has no line breaks in it here, so one data line is enough."""
+    """Return a server-sent event; the JSON has no line breaks, so one data line suffices."""
     return b"id: %d\nevent: %s\ndata: %s\n\n" % (event.id, event.type.encode(), json_bytes(event_data(event)))

@@ -31,7 +31,7 @@ def frames(
     after: Annotated[int | None, Query(ge=-1, lt=2**31, description="Only frames with larger numbers.")] = None,
     cursor: Annotated[str | None, Query(pattern="^[0-9]{1,9}$", description="The page before gave it.")] = None,
 ) -> Response:
-    """A job's frames, in order, a page at a time."""
+    """List a job's frames, in order, a page at a time."""
     found(service, caller, job_id)
     first = int(cursor) if cursor is not None else -1 if after is None else after
     rows = service.store.frames(job_id, limit + 1, first)
@@ -43,7 +43,7 @@ def frames(
 
 @router.get("/{job_id}/frames/{number}", **described(answer(views.Frame), problems=("not-found", "invalid-request")))
 def frame(job_id: JobId, number: FrameNumber, caller: Reader, service: Serving) -> Response:
-    """One frame."""
+    """Return one frame."""
     found(service, caller, job_id)
     row = service.store.frame(job_id, number)
     if row is None:

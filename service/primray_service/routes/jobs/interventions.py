@@ -1,4 +1,4 @@
-"""Jobs under way: pause, resume, and render one frame again."""
+"""Interventions in jobs: pause, resume, and render one frame again."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CHANGED = ("not-found", "conflict", "precondition-failed")
     ),
 )
 def pause(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
-    """Pause a job: running frames write a checkpoint and give their workers back, and none is begun until it is resumed."""
+    """Pause a job: running frames write a checkpoint and free their workers, and no frame starts until it is resumed."""
     check_version(request, found(service, caller, job_id))
     job = paused(service, job_id)
     return job_answer(job, body_of(service, job), 202)
@@ -60,9 +60,9 @@ def resume(job_id: JobId, request: Request, caller: Submitter, service: Serving)
     ),
 )
 def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Submitter, service: Serving) -> Response:
-    """Render one frame that has ended again, from its first sample; the job's other frames stay as they are.
+    """Render one finished frame again, from its first sample; the job's other frames stay as they are.
 
-    Its files stay until the new ones, of the same names, replace them. A job that had ended is queued again.
+    Its files stay until new ones of the same names replace them. A job that had ended is queued again.
     """
     check_version(request, found(service, caller, job_id))
     job = retried(service, job_id, number, service.quotas_of(caller))

@@ -1,4 +1,4 @@
-"""Jobs: list, look at, change, cancel, go on, delete; submissions.py makes them."""
+"""Jobs: list, show, change, cancel, continue, delete; submissions.py creates them."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from ...store.base import Conflict, JobFilter
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
-RETRY_AFTER_S = 2  # for who asks again and again
-CANCEL_S = 10.0  # for a deleted job's workers to be gone
+RETRY_AFTER_S = 2  # for clients that poll
+CANCEL_S = 10.0  # time for a deleted job's workers to end
 JOB_ID = re.compile(r"job_[0-9A-HJKMNP-TV-Z]{26}")
 _PREFER_WAIT = re.compile(r"(?:^|[,;\s])wait=(\d{1,6})(?:$|[,;\s])", re.IGNORECASE)
 
-# Any text is looked for, and not found: the pattern is only told.
+# Any text is looked up and may not be found: the pattern only documents ids.
 JobId = Annotated[str, Path(description="As POST /v1/jobs answered.", json_schema_extra={"pattern": f"^{JOB_ID.pattern}$"})]
 
 
 def found(service: Service, caller: Caller, job_id: str) -> Job:
-    """The tenant's job; another tenant's is as if it did not exist."""
+    """Return the tenant's job; another tenant's job is reported as not found."""
     job = service.store.job(job_id, caller.tenant) if JOB_ID.fullmatch(job_id) else None
     if job is None:
         raise no_job()
@@ -48,9 +48,9 @@ def found(service: Service, caller: Caller, job_id: str) -> Job:
 
 
 def check_version(request: Request, job: Job) -> bool:
-    """Whether If-Match was sent; Problem if it names no version of the job's that this change could be meant for.
+    """Return whether If-Match was sent; raises Problem if none of its tags allows a change of this version.
 
-    Progress is not the change of another: jobs.Job says why.
+    Progress does not count as a change: see jobs.Job.
     """
     header = request.headers.get("if-match")
     if header is None:
@@ -69,7 +69,7 @@ async def found_shared(service: Service, caller: Caller, job_id: str) -> Job:
 
 
 async def _shared(service: Service, caller: Caller, job_id: str) -> tuple[Job, bytes]:
-    """The job and its JSON, read and written once for all who ask at the same time."""
+    """Return the job and its JSON, shared by all who ask at the same time."""
 
     def load() -> tuple[Job, bytes] | None:
         job = service.store.job(job_id)
@@ -82,7 +82,7 @@ async def _shared(service: Service, caller: Caller, job_id: str) -> tuple[Job, b
 
 
 def prefer_wait(request: Request, limits: Limits) -> float | None:
-    """Seconds that the client would wait for an answer with more in it (RFC 7240), at most as long as is allowed."""
+    """Return the seconds that the client would wait for a change (RFC 7240, Prefer: wait), limited by the server."""
     match = _PREFER_WAIT.search(",".join(request.headers.getlist("prefer")))
     return None if match is None else min(float(match[1]), limits.wait_s)
 
@@ -95,12 +95,12 @@ def job_answer(job: Job, body: bytes, status: int = 200, headers: dict[str, str]
 
 
 def body_of(service: Service, job: Job) -> bytes:
-    """Blocks for the database: a job that waits says its place."""
+    """Return the job's JSON; blocks on the database for the position of a queued job."""
     return json_bytes(service.job_json(job))
 
 
 async def changed(service: Service, caller: Caller, job: Job, seconds: float, is_enough: Callable[[Job], bool]) -> Job:
-    """The job when it is enough, or as it is after so many seconds, or when the server stops."""
+    """Return the job when `is_enough` accepts it, or as it is after `seconds`, or when the server stops."""
     until = time.monotonic() + seconds
     with service.changes.watching(job.id) as event:
         while not is_enough(job) and not service.changes.closing and (left := until - time.monotonic()) > 0:
@@ -111,9 +111,9 @@ async def changed(service: Service, caller: Caller, job: Job, seconds: float, is
 
 
 def acted(service: Service, act: Callable[[], Job], conflict: Problem) -> Job:
-    """Return the job after `act` has changed it in the store, and have the dispatcher look at it.
+    """Change the job in the store by `act`, notify the dispatcher, and return the job.
 
-    Raise `conflict` where the store refuses the change, and "not-found" where there is no such job any more.
+    Raises `conflict` if the store refuses the change, and "not-found" if the job no longer exists.
     """
     try:
         job = act()
@@ -126,7 +126,7 @@ def acted(service: Service, act: Callable[[], Job], conflict: Problem) -> Job:
 
 
 def updated(service: Service, request: Request, job: Job, patch: JobPatch) -> tuple[Job, Json]:
-    """Return the job with what a PATCH changes, and that; Problem where it is not at the version that If-Match names."""
+    """Return the job after a PATCH, and the changes; raises Problem if it is not at the version that If-Match names."""
     version = job.version if check_version(request, job) else None
     changes = changes_of(patch, service.limits)
     conflict = Problem("precondition-failed", "It has changed since it was read.")
@@ -160,7 +160,7 @@ def list_jobs(
     cursor: Annotated[str | None, Query(max_length=512, description="The page before gave it.")] = None,
     order: Annotated[Literal["desc", "asc"], Query(description="By creation: desc has the newest first.")] = "desc",
 ) -> Response:
-    """The tenant's jobs, a page at a time."""
+    """List the tenant's jobs, a page at a time."""
     labels = dict(split_label(text) for text in label or [])
     where = JobFilter(frozenset(state or ()), labels, scene)
     try:
@@ -195,10 +195,10 @@ def split_label(text: str) -> tuple[str, str]:
     ),
 )
 async def show(job_id: JobId, request: Request, caller: Reader, service: Serving) -> Response:
-    """A job as it is now.
+    """Return a job's current state.
 
-    With `Prefer: wait=N` the answer comes when the job has ended; with If-None-Match beside it, when the job is not at that
-    version any more or has ended; at the latest after N seconds.
+    With `Prefer: wait=N` the answer comes when the job has ended; with If-None-Match as well, when the job no longer has that
+    version or has ended; after N seconds at the latest.
     """
     job, body = await _shared(service, caller, job_id)
     headers: dict[str, str] = {}
@@ -253,7 +253,7 @@ def change(
     ),
 )
 def cancel(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
-    """End a job; the picture made so far is kept. It may be asked for again."""
+    """Cancel a job; the picture rendered so far is kept. Repeating the request is harmless."""
     check_version(request, found(service, caller, job_id))
     job = canceled(service, job_id)
     return job_answer(job, body_of(service, job), 202)
@@ -285,9 +285,9 @@ def go_on(
     service: Serving,
     asked: Annotated[ContinueRequest, Depends(json_body(ContinueRequest, may_lack=True))],
 ) -> Response:
-    """Go on from where the job ended, to a lower error, more samples or more time.
+    """Continue a job from where it ended, to a lower error, more samples or more time.
 
-    One that did not reach its end (canceled, failed, expired) needs no body: it goes on by the rules that it had.
+    A job that did not succeed (canceled, failed, expired) needs no body: it continues with its own rules.
     """
     job = found(service, caller, job_id)
     check_version(request, job)
@@ -309,7 +309,7 @@ def go_on(
     ),
 )
 async def delete(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
-    """Cancel a job if it has not ended, and remove it with all its outputs."""
+    """Cancel a job if it has not ended, and delete it with all its outputs."""
     check_version(request, await run_in_threadpool(found, service, caller, job_id))
     until = time.monotonic() + CANCEL_S
     while not await run_in_threadpool(removed, service, job_id):
@@ -320,7 +320,7 @@ async def delete(job_id: JobId, request: Request, caller: Submitter, service: Se
 
 
 def removed(service: Service, job_id: str) -> bool:
-    """False while a frame of it runs, which is being stopped."""
+    """Delete the job; False while one of its frames runs, which is being stopped."""
     job = service.store.job(job_id)
     try:
         if job is not None and job.state not in TERMINAL:
@@ -331,6 +331,6 @@ def removed(service: Service, job_id: str) -> bool:
     except Conflict:
         return False
     except KeyError:
-        pass  # somebody else removed it in between
+        pass  # another request deleted it meanwhile
     service.data.remove_job(job_id)
     return True

@@ -1,4 +1,4 @@
-"""What a job's workers printed, frame by frame, as plain text: for people who look for the reason."""
+"""Output of a job's workers as plain text, frame by frame: for people who look for a cause."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ async def log(
     service: Serving,
     frame: Annotated[int, Query(ge=0, lt=2**31, description="The frame's number, from 0.")] = 0,
 ) -> Response:
-    """The log of one frame; it grows while the frame runs, so read on with Range: bytes=<what you have>-."""
+    """Return the log of one frame; it grows while the frame runs, so continue with Range: bytes=<what you have>-."""
     await run_in_threadpool(found, service, caller, job_id)
     if await run_in_threadpool(service.store.frame, job_id, frame) is None:
         raise Problem("not-found", f"The job has no frame {frame}.")
@@ -55,7 +55,7 @@ async def log(
 
 
 def _state(data: DataDirectory, path: Path) -> tuple[int, str]:
-    """Its size, and an ETag for what it holds up to there: it only grows, or is another file."""
+    """Return the log's size, and an ETag for its content up to there: it only grows, or is replaced."""
     data.bring_newest(path)
     try:
         found = os.lstat(path)

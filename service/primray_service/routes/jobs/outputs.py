@@ -1,4 +1,4 @@
-"""What a job made: the list, and the files themselves. A file never changes under its digest, which is its ETag."""
+"""Outputs of a job: the list, and the files themselves. A file's digest is its ETag."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["outputs"])
 
-# A name means the same bytes for ever: what a `continue` makes has other names (dispatcher/chunks/commands.py, output_names).
+# A name means the same bytes for ever: outputs of a continued job have other names (dispatcher/chunks/commands.py,
+# output_names).
 IMMUTABLE = "private, max-age=31536000, immutable"
-REVALIDATED = "private, no-cache"  # a frame that is retried makes a file of the same name
+REVALIDATED = "private, no-cache"  # a retried frame makes a file of the same name
 
 
 @router.get("/{job_id}/outputs", **described(answer(scene_views.OutputList), problems=("not-found",)))
 def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
-    """The files that the job has made so far, frame by frame."""
+    """List the files that the job has made so far, frame by frame."""
     found(service, caller, job_id)
     outputs = service.store.outputs(job_id)
     return json_answer({"items": [output_json(output) for output in outputs]})
@@ -51,7 +52,8 @@ def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
 async def output(
     job_id: JobId, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None
 ) -> Response:
-    """One file. With ?sha256= (as in the list's URLs) it is the file of that digest, which can be kept for ever, or none."""
+    """Return one file. With ?sha256= (as in the list's URLs) it is the file with that digest, which can be cached for ever, or
+    none."""
     row = await run_in_threadpool(_row, service, caller, job_id, name)
     if sha256 is not None and sha256 != row.sha256:
         raise Problem("not-found", "The job has made another version of this file; list its outputs again.", sha256=row.sha256)
@@ -69,7 +71,7 @@ async def output(
 
 
 def _row(service: Serving, caller: Reader, job_id: str, name: str) -> Output:
-    """By its row: a name that is in no row is never looked for on the disk."""
+    """Return the output's row: names without a row are never looked up on disk."""
     found(service, caller, job_id)
     rows = service.store.outputs(job_id)
     row = next((each for each in rows if each.name == name), None)
@@ -81,7 +83,7 @@ def _row(service: Serving, caller: Reader, job_id: str, name: str) -> Output:
 
 
 def attachment(name: str) -> str:
-    """Content-Disposition (RFC 6266): curl -J and older clients read only the plain form."""
+    """Return Content-Disposition (RFC 6266): curl -J and older clients read only the plain form."""
     if re.fullmatch(r"[\w.-]+", name, re.ASCII):
         return f'attachment; filename="{name}"'
     return f"attachment; filename*=UTF-8''{quote(name, safe='')}"

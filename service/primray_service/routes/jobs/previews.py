@@ -1,4 +1,4 @@
-"""The picture of a job as it is now. Asking for it is what makes the worker write it."""
+"""The current picture of a job. A request for it makes the worker write previews."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ async def preview(
     format: Annotated[Format, Query(description="raw: half floats, as worker/preview.py says.")] = "png",
     width: Annotated[int | None, Query(ge=1, le=MOST_WIDTH, description="At most so many pixels.")] = None,
 ) -> Response:
-    """The frame's picture so far as PNG, JPEG or half floats, or a map of its error; the ETag is that of its pass."""
+    """Return the frame's current picture as PNG, JPEG or half floats, or a map of its error; the ETag identifies its pass."""
     if view not in VIEWS:
         raise Problem("view-unavailable", f"There is no view {view!r}; there are: {', '.join(VIEWS)}.", views=list(VIEWS))
     if view != "beauty" and channel == "a":
@@ -84,8 +84,8 @@ def _newest(service: Service, path: Path) -> str | None:
 
 
 def _frame(service: Service, caller: Caller, job_id: str, number: int | None) -> tuple[Frame, Json]:
-    """Return the frame asked for; else the first that runs, else the last that has been begun, else the first. And what the
-    job's files are seen through."""
+    """Return the requested frame; by default the first running one, else the last that has started, else the first. Also
+    returns the display transform of the job's files."""
     settings = found(service, caller, job_id).settings
     files = {"through": settings.get("view"), "stops": settings.get("exposure")}
     files |= {name: settings.get(name) for name in ("display", "look")}

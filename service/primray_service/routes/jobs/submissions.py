@@ -1,4 +1,4 @@
-"""POST /v1/jobs: a job for a scene that was uploaded, or for the file that comes with it."""
+"""POST /v1/jobs: creates a job of a scene that was uploaded before, or of a file in the same request."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ LINKS = leading_to(
     ),
 )
 async def submit(request: Request, caller: Submitter, service: Serving) -> Response:
-    """Queue a job: for a scene that was uploaded before (JSON), or for the file that comes with it (a form)."""
+    """Queue a job of a scene that was uploaded before (JSON), or of a file in the same request (a form)."""
     try:
         asked = await (read_form if is_form(request) else read_json)(request, service, caller)
     except Problem as problem:
@@ -136,7 +136,7 @@ async def read_json(request: Request, service: Service, caller: Caller) -> JobRe
 
 
 async def read_form(request: Request, service: Service, caller: Caller) -> JobRequest:
-    """The part `job` (JSON; may be left out) and the part `file`, in any order."""
+    """Return the request from the part `job` (JSON; optional) and the part `file`, in any order."""
     scene, _, parts = await receive_scene(request, service, caller, ("job",))
     if scene is None:
         raise Problem("invalid-request", "file: the form has no such part.", member="file")
@@ -145,8 +145,8 @@ async def read_form(request: Request, service: Service, caller: Caller) -> JobRe
 
 
 def create(service: Service, caller: Caller, asked: JobRequest, request: Request) -> tuple[Job, bool]:
-    """The new job, or the earlier one of the same idempotency key (False)."""
-    # This request's own span, where requests are traced; else what the client is in.
+    """Return the new job, or the earlier one with the same idempotency key (False)."""
+    # This request's own span if requests are traced; else the client's.
     traceparent = tracing.traceparent() or request.headers.get("traceparent", "")
     scene_id = asked.scene.id
     if (scene_id is None) == (asked.scene.shared is None):
@@ -168,10 +168,10 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         raise no_scene()
     if job.name is None:
         made = job_name(scene.name, job.entry, asked.settings.camera, asked.settings.frames)
-        job = replace(job, name=job.labels.get("name") or made)  # the label was the name before there was one
+        job = replace(job, name=job.labels.get("name") or made)  # a label `name` was the name before jobs had one
     if asked.webhook is not None:
         job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
-    if scene.state is SceneState.READY:  # else the job says so, once it is known
+    if scene.state is SceneState.READY:  # otherwise the job reports it when the check is done
         choose(asked.scene.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
     try:
         job, is_new = service.store.create_job(
@@ -186,7 +186,7 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
 
 
 def shared_scene(service: Service, caller: Caller, asked: JobRequest) -> Scene:
-    """The tenant's scene of a stage on shared storage, as its root layer is now; made when it is first asked for."""
+    """Return the tenant's scene for the current root layer of a stage on shared storage; created at first use."""
     if asked.scene.entry is not None:
         raise Problem("invalid-request", "scene.entry: a stage on shared storage is one file.", member="scene.entry")
     now = time.time()
@@ -202,7 +202,7 @@ def shared_scene(service: Service, caller: Caller, asked: JobRequest) -> Scene:
 
 
 def with_secret(service: Service, job: Job) -> bytes:
-    """The job as always, but for the webhook's secret, which is shown to who makes it and never again."""
+    """Return the job's JSON with the webhook's secret, which only the answer to its creation contains."""
     shown = service.job_json(job)
     if job.webhook is not None:
         shown["webhook"] = job.webhook

@@ -1,1 +1,1 @@
-"""The database below the operations: its tables, its connections, and what one transaction is."""
+"""The database layer below the operations: tables, connections and transactions."""

@@ -1,4 +1,4 @@
-"""Where a page ended: the last row's time and id, in a form that clients have no reason to look into."""
+"""Cursors of pages: the last row's time and id, in an opaque form."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import math
 
 
 def write_cursor(at: float, row_id: str, order: str) -> str:
-    """`order`: which listing, so that a cursor is not used in another."""
+    """Return a cursor; `order` names the listing, so that a cursor is not used in another."""
     return base64.urlsafe_b64encode(json.dumps([at, row_id, order]).encode()).decode().rstrip("=")
 
 
 def read_cursor(cursor: str, order: str) -> tuple[float, str]:
-    """ValueError if it is none of this listing's."""
+    """Return time and id; ValueError for a cursor of another listing."""
     try:
         at, row_id, of = json.loads(base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True))
         is_one = (

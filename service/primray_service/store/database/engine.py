@@ -1,8 +1,8 @@
 """A database and its transactions: connections, locks and retries, for SQLite and PostgreSQL alike.
 
 SQLite: readers have connections of their own and never wait (WAL); writers of this process take turns by a lock, those of
-several processes by BEGIN IMMEDIATE. PostgreSQL: a pool, READ COMMITTED, and row locks. A transaction that another one or a
-broken connection ended is tried again; whether its commit arrived is not known then, so each finds its own change
+several processes by BEGIN IMMEDIATE. PostgreSQL: a pool, READ COMMITTED, and row locks. A transaction that was ended by another
+or by a broken connection is retried; it is unknown then whether its commit arrived, so each transaction finds its own change
 (`Transaction.previous`, and the rows themselves).
 """
 
@@ -31,20 +31,20 @@ T = TypeVar("T")
 
 LOG = logging.getLogger(__name__)
 
-KEEP_TRYING_S = 45.0  # a PostgreSQL server that restarts is back within half a minute
+KEEP_TRYING_S = 45.0  # a restarting PostgreSQL server is back within half a minute
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.02, 2.0
 SQLITE_BUSY_S = 10.0
-MANY_ROWS = 50  # of an insertion: the driver reads longer statements each time anew
+MANY_ROWS = 50  # per insertion: the driver parses longer statements each time
 
-# PostgreSQL's SQLSTATEs after which the same transaction may well succeed: connection exceptions, serialization failure,
-# deadlock, lock not available, shutting down or starting up, too many connections, cut off while idle in a transaction.
+# SQLSTATEs of PostgreSQL after which the same transaction may well succeed: connection exceptions, serialization failure,
+# deadlock, lock not available, shutting down or starting up, too many connections, idle-in-transaction timeout.
 PASSING_CLASSES = ("08",)
 PASSING_STATES = frozenset({"40001", "40P01", "55P03", "57P01", "57P02", "57P03", "57P05", "53300", "25P03"})
 PASSING_SQLITE = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
 
 
 def engine_url(url: str) -> URL:
-    """The URL with the driver that is used; ValueError for a database that is none of the two."""
+    """Return the URL with the driver to use; ValueError for another kind of database."""
     made = make_url(url)
     backend = made.get_backend_name()
     if backend in ("postgresql", "postgres"):
@@ -55,7 +55,7 @@ def engine_url(url: str) -> URL:
 
 
 def is_passing(error: SQLAlchemyError) -> bool:
-    """Whether trying again may help."""
+    """Return whether a retry may help."""
     if isinstance(error, PoolTimeout):
         return True
     if not isinstance(error, DBAPIError):
@@ -72,7 +72,7 @@ class Database:
     def __init__(self, url: str) -> None:
         self.url = engine_url(url)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
-        self._turn = threading.Lock()  # of SQLite's writers
+        self._turn = threading.Lock()  # serialises SQLite's writers
         self._exclusive = threading.RLock()
         self._subscribers: list[Callable[[str], None]] = []
         self._notices: Notices | None = None
@@ -101,7 +101,7 @@ class Database:
         return end
 
     def listen(self, on_told: Callable[[Json], None]) -> None:
-        """Once: subscribers hear of other servers' changes too from now on, and `on_told` of what they tell."""
+        """Start listening, once: subscribers then hear of other servers' changes too, and `on_told` gets their notices."""
         if not self.is_sqlite:
             self._notices = Notices(self._writer, self._tell_subscribers, on_told)
 
@@ -124,7 +124,7 @@ class Database:
                 connection.exec_driver_sql("SELECT pg_advisory_unlock(%s)", (key,))
 
     def clock(self) -> float:
-        """Seconds since 1970 as all servers over this database have them, however their own clocks are set."""
+        """Return seconds since 1970 on the clock of the database, independent of the servers' own."""
         if self.is_sqlite:
             return time.time()
         return self.read(lambda db: float(db.exec_driver_sql("SELECT extract(epoch FROM clock_timestamp())").scalar_one()))
@@ -144,7 +144,8 @@ class Database:
             raise Unavailable(f"The database does not answer: {_first_line(error)}") from error
 
     def write(self, work: Callable[[Transaction[T]], T], *, durable: bool = True) -> T:
-        """One transaction, tried until it passes. Not `durable`: may be lost with the machine's power, not with the process."""
+        """Run one transaction, retried until it succeeds. If not `durable` it may be lost in a power failure, but not when the
+        process ends."""
         changed: list[str] = []
 
         def once(previous: T | None) -> T:
@@ -174,11 +175,11 @@ class Database:
         for called in self._subscribers:
             try:
                 called(job_id)
-            except Exception:  # the change is made, whatever becomes of those who are told
+            except Exception:  # the change is committed, whatever subscribers do
                 LOG.exception("a subscriber failed")
 
     def write_plainly(self, work: Callable[[Connection], None]) -> None:
-        """A transaction that may be repeated as it is, and tells nobody: for migrations."""
+        """Run a transaction that is repeatable as it is, and notifies nobody: for migrations."""
 
         def once(_: None) -> None:
             with self._writing(durable=True) as connection:
@@ -197,7 +198,7 @@ class Database:
         with self._turn, self._writer.connect() as connection:
             raw = connection.connection.driver_connection
             assert isinstance(raw, sqlite3.Connection)
-            # Outside of the transaction: inside it would have no effect until the next.
+            # Set before the transaction: within it, it would take effect for the next one.
             raw.execute(f"PRAGMA synchronous={'FULL' if durable else 'NORMAL'}")
             connection.begin()
             yield connection
@@ -224,7 +225,7 @@ class Database:
 
 
 class _Unsure(Exception):
-    """The connection broke while the commit was under way: it may have arrived."""
+    """The connection broke during the commit, which may have arrived."""
 
     def __init__(self, answer: Any) -> None:
         super().__init__()
@@ -258,7 +259,8 @@ def _sqlite_engine(url: URL, *, begin: str, connections: int) -> Engine:
 
 
 def _use_wal(raw: sqlite3.Connection) -> None:
-    """Of several processes that do so first, all but one are refused at once, whatever their timeout."""
+    """Switch to WAL mode. If several processes do so at first use, all but one are refused at once, whatever their timeout, so
+    it is retried."""
     until = time.monotonic() + SQLITE_BUSY_S
     while True:
         try:
@@ -271,13 +273,13 @@ def _use_wal(raw: sqlite3.Connection) -> None:
 
 
 def _postgresql_engine(url: URL) -> Engine:
-    """Timeouts so that neither a hung server nor a hung client of ours holds everybody up."""
+    """Create an engine with timeouts, so that neither a hung server nor a hung client of ours blocks the others."""
     defaults = {
         "connect_timeout": "5",
         "application_name": "primray",
         "keepalives_idle": "10",
         "tcp_user_timeout": "20000",
-        # Plans are made anew each time: one made while a table was empty reads all of it when it holds 10,000 rows.
+        # Queries are planned each time: a plan made while a table was empty scans it when it holds 10,000 rows.
         "options": "-c lock_timeout=15s -c idle_in_transaction_session_timeout=60s -c plan_cache_mode=force_custom_plan",
     }
     connect_args = {name: value for name, value in defaults.items() if name not in url.query}
@@ -291,5 +293,5 @@ def _postgresql_engine(url: URL) -> Engine:
         insertmanyvalues_page_size=MANY_ROWS,
         connect_args=connect_args,
     )
-    engine.dialect.use_insertmanyvalues_wo_returning = True  # rows in one statement, which is planned once
+    engine.dialect.use_insertmanyvalues_wo_returning = True  # one statement for all rows, which is planned once
     return engine

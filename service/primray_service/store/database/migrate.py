@@ -1,5 +1,5 @@
-"""Brings a database to this version's schema. Everything is one transaction under one lock: of several servers that start at
-once one migrates, the others find it done; one that is killed leaves nothing behind."""
+"""Migration of a database to this version's schema, in one transaction under one lock: of several servers that start at once
+one migrates, and the others find it done; a killed migration leaves no trace."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def configuration(connection: Connection | None = None) -> Config:
 
 
 def migrate(database: Database, revision: str = "head") -> None:
-    """SchemaTooNew; Unavailable: waits for a server that only starts, for the better part of a minute."""
+    """Migrate; raises SchemaTooNew, or Unavailable after waiting the better part of a minute for a database that is
+    starting."""
 
     def work(connection: Connection) -> None:
         if connection.dialect.name == "postgresql":

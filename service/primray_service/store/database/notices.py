@@ -1,7 +1,7 @@
-"""What the servers over one PostgreSQL tell each other at once: which jobs changed, and words of theirs (NOTIFY, LISTEN).
+"""Notices between servers on one PostgreSQL: changed jobs, and short messages (NOTIFY, LISTEN).
 
-It is quick and not certain: who was not connected hears nothing, so everybody looks from time to time as well. Notices go out
-after the commit, all that have come together in one: a NOTIFY inside of the transaction would have commits wait for each other.
+Delivery is quick but not guaranteed: a server that was not connected misses notices, so all servers poll as well. Notices are
+sent after the commit, several in one: a NOTIFY inside the transaction would make commits wait for each other.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 
 CHANNEL = "primray"
-MOST_BYTES = 7000  # of a notice: PostgreSQL takes 8,000
-MOST_WAITING = 10_000  # that are not sent yet; more are dropped
-LOOK_EVERY_S = 1.0  # whether it is to end
+MOST_BYTES = 7000  # of a notice: PostgreSQL's limit is 8,000
+MOST_WAITING = 10_000  # unsent; more are dropped
+LOOK_EVERY_S = 1.0  # interval of checks whether it should end
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 5.0
 
-Told = tuple[str, Json | None]  # a job's id, or "" and words
+Told = tuple[str, Json | None]  # a job's id, or "" and a message
 
 
 class Notices:
-    """`on_change` and `on_told` are called with what other servers tell, from a thread of its own."""
+    """Sender and receiver of notices. `on_change` and `on_told` are called with other servers' notices, in a thread of its
+    own."""
 
     def __init__(self, engine: Engine, on_change: Callable[[str], None], on_told: Callable[[Json], None]) -> None:
         self._engine = engine
@@ -65,7 +66,7 @@ class Notices:
             LOG.warning("other servers are not told at once: the database is slow")
 
     def _again_and_again(self, work: Callable[[psycopg.Connection], None]) -> None:
-        """With a connection of its own, and with another where that broke."""
+        """Run the work on a connection, and on another one whenever that breaks."""
         pause = FIRST_PAUSE_S
         while not self._closing.is_set():
             try:
@@ -80,7 +81,7 @@ class Notices:
 
     @contextmanager
     def _connected(self) -> Iterator[psycopg.Connection]:
-        """Out of the pool, which makes another in its place."""
+        """Take a connection out of the pool, which replaces it."""
         with self._engine.connect() as pooled:
             pooled.detach()
             raw: Any = pooled.connection.dbapi_connection
@@ -132,5 +133,5 @@ class Notices:
                 self._on_change(job_id)
             if "words" in heard:
                 self._on_told(heard["words"])
-        except Exception:  # what one server says wrongly is no reason to hear no more
+        except Exception:  # a malformed notice must not end the listening
             LOG.exception("a notice was not understood")

@@ -1,4 +1,4 @@
-"""From rows to what the rest of the service knows, and back."""
+"""Conversion between rows and the service's types."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The tables, for SQLite and PostgreSQL alike. A change here comes with a migration; tests/service/store compares the two.
+"""The tables, for SQLite and PostgreSQL alike. A change here needs a migration; tests/service/store compares the two.
 
-Text that clients chose is stored so that both databases take it, and JSON as text: nothing is asked of its inside.
+Text from clients is stored in a form that both databases accept, and JSON as text: no query looks inside.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from sqlalchemy import (
 
 
 class Words(TypeDecorator[str]):
-    """Text; what PostgreSQL (NUL) or UTF-8 (lone surrogates) cannot hold becomes U+FFFD, so that it is found nowhere."""
+    """Text; characters that PostgreSQL (NUL) or UTF-8 (lone surrogates) cannot hold become U+FFFD, so that searches never match
+    them."""
 
     impl = Text
     cache_ok = True
@@ -38,7 +39,7 @@ class Words(TypeDecorator[str]):
 
 
 class Document(TypeDecorator[Any]):
-    """JSON; None is NULL. ASCII with escapes, so that it holds every string there is."""
+    """JSON; None is NULL. ASCII with escapes, so that any string can be stored."""
 
     impl = Text
     cache_ok = True
@@ -84,9 +85,9 @@ jobs = Table(
     Column("revision", BigInteger, nullable=False),
     Column("priority", Integer, nullable=False),
     Column("labels", Document, nullable=False),
-    Column("name", Document),  # NULL: of before jobs had names
+    Column("name", Document),  # NULL: created before jobs had names
     Column("webhook", Document),
-    Column("parallel", Document),  # NULL: a frame is rendered in one place
+    Column("parallel", Document),  # NULL: frames are rendered in one slot each
     Column("started_at", Double),
     Column("finished_at", Double),
     Column("effective_settings", Document),
@@ -97,7 +98,7 @@ jobs = Table(
     Column("usage", Document, nullable=False),
     Column("request_id", Words, nullable=False),
     Column("traceparent", Words, nullable=False),
-    # Kept beside the frames, so that no question about a job counts its frames.
+    # Counters of the frames by state, so that no query about a job counts its frames.
     Column("frames_queued", Integer, nullable=False),
     Column("frames_running", Integer, nullable=False),
     Column("frames_succeeded", Integer, nullable=False),
@@ -131,7 +132,7 @@ Index(
     sqlite_where=text("state IN ('preparing', 'running', 'canceling', 'pausing')"),
     postgresql_where=text("state IN ('preparing', 'running', 'canceling', 'pausing')"),
 )
-# For who may see the jobs of all tenants.
+# For administrators, who see the jobs of all tenants.
 Index("ix_jobs_of_all", jobs.c.created_at, jobs.c.id)
 Index("ix_jobs_of_all_by_state", jobs.c.state, jobs.c.created_at, jobs.c.id)
 Index("ix_jobs_listed", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
@@ -151,8 +152,8 @@ frames = Table(
     Column("checkpoint", Integer, nullable=False),
     Column("checkpoint_file", Words, nullable=False),
     Column("merged", Integer, nullable=False, server_default="0"),
-    Column("checkpoint_chunk", Words, nullable=False),  # who made it, to recognise a repeated call
-    Column("claim", Words, nullable=False),  # the call that claimed it, for the same
+    Column("checkpoint_chunk", Words, nullable=False),  # the chunk that made it, to recognise a repeated call
+    Column("claim", Words, nullable=False),  # the call that claimed it, for the same purpose
     Column("crashes", Integer, nullable=False),
     Column("kills", Integer, nullable=False),
     Column("phase", Words, nullable=False),
@@ -170,7 +171,7 @@ frames = Table(
 )
 Index("ix_frames_by_state", frames.c.job_id, frames.c.state, frames.c.number)
 
-# Ranges of samples of frames that are rendered in several places; gone once they are in the frame's checkpoint.
+# Parts (ranges of samples) of frames that are rendered in several slots; deleted once they are in the frame's checkpoint.
 parts = Table(
     "parts",
     metadata,
@@ -179,7 +180,7 @@ parts = Table(
     Column("first", Integer, nullable=False),
     Column("end", Integer, nullable=False),
     Column("state", Words, nullable=False),
-    Column("claim", Words, nullable=False),  # the chunk that it was given out to
+    Column("claim", Words, nullable=False),  # the chunk that it was handed to
     Column("checkpoint", Integer, nullable=False),
     Column("checkpoint_file", Words, nullable=False),
     Column("crashes", Integer, nullable=False),
@@ -214,7 +215,7 @@ events = Table(
     Column("type", Words, nullable=False),
     Column("created_at", Double, nullable=False),
     Column("data", Document, nullable=False),
-    sqlite_autoincrement=True,  # a number is never used again, not even after its row was deleted
+    sqlite_autoincrement=True,  # a number is never reused, not even after its row was deleted
 )
 Index("ix_events_of_job", events.c.job_id, events.c.id)
 Index(
@@ -264,7 +265,8 @@ Index(
     postgresql_where=text("state = 'checking'"),
 )
 
-# Files of packages by their digests: a tenant's own, whatever others have sent; counted once, however many scenes have them.
+# Files of packages by their digests: a tenant's own, independent of other tenants'; counted once, however many scenes have
+# them.
 contents = Table(
     "contents",
     metadata,
@@ -333,7 +335,7 @@ api_keys = Table(
 )
 Index("ix_api_keys_sha256", api_keys.c.sha256, unique=True)
 
-# Sums that would be slow to count: moved in the transaction that moves what they count.
+# Sums that would be slow to count: updated in the transaction that changes what they count.
 tenants = Table(
     "tenants",
     metadata,
@@ -341,7 +343,7 @@ tenants = Table(
     Column("stored_bytes", BigInteger, nullable=False),
     Column("cpu_s", Double, nullable=False),
 )
-# What an administrator has set for a tenant: members that stand before those of its keys and the server's.
+# Quotas that an administrator has set for a tenant, which override those of its keys and the server's.
 tenant_quotas = Table(
     "tenant_quotas",
     metadata,
@@ -366,7 +368,7 @@ usage_days = Table(
     PrimaryKeyConstraint("tenant", "day"),
 )
 
-# One row: who dispatches.
+# One row: the server that dispatches.
 leader = Table(
     "leader",
     metadata,
@@ -375,10 +377,10 @@ leader = Table(
     Column("holder", Words),  # NULL: released
     Column("acquired_at", Double, nullable=False),
     Column("expires_at", Double, nullable=False),
-    Column("about", Document),  # what its executor can do, for the servers that only answer
+    Column("about", Document),  # capabilities of its executor, for the servers that only answer
 )
 
-# How long frames of a work took lately (waiting/rates.py): of the newest so many works.
+# Recent durations of frames by work (queue/rates.py), for a bounded number of works.
 work_seconds = Table(
     "work_seconds",
     metadata,
@@ -387,7 +389,7 @@ work_seconds = Table(
     Column("noted_at", Double, nullable=False),
 )
 
-# Sessions that were logged out of, until they would have ended anyway.
+# Sessions that were logged out, kept until their natural end.
 ended_sessions = Table(
     "ended_sessions",
     metadata,

@@ -1,7 +1,7 @@
-"""A transaction that changes something: what is written at its end, and whom it tells.
+"""A transaction that changes something, with its sums at the end and its notifications.
 
-Locks are taken in one order, so that transactions wait for each other and do not deadlock: leader, scene, job, tenant; then
-the sums (`flush`, sorted). Events get their numbers under the lock of their job's row: a reader of one job sees them in order.
+Locks are taken in one order, so that transactions wait for each other and do not deadlock: leader, scene, job, tenant; then the
+sums (`flush`, sorted). Events get their numbers under the lock of their job's row: a reader of one job sees them in order.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class Transaction(Generic[T]):
-    """`previous`: what a former try answered whose commit may have arrived; None if there was none."""
+    """A transaction. `previous`: the answer of an earlier try whose commit may have arrived; None if there was none."""
 
     def __init__(self, connection: Connection, previous: T | None) -> None:
         self.connection = connection
@@ -38,15 +38,15 @@ class Transaction(Generic[T]):
         return found
 
     def insert_new(self, table: Table, values: Mapping[str, Any]) -> bool:
-        """False, and no change, if there is such a row already."""
+        """Insert a row; return False, without a change, if it exists already."""
         return self.execute(self._insert(table).values(**values).on_conflict_do_nothing()).rowcount == 1
 
     def add(self, table: Table, sums: Mapping[str, float], **key: str) -> None:
-        """Add to the sums in a row, which is made if there is none."""
+        """Add to the sums in a row, creating it if necessary."""
         self.add_all(table, list(key), [{**key, **sums}])
 
     def add_all(self, table: Table, key: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-        """As `add`, of several rows that have the same sums."""
+        """Add to several rows that have the same sums, like `add`."""
         made = self._insert(table)
         grown = {name: table.c[name] + made.excluded[name] for name in rows[0].keys() - set(key)}
         self.execute(made.on_conflict_do_update(index_elements=list(key), set_=grown), rows)

@@ -1,1 +1,1 @@
-"""What the service asks of its database, a file for each kind of row; sql_store.py is all of them."""
+"""Operations of the store, a file for each kind of row; sql_store.py combines them."""

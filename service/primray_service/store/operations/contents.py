@@ -1,6 +1,6 @@
-"""Files of packages by their digests: what a tenant has, which of its scenes have it, and what nobody needs any more.
+"""Files of packages by their digests: those that a tenant has, the scenes that use them, and unused ones.
 
-Rows are a tenant's own: what another tenant has sent is as if it were not there.
+Rows are a tenant's own: files of other tenants are invisible.
 """
 
 from __future__ import annotations
@@ -89,7 +89,8 @@ _IS_USED = exists().where(scene_contents.c.tenant == contents.c.tenant, scene_co
 
 
 def note_contents(transaction: Transaction[Any], tenant: str, scene_id: str, digests: Collection[str]) -> bool:
-    """A scene has these from now on; False, and nothing is noted, where the tenant lacks one. Under the tenant's lock."""
+    """Record that a scene uses these contents; return False, without a change, if the tenant lacks one. Requires the tenant's
+    lock."""
     wanted = set(digests)
     found: set[str] = set()
     for some in _parts(sorted(wanted)):
@@ -103,7 +104,8 @@ def note_contents(transaction: Transaction[Any], tenant: str, scene_id: str, dig
 
 
 def release_contents(transaction: Transaction[Any], tenant: str, scene_id: str) -> None:
-    """Of a scene that is deleted: what no other scene of the tenant has is not counted any more, and its row goes."""
+    """Release the contents of a deleted scene: those that no other scene of the tenant uses are no longer counted, and their
+    rows are deleted."""
     of_scene = (scene_contents.c.tenant == tenant, scene_contents.c.scene_id == scene_id)
     digests = sorted(transaction.execute(select(scene_contents.c.sha256).where(*of_scene)).scalars())
     if not digests:

@@ -1,5 +1,5 @@
-"""Frames, and what the dispatcher says of those that run. What comes too late (the frame does not run any more, or in another
-attempt) is dropped; the job that is answered says why."""
+"""Frames, and the dispatcher's reports about running ones. Reports that come too late (the frame no longer runs, or is in
+another attempt) are dropped; the returned job shows why."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ class Frames(Operations):
 
 
 def _running(transaction: Transaction[Any], fence: int, frame: Frame) -> tuple[OpenJob, Frame | None]:
-    """The frame's job, locked, and the frame as it is stored if it runs in that attempt. Lost, KeyError."""
+    """Return the frame's job, locked, and the stored frame if it runs in that attempt. Lost, KeyError."""
     check_fence(transaction, fence)
     opened = open_job(transaction, frame.job_id)
     stored = _frame(transaction, frame.job_id, frame.number)
@@ -175,14 +175,14 @@ def _running(transaction: Transaction[Any], fence: int, frame: Frame) -> tuple[O
 
 
 def _frame(transaction: Transaction[Any], job_id: str, number: int) -> Frame | None:
-    """Under its job's lock."""
+    """Return the stored frame; requires its job's lock."""
     found = select(*FRAME_COLUMNS).where(frames.c.job_id == job_id, frames.c.number == number)
     row = transaction.execute(found).first()
     return frame_of(row) if row else None
 
 
 def _store(transaction: Transaction[Any], opened: OpenJob, stored: Frame, now: float, values: Json) -> None:
-    """`cpu_s` is all that the frame ever took: what is new of it is counted to the tenant's day."""
+    """Store values of a frame. `cpu_s` is the frame's total: its increase counts towards the tenant's day."""
     count_cpu(transaction, opened.job.tenant, now, values["cpu_s"] - stored.cpu_s)
     _update(transaction, stored, values)
     opened.touch()
@@ -222,7 +222,7 @@ def _first_error(transaction: Transaction[Any], job_id: str) -> Json | None:
 
 
 def _is_there(transaction: Transaction[Any], job_id: str, now: float, event: tuple[str, Json]) -> bool:
-    """Whether a former try of the same call stored its event."""
+    """Return whether an earlier try of the same call stored its event."""
     mine = (events.c.job_id == job_id, events.c.created_at == now, events.c.type == event[0])
     last = select(events.c.data).where(*mine).order_by(events.c.id.desc()).limit(20)
     return event[1] in list(transaction.execute(last).scalars())

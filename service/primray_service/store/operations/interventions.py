@@ -1,4 +1,4 @@
-"""What people do to jobs under way: pause them, resume them, and have one frame rendered again."""
+"""Interventions of people in jobs: pause, resume, and render one frame again."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Interventions(Operations):
             job = opened.job
             if job.state == JobState.PAUSED:
                 opened.move(JobState.QUEUED, now, {"queued_at": now, "expires_at": now + job.ttl_s})
-            elif job.state == JobState.PAUSING:  # its frames come back to the queue, and are claimed again
+            elif job.state == JobState.PAUSING:  # its frames return to the queue, and are claimed again
                 to = JobState.PREPARING if job.started_at is None else JobState.RUNNING
                 opened.move(to, now, {"expires_at": now + job.ttl_s})
             elif job.state in TERMINAL or job.state == JobState.CANCELING:
@@ -90,7 +90,7 @@ def _frame(transaction: Transaction[Any], job_id: str, number: int) -> Frame:
 
 
 def _queue_again(transaction: Transaction[Any], opened: OpenJob, frame: Frame) -> None:
-    """The frame begins without a checkpoint; its outputs stay until new ones replace them, and its CPU seconds stay counted."""
+    """Queue the frame without a checkpoint; its outputs stay until new ones replace them, and its CPU seconds stay counted."""
     begun = {
         "state": FrameState.QUEUED.value,
         "attempt": frame.attempt + 1,
@@ -116,7 +116,7 @@ def _queue_again(transaction: Transaction[Any], opened: OpenJob, frame: Frame) -
 
 
 def _reopen(opened: OpenJob, now: float) -> None:
-    """A job that had ended waits again, in the same attempt: its other frames stay as they are."""
+    """Queue a job that had ended again, in the same attempt: its other frames stay as they are."""
     job, counts = opened.job, opened.counts
     done = counts["total"] - counts[FrameState.QUEUED.value]
     progress = {**job.progress, "fraction": done / counts["total"], "phase": "queued", "frames": counts}

@@ -1,4 +1,4 @@
-"""Jobs as clients see and change them: made, read, changed, canceled, continued, deleted; and their time running out."""
+"""Jobs as clients see and change them: create, read, change, cancel, continue, delete; and expiry."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CHANGEABLE = frozenset({"priority", "name", "labels", "ttl_s"})
 MAY_EXPIRE = (JobState.QUEUED, JobState.PREPARING, JobState.RUNNING, JobState.PAUSING, JobState.PAUSED)
 KEYS_KEPT_S = 25 * 3600.0
 PASSING_EVENTS_KEPT_S = 3600.0
-# As in the index's condition, to the letter: SQLite takes a partial index for no other.
+# Must match the index's condition literally: SQLite uses a partial index for no other.
 _PASSING = text("type IN ('progress', 'preview')")
 
 
@@ -46,7 +46,7 @@ class Jobs(Operations):
             if scene is None:
                 raise Conflict(f"there is no scene {job.scene_id}")
             check_room_for_job(transaction, job.tenant, quotas)
-            earlier = _earlier(transaction, job, idempotency)  # again, now that nobody else of this tenant makes one
+            earlier = _earlier(transaction, job, idempotency)  # again, now that no other request of this tenant creates one
             if earlier is not None:
                 return earlier, earlier.id == job.id
             opened = _insert_job(transaction, job, time_codes, scene_ready=scene.state == "ready")
@@ -186,7 +186,7 @@ def _opened(transaction: Transaction[Any], job_id: str) -> OpenJob:
 
 
 def _earlier(transaction: Transaction[Any], job: Job, idempotency: tuple[str, str] | None) -> Job | None:
-    """The job that this call, or another with its idempotency key, made before. KeyReused."""
+    """Return the job that this call, or another with its idempotency key, created before. KeyReused."""
     if idempotency is not None:
         key, request = idempotency
         found = transaction.execute(select(keys).where(keys.c.tenant == job.tenant, keys.c.key == key)).first()
@@ -239,10 +239,11 @@ def _insert_labels(transaction: Transaction[Any], job: Job) -> None:
 
 
 def _begin_attempt(transaction: Transaction[Any], opened: OpenJob, settings: Json, now: float) -> None:
-    """Every frame waits again, from its checkpoint; what the last attempt found is gone, but for its files and events."""
+    """Queue every frame again, from its checkpoint; results of the last attempt are cleared, except for its files and
+    events."""
     begun: Mapping[str, Any] = {
         "state": FrameState.QUEUED.value,
-        "attempt": frames.c.attempt + 1,  # not the job's: a frame that was retried has had more
+        "attempt": frames.c.attempt + 1,  # not the job's: a retried frame has had more
         "crashes": 0,
         "kills": 0,
         "phase": "",
@@ -264,14 +265,14 @@ def _begin_attempt(transaction: Transaction[Any], opened: OpenJob, settings: Jso
 
 
 def _forget_passing_events(transaction: Transaction[Any], before: float) -> None:
-    """Later ones say more: a day's render would leave a hundred thousand."""
+    """Delete transient events that later ones supersede: a day's render would leave a hundred thousand."""
     events = schema.events
     old = select(events.c.id).where(_PASSING, events.c.created_at < before).order_by(events.c.created_at).limit(10_000)
     transaction.execute(delete(events).where(events.c.id.in_(old)))
 
 
 def _expired_before(transaction: Transaction[tuple[list[Job], list[str]]], now: float) -> list[Job]:
-    """What a former try of the same call expired, if its commit arrived."""
+    """Return the jobs that an earlier try of the same call expired, if its commit arrived."""
     if transaction.previous is None:
         return []
     mine = jobs.c.id.in_([job.id for job in transaction.previous[0]])

@@ -1,4 +1,4 @@
-"""API keys: what is kept of them."""
+"""Rows of API keys."""
 
 from __future__ import annotations
 

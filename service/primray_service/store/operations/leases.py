@@ -1,4 +1,4 @@
-"""Who dispatches: one row with a fence that grows, locked by whoever acts under it."""
+"""The dispatcher's lease: one row with an increasing fence, locked by all transactions under it."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ leader, jobs, frames = schema.leader, schema.jobs, schema.frames
 
 
 def check_fence(transaction: Transaction[Any], fence: int, *, alone: bool = False) -> None:
-    """Lost unless this fence's holder dispatches; it stays so for the rest of the transaction. `alone`: nobody else acts
-    under it meanwhile either."""
+    """Raise Lost unless this fence's holder dispatches; it stays so for the rest of the transaction. `alone`: exclude other
+    transactions under it meanwhile."""
     held = select(leader.c.id).where(leader.c.id == 1, leader.c.fence == fence, leader.c.holder.is_not(None))
     if transaction.execute(held.with_for_update(read=not alone)).first() is None:
         raise Lost(f"fence {fence}")
 
 
 def look_at_fence(db: Connection, fence: int) -> None:
-    """Lost unless this fence's holder dispatches now; without a lock, for reading."""
+    """Raise Lost unless this fence's holder dispatches now; without a lock, for reading."""
     if db.execute(select(leader.c.fence).where(leader.c.id == 1, leader.c.holder.is_not(None))).scalar() != fence:
         raise Lost(f"fence {fence}")
 
@@ -79,7 +79,7 @@ class Leases(Operations):
 
 
 def _take_back(transaction: Transaction[Any], opened: OpenJob, now: float) -> None:
-    """The frames of a dispatcher that is gone wait again; a job that was being canceled or paused is so now."""
+    """Queue the frames of a dead dispatcher again; a job that was being canceled or paused becomes canceled or paused."""
     if opened.job.state == JobState.CANCELING:
         opened.cancel_frames(FrameState.RUNNING, now)
         opened.end_if_done(now, {})

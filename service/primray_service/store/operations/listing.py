@@ -1,5 +1,5 @@
-"""Pages of the jobs of a tenant, or of all tenants. Each begins where an index finds the last one's end, and reads no row that
-it does not show."""
+"""Pages of the jobs of a tenant, or of all tenants. Each begins by an index where the last one ended, and reads only rows that
+it returns."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Listing(Operations):
         states = where.states if 0 < len(where.states) < len(JobState) else frozenset[JobState]()
         if len(states) <= 1 or where.labels:
             found = _ids(tenant, where, states, after, newest_first, limit)
-        else:  # each state's by its own part of the index, then the first of them all
+        else:  # by state, each from its own part of the index, then merged
             parts = [_ids(tenant, where, frozenset({state}), after, newest_first, limit) for state in sorted(states)]
             both = union_all(*(select(part.subquery()) for part in parts)).subquery()
             found = _ordered(select(both), both.c.created_at, both.c.id, newest_first).limit(limit + 1)
@@ -47,7 +47,7 @@ def _ids(
     newest_first: bool,
     limit: int,
 ) -> Select[Any]:
-    """(created_at, id) of a page and one more; by the first label's index if labels are asked for."""
+    """Return a query for (created_at, id) of a page and one more row; by the first label's index if labels are given."""
     wanted = sorted(where.labels.items())
     if wanted:
         name, value = wanted[0]

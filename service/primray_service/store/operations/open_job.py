@@ -19,13 +19,13 @@ jobs, frames = schema.jobs, schema.frames
 
 WAITING = frozenset({JobState.QUEUED, JobState.PREPARING, JobState.RUNNING})  # their queued frames may be claimed
 OF_VERSION = frozenset({"state", "attempt", "priority", "labels", "ttl_s"})  # see jobs.Job
-# As in the index's condition, to the letter: SQLite takes a partial index for no other. Begun, and not at an end: of such a
-# job some frames run, or the next is about to be claimed.
+# Must match the index's condition literally: SQLite uses a partial index for no other. It selects jobs that have begun and not
+# ended: some of their frames run, or the next is about to be claimed.
 IS_ACTIVE = text("jobs.state IN ('preparing', 'running', 'canceling', 'pausing')")
 
 
 class OpenJob:
-    """Of one transaction. `job` is what will be stored; nothing is before `save`, which the transaction's end calls."""
+    """A job in one transaction. `job` is the future row; nothing is stored before `save`, which the transaction's end calls."""
 
     def __init__(self, transaction: Transaction[Any], row: Row[Any]) -> None:
         self.job = job_of(row)
@@ -44,7 +44,7 @@ class OpenJob:
         self.touch()
 
     def touch(self) -> None:
-        """Something that belongs to the job changed."""
+        """Record a change of something that belongs to the job."""
         self.is_touched = True
 
     def event(self, type_: str, now: float, data: Json) -> None:
@@ -52,7 +52,7 @@ class OpenJob:
         self.touch()
 
     def move(self, to: JobState, now: float, values: Mapping[str, Any] | None = None) -> None:
-        """To another state, with its event; IllegalMove if it does not follow this one."""
+        """Move to another state, with its event; IllegalMove if that is not a legal move."""
         if not is_legal(self.job.state, to):
             raise IllegalMove(f"{self.job.id} is {self.job.state}, and cannot be {to}")
         self.change({**(values or {}), "state": to})
@@ -65,7 +65,7 @@ class OpenJob:
         self.touch()
 
     def cancel_frames(self, of: FrameState, now: float) -> None:
-        """All of its frames that are in this state."""
+        """Cancel all of its frames in this state."""
         if self.frames[of] == 0:
             return
         canceled = update(frames).where(frames.c.job_id == self.job.id, frames.c.state == of.value)
@@ -75,11 +75,11 @@ class OpenJob:
 
     @property
     def counts(self) -> Json:
-        """Its frames by state, as its progress tells them."""
+        """Return its frames by state, in the form of progress documents."""
         return {"total": sum(self.frames.values())} | {state.value: self.frames[state] for state in FrameState}
 
     def end(self, to: JobState, now: float, values: Mapping[str, Any] | None = None) -> None:
-        """To a terminal state: kept for its time to live from now on, with an end event and a webhook."""
+        """Move to a terminal state: kept for its time to live from now on, with an end event and a webhook."""
         assert to in TERMINAL
         self.move(to, now, {**(values or {}), "finished_at": now, "expires_at": now + self.job.ttl_s})
         error = {"error": self.job.error} if self.job.error else {}
@@ -92,7 +92,7 @@ class OpenJob:
         self.end(JobState.FAILED, now, {"error": problem and {**problem, "attempt": self.job.attempt}})
 
     def end_if_done(self, now: float, values: Mapping[str, Any]) -> bool:
-        """End a job all of whose frames are at an end, as they add up; one that was to be canceled: canceled."""
+        """End a job all of whose frames have ended, in the state that follows from theirs; a canceling job: canceled."""
         to = state_of_all(state for state, number in self.frames.items() if number > 0)
         if to is None:
             return False
@@ -100,12 +100,12 @@ class OpenJob:
         return True
 
     def pause_if_idle(self, now: float) -> None:
-        """Pausing ends with the last frame that ran."""
+        """End pausing once the last running frame has stopped."""
         if self.job.state == JobState.PAUSING and not self.frames[FrameState.RUNNING]:
             self.move(JobState.PAUSED, now)
 
     def send(self, event: str, now: float, frame: Json | None = None) -> None:
-        """A webhook, if the job asks for this event."""
+        """Queue a webhook, if the job asks for this event."""
         message = job_message(self.job, event, now, self._transaction.next_message(), frame)
         if message:
             self._transaction.insert_new(schema.webhooks, message)
@@ -117,7 +117,7 @@ class OpenJob:
         return self.job
 
     def new_values(self) -> Json:
-        """What its row is to say, which it does from now on."""
+        """Return the values to store, and treat them as stored from now on."""
         job = self.job
         self.job = replace(job, revision=job.revision + 1, version=job.version + bool(self._changed & OF_VERSION))
         if job.state != self._stored_state:
@@ -138,19 +138,19 @@ class OpenJob:
 
 
 def open_job(transaction: Transaction[Any], job_id: str) -> OpenJob | None:
-    """Locks the job's row."""
+    """Open a job, locking its row."""
     row = transaction.execute(select(jobs).where(jobs.c.id == job_id).with_for_update()).first()
     return OpenJob(transaction, row) if row else None
 
 
 def open_jobs(transaction: Transaction[Any], job_ids: Collection[str]) -> Mapping[str, OpenJob]:
-    """Locks the rows of those that are there, in one order."""
+    """Open those jobs that exist, locking their rows in one order."""
     found = select(jobs).where(jobs.c.id.in_(job_ids)).order_by(jobs.c.id).with_for_update()
     return {row.id: OpenJob(transaction, row) for row in transaction.execute(found)}
 
 
 def save_all(transaction: Transaction[Any], opened: Iterable[OpenJob]) -> None:
-    """As `save` of each; those that become alike in one statement."""
+    """Save several jobs; those with the same changes in one statement."""
     alike: defaultdict[str, list[str]] = defaultdict(list)
     values: dict[str, Json] = {}
     for job in opened:

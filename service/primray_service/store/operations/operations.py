@@ -1,4 +1,4 @@
-"""What the operations share: the database, and methods that are one transaction each."""
+"""Base of the operations: the database, and methods that are one transaction each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Parts of frames that are rendered in several places at a time. What comes too late is dropped, as of frames."""
+"""Parts of frames that are rendered in several slots at a time. Reports that come too late are dropped, like those about
+frames."""
 
 from __future__ import annotations
 
@@ -63,13 +64,14 @@ class Parts(Operations):
 
 
 def forget_merged(transaction: Transaction[Any], frame: Frame, merged: int) -> None:
-    """Parts whose samples are among the first so many, which the frame's checkpoint has; all if it has none of parts."""
+    """Delete parts whose samples are among the first `merged`, which the frame's checkpoint has; all parts if it is not made of
+    parts."""
     mine = (parts.c.job_id == frame.job_id, parts.c.frame == frame.number)
     transaction.execute(delete(parts).where(*mine, parts.c.end <= merged) if merged else delete(parts).where(*mine))
 
 
 def _runs(transaction: Transaction[Any], fence: int, frame: Frame) -> bool:
-    """Under its job's lock. Lost."""
+    """Return whether the frame runs; requires its job's lock. Lost."""
     check_fence(transaction, fence)
     if open_job(transaction, frame.job_id) is None:
         return False

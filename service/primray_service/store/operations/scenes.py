@@ -1,4 +1,4 @@
-"""Scenes: a row a tenant, the bytes once for all."""
+"""Scenes: a row for each tenant, the bytes once for all."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from .usage import count_bytes, lock_tenant
 
 scenes, jobs = schema.scenes, schema.jobs
 
-# As in the index's condition, to the letter: SQLite takes a partial index for no other.
+# Must match the index's condition literally: SQLite uses a partial index for no other.
 _TO_CHECK: ColumnElement[bool] = scenes.c.state == literal(SceneState.CHECKING.value, literal_execute=True)
 AWAITING_SCENE = (JobState.QUEUED, JobState.PAUSED)
 NOT_TERMINAL = [state.value for state in JobState if state not in TERMINAL]
 
 
 def lock_scene(transaction: Transaction[Any], tenant: str, scene_id: str, *, used_at: float) -> Scene | None:
-    """The tenant's scene, which nobody deletes for the rest of the transaction, and which was used now."""
+    """Return the tenant's scene, marked as used, which nobody can delete for the rest of the transaction."""
     mine = (scenes.c.id == scene_id, scenes.c.tenant == tenant)
     row = transaction.execute(select(scenes).where(*mine).with_for_update()).first()
     if row is None:
@@ -43,7 +43,7 @@ def lock_scene(transaction: Transaction[Any], tenant: str, scene_id: str, *, use
 class Scenes(Operations):
     def put_scene(self, scene: Scene, quotas: Quotas, contents: Collection[str] = ()) -> tuple[Scene, bool]:
         def work(transaction: Transaction[tuple[Scene, bool]]) -> tuple[Scene, bool]:
-            # Whoever checks this scene writes all of its rows: wait for that, and find it checked.
+            # A check of this scene writes all of its rows: wait for that, and find it checked.
             same = select(scenes).where(scenes.c.id == scene.id).order_by(scenes.c.tenant).with_for_update()
             rows = {row.tenant: row for row in transaction.execute(same)}
             stored_bytes = lock_tenant(transaction, scene.tenant)
@@ -83,7 +83,8 @@ class Scenes(Operations):
         def work(transaction: Transaction[bool]) -> bool:
             same = select(scenes).where(scenes.c.id == scene_id).order_by(scenes.c.tenant).with_for_update()
             transaction.execute(same).all()
-            rows = {row.tenant: row for row in transaction.execute(same)}  # with those that came while it waited for the first
+            # including those that came while it waited for the first
+            rows = {row.tenant: row for row in transaction.execute(same)}
             if tenant not in rows:
                 if transaction.previous is not None:
                     return transaction.previous

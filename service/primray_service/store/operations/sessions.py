@@ -1,4 +1,4 @@
-"""Sessions that were logged out of: every server over this database refuses them."""
+"""Sessions that were logged out: every server on this database refuses them."""
 
 from __future__ import annotations
 

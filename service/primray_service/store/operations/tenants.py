@@ -1,4 +1,4 @@
-"""Tenants as an administrator sees them: what each uses, and the quotas that were set for it."""
+"""Tenants as an administrator sees them: their usage, and the quotas set for them."""
 
 from __future__ import annotations
 

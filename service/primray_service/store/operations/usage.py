@@ -1,4 +1,4 @@
-"""What tenants use, and whether it is within their quotas. Sums are kept, never counted."""
+"""Usage of tenants, and checks of their quotas. Sums are stored, never counted."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .operations import Operations
 tenants, job_counts, usage_days = schema.tenants, schema.job_counts, schema.usage_days
 
 ACTIVE = (JobState.PREPARING, JobState.RUNNING, JobState.CANCELING, JobState.PAUSING)
-WAITING = (JobState.QUEUED, JobState.PAUSED)  # a paused job keeps its place in the quota: it may be resumed at any time
+WAITING = (JobState.QUEUED, JobState.PAUSED)  # a paused job keeps its share of the quota: it may be resumed at any time
 
 
 def utc_day(now: float) -> str:
@@ -37,14 +37,14 @@ def count_bytes(transaction: Transaction[Any], tenant: str, number: int) -> None
 
 
 def lock_tenant(transaction: Transaction[Any], tenant: str) -> int:
-    """Its stored bytes. Two requests of one tenant cannot both take the last place of a quota."""
+    """Lock a tenant and return its stored bytes. Two requests of one tenant cannot both take the last of a quota."""
     transaction.insert_new(tenants, {"tenant": tenant, "stored_bytes": 0, "cpu_s": 0.0})
     locked = select(tenants.c.stored_bytes).where(tenants.c.tenant == tenant).with_for_update()
     return int(transaction.execute(locked).scalar_one())
 
 
 def check_room_for_job(transaction: Transaction[Any], tenant: str, quotas: Quotas) -> None:
-    """One more job waits, and will store something. QuotaExceeded."""
+    """Check the quotas for one more queued job, which will store something. QuotaExceeded."""
     stored_bytes = lock_tenant(transaction, tenant)
     waiting = job_counts.c.state.in_([state.value for state in WAITING])
     queued = select(func.sum(job_counts.c.jobs)).where(job_counts.c.tenant == tenant, waiting)

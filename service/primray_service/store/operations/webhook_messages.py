@@ -1,4 +1,4 @@
-"""What a job's webhooks say: bodies after the Standard Webhooks specification
+"""Messages of a job's webhooks, after the Standard Webhooks specification
 (https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-webhooks.md)."""
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from ...jobs import Job, Json
 
 
 def time_text(at: float) -> str:
-    """RFC 3339, UTC, milliseconds."""
+    """Return the time as RFC 3339 text, UTC, milliseconds."""
     return datetime.fromtimestamp(at, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def job_message(job: Job, event: str, now: float, order: int, frame: Json | None = None) -> Json | None:
-    """A row of the webhooks table that is due now, before those of the same time whose `order` is larger; None if the job
-    asks for no such message."""
+    """Return a row of the webhooks table that is due now, before those of the same time whose `order` is larger; None if the
+    job asks for no such message."""
     webhook = job.webhook
     if webhook is None or event not in webhook.get("events", ()):
         return None

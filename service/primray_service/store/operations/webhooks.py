@@ -1,4 +1,4 @@
-"""Webhooks to be sent: rows that were written with what they tell of."""
+"""Webhooks to be sent: rows that were written together with the change that they report."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .operations import Operations
 
 webhooks = schema.webhooks
 
-# As in the index's condition, to the letter: SQLite takes a partial index for no other.
+# Must match the index's condition literally: SQLite uses a partial index for no other.
 _DUE: ColumnElement[bool] = webhooks.c.state == literal("due", literal_execute=True)
 
 
@@ -35,7 +35,7 @@ class Webhooks(Operations):
             mine = webhooks.c.id == delivery_id
             row = transaction.execute(select(webhooks).where(mine).with_for_update()).first()
             if row is None or row.state != "due" or (row.tries > 0 and row.next_at == next_at):
-                return  # gone with its job, or this very call, repeated
+                return  # deleted with its job, or this very call, repeated
             tried = {"tries": row.tries + 1, "state": state, "next_at": next_at, "last_error": error}
             transaction.execute(update(webhooks).where(mine).values(**tried))
 

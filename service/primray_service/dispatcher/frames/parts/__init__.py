@@ -1,9 +1,9 @@
-"""A frame that is rendered in several places at a time, by ranges of its samples.
+"""A frame that is rendered in several slots at a time, as parts: ranges of its samples.
 
-parallel_frame.py   it while it runs: gives out parts, has them merged, and has the picture made of what was merged
-course.py           what comes next, where its error decides, and when it has all samples that it will have; ledger.py: which
-                    samples are merged, taken, being taken; cutting.py: how many the next part is (all pure)
-part_run.py         one part; merge_run.py: putting some together; adopting.py: what that left becomes the frame's
-merge_pace.py       how often that is done although nothing waits for it (pure)
-told.py             how the frame is doing, from all of its parts
+parallel_frame.py   the frame while it runs: hands out parts, has them merged, and has the picture made from the merged samples
+plan.py             the next part, the next decision about the error, and the end; ledger.py: which samples are merged, done or
+                    in progress; chunk_size.py: samples in the next part (all pure)
+part_run.py         one part; merge_run.py: one merge; adopting.py: adoption of the merge's checkpoint
+merge_pace.py       how often parts are merged although nothing waits for that (pure)
+progress.py         the frame's progress, from all of its parts
 """

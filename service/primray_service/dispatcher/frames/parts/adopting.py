@@ -1,4 +1,4 @@
-"""What a merge of parts left becomes the frame's: its checkpoint, and its preview."""
+"""Adoption of a merge's files as the frame's checkpoint and preview."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from .merge_run import Found, MergeRun
 
 
 async def adopt_merge(context: Context, job: Job, frame: Frame, merge: MergeRun, found: Found) -> Frame | Outcome | None:
-    """The frame with the checkpoint of all that is merged: on the disk first, then in the row. None: another dispatcher has it
-    now. An outcome ends it: the checkpoint is unusable, or has no room. What it is made of goes last (`remove_merged`)."""
+    """Return the frame with the checkpoint of all merged samples, which is on the disk before its row names it; None if another
+    dispatcher has the frame now; an outcome that ends the frame if the checkpoint is unusable or does not fit. The files that
+    it replaces are removed last (`remove_merged`)."""
     run = merge.run
     assert run is not None
     name = adoption.checkpoint_file(found.checkpoint.number, frame.number, run.chunk.id)
@@ -49,13 +50,13 @@ async def adopt_merge(context: Context, job: Job, frame: Frame, merge: MergeRun,
 
 
 async def remove_merged(context: Context, job: str, files: Sequence[str]) -> None:
-    """Checkpoints that another one holds now; names that are empty are none."""
+    """Remove checkpoints that are contained in another one now; empty names are skipped."""
     for file in filter(None, files):
         await context.calls.disk(context.data.remove, context.data.job(job) / file)
 
 
 async def adopt_preview_of(context: Context, job: str, frame: int, merge: MergeRun) -> int | None:
-    """Its number, if the merge left one that could be taken: nobody's picture depends on it."""
+    """Return the preview's number if the merge left a usable one; pictures do not depend on it."""
     assert merge.run is not None
     preview = merge.run.inbox.preview
     if preview is None:
@@ -70,5 +71,5 @@ async def adopt_preview_of(context: Context, job: str, frame: int, merge: MergeR
 
 
 def unusable() -> Json:
-    """The problem of parts that cannot be put together."""
+    """Return the problem for parts that cannot be merged."""
     return Problem("render-failed", "What the parts of the frame left could not be put together.").as_json()

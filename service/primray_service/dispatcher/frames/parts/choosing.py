@@ -1,4 +1,4 @@
-"""Whether a claimed frame is rendered in parts."""
+"""Choice whether a claimed frame is rendered as parts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ClaimedFrame = RunningFrame | ParallelFrame
 
 
 def claimed_frame(context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]]) -> ClaimedFrame:
-    """In parts where its job asks for that, there is more than one place, and it has not been begun otherwise."""
+    """Return the frame, in parts if its job asks for that, there is more than one slot, and it was not begun in one piece."""
     job, frame = claim.job, claim.frame
     slots = context.executor.capacity().slots
     places = slots if job.parallel == "auto" else min(int(job.parallel or 1), slots)

@@ -1,7 +1,7 @@
-"""What a frame in parts does next, and when it has all samples that it will have. Pure: time is an argument.
+"""Plan of a frame in parts: what is rendered and merged next, and when the frame is complete. Pure: time is an argument.
 
-By an error it ends where one render does: the error decides at the same numbers of samples (goals), of all samples up to there
-and of no others. So no part is merged beyond the goal, and one that lies across it is rendered anew, up to it.
+With a target error the frame ends where a single render does: the error is measured at the same numbers of samples (goals),
+over exactly the samples up to there. So no part is merged beyond the goal, and a part across it is rendered again, up to it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .ledger import Ledger
 
 @dataclass(frozen=True)
 class Judged:
-    """What the error of all that is merged decides: it is the target's or less; or else, at how many samples it is looked at
-    next, and at how many the target should be met, if that is known."""
+    """Result of measuring the error of all merged samples: the target is reached; or else the number of samples at which it is
+    measured next, and the number at which the target should be reached, if known."""
 
     target_met: bool
     goal: int
@@ -28,8 +28,8 @@ class Judged:
 
 
 class Course:
-    """`ledger`: where samples are; `known`: what they take; `target_met`: by what is merged. `goal`: the samples at which the
-    error decides next, or all of them; None: that of what is merged is to be judged first."""
+    """Plan of one frame. `ledger`: where samples are; `known`: what they cost; `target_met`: by the merged samples. `goal`: the
+    samples at which the error is measured next, or all of them; None: that of the merged samples is to be measured first."""
 
     def __init__(self, stop: Json, places: int) -> None:
         self.rules = rules_of(stop)
@@ -41,7 +41,7 @@ class Course:
         self._asked: int | None = stop.get("max_samples")
 
     def begin(self, frame: Frame, parts: Iterable[Part]) -> None:
-        """From what was merged, and taken, before."""
+        """Resume from what was merged, and rendered, before."""
         self.ledger = Ledger(frame.merged, parts)
         self.goal = None
         if self.rules.target is None:
@@ -50,12 +50,13 @@ class Course:
             self._aim(FIRST_ANCHOR)
 
     def took(self, samples: int, sampled_s: float, load_s: float) -> None:
-        """A part of so many samples is done."""
+        """Record that a part of that many samples is done."""
         each, known = max(sampled_s, 1e-6) / samples, self.known.sample_s
         self.known = replace(self.known, sample_s=each if known is None else (known + each) / 2, load_s=load_s)
 
     def merged(self, end: int, judged: Judged | None) -> list[Part]:
-        """The first `end` samples are, and were judged so where an error is asked for; the parts whose files nobody needs."""
+        """Record that the first `end` samples are merged, with their error if one was requested; return the parts whose files
+        are no longer needed."""
         gone = self.ledger.merge(end)
         if judged is None or self.rules.target is None:
             return gone
@@ -63,13 +64,14 @@ class Course:
         return gone if self.target_met else gone + self._aim(judged.goal)
 
     def _aim(self, goal: int) -> list[Part]:
-        """Parts that were cut, and that nobody takes."""
+        """Set the goal and return the parts that were shortened, and are not in progress."""
         self.goal = min(goal, self.rules.most)
         return [part for part in self.ledger.cut(self.goal) if part.state is not PartState.RUNNING]
 
     @property
     def expected_end(self) -> int | None:
-        """Samples after which the frame should be over by its error or its samples; None: that is not known yet."""
+        """Return the number of samples after which the frame should end by its error or its sample limit; None if not known
+        yet."""
         if self.rules.target is None:
             return self.rules.most
         return None if self._expected is None else min(self._expected, self.rules.most)
@@ -78,8 +80,8 @@ class Course:
         return [] if self.goal is None else self.ledger.to_merge(self.goal)
 
     def is_merge_awaited(self, frame: Frame, *, runs: bool) -> bool:
-        """The error decides by the next merge, or it makes the frame whole; or places that wait for others' parts can put
-        together what is there, so that less is left to do then. `runs`: parts do."""
+        """Return whether a merge is needed now: the error is measured after it, or it completes the frame; or slots that wait
+        for other parts can merge in the meantime, so that less is left for later. `runs`: whether parts run."""
         if self.target_met:
             return False
         if self.goal is None:
@@ -90,7 +92,8 @@ class Course:
         return parts[-1].end == self.goal or ((len(parts) > 1 or not runs) and self.next_part(frame) is None)
 
     def at(self, elapsed_s: float, allowed_s: float) -> None:
-        """A time limit that was asked for decides how large parts are; what is allowed in any case only ends the frame."""
+        """Update the time left. A time limit in the job's stop rules determines the size of parts; the server's limit only ends
+        the frame."""
         left = allowed_s - elapsed_s
         if self.rules.seconds is not None:
             left = min(left, self.rules.seconds - elapsed_s)
@@ -100,12 +103,13 @@ class Course:
 
     @property
     def is_out_of_time(self) -> bool:
-        """And there are samples to show."""
+        """Return whether the time is over and there are samples to show."""
         has_some = self.ledger.merged > 0 or bool(self.to_merge())
         return has_some and self.known.left_s is not None and self.known.left_s <= 0
 
     def next_part(self, frame: Frame) -> Part | None:
-        """The first samples that nobody takes: of a part that came back, or a new one; None: none is to be given out now."""
+        """Return the first samples that nobody renders, from a part that came back or as a new part; None if none is to be
+        handed out now."""
         if self.goal is None or self.target_met or self.is_out_of_time:
             return None
         waiting, new = self.ledger.waiting(), self._next_range(self.goal)
@@ -122,7 +126,7 @@ class Course:
         return board.next_part(goal, end, samples) if samples else None
 
     def is_sampled(self, frame: Frame, *, runs: bool, merges: bool) -> bool:
-        """All that it will have is merged. `runs`: parts of it do; `merges`: some are being merged."""
+        """Return whether all samples of the frame are merged. `runs`: parts of it run; `merges`: some are being merged."""
         if self.target_met:
             return True
         if self.goal is None:
@@ -136,8 +140,8 @@ class Course:
 
     @property
     def end(self) -> tuple[int, bool]:
-        """Once it is sampled: the samples of its picture, one more than parts can take where an odd number is asked for; and
-        whether it is out of time."""
+        """Return, for a complete frame, the samples of its picture, one more than parts can take if an odd number was
+        requested; and whether its time is over."""
         merged = self.ledger.merged
         is_whole = merged >= self.rules.most
         if is_whole and self._asked is not None and not self.target_met:

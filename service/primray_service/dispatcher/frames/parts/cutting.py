@@ -1,5 +1,5 @@
-"""How many samples a pixel the next part of a frame is: many at first, fewer towards the end, so that no place works on alone
-for long. Pure."""
+"""Size of the next part of a frame in samples per pixel: large at first, smaller towards the end, so that no slot is left
+rendering alone for long. Pure."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from primray.settings import DEFAULT_SPP, MAX_SPP, SAMPLE_BLOCK
 from ....jobs import Json
 
 LEAST = 4
-LEAST_S = 1.0  # of sampling: below, much of a part is overhead; half of it at the end, where others would be idle else
+# of sampling: below, overhead is too large a share of a part; at the end half of it, where other slots would be idle
+LEAST_S = 1.0
 
 
 @dataclass(frozen=True)
 class Rules:
-    """When the frame is over; `most`: samples a pixel, those that parts can take."""
+    """When the frame ends; `most`: samples per pixel that parts can take."""
 
     most: int
     target: float | None
@@ -24,7 +25,7 @@ class Rules:
 
 
 def rules_of(stop: Json) -> Rules:
-    """Of a job's stop rules."""
+    """Return the rules for a job's stop rules."""
     asked, target, limit = stop.get("max_samples"), stop.get("target_error"), stop.get("max_seconds")
     early = target is not None or limit is not None
     most = asked if asked is not None else MAX_SPP if early else DEFAULT_SPP
@@ -33,16 +34,17 @@ def rules_of(stop: Json) -> Rules:
 
 @dataclass(frozen=True)
 class Known:
-    """Seconds are one place's, None while nobody knows."""
+    """Known costs. Seconds are those of one slot, None while unknown."""
 
     places: int
     sample_s: float | None = None
     load_s: float = 0.0
-    left_s: float | None = None  # None: there is no time limit
+    left_s: float | None = None  # None: no time limit
 
 
 def next_samples(left: int, known: Known) -> int:
-    """Of the next part, where so many are wanted that nobody has taken; 0: none is to be given out now."""
+    """Return the samples in the next part if `left` samples remain that nobody renders; 0 if no part is to be handed out
+    now."""
     size, shortest = left / (2 * known.places), 0.0
     if known.sample_s:
         least = max(LEAST_S, known.load_s) / known.sample_s

@@ -1,4 +1,4 @@
-"""Which samples of a frame are merged, which are taken and wait for that, which are being taken. Pure."""
+"""Ledger of a frame's samples: which are merged, which are done and wait for a merge, which are in progress. Pure."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from ....jobs import Part, PartState
 
 
 class Ledger:
-    """Parts are disjoint, and behind `merged`; there may be gaps between them, which are to be given out anew."""
+    """Parts are disjoint, and follow `merged`; gaps between them are to be handed out again."""
 
     def __init__(self, merged: int, parts: Iterable[Part]) -> None:
         self.merged = merged
         self._parts: dict[int, Part] = {}
         for part in sorted(parts, key=lambda part: part.first):
-            if part.first >= self.given:  # a server died before the row of a part that it had cut was written
+            if part.first >= self.given:  # a server died before it wrote the row of a part that it had shortened
                 self.put(part)
 
     @property
     def given(self) -> int:
-        """Nothing behind it was given out."""
+        """Return the end of the last range that was handed out."""
         return max((part.end for part in self._parts.values()), default=self.merged)
 
     @property
@@ -31,7 +31,7 @@ class Ledger:
 
     @property
     def board(self) -> Board:
-        """What is merged, or in any part, is taken."""
+        """Return the intervals that are merged or belong to a part."""
         board = Board()
         for span in [(0, self.merged), *((part.first, part.end) for part in self._parts.values())]:
             board.take(span)
@@ -41,33 +41,34 @@ class Ledger:
         self._parts[part.first] = part
 
     def ends(self, part: Part) -> bool:
-        """Nobody takes it any more: it is done, or waits. False: it was cut meanwhile, and what was taken is of no use."""
+        """Record that a part is no longer in progress: it is done, or waits. False if it was shortened meanwhile, and its
+        samples are of no use."""
         cut = self.is_cut(part)
         self.put(_anew(part, self._parts[part.first].end) if cut else part)
         return not cut
 
     def is_cut(self, part: Part) -> bool:
-        """It was shortened after it had been given out so."""
+        """Return whether the part was shortened after it had been handed out."""
         return self._parts[part.first].end != part.end
 
     def cut(self, goal: int) -> list[Part]:
-        """The parts across that number, as they were: they end there now, and have no sample. One that is being taken goes on
-        being that until it `ends`."""
+        """Shorten parts at that number of samples, and return them as they were; they end there now, and have no samples. One
+        in progress stays so until it `ends`."""
         across = [self._parts[first] for first, _ in self.board.across(goal) if first >= self.merged]
         for part in across:
             self.put(replace(part, end=goal) if part.state is PartState.RUNNING else _anew(part, goal))
         return across
 
     def waiting(self) -> Part | None:
-        """The first that was given out, and came back."""
+        """Return the first part that was handed out and came back."""
         return next((part for part in self.parts if part.state is PartState.WAITING), None)
 
     def done_from(self, goal: int) -> int:
-        """How many parts from that number on are done."""
+        """Return the number of parts from that sample on that are done."""
         return sum(part.first >= goal and part.state is PartState.DONE for part in self._parts.values())
 
     def to_merge(self, goal: int) -> list[Part]:
-        """Those that are done and follow what is merged without a gap, up to that number."""
+        """Return the done parts that follow the merged samples without a gap, up to that number."""
         found: list[Part] = []
         end = self.merged
         for part in self.parts:
@@ -78,7 +79,7 @@ class Ledger:
         return found
 
     def merge(self, end: int) -> list[Part]:
-        """So many samples are merged now; the parts that had them."""
+        """Record that the first `end` samples are merged, and return the parts that held them."""
         gone = [part for part in self.parts if part.end <= end]
         for part in gone:
             del self._parts[part.first]
@@ -86,7 +87,7 @@ class Ledger:
         return gone
 
     def taken(self) -> int:
-        """Samples that are merged, or in parts that are done."""
+        """Return the number of samples that are merged or in done parts."""
         return self.merged + sum(part.samples for part in self._parts.values() if part.state is PartState.DONE)
 
 

@@ -1,4 +1,4 @@
-"""Putting parts of a frame together: a chunk in a worker that renders such parts, whose word is checked as any worker's."""
+"""Merge of a frame's parts: a chunk in a worker that renders such parts; its messages are validated like any worker's."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ LOOK_S = 5.0
 
 @dataclass(frozen=True)
 class Found:
-    """What a merge says of the samples that it put together."""
+    """Result of a merge about its samples."""
 
     checkpoint: Checkpoint
     rays: int
     error: Json | None
-    judged: Judged | None  # where an error was asked for
+    judged: Judged | None  # set if an error was requested
 
 
 class MergeRun:
-    """Of parts that follow what is merged without a gap, up to sample `end`; without any, what is merged is judged again."""
+    """Merge of parts that follow the merged samples without a gap, up to sample `end`; without parts, the error of the merged
+    samples is measured again."""
 
     def __init__(self, context: Context, job: Job, frame: Frame, parts: Sequence[Part], scene: Scene | None) -> None:
         self.end = parts[-1].end if parts else frame.merged
@@ -50,7 +51,7 @@ class MergeRun:
         self.ended: Ended | None = None
 
     async def live(self) -> Found | Outcome:
-        """Its files are there until `close`."""
+        """Run the merge; its files exist until `close`."""
         context = self._context
         try:
             if self._scene is None:
@@ -78,7 +79,7 @@ class MergeRun:
             return Broken(Problem("render-failed", "The process that merges parts sent what it should not.").as_json())
 
     def _found(self, run: ChunkRun, done: Done) -> Found:
-        """NotBelieved unless it is of all samples that it was to be of."""
+        """Return the merge's result; raises NotBelieved unless it covers exactly the requested samples."""
         if len(run.inbox.checkpoints) != 1 or done.outputs:
             raise NotBelieved("one checkpoint was to be left, and nothing else")
         checkpoint = run.inbox.checkpoints.popleft()
@@ -91,7 +92,7 @@ class MergeRun:
         return Found(checkpoint, whole(said.get("rays")), error, self._judged(said.get("judged")))
 
     def _judged(self, said: object) -> Judged | None:
-        """There is a next goal unless it is over, and samples have doubled there at most."""
+        """Return the measured error. Unless the frame is complete there is a next goal, at no more than twice the samples."""
         rules = rules_of(self._job.settings.get("stop", {}))
         if rules.target is None:
             return None

@@ -1,7 +1,7 @@
-"""A claimed frame that is rendered in parts, until its row says how it ended or that it waits again.
+"""A claimed frame that is rendered as parts, until its row says how it ended or that it is queued again.
 
-Parts run in tasks of their own, which end before this one does. What is merged lies in the frame's checkpoint, so that the
-picture is made as of any frame that goes on from its checkpoint: by a RunningFrame, which takes no more samples.
+Parts run in asyncio tasks of their own, which end before this one does. Merged samples are in the frame's checkpoint, so that
+the picture is made as for any frame that resumes from its checkpoint: by a RunningFrame, which takes no more samples.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ from .part_run import PartEnd, PartRun
 from .told import Told
 
 LOOK_S = 0.5
-NOT_LOST = ("enough", "cancel")  # parts that are of no use any more
+NOT_LOST = ("enough", "cancel")  # parts that are no longer needed
 
 
 class ParallelFrame:
-    """In `places` at a time at most. `going`: it was told to end, or to wait again; `has_given_way`: a part of it has."""
+    """A frame rendered in at most `places` slots at a time. `going`: it was told to end or to yield; `has_given_way`: a part of
+    it was preempted."""
 
     def __init__(
         self, context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]], places: int
@@ -56,12 +57,12 @@ class ParallelFrame:
         self._failed: Outcome | None = None
         self._scene: Scene | None = None
         self._has_read = False
-        self._holds_slot = True  # of the claim, or for the picture: not a part's
+        self._holds_slot = True  # that of the claim, or for the picture: not a part's
         self._parts: dict[asyncio.Task[PartEnd], PartRun] = {}
         self._merging: tuple[asyncio.Task[Found | Outcome], MergeRun] | None = None
         self._picture: RunningFrame | None = None
         self._wants_preview = False
-        self._has_freed = False  # slots, since others were told
+        self._has_freed = False  # slots freed since others were notified
         self._course = Course(self.job.settings.get("stop", {}), places)
         self._merges = MergePace(self._loop.time(), places)
         capacity = context.executor.capacity()
@@ -85,7 +86,7 @@ class ParallelFrame:
 
     @property
     def _used(self) -> int:
-        """Slots that its chunks have."""
+        """Return the number of slots that its chunks hold."""
         return len(self._parts) + (self._merging is not None)
 
     @property
@@ -96,13 +97,13 @@ class ParallelFrame:
         return self._used < self._places and has_work
 
     def take_slot(self) -> None:
-        """It is free, and this frame's now."""
+        """Take a free slot for this frame."""
         self._holds_slot = True
         self._use_slot()
         self._news.set()
 
     def holders(self) -> list[Running]:
-        """Of its slots, for deciding who gives way."""
+        """Return the holders of its slots, for preemption."""
         if self._picture is not None:
             return self._picture.holders()
         about = (self.job.priority, self.job.tenant)
@@ -112,7 +113,7 @@ class ParallelFrame:
         return found + [Running(self.key, *about, 0.0, going=True)] * (self._holds_slot + (self._merging is not None))
 
     def saw(self, job: Job | None) -> None:
-        """The job's row as it is now."""
+        """Process the job's current row."""
         if job is None or job.attempt != self.job.attempt or job.state in TERMINAL:
             self.kill("gone")
             return
@@ -139,7 +140,7 @@ class ParallelFrame:
         self._news.set()
 
     def ask_preview(self) -> None:
-        """Merges leave them, and are made more often for it; the picture's worker writes another."""
+        """Request previews: merges leave them, and happen more often; the picture's worker writes another."""
         self._wants_preview = True
         self._merges.is_watched(self._loop.time())
         if self._picture is not None:
@@ -163,7 +164,7 @@ class ParallelFrame:
         return self.going or bool(self._kill_for) or self.is_canceling or self._failed is not None
 
     async def live(self) -> None:
-        """Lost if another dispatcher has the frame now."""
+        """Run the frame; raises Lost if another dispatcher has it now."""
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._read()
@@ -178,7 +179,7 @@ class ParallelFrame:
             await self._end_tasks()
 
     async def _read(self) -> None:
-        """Its parts, those of a dispatcher that is gone too; what its files have lost is rendered again."""
+        """Read the frame's parts, including those of a dead dispatcher; lost samples are rendered again."""
         context, calls, frame = self._context, self._context.calls, self.frame
         self._scene = await calls.store(context.store.scene, self.job.tenant, self.job.scene_id)
         parts = await calls.store(context.store.parts, self.job.id, frame.number)
@@ -194,7 +195,7 @@ class ParallelFrame:
         self._has_read = True
 
     async def _sample(self, shared: SharedJob) -> Taken | Outcome:
-        """Until enough is merged, or something else ends it."""
+        """Render and merge parts until the frame is complete, or something else ends it."""
         while True:
             await self._reap()
             self._told.hear(self._parts.values(), self._loop.time())
@@ -212,7 +213,7 @@ class ParallelFrame:
             self._news.clear()
 
     def _end_now(self) -> Taken | Outcome | None:
-        """None: it goes on."""
+        """Return the frame's end, or None if it continues."""
         if self._kill_for:
             return Again(self.frame, self._kill_for)
         if self._failed is not None:
@@ -241,12 +242,12 @@ class ParallelFrame:
 
     @property
     def _elapsed_s(self) -> float:
-        """Since the first sample, by the clock on the wall; those of earlier runs too."""
+        """Return the wall-clock seconds since the first sample, including earlier runs."""
         since = self._told.inbox.sampling_since
         return self._spent_s + (0.0 if since is None else self._loop.time() - since)
 
     def _use_slot(self) -> None:
-        """For a merge or a part; it is kept for the picture while nothing runs."""
+        """Take the frame's slot for a merge or a part; it is kept for the picture while nothing runs."""
         if self._is_merge_due and (self._holds_slot or self.is_canceling):
             self._merge()
             return
@@ -264,7 +265,7 @@ class ParallelFrame:
         task.add_done_callback(lambda _: self._news.set())
 
     async def _reap(self) -> None:
-        """Deal with parts and a merge that have ended."""
+        """Process parts and merges that have ended."""
         for task in [task for task in self._parts if task.done()]:
             end, run = task.result(), self._parts.pop(task)
             self._has_freed = True
@@ -307,7 +308,7 @@ class ParallelFrame:
 
     @property
     def _is_merge_due(self) -> bool:
-        """Before any part: something waits for it, or it is its turn."""
+        """Return whether a merge comes before any part: something waits for it, or the pace asks for one."""
         if self._merging is not None or self.going or self._kill_for or self._failed is not None:
             return False
         waiting = len(self._course.to_merge())
@@ -338,7 +339,8 @@ class ParallelFrame:
             await self._adopt(merge, found)
 
     async def _begin_anew(self, why: Again) -> None:
-        """Parts, or what was merged of them, are of no use: another build made them, or they are damaged."""
+        """Start again without the parts, or the merged samples, which are unusable: another build made them, or they are
+        damaged."""
         context = self._context
         crashes = self.frame.crashes + 1
         if crashes >= context.limits.crashes:
@@ -365,7 +367,7 @@ class ParallelFrame:
             await self._take_preview(merge)
 
     def _note(self, merge: MergeRun, found: Found) -> list[Part]:
-        """Parts that are merged now, or cut."""
+        """Record a merge and return the parts that are merged or shortened by it."""
         assert merge.run is not None
         self._told.error = found.error
         self._told.merged(found.rays, merge.end)
@@ -417,7 +419,7 @@ class ParallelFrame:
         await self._picture.live()
 
     async def _end_tasks(self) -> None:
-        """Nothing of it runs afterwards."""
+        """End all tasks of the frame."""
         tasks: list[asyncio.Task[PartEnd] | asyncio.Task[Found | Outcome]] = list(self._parts)
         if self._merging is not None:
             tasks.append(self._merging[0])
@@ -429,7 +431,7 @@ class ParallelFrame:
 
 
 def _as_left(part: Part, gone: set[str]) -> Part:
-    """As a dispatcher that is gone left it: nobody runs it now, and what it has may be lost."""
+    """Return a part as a dead dispatcher left it: it does not run, and its samples may be lost."""
     if part.checkpoint_file in gone:
         return replace(waits_again(part), checkpoint_file="")
     return part if part.state is PartState.DONE else waits_again(part)

@@ -1,4 +1,4 @@
-"""One part of a frame, from the chunk that it is given out to until its row says that it is done, or waits again."""
+"""One part of a frame, from being handed to a chunk until its row says that it is done, or queued again."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0
 
 @dataclass(frozen=True)
 class PartEnd:
-    """What has become of it: `part` is as its row; `outcome` is None where it is done."""
+    """End of a part's run: `part` matches its row; `outcome` is None if it is done."""
 
     part: Part
     outcome: Outcome | None
     ended: Ended | None = None
-    load_s: float = 0.0  # seconds before it sampled, and of sampling
+    load_s: float = 0.0  # seconds before sampling, and of sampling
     sampled_s: float = 0.0
 
 
 class PartRun:
-    """`on_news` is told when something came. Belongs to the event loop."""
+    """Running part; `on_news` is called when a message came. Belongs to the event loop."""
 
     def __init__(
         self, context: Context, job: Job, frame: Frame, part: Part, scene: Scene | None, on_news: Callable[[], None]
@@ -54,7 +54,7 @@ class PartRun:
         self._run: ChunkRun | None = None
         self._kill_for = ""
         self._claim = ""
-        self._sampled_s = 0.0  # in all
+        self._sampled_s = 0.0  # in total
         self._began = asyncio.get_running_loop().time()
 
     @property
@@ -77,7 +77,7 @@ class PartRun:
             self._run.kill(why)
 
     async def live(self) -> PartEnd:
-        """Lost if another dispatcher has the frame now."""
+        """Run the part; raises Lost if another dispatcher has the frame now."""
         context = self._context
         chunk_id = self._claim = f"c{ids.ulid(time.time())}"
         part = replace(self.part, state=PartState.RUNNING, claim=chunk_id)
@@ -116,7 +116,7 @@ class PartRun:
 
     @property
     def _counted(self) -> Frame:
-        """The frame with the part's deaths for its own: what becomes of a part is decided as of a frame."""
+        """Return the frame with the part's deaths as its own, since the outcome of a part is decided like a frame's."""
         return replace(self._frame, crashes=self.part.crashes, kills=self.part.kills)
 
     async def _follow(self, run: ChunkRun) -> None:
@@ -133,7 +133,7 @@ class PartRun:
             await self._take_checkpoint(run, run.inbox.checkpoints.popleft())
 
     async def _take_checkpoint(self, run: ChunkRun, message: Checkpoint) -> None:
-        """On the disk first, then in the row; the one before goes last."""
+        """Adopt a checkpoint: the file is on the disk before the row names it; the previous one is removed last."""
         context, part = self._context, self.part
         if message.number != part.checkpoint + 1:
             run.kill("not-believed")
@@ -168,7 +168,7 @@ class PartRun:
         about = Circumstances(False, run.killed_for, disk_is_full, run.chunk.command["checkpoint"] is not None)
         outcome = outcome_of(self._counted, last, ended, about, context.limits_of_chunks)
         if isinstance(outcome, Picture):
-            if self._kill_for:  # too late: what it has left was not taken
+            if self._kill_for:  # too late: what it left was not adopted
                 return Again(self._counted, self._kill_for)
             stop = outcome.done.report.get("stop")
             if not isinstance(stop, dict) or stop.get("reason") != "samples":
@@ -178,7 +178,7 @@ class PartRun:
         return outcome
 
     async def _settle(self, outcome: Outcome, ended: Ended | None) -> PartEnd:
-        """Its row says what has become of it; of a frame that is gone there is none any more."""
+        """Write the outcome to the part's row; the rows of a deleted frame are gone."""
         context, run = self._context, self._run
         load_s = 0.0
         if run is not None and run.inbox.sampling_since is not None:

@@ -1,4 +1,4 @@
-"""How a frame in parts is doing, told as of a frame that one worker renders."""
+"""Progress of a frame in parts, in the form of a frame that one worker renders."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from ...chunks.inbox import Inbox
 from .course import Course
 from .part_run import PartRun
 
-# What a part's settings say otherwise than the frame's.
+# Settings in which a part differs from its frame.
 OF_FRAME = ("spp", "target_error", "time_limit_s", "sample_range")
 
 
 class Told:
-    """The inbox of all parts: what is news of the frame."""
+    """Combined messages of all parts: the frame's news."""
 
     def __init__(self, now: float, convergence: list[Json], asked: Json) -> None:
         self.inbox = Inbox(now, convergence)
         self._asked = asked  # the frame's settings
-        self._rays: dict[int, int] = {}  # of parts that are done, and that run
+        self._rays: dict[int, int] = {}  # of done and of running parts
         self._merged_rays = 0
-        self.error: Json | None = None  # of what is merged, as progress tells it
+        self.error: Json | None = None  # of the merged samples, as in progress documents
 
     def hear(self, runs: Iterable[PartRun], now: float) -> None:
-        """Take over what they have said."""
+        """Take over the messages of the parts."""
         for run in runs:
             heard = run.inbox
             if heard is None or not heard.has_news:
@@ -56,7 +56,7 @@ class Told:
         self._rays = {first: n for first, n in self._rays.items() if first >= end}
 
     def progress(self, course: Course, running: list[PartRun], elapsed_s: float) -> None:
-        """What the frame's row and clients are told."""
+        """Update the progress for the frame's row and for clients."""
         ledger, rules, known = course.ledger, course.rules, course.known
         now = [run.inbox.progress for run in running if run.inbox is not None and run.inbox.progress is not None]
         taken = ledger.taken() + sum(float(said.get("samples_done") or 0.0) for said in now)

@@ -1,4 +1,4 @@
-"""Lines from the server, each to what it is about; the end of them is the end of this process."""
+"""Dispatch of the server's lines to their targets; the process ends when its input does."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Driver:
         self._looking: set[asyncio.Task[None]] = set()
 
     def tell(self, line: Json) -> None:
-        """The server reads at once; if it is gone, so is this process."""
+        """Send a line to the server, which reads at once; this process ends if the server is gone."""
         try:
             left = memoryview(json.dumps(line).encode() + b"\n")
             while left:
@@ -48,7 +48,7 @@ class Driver:
             os._exit(0)
 
     async def live(self, lines: asyncio.StreamReader) -> None:
-        """Until there are no more, or the cluster cannot be asked any more."""
+        """Process lines until the input ends, or the cluster cannot be reached any more."""
         working = [asyncio.ensure_future(self._cluster.watch()), asyncio.ensure_future(self._read(lines))]
         done, _ = await asyncio.wait(working, return_when=asyncio.FIRST_COMPLETED)
         for task in done:
@@ -85,7 +85,7 @@ async def main() -> None:
     await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
     settings = json.loads(await lines.readline())
     try:
-        connect(settings["address"])  # in this thread: Ray takes it for its main one
+        connect(settings["address"])  # in this thread, which Ray takes for its main one
         driver = Driver(settings, messages)
     except NotConnected as error:
         messages.write(json.dumps({"at": "failed", "code": error.code, "why": error.why}).encode() + b"\n")
@@ -96,7 +96,7 @@ async def main() -> None:
         traceback.print_exc()
         sys.stderr.flush()
         os._exit(1)
-    os._exit(0)  # Ray ends what this process has started; taking down its own threads may take seconds
+    os._exit(0)  # Ray ends the processes that it started; joining its threads may take seconds
 
 
 asyncio.run(main())

@@ -1,4 +1,4 @@
-"""The nodes that there are, which of them take work, and why others don't."""
+"""The cluster's nodes, which of them take work, and why others do not."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ..node.tasks import ask_fitness
 from .room import Resources, Room, room, selector
 
 LOOK_EVERY_S = 1.0
-ANSWER_WITHIN_S = 10.0  # the head; then nothing more is given out
-PROBE_WITHIN_S = 90.0  # a node: its first process has to start
-ASK_AGAIN_AFTER_S = 60.0  # a node that was refused
+ANSWER_WITHIN_S = 10.0  # from the head; without an answer no chunk is handed out
+PROBE_WITHIN_S = 90.0  # from a node, whose first process has to start
+ASK_AGAIN_AFTER_S = 60.0  # for a node that was refused
 
 
 @dataclass
@@ -28,16 +28,16 @@ class Node:
     id: str
     host: str
     resources: Resources
-    is_known: bool = False  # it was asked
-    why: str = ""  # it takes no work
+    is_known: bool = False  # whether it was asked
+    why: str = ""  # why it takes no work
     sandbox: dict[str, str] = field(default_factory=dict)
     asked_at: float = -math.inf
-    objects: int = 0  # that were sent to it
+    objects: int = 0  # number of objects sent to it
     bytes: int = 0
 
 
 class Cluster:
-    """`tell` puts a line to the server."""
+    """Nodes of the cluster; `tell` sends a line to the server."""
 
     def __init__(self, settings: Json, wanted: Wanted, tell: Callable[[Json], None]) -> None:
         self.wanted = wanted
@@ -45,12 +45,12 @@ class Cluster:
         self._tell = tell
         self._nodes: dict[str, Node] = {}
         self._asking: set[asyncio.Task[None]] = set()
-        self._away = ""  # why its head is not there
+        self._away = ""  # why its head does not answer
         self._told: Json = {}
         self.room: Room = room({}, settings["cores"], settings["limits"]["memory_bytes"])
 
     async def watch(self) -> None:
-        """For ever. The first time that anything is told, all nodes have been looked at."""
+        """Watch the cluster for ever. All nodes have been examined before the first report."""
         await self._look()
         while self._asking:
             await asyncio.wait(self._asking)
@@ -67,7 +67,7 @@ class Cluster:
             if not done:
                 self._is_away("does not answer")
             rows = {row["NodeID"]: row for row in await asked if row["Alive"] and self._is_ours(row)}
-        except (RayError, OSError, RuntimeError) as error:  # it may come back; if it does not, Ray ends this process
+        except (RayError, OSError, RuntimeError) as error:  # it may come back; if not, Ray ends this process
             self._is_away(f"cannot be asked: {type(error).__name__}")
             return
         self._away = ""
@@ -81,7 +81,7 @@ class Cluster:
                 task.add_done_callback(self._asking.discard)
 
     def _is_away(self, why: str) -> None:
-        """Nothing more is given out; what runs goes on."""
+        """Report that the head is away: no chunk is handed out, and running ones continue."""
         self._away = f"the head of the Ray cluster {why}"
         if self._told:
             self._say()
@@ -107,7 +107,7 @@ class Cluster:
         node.is_known = True
 
     def refuse(self, node_id: str, why: str) -> None:
-        """A task has found out."""
+        """Record that a task found the node unfit."""
         if node_id in self._nodes:
             node = self._nodes[node_id]
             node.is_known, node.why, node.asked_at = True, why, asyncio.get_running_loop().time()
@@ -120,12 +120,13 @@ class Cluster:
             self._say()
 
     def selector(self) -> dict[str, str]:
-        """Nodes that nobody has looked at may have it: a task looks first of all, and new nodes come because work waits."""
+        """Return the label selector. It admits nodes that were not examined yet: a task checks its node first, and new nodes
+        join because work waits."""
         refused = [node.id for node in self._nodes.values() if node.why]
         return selector(self._settings["labels"], sorted(refused))
 
     def _say(self) -> None:
-        """To the server, where it is news."""
+        """Report to the server if anything has changed."""
         working = {node.id: node.resources for node in self._nodes.values() if node.is_known and not node.why}
         self.room = room(working, self._settings["cores"], self._settings["limits"]["memory_bytes"])
         slots = 0 if self._away else self._settings["slots"] or self.room.total

@@ -1,4 +1,4 @@
-"""Connecting to a cluster that is there already, and saying clearly why that did not work."""
+"""Connection to an existing cluster, with clear errors if it fails."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ NO_TOKEN = (
 
 
 def connect(address: str) -> None:
-    """NotConnected, with a code of protocol.py. "auto": the cluster that this machine is a node of."""
+    """Connect to a cluster; raises NotConnected with a code of protocol.py. "auto" is the cluster that this machine belongs
+    to."""
     if address != "auto":
         _require_listener(*split(address))
     try:
@@ -34,7 +35,7 @@ def connect(address: str) -> None:
 
 
 def split(address: str) -> tuple[str, int]:
-    """Host and port; NotConnected where it is no address."""
+    """Return host and port; raises NotConnected for a malformed address."""
     host, _, port = address.rpartition(":")
     if address.startswith("ray://") or not host or not port.isdigit():
         why = f"{address!r} is no address of a Ray cluster: HOST:PORT as `ray start --head` says, or auto on a node of it"
@@ -43,7 +44,7 @@ def split(address: str) -> tuple[str, int]:
 
 
 def _require_listener(host: str, port: int) -> None:
-    """Ray itself would try for two minutes."""
+    """Raise NotConnected unless something listens at the address; Ray itself would retry for two minutes."""
     try:
         socket.create_connection((host, port), ANSWER_WITHIN_S).close()
     except OSError as error:

@@ -1,7 +1,7 @@
-"""Files on their way to nodes: each content is put into Ray's object store once, under its hash, in parts.
+"""Files on their way to nodes: each content is put into Ray's object store once, under its hash, in blocks.
 
-A folder is one content: its files as a tar archive whose members have nothing but names and bytes, so that the same files have
-the same hash. Refs are kept for as long as the store's share for them lasts; what has gone is put there again.
+A folder is one content: its files as a tar archive whose members have only names and bytes, so that equal folders have equal
+hashes. References are kept while the store's share for them lasts; evicted contents are put there again.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from typing import Any, BinaryIO
 from ..node.content import PART_BYTES, Content
 
 KEPT_BYTES = 8 * 2**30
-Put = Callable[[bytes], Any]  # into the object store; the ref
+Put = Callable[[bytes], Any]  # stores bytes in the object store and returns the ref
 _Key = tuple[Any, ...]
 
 
 class Contents:
-    """May be used by many threads; they wait for one another."""
+    """Contents in the object store. Thread-safe; threads wait for one another."""
 
     def __init__(self, put: Put, kept_bytes: int = KEPT_BYTES) -> None:
         self._put = put
         self._kept_bytes = kept_bytes
         self._lock = threading.Lock()
-        self._hashes: dict[_Key, str] = {}  # of what was read before and has not changed since
-        self._kept: OrderedDict[str, Content] = OrderedDict()  # the one that was used last comes last
+        self._hashes: dict[_Key, str] = {}  # of files that were read before and have not changed
+        self._kept: OrderedDict[str, Content] = OrderedDict()  # the last used one is last
 
     def of_file(self, path: Path, *, keep: bool) -> Content:
-        """`keep`: nodes are to keep it; here, too."""
+        """Return the file's content; `keep`: nodes and this process should cache it."""
         return self._content(_key_of([path]), lambda parts: _send_file(path, parts), is_folder=False, keep=keep)
 
     def of_folder(self, path: Path) -> Content:
@@ -64,7 +64,7 @@ class Contents:
 
 
 class _Parts:
-    """A file to write to, whose bytes go into the store."""
+    """A writable file whose bytes go into the object store."""
 
     def __init__(self, put: Put) -> None:
         self._put = put
@@ -74,7 +74,7 @@ class _Parts:
         self.refs: list[Any] = []
 
     def add(self, data: bytes) -> None:
-        """All of a part, or of the last one; not after `write`."""
+        """Store one full block, or the last one; no writes may follow it."""
         self.sha256.update(data)
         self.bytes += len(data)
         self.refs.append(self._put(data))
@@ -112,7 +112,7 @@ def _send_folder(folder: Path, files: list[Path], parts: _Parts) -> None:
 
 
 def _opened(path: Path) -> BinaryIO:
-    """Only plain files: a link would lead out of what was uploaded."""
+    """Open a plain file; a link would lead out of the upload."""
     handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
@@ -126,6 +126,6 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _key_of(files: list[Path]) -> _Key:
-    """What tells a change."""
+    """Return the key that detects a change."""
     found = ((path, os.lstat(path)) for path in files)
     return tuple((str(path), s.st_ino, s.st_size, s.st_mtime_ns) for path, s in found)

@@ -1,4 +1,4 @@
-"""A chunk that was given to the cluster: its task, what comes from it, and what it is told. Belongs to the event loop."""
+"""A chunk that was given to the cluster: its Ray task, its messages and the commands sent to it. Belongs to the event loop."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .cluster import Cluster
 from .contents import Contents
 from .received import Received
 
-KILL_WITHIN_S = 3.0  # a node that was asked to end its worker; then its task is ended, with all that it started
-CANCEL_WITHIN_S = 5.0  # a task; then it counts as lost
-IN_LOOP_BYTES = 2**18  # a larger part is written in a thread
-GIVES = 3  # to other nodes, where one refuses it
+KILL_WITHIN_S = 3.0  # for a node to end its worker; then its task is ended, with all processes it started
+CANCEL_WITHIN_S = 5.0  # for a task; then it counts as lost
+IN_LOOP_BYTES = 2**18  # a larger block is written in a thread
+GIVES = 3  # attempts on different nodes, if nodes refuse it
 
 
 class GivenChunk:
-    """`tell` puts a line to the server."""
+    """A chunk on the cluster; `tell` sends a line to the server."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class GivenChunk:
         self.living = asyncio.ensure_future(self._live())
 
     def say(self, command: Json) -> None:
-        """To its worker, whenever that is there."""
+        """Send a command to its worker, which may not have started yet."""
         self._mailbox.put.remote(self._key, command)
 
     def kill(self) -> None:
@@ -93,7 +93,7 @@ class GivenChunk:
         self._tell({"at": "ended", "id": self.id, **ended})
 
     async def _given(self) -> Json:
-        """Give it to a node, to another one where that refuses; how it ended."""
+        """Give the chunk to a node, and to another if that one refuses; return how it ended."""
         order = await asyncio.to_thread(self._order)
         for _ in range(GIVES):
             ended = await self._run(order)
@@ -104,7 +104,7 @@ class GivenChunk:
     def _order(self) -> Order:
         chunk, settings = self._chunk, self._settings
         command = chunk["command"]
-        saved = {command.get("checkpoint"), *command.get("parts", ())}  # each is another one: no node needs to keep it
+        saved = {command.get("checkpoint"), *command.get("parts", ())}  # each is used once, so no node needs to cache it
         inputs = {name: self._contents.of_file(Path(path), keep=name not in saved) for name, path in chunk["inputs"].items()}
         folders = {name: self._contents.of_folder(Path(path)) for name, path in chunk["folders"].items()}
         room = self._cluster.room
@@ -112,10 +112,10 @@ class GivenChunk:
         return Order(self._key, chunk, inputs, folders, limits, room.cores, self._cluster.wanted)
 
     async def _run(self, order: Order) -> Json | None:
-        """None: the node refused it."""
+        """Run the chunk; None if the node refused it."""
         memory = self._chunk["memory_bytes"] or order.limits["memory_bytes"]
         is_render = self._chunk["kind"] == "render"
-        # A check has a slot of its own, as on one machine: it reserves nothing, or it would wait behind long renders.
+        # A check has a slot of its own, as on one machine: it reserves no cores, or it would wait behind long renders.
         resources = {"num_cpus": order.cores, "memory": memory} if is_render else {"num_cpus": 0}
         self._node = ""
         self._task = give_chunk(order, self._mailbox, resources, self._cluster.selector())

@@ -1,4 +1,4 @@
-"""Files that come back from a node, into the chunk's folder here: whole, or not at all."""
+"""Files that come back from a node, written into the chunk's folder here completely, or not at all."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from ..node.items import FileEnd, Part
 
 
 class Received:
-    """Of one chunk; `out` is its folder for a worker's files."""
+    """Received files of one chunk; `out` is the folder for the worker's files."""
 
     def __init__(self, out: Path) -> None:
         self._out = out
-        self._sha256: dict[str, Any] = {}  # of what has come of files so far
+        self._sha256: dict[str, Any] = {}  # running digests of incomplete files
 
     def take(self, item: Part | FileEnd) -> None:
-        """ValueError for what our tasks do not send, and for bytes that were changed on the way."""
+        """Take a block or the end of a file; ValueError for items that our tasks do not send, and for bytes changed in
+        transit."""
         name = item.name
         if not name or name.startswith(".") or "/" in name or "\0" in name:
             raise ValueError(f"{name!r} is no name of a worker's file")

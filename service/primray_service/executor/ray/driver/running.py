@@ -1,4 +1,4 @@
-"""What runs on the cluster, for whom: asked of every driver's mailbox."""
+"""Running chunks of the cluster and their owners, as every driver's mailbox reports them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ ANSWER_WITHIN_S = 5.0
 
 
 async def what_runs(asking: str) -> list[Json]:
-    """By owner, but for the one that asks; one that does not answer is left out: it is going."""
+    """Return the running chunks by owner, except those of the asking driver; an owner that does not answer is ending and is
+    left out."""
     found = []
     for owner in await asyncio.to_thread(owners):
         if owner == asking:

@@ -1,7 +1,8 @@
-"""Contents that this node has: each comes once, is kept for the next chunk that needs it, and goes when room is needed.
+"""Cache of contents on a node: each is transferred once, kept for the next chunk that needs it, and evicted when space is
+needed.
 
 cache/<hash>        a file, or a folder with files in it
-cache/<hash>.lock   its size; locked by whoever fetches it (alone) or uses it (shared). When it was used last is its time
+cache/<hash>.lock   its size; locked exclusively while it is fetched, shared while it is used. Its mtime is the time of last use
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from typing import Any
 from .content import Content
 
 KEPT_BYTES = 32 * 2**30
-KEPT_PART = 0.25  # of the disk
-Read = Callable[[Any], bytes]  # a part, by its ref
+KEPT_PART = 0.25  # share of the disk
+Read = Callable[[Any], bytes]  # reads a block by its ref
 
 
 def node_folder() -> Path:
-    """Where this node keeps things: $PRIMRAY_NODE_DIR, or a folder of this user's among the temporary ones."""
+    """Return this node's folder: $PRIMRAY_NODE_DIR, or a folder of this user's in the temporary directory."""
     named = os.environ.get("PRIMRAY_NODE_DIR")
     folder = Path(named) if named else Path(tempfile.gettempdir(), f"primray-node-{os.getuid()}")
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -35,7 +36,7 @@ def node_folder() -> Path:
 
 
 class Held:
-    """A content while it is used."""
+    """A content while it is in use."""
 
     def __init__(self, path: Path, lock: int, *, was_there: bool, keep: bool) -> None:
         self.path = path
@@ -56,7 +57,7 @@ class NodeCache:
         self._kept_bytes = kept_bytes or min(KEPT_BYTES, int(KEPT_PART * shutil.disk_usage(folder).total))
 
     def hold(self, content: Content, read: Read) -> Held:
-        """Fetch it unless it is there; blocks. ValueError where other bytes have come than were meant."""
+        """Fetch the content unless it is cached; blocks. Raises ValueError if the bytes do not match its hash."""
         name = content.sha256 if content.keep else f"{content.sha256}-{os.getpid()}"
         path = self._folder / name
         was_there = True
@@ -81,7 +82,7 @@ class NodeCache:
         return Held(path, lock, was_there=was_there, keep=content.keep)
 
     def _locked(self, path: Path) -> int:
-        """By this process alone: the lock's file is the one that others find, too."""
+        """Return the exclusively locked lock file, at the path where other processes find it."""
         file = path.with_name(f"{path.name}.lock")
         while True:
             lock = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -107,7 +108,7 @@ class NodeCache:
             shutil.rmtree(partial, ignore_errors=True)
 
     def _make_room(self, but: Path) -> None:
-        """Remove what was not used for the longest time and is not used now."""
+        """Evict contents that are not in use, least recently used first."""
         found = sorted(self._sizes(), key=lambda entry: entry[0])
         total = sum(size for _, size, _ in found)
         for _, size, lock_file in found:
@@ -143,7 +144,7 @@ def _remove(path: Path) -> None:
 
 
 class _Stream:
-    """A content's parts, one after another, as a file to read."""
+    """The blocks of a content as one readable file."""
 
     def __init__(self, content: Content, read: Read) -> None:
         self._content = content
@@ -153,7 +154,7 @@ class _Stream:
         self._sha256 = hashlib.sha256()
 
     def next_part(self) -> bytes:
-        """Nothing at the end."""
+        """Return the next block, or nothing at the end."""
         ref = next(self._refs, None)
         if ref is None:
             return b""
@@ -175,7 +176,7 @@ class _Stream:
 
 
 def _unpack(stream: _Stream, folder: Path) -> None:
-    """Plain files below the folder, nothing else."""
+    """Unpack plain files below the folder, nothing else."""
     folder.mkdir()
     with tarfile.open(fileobj=stream, mode="r|") as archive:  # type: ignore[call-overload]
         for member in archive:

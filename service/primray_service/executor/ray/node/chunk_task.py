@@ -1,4 +1,4 @@
-"""A chunk on a node: its files come, its worker runs behind the same walls as on one machine, its messages and files go.
+"""A chunk on a node: its files come, its worker runs in the same sandbox as on one machine, its messages and files go back.
 
 Ray's process is trusted as the server is; the worker is not, so nothing of a scene is opened here.
 """
@@ -23,12 +23,12 @@ from .leaving import files_of, taken
 from .order import Order
 from .runner import Runner, Running
 
-Take = Callable[[], list[Json] | None]  # what the mailbox has for the chunk; None: it is over
+Take = Callable[[], list[Json] | None]  # returns the mailbox's commands for the chunk; None: it is over
 
 
 @dataclass
 class _Process:
-    """Of Ray's: it may get one chunk after another."""
+    """A Ray process, which may get one chunk after another."""
 
     made_for: tuple[Json, int] | None = None
     runner: Runner | None = None
@@ -38,7 +38,8 @@ _process = _Process()
 
 
 def run(order: Order, node: str, read: Read, take: Take) -> Iterator[list[Item]]:
-    """`read` and `take` ask Ray; they are called in threads beside this one, whose cores it would give away else."""
+    """Run a chunk. `read` and `take` ask Ray; they are called in other threads, since a blocked Ray call in this one would
+    release its cores."""
     found = fitness(order.wanted)
     if found.why:
         yield [Refused(node, found.why)]
@@ -53,7 +54,7 @@ def run(order: Order, node: str, read: Read, take: Take) -> Iterator[list[Item]]
 
 
 def _fetched(order: Order, node: str, read: Read, stack: ExitStack) -> tuple[Chunk, Begun]:
-    """The chunk with its files on this node, held until the stack is done."""
+    """Fetch the chunk's files to this node, and hold them until the stack is closed."""
     cache = NodeCache(node_folder() / "cache")
     new: list[int] = []
     paths: dict[str, Path] = {}
@@ -96,7 +97,7 @@ def _listen(running: Running, take: Take) -> None:
 
 
 def _told(running: Running, most_bytes: int) -> Iterator[list[Item]]:
-    """Until its end."""
+    """Yield items until the chunk ends."""
     while True:
         news = running.news.get()
         if isinstance(news, Ended):

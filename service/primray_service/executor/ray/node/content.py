@@ -1,4 +1,4 @@
-"""Some bytes under their hash: a file, or a folder as an archive; in parts, which Ray's object store has."""
+"""Content under its hash: a file, or a folder as an archive; in blocks, which are in Ray's object store."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ PART_BYTES = 32 * 2**20
 
 @dataclass(frozen=True)
 class Content:
-    sha256: str  # of all parts together, hexadecimal
+    sha256: str  # of all blocks together, hexadecimal
     bytes: int
     is_folder: bool
-    keep: bool  # it may be asked for again
+    keep: bool  # whether it may be needed again
     parts: tuple[Any, ...]  # refs

@@ -1,4 +1,4 @@
-"""Whether a node may have work: asked when it is first seen, and again by each task before it opens anything."""
+"""Fitness of a node for work: tested when it is first seen, and again by each task before it opens anything."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ NO_TOKEN = "its Ray takes orders without a token: start it with RAY_AUTH_MODE=to
 
 @dataclass(frozen=True)
 class Wanted:
-    """What all nodes have in common, so that a frame may go on anywhere with the same bits."""
+    """Properties that all nodes must share, so that a frame may continue on any of them with the same bits."""
 
     version: str
     isa: str
-    build: Mapping[str, str]  # of the core for that class
+    build: Mapping[str, str]  # of the core for that ISA class
     needs_token: bool
     allow_unsandboxed: bool
 
 
 @dataclass(frozen=True)
 class Fitness:
-    why: str  # it takes no work; "" if it does
-    sandbox: Mapping[str, str] = field(default_factory=dict)  # its layers
+    why: str  # why it takes no work; "" if it does
+    sandbox: Mapping[str, str] = field(default_factory=dict)  # state of its layers
 
 
-_fit: dict[str, Fitness] = {}  # once so, always so
+_fit: dict[str, Fitness] = {}  # a fit node stays fit
 
 
 def wanted_here(allow_unsandboxed: bool) -> Wanted:
-    """The same as this process has; PRIMRAY_ISA names an older class of CPUs, which more nodes may have."""
+    """Return the properties of this process; PRIMRAY_ISA names an older class of CPUs, which more nodes may have."""
     needs_token = os.environ.get("RAY_AUTH_MODE") != "disabled"
     return Wanted(__version__, core.isa(), _build(), needs_token, allow_unsandboxed)
 
@@ -74,7 +74,7 @@ def _fitness(wanted: Wanted) -> Fitness:
 
 
 def _another_build(wanted: Wanted) -> str | None:
-    """None where frames may go to and fro between this node and the others."""
+    """Return the difference in builds, or None if frames may move between this node and the others."""
     if __version__ != wanted.version:
         return f"it has primray {__version__}, the server has {wanted.version}"
     if wanted.isa not in runnable_isas():

@@ -1,4 +1,4 @@
-"""What comes from a chunk's task, in order: files in parts, each before the message that names it."""
+"""Items that a chunk's task returns, in order: files in blocks, each before the message that names it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ....jobs import Json
 
 @dataclass(frozen=True)
 class Refused:
-    """By a node that takes no work: nothing was opened."""
+    """Refusal by a node that takes no work: nothing was opened."""
 
     node: str
     why: str
@@ -18,7 +18,7 @@ class Refused:
 @dataclass(frozen=True)
 class Begun:
     node: str
-    objects: int  # contents that it did not have
+    objects: int  # contents that were not cached there
     bytes: int
 
 
@@ -41,7 +41,7 @@ class Message:
 
 @dataclass(frozen=True)
 class End:
-    """`told`: base.Ended without what lies on this node."""
+    """End of a chunk; `told`: base.Ended without what is on this node."""
 
     told: Json
     log: bytes

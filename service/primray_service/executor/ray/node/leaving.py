@@ -1,4 +1,5 @@
-"""A worker's files on their way back: read here, by one that has not seen a scene, and gone from the worker's folder then."""
+"""Files of a worker on their way back: read here, by a process that has not seen a scene, and then removed from the worker's
+folder."""
 
 from __future__ import annotations
 
@@ -15,14 +16,15 @@ from .items import FileEnd, Part
 
 
 def files_of(message: Mapping[str, Any]) -> list[str]:
-    """Those that a message names."""
+    """Return the files that a message names."""
     if message["at"] in ("preview", "checkpoint"):
         return [message["file"]]
     return [output["file"] for output in message["outputs"]] if message["at"] == "done" else []
 
 
 def taken(folder: Path, name: str, most_bytes: int) -> Iterator[Part | FileEnd]:
-    """Nothing where it is not a plain file of at most so many bytes: whoever adopts it misses it then, and says so."""
+    """Yield the file's blocks; nothing unless it is a plain file of at most `most_bytes`: its adoption then fails with a
+    report."""
     try:
         handle = os.open(folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
@@ -31,7 +33,7 @@ def taken(folder: Path, name: str, most_bytes: int) -> Iterator[Part | FileEnd]:
         found = os.fstat(handle)
         if not stat.S_ISREG(found.st_mode) or found.st_nlink != 1 or found.st_size > most_bytes:
             return
-        sha256, left = hashlib.sha256(), found.st_size  # what is added meanwhile is not taken
+        sha256, left = hashlib.sha256(), found.st_size  # bytes appended meanwhile are not taken
         while left > 0 and (data := file.read(min(left, PART_BYTES))):
             left -= len(data)
             sha256.update(data)

@@ -1,6 +1,6 @@
-"""What the server says to chunks that run. An actor beside the driver: a task asks it, and has an answer once there is one.
+"""Commands from the server to running chunks: an actor beside the driver, which a task polls with a blocking call.
 
-It knows what runs where, for whoever asks the cluster.
+It also knows what runs where, for those who ask about the cluster.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from contextlib import suppress
 from ....jobs import Json
 
 ANSWER_AFTER_S = 20.0  # at the latest
-MOST_OVER = 10_000  # chunks that are remembered to be over
+MOST_OVER = 10_000  # ended chunks that are remembered
 
 
 class Mailbox:
-    """All methods run in one event loop."""
+    """Mailbox of one driver. All methods run in one event loop."""
 
     def __init__(self) -> None:
         self._letters: dict[str, list[Json]] = defaultdict(list)
@@ -30,7 +30,7 @@ class Mailbox:
             self._news[key].set()
 
     async def take(self, key: str) -> list[Json] | None:
-        """What has come since; maybe nothing yet. None: the chunk is over."""
+        """Return new commands, maybe none. None: the chunk is over."""
         if key not in self._over:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._news[key].wait(), ANSWER_AFTER_S)
@@ -40,7 +40,7 @@ class Mailbox:
         return self._letters.pop(key, [])
 
     async def began(self, key: str, about: Json) -> None:
-        """A node has it."""
+        """Record that a node has the chunk."""
         if key not in self._over:
             self._running[key] = about
 
@@ -48,7 +48,7 @@ class Mailbox:
         return list(self._running.values())
 
     async def forget(self, key: str) -> None:
-        """It is over."""
+        """Record that the chunk is over."""
         self._over[key] = None
         self._running.pop(key, None)
         while len(self._over) > MOST_OVER:

@@ -1,4 +1,4 @@
-"""What a node is given: a chunk, where its files are to be had, and what it may use."""
+"""Order to a node: a chunk, the location of its files, and the resources that it may use."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""A LocalExecutor in a thread of its own: one for all chunks that this process of Ray's is given, one after another, so that
-the next one finds a worker that is warm, or that has its stage open."""
+"""A LocalExecutor in a thread of its own: one for all chunks that this Ray process is given, one after another, so that the
+next one finds a warm worker, or one that has its stage open."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ News = Mapping[str, Any] | Ended
 class Runner:
     def __init__(self, data: DataDirectory, limits: Limits, cores: int) -> None:
         self._loop = asyncio.new_event_loop()
-        # Workers die with the thread that has started them: this one lives as long as the process.
+        # Workers die with the thread that started them: this one lives as long as the process.
         threading.Thread(target=self._loop.run_forever, name="runner", daemon=True).start()
         self._executor = LocalExecutor(data, limits, slots=1, cores=cores)
         self.call(self._executor.open)
 
     def call(self, work: Callable[[], T]) -> T:
-        """Do it in that thread, and wait for it."""
+        """Call the function in that thread, and wait for it."""
 
         async def done() -> T:
             return work()
@@ -39,7 +39,7 @@ class Runner:
         return Running(self, chunk)
 
     def submit(self, chunk: Chunk, news: queue.SimpleQueue[News]) -> Handle:
-        """In the thread."""
+        """Submit a chunk; must be called in that thread."""
         handle = self._executor.submit(chunk, news.put)
         asyncio.ensure_future(handle.result()).add_done_callback(lambda ended: news.put(ended.result()))
         return handle
@@ -50,7 +50,7 @@ class Runner:
 
 
 class Running:
-    """A chunk that runs; its methods may be called from any thread."""
+    """A running chunk; its methods are thread-safe."""
 
     def __init__(self, runner: Runner, chunk: Chunk) -> None:
         self._runner = runner
@@ -65,5 +65,5 @@ class Running:
             self._runner.call(lambda: self._handle.tell(command))
 
     def release(self) -> None:
-        self._runner.call(self._handle.kill)  # nothing happens if it has ended
+        self._runner.call(self._handle.kill)  # has no effect if it has ended
         self._runner.call(self._handle.release)

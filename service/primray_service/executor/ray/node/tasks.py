@@ -1,4 +1,4 @@
-"""All that Ray is asked to run on nodes. Functions of modules travel by their names, so a node must have the same primray."""
+"""Everything that Ray is asked to run on nodes. Functions of modules are sent by name, so a node must have the same primray."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .items import Item
 from .mailbox import Mailbox
 from .order import Order
 
-MOST_AHEAD = 16  # items of a task that nobody has taken yet: what is rendered must not fill the store
-MOST_ASKING = 1000  # chunks that wait for their letters
-MAILBOX = "mailbox-"  # so its name begins
+MOST_AHEAD = 16  # items of a task that nobody has taken yet: results must not fill the object store
+MOST_ASKING = 1000  # chunks that wait for commands
+MAILBOX = "mailbox-"  # prefix of its name
 
 
 def _run_chunk(order: Order, mailbox: Any) -> Iterator[list[Item]]:
@@ -40,16 +40,16 @@ def _told_fitness(wanted: Wanted) -> Fitness:
 
 @cache
 def _remote(function: Callable[..., Any]) -> Any:
-    """Ray is told of a function once."""
+    """Return the function registered with Ray, which happens once."""
     return ray.remote(function)
 
 
 def give_chunk(order: Order, mailbox: Any, resources: Mapping[str, Any], labels: Mapping[str, str]) -> Any:
-    """The task, whose items are lists of Item. At least once is the dispatcher's matter: Ray does not try again."""
+    """Return the task, whose items are lists of Item. Ray does not retry it: the dispatcher does."""
     given = _remote(_run_chunk).options(
         **resources,
         label_selector=dict(labels),
-        scheduling_strategy="DEFAULT",  # nodes that had work before have the scene, and a worker that is warm
+        scheduling_strategy="DEFAULT",  # prefers nodes that had work before, which have the scene and a warm worker
         num_returns="streaming",
         max_retries=0,
         _generator_backpressure_num_objects=MOST_AHEAD,
@@ -58,13 +58,13 @@ def give_chunk(order: Order, mailbox: Any, resources: Mapping[str, Any], labels:
 
 
 def ask_fitness(node_id: str, wanted: Wanted) -> Any:
-    """A ref to the Fitness of a node; it takes none of its cores."""
+    """Return a ref to the Fitness of a node; the task takes none of its cores."""
     where = NodeAffinitySchedulingStrategy(node_id, soft=False)
     return _remote(_told_fitness).options(num_cpus=0, max_retries=0, scheduling_strategy=where).remote(wanted)
 
 
 def mailbox_actor(node_id: str, owner: str) -> Any:
-    """On this node: it ends with whoever has made it, and is found under that name until then."""
+    """Return the mailbox on this node, creating it: it ends with its creator, and is found by its name until then."""
     here = NodeAffinitySchedulingStrategy(node_id, soft=False)
     made = ray.remote(Mailbox).options(
         name=f"{MAILBOX}{owner}",
@@ -77,11 +77,11 @@ def mailbox_actor(node_id: str, owner: str) -> Any:
 
 
 def owners() -> list[str]:
-    """Of all mailboxes of the cluster."""
+    """Return the owners of all mailboxes of the cluster."""
     names: list[str] = ray.util.list_named_actors()
     return sorted(name.removeprefix(MAILBOX) for name in names if name.startswith(MAILBOX))
 
 
 def ask_running(owner: str) -> Any:
-    """A ref to what runs for that owner; ValueError if it is gone."""
+    """Return a ref to the running chunks of that owner; ValueError if it is gone."""
     return ray.get_actor(f"{MAILBOX}{owner}").running.remote()

@@ -1,4 +1,4 @@
-"""Run by Alembic: upgrades over the connection that store/database/migrate.py opened, in its transaction."""
+"""Environment of Alembic: upgrades over the connection that store/database/migrate.py opened, in its transaction."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Frames that wait: their turns, their places, claims of them, and how long their work takes."""
+"""The queue: claims of frames, the order of turns, positions, and recent durations of work."""

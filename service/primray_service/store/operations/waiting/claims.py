@@ -1,4 +1,4 @@
-"""Which frames run next, and which would: several in one transaction, in the order of one after another."""
+"""Claims of the next frames, several in one transaction, in the order of single claims; and which frames would be next."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from .queue_reads import FIRST_RANK, Front, QuotasOf, ranks
 
 jobs, frames, leader = schema.jobs, schema.frames, schema.leader
 
-FEW = 20  # waiting frames of a job: they are read with other jobs'
+FEW = 20  # waiting frames of a job: they are read together with other jobs'
 NO_QUOTAS = Quotas(queued_jobs=None, stored_bytes=None)
 
 
 class Claims(Operations):
     def __init__(self, database: Database) -> None:
         super().__init__(database)
-        self._claim = ""  # of a call that failed: its frames, if it got any, are the next call's
+        self._claim = ""  # of a failed call: if it claimed frames, the next call returns them
         self._claiming = threading.Lock()
 
     def claim_frame(self, fence: int, now: float, quotas_of: QuotasOf) -> Claim | None:
@@ -84,7 +84,7 @@ _LOOK = select(leader.c.fence, FIRST_RANK.scalar_subquery().label("rank")).where
 
 
 def _something_waits(db: Connection, fence: int) -> bool:
-    """Without a lock, so that looking in vain costs nothing. Lost."""
+    """Return whether anything waits, without a lock, so that a vain look costs nothing. Lost."""
     held = db.execute(_LOOK).first()
     if held is None or held.fence != fence:
         raise Lost(f"fence {fence}")
@@ -92,7 +92,7 @@ def _something_waits(db: Connection, fence: int) -> bool:
 
 
 def _claimed(transaction: Transaction[Any], claim: str) -> list[Claim]:
-    """What a call that failed got."""
+    """Return the frames that a failed call claimed."""
     mine = select(*FRAME_COLUMNS).join(jobs).where(IS_ACTIVE, frames.c.claim == claim)
     mine = mine.where(frames.c.state == FrameState.RUNNING.value).order_by(frames.c.job_id, frames.c.number)
     found = [frame_of(row) for row in transaction.execute(mine)]
@@ -113,7 +113,7 @@ def _claim_in(transaction: Transaction[Any], front: Front, most: int, claim: str
             return []
         opened = open_jobs(transaction, plan.frames)
         claimed = _claims_of(transaction, plan, opened, front.now, claim)
-        if claimed:  # else all has changed since it was found: look again
+        if claimed:  # otherwise everything has changed since it was found: look again
             return claimed
 
 
@@ -138,7 +138,7 @@ def _claims_of(transaction: Transaction[Any], plan: Plan, opened: Mapping[str, O
 def _next_frames(
     transaction: Transaction[Any], opened: Mapping[str, OpenJob], wanted: Mapping[str, int]
 ) -> Mapping[str, list[Frame]]:
-    """The first waiting frames of each job: of small ones in one query."""
+    """Return the first waiting frames of each job; those of small jobs in one query."""
     waits = select(*FRAME_COLUMNS).where(frames.c.state == FrameState.QUEUED.value).order_by(frames.c.job_id, frames.c.number)
     small = [job_id for job_id in wanted if opened[job_id].frames[FrameState.QUEUED] <= FEW]
     found: dict[str, list[Frame]] = {job_id: [] for job_id in wanted}
@@ -161,7 +161,7 @@ def _begin(
         ]
         for job_id, found in waiting.items()
     }
-    # A row each: of one statement that lists them all, planning takes a time that grows with their number's square.
+    # One row per frame: planning time of a single statement that lists them all grows with the square of their number.
     mine = [{"of_job": frame.job_id, "of_number": frame.number} for found in begun.values() for frame in found]
     change = update(frames).where(frames.c.job_id == bindparam("of_job"), frames.c.number == bindparam("of_number"))
     if mine:

@@ -1,4 +1,4 @@
-"""What waits and what runs, in two queries: for the places that clients see."""
+"""Waiting and running jobs in two queries, for the positions that clients see."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ jobs, frames = schema.jobs, schema.frames
 _WAITS = (
     select(
         *(jobs.c.id, jobs.c.tenant, jobs.c.priority, jobs.c.created_at, jobs.c.frames_queued, jobs.c.state, jobs.c.scene_id),
-        type_coerce(jobs.c.settings, Text).label("settings"),  # as text: to read ten thousand takes longer than all the rest
+        type_coerce(jobs.c.settings, Text).label("settings"),  # as text: parsing ten thousand takes longer than everything else
     )
     .where(jobs.c.queue_rank.is_not(None))
     .order_by(jobs.c.queue_rank, jobs.c.created_at, jobs.c.id)

@@ -1,4 +1,4 @@
-"""Reading the queue's front: an index, walked tenant by tenant, so that its length does not matter."""
+"""Reads of the queue's front through an index, tenant by tenant, so that its length does not matter."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _NEXT_RANK = FIRST_RANK.where(jobs.c.queue_rank > bindparam("rank"))
 
 
 def ranks(db: Connection) -> Iterator[int]:
-    """The queue's priorities, negated, best first: each found by one step in the index."""
+    """Yield the queue's priorities, negated, best first: each found by one step in the index."""
     rank = db.execute(FIRST_RANK).scalar()
     while rank is not None:
         yield int(rank)
@@ -38,7 +38,7 @@ def ranks(db: Connection) -> Iterator[int]:
 
 
 def _oldest_of_each() -> Select[Any]:
-    """One step in the index a tenant, in one recursive query."""
+    """Return a recursive query for the oldest job of each tenant: one index step for each."""
     at_rank = jobs.c.queue_rank == bindparam("rank", type_=Integer)
     steps = select(func.min(jobs.c.tenant).label("tenant")).where(at_rank).cte("steps", recursive=True)
     following = select(func.min(jobs.c.tenant)).where(at_rank, jobs.c.tenant > steps.c.tenant).scalar_subquery()
@@ -78,7 +78,8 @@ def _following(db: Connection, rank: int, tenant: str, last: Head) -> list[Head]
 
 @dataclass
 class Front:
-    """What waits, as tenants may claim it now. `running`: frames of each tenant, where the caller knows better than rows do."""
+    """The waiting jobs that tenants may claim now. `running`: frames of each tenant, if the caller knows better than the rows
+    do."""
 
     db: Connection
     now: float
@@ -87,13 +88,13 @@ class Front:
     running: Mapping[str, int] | None = None
 
     def look(self) -> None:
-        """Anew."""
+        """Read again."""
         self._tenants: dict[str, Tenant] = {}
-        self._refused: set[str] = set()  # for today
+        self._refused: set[str] = set()  # until the end of the day
         self._active = {tenant: (int(number), int(frames)) for tenant, number, frames in self.db.execute(_ACTIVE)}
 
     def lines(self, rank: int) -> list[Line]:
-        """Of tenants that may begin a job, or go on with one."""
+        """Return the lines of tenants that may start a job, or continue one."""
         waiting = {row.tenant: _head(row) for row in self.db.execute(_OLDEST, {"rank": rank})}
         self._meet([name for name in waiting if name not in self._tenants and name not in self._refused])
         tenants = [self._tenants[name] for name in waiting if name in self._tenants]
@@ -120,7 +121,7 @@ class Front:
             self._tenants[name] = Tenant(name, number, frames, quotas[name].running_jobs, self.served.get(name, 0))
 
     def _begun(self, rank: int, names: Collection[str]) -> Mapping[str, list[Head]]:
-        """Of these tenants, the jobs that they may go on with."""
+        """Return the started jobs of these tenants."""
         found: defaultdict[str, list[Head]] = defaultdict(list)
         if names:
             begun = select(*_HEAD).where(IS_ACTIVE, jobs.c.tenant.in_(names), jobs.c.queue_rank == rank)

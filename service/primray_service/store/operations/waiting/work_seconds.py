@@ -1,4 +1,4 @@
-"""How long frames took lately: what the server that dispatches has seen, for all that estimate, and for who dispatches next."""
+"""Recent durations of frames as the dispatching server measured them, for all estimates, and for the next dispatcher."""
 
 from __future__ import annotations
 
