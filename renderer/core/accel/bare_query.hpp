@@ -1,4 +1,4 @@
-// Embree asked for recorded rays by its calls alone, as the benchmark of moving rays does.
+// Queries of recorded rays by plain Embree calls, as in the benchmark of moving rays.
 #pragma once
 
 #include <cstring>
@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// What was found is in memory then, as where a render keeps it; nothing of it can be left out.
+// Forces the result into memory, as in a render; nothing may be optimized away.
 template <class T>
 void keep(const T& found) {
   asm volatile("" : : "r"(&found) : "memory");
@@ -15,7 +15,7 @@ void keep(const T& found) {
 
 namespace bare {
 
-// Recorded are origin, direction, tnear, tfar, time; Embree has them in another order.
+// Recorded rays hold origin, direction, tnear, tfar, time; Embree has these in another order.
 template <int N>
 void lay_out(rtc::Ray<N>& r, const float* p, int stride) {
   float* const fields[] = {r.org_x, r.org_y, r.org_z, r.dir_x, r.dir_y, r.dir_z, r.tnear, r.tfar, r.time};
@@ -71,13 +71,13 @@ void ask(rtc::Scene world, uint32_t active, const float* p, bool packet) {
 
 }  // namespace bare
 
-// W rays, 9 W floats from `p` on; shadow rays or nearest hits, as a packet or one by one.
+// Traces W rays, 9 W floats from `p` on; shadow rays or nearest hits, as a packet or one by one.
 template <int W>
 void ask_bare(const BareWorld& world, bool shadow, uint32_t active, const float* p, bool packet) {
   shadow ? bare::ask<rtc::Ray, W>(world.get(), active, p, packet) : bare::ask<rtc::RayHit, W>(world.get(), active, p, packet);
 }
 
-// How far the ray of one lane comes; below 0: a shadow ray that is blocked.
+// Distance of the hit in one lane; below 0: a shadow ray that is blocked.
 template <int W>
 float bare_distance(const BareWorld& world, bool shadow, const float* p, int lane) {
   const auto of = [&]<class Query>(Query r) {

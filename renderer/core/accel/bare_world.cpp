@@ -1,4 +1,4 @@
-// See bare_world.hpp.
+// Construction of bare_world.hpp.
 #include "accel/bare_world.hpp"
 
 #include "accel/triangle_geometry.hpp"
@@ -11,7 +11,7 @@ void must(bool holds, const char* what) {
   if (!holds) throw Error("internal", std::string("a bare world has no ") + what);
 }
 
-// `count` triangles of the group from its `first` on, with vertices at so many times.
+// Attaches `count` triangles of the group from `first` on, with vertices at `steps` times.
 void attach_triangles(rtc::Scene target, const Scene& scene, const Group& group, uint32_t first, uint32_t count, int steps) {
   if (count == 0) return;
   const OwnedGeometry g = make_triangles(scene, group, first, count, steps);

@@ -1,5 +1,5 @@
-// A moving world as one would build it with Embree alone, for what is compared with that: time steps of vertices, and Embree's
-// own instances that move.
+// A moving scene as one would build it with Embree alone, for comparison: time steps of vertices, and Embree's own moving
+// instances.
 #pragma once
 
 #include <deque>
@@ -11,7 +11,8 @@ namespace primray {
 
 class BareWorld {
  public:
-  // Of a scene of triangles, and instances of such, whose clocks are even. Error("internal", ...) for any other.
+  // Builds from a scene of triangles and their instances, whose motion samples are evenly spaced. Throws Error("internal", ...)
+  // for any other.
   explicit BareWorld(const Scene& scene);
   rtc::Scene get() const { return world_.get(); }
 

@@ -1,4 +1,4 @@
-// Embree scenes over the flat arrays, which are shared, not copied.
+// Construction of Embree scenes over the flat arrays, which are shared, not copied.
 #include "accel/build.hpp"
 
 #include "accel/curve_geometry.hpp"
@@ -10,13 +10,13 @@
 namespace primray {
 namespace {
 
-// From which on a group of curves takes the memory of Embree's compact structures, 55 bytes a segment and not 135, at nine
-// tenths of the speed.
+// Number of segments from which on a group of curves takes Embree's compact structures: 55 bytes per segment instead of 135, at
+// nine tenths of the speed.
 constexpr uint32_t kManySegments = 1 << 18;
 
 void attach(rtc::Scene scene, const OwnedGeometry& g, uint32_t id) { embree().rtcAttachGeometryByID(scene, g.get(), id); }
 
-// The pairs that the group's triangles begin with, of `paired` triangles.
+// Returns the pairs among the first `paired` of the group's triangles.
 OwnedGeometry make_pairs(const Scene& scene, const Group& group, uint32_t paired) {
   OwnedGeometry g = over_positions(rtc::kQuad, scene, group);
   embree().rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint4, scene.indices.data(),
@@ -28,7 +28,7 @@ uint32_t paired_in(const Scene& scene, const Group& group) {
   return count_paired({scene.indices.data() + size_t(group.triangle_base) * 3, size_t(group.triangle_count) * 3});
 }
 
-// The group's triangles that no filter looks at, the first `paired` of them as pairs.
+// Attaches the group's triangles without a filter, the first `paired` of them as pairs.
 void attach_triangles(rtc::Scene target, const Scene& scene, const Group& group, uint32_t paired) {
   if (paired > 0) {
     const OwnedGeometry g = make_pairs(scene, group, paired);
@@ -42,7 +42,7 @@ void attach_triangles(rtc::Scene target, const Scene& scene, const Group& group,
   }
 }
 
-// With a filter that asks whether a triangle is there, `first` being its first of the group's.
+// Attaches triangles with a filter that tests whether a triangle is present; `first` is the first of them in the group.
 void attach_cutouts(rtc::Scene target, Scene& scene, const Group& group, OwnedGeometry g, uint32_t first, uint32_t id) {
   scene.cutouts.push_back({&scene, uint32_t(&group - scene.groups.data()), first});
   set_cutout_filter(g.get(), scene.cutouts.back());
@@ -50,7 +50,7 @@ void attach_cutouts(rtc::Scene target, Scene& scene, const Group& group, OwnedGe
   attach(target, g, id);
 }
 
-// The group's triangles whose vertices move.
+// Attaches the group's triangles with moving vertices.
 void attach_moving(rtc::Scene target, Scene& scene, const Group& group) {
   const uint32_t first = group.still_count();
   const int steps = vertex_steps(scene, group);
@@ -123,7 +123,7 @@ void build_group(Scene& scene, Group& group) {
   check_embree();
 }
 
-// Whether Embree is not needed for the world.
+// Builds the world without Embree, if possible; returns whether it did.
 bool build_without_embree(Scene& scene) {
   const Group& world = scene.groups[0];
   if (world.all_triangles() > world.triangle_count || world.placement_count > 0 || world.curved.any() || world.curves.any())
@@ -140,7 +140,7 @@ bool build_without_embree(Scene& scene) {
 }  // namespace
 
 void build_accel(Scene& scene) {
-  // Shapes, then prototypes of them (which the builder was given later), last the world.
+  // Build shapes, then prototypes of them (which the builder was given later), and finally the world.
   for (size_t i = 1; i < scene.groups.size(); ++i) build_group(scene, scene.groups[i]);
   if (!build_without_embree(scene)) build_group(scene, scene.groups[0]);
 }

@@ -1,5 +1,5 @@
-// Makes Embree scenes of a Scene's groups: prototypes first, then the top scene with what is static and all placements. Worlds
-// of triangles alone are traced without Embree (accel/query.hpp).
+// Builds Embree scenes for the groups of a Scene: prototypes first, then the top scene with all static geometry and placements.
+// Worlds of triangles alone are traced without Embree (accel/query.hpp).
 #pragma once
 
 #include "accel/trace.hpp"
@@ -8,17 +8,17 @@
 namespace primray {
 
 // Fills groups[].accel, or `few` or `many` in place of the world's. Positions, indices, records and matrices are shared with
-// Embree, so the Scene must not move or grow after.
+// Embree, so the Scene must not move or grow afterwards.
 void build_accel(Scene& scene);
 
-// The world as Embree has it, built anew where the scene has it otherwise: for what is compared with Embree.
+// The world in Embree, built again if the scene has it in another structure: for comparisons with Embree.
 class EmbreeWorld {
  public:
   explicit EmbreeWorld(const Scene& scene);
   rtc::Scene get() const { return scene_; }
   bool apart() const { return own_.get() != nullptr; }
 
-  // Hits of it as the scene counts them.
+  // Hits of it in the scene's numbering.
   template <int W>
   Hits<W> in_scene(Hits<W> h) const {
     if (!apart()) return h;

@@ -1,5 +1,5 @@
-// See curve_geometry.hpp. Ends are met in double, a ray at a time: discs, and wedges of balls between two segments' last discs.
-// A hit carries as Ng where on its disc or ball it is, in parts of the radius.
+// Embree geometry of tubes and their ends. Ends are intersected in double, a ray at a time: discs, and wedges of balls between
+// the last discs of two segments. A hit carries its position on the disc or ball as Ng, in parts of the radius.
 #include "accel/curve_geometry.hpp"
 
 #include <algorithm>
@@ -17,7 +17,7 @@ struct PlacedEnd {
   double r;
 };
 
-// Embree's times are even: those of a group whose clock is not are changed on the way to it (placed_geometry.cpp).
+// Embree's times are evenly spaced: for a group whose motion samples are not, they are warped before (placed_geometry.cpp).
 PlacedEnd place(const TubeEnds& t, uint32_t number, float time) {
   const CurveTable& table = t.scene->curves;
   const Group& group = t.scene->groups[t.group];
@@ -36,7 +36,7 @@ PlacedEnd place(const TubeEnds& t, uint32_t number, float time) {
     return r;
   };
   auto p = at(end.at);
-  if (end.kind == CurveEndKind::kJoint) {  // where the segment begins without going on into the one before
+  if (end.kind == CurveEndKind::kJoint) {  // where the segment begins without continuing the one before
     const double t = kBeyond, s = 1 - t;
     const auto a = at(end.at + 1), b = at(end.at + 2), c = at(end.at + 3);
     for (int k = 0; k < 4; ++k) p[k] = p[k] * s * s * s + 3 * t * s * (a[k] * s + b[k] * t) + c[k] * t * t * t;
@@ -53,7 +53,7 @@ PlacedEnd place(const TubeEnds& t, uint32_t number, float time) {
 
 dvec3 outwards(const PlacedEnd& e) { return e.kind == CurveEndKind::kStart ? e.after * -1.0 : e.before; }
 
-// How far it reaches along an axis, from its centre.
+// Extent along an axis, from its centre.
 void extent(const PlacedEnd& e, bool tight, double (&low)[3], double (&high)[3]) {
   const auto part = [](const dvec3& v, int k) { return k == 0 ? v.x : k == 1 ? v.y : v.z; };
   for (int k = 0; k < 3; ++k) low[k] = -e.r, high[k] = e.r;
@@ -63,7 +63,7 @@ void extent(const PlacedEnd& e, bool tight, double (&low)[3], double (&high)[3])
     for (int k = 0; k < 3; ++k) high[k] = e.r * std::sqrt(std::max(0.0, 1 - part(n, k) * part(n, k))), low[k] = -high[k];
     return;
   }
-  // The wedge is on the outer side of the bend, and as thick as the angle makes it.
+  // The wedge is on the outer side of the bend, and its thickness follows from the angle.
   const dvec3 out = e.before - e.after, along = e.before + e.after;
   const double o = length(out), a = length(along);
   if (!(o > 1e-9 && a > 1e-9)) return;

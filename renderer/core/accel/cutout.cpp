@@ -1,7 +1,8 @@
-// The filter for nearest hits and for shadow rays, a lane at a time: packets of incoherent rays bring it 1.1 on average.
+// Intersection filter for nearest hits and for shadow rays, one lane at a time: packets of incoherent rays have 1.1 lanes per
+// call on average.
 //
-// Opacity is read at the finest level, since a filter knows no ray's cone: a cut-out has the same holes for every ray. A ray
-// that meets the edge of two triangles may be asked about twice, with the same answer.
+// Opacity is read at the finest texture level, since a filter knows no ray cone: a cutout has the same holes for every ray. A
+// ray that hits the edge of two triangles may be tested twice, with the same answer.
 #include "accel/cutout.hpp"
 
 #include "surface/evaluate_inputs.hpp"
@@ -9,7 +10,7 @@
 namespace primray {
 namespace {
 
-// What a filter is given of lane `i`, laid out as Embree does: field by field, a lane of each.
+// Input of the filter for lane `i`, with Embree's layout: field by field, all lanes of each.
 struct FilterHit {
   float u, v;
   uint32_t prim, instance, instance_prim;
@@ -20,7 +21,7 @@ struct FilterHit {
   }
 };
 
-// Whether the surface is not there.
+// Whether the surface is absent at the point.
 bool is_open(const Scene& scene, const SurfacePoint<1>& point, int32_t surface) {
   const vbool<1> yes(true);
   const int32_t inputs = scene.surface_inputs_of[surface];
@@ -32,7 +33,7 @@ bool is_open(const Scene& scene, const SurfacePoint<1>& point, int32_t surface) 
   return !(reader.read(*opacity).x[0] >= s->constants.opacity_threshold);
 }
 
-// On segment `segment` of the scene's, at `longer` of what Embree has of it.
+// Whether the tube is absent on segment `segment` of the scene, at parameter `longer` of Embree's part of it.
 bool is_tube_open(const Scene& scene, int32_t segment, float longer, uint32_t instance, uint32_t instance_prim) {
   const vbool<1> yes(true);
   Hits<1> nowhere{};
@@ -53,7 +54,7 @@ bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
   const Scene& scene = *cutouts.scene;
   const Group& group = scene.groups[cutouts.group];
   const vbool<1> yes(true);
-  // Inside a group of instances the numbers are the group's own: there the instance's primvars are not looked at.
+  // Inside a group of instances the numbers are the group's own: primvars of the instance are not read there.
   const bool placed = hit.instance != rtc::kInvalidId && !scene.has_grouped;
   const int32_t placement = placed ? int32_t(hit.instance - kFirstPlacement + scene.groups[0].placement_base) : -1;
   const int32_t triangle = int32_t(group.triangle_base + cutouts.first + hit.prim);

@@ -1,4 +1,4 @@
-// See moving_bounds.hpp.
+// Computation of moving_bounds.hpp.
 #include "accel/moving_bounds.hpp"
 
 #include <algorithm>
@@ -7,16 +7,17 @@
 namespace primray {
 namespace {
 
-// More segments make tighter boxes, and hierarchies of more memory.
+// More segments give tighter boxes, and hierarchies that need more memory.
 constexpr int kMostSegments = 32;
-constexpr int kMostSteps = 128;          // that Embree takes
+constexpr int kMostSteps = 128;          // limit of Embree
 constexpr double kTurnPerSegment = 0.4;  // radians
 
 dvec3 corner_of(const rtc::Bounds& b, int k) {
   return {k & 1 ? b.upper_x : b.lower_x, k & 2 ? b.upper_y : b.lower_y, k & 4 ? b.upper_z : b.lower_z};
 }
 
-// How far a turning path of the clock's segment `k` is off its chord over a time `h` at most: |p''| h^2 / 8.
+// Upper bound of the distance of a rotating path, on segment `k` of its motion samples, from its chord over a time `h`: |p''|
+// h^2 / 8.
 double off_chord(const MotionTable& table, const MovingInstances& moving, size_t first, int k, double h, const rtc::Bounds& b) {
   const std::vector<float>& times = table.clocks[size_t(moving.clock)].times;
   const Turning &from = table.turning[first + size_t(k)], &to = table.turning[first + size_t(k) + 1];
@@ -31,7 +32,7 @@ double off_chord(const MotionTable& table, const MovingInstances& moving, size_t
   return (speed * speed * reach + 2 * speed * stretching) * h * h / 8;
 }
 
-// How far the images of the box's corners are off the chord from `begin` to `end` at most.
+// Upper bound of the distance of the images of the box's corners from the chord between `begin` and `end`.
 double deviation(const MotionTable& table, const MovingInstances& moving, uint32_t instance, double begin, double end,
                  const rtc::Bounds& b) {
   const std::vector<float>& times = table.clocks[size_t(moving.clock)].times;

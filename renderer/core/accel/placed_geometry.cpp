@@ -1,4 +1,4 @@
-// See placed_geometry.hpp. Rays change their space in double and are rounded once.
+// Intersection callbacks of placed_geometry.hpp. Rays are transformed in double and rounded once.
 #include "accel/placed_geometry.hpp"
 
 #include <algorithm>
@@ -27,7 +27,7 @@ void bounds(const rtc::BoundsArguments* args) {
   *args->bounds = bounds_around(matrix_of(g, args->prim_id, 0), g.bounds, 0);
 }
 
-// Ray `i` of `n` in the instance's space; false where that has no finite answer. Embree must see no NaN.
+// Ray `i` of `n` in the instance's space; false if that has no finite result. Embree must see no NaN.
 bool moved_ray(const PlacedGroup& g, uint32_t instance, const float* rays, uint32_t n, uint32_t i, rtc::Ray<1>& r) {
   const auto field = [&](int f) { return rays[f * n + i]; };
   const float time = field(7);
@@ -43,7 +43,7 @@ bool moved_ray(const PlacedGroup& g, uint32_t instance, const float* rays, uint3
   return sum == 0;
 }
 
-// While rays are in an instance that holds shapes, filters and shapes of ours are told which it is. One that holds instances
+// While rays are in an instance that holds shapes, filters and user geometry are passed its number. One that holds instances
 // leaves that to these: Embree has room for one.
 struct InInstance {
   rtc::RayQueryContext* context;
@@ -97,7 +97,7 @@ void occluded(const rtc::OccludedArguments* args) {
   }
 }
 
-// The group's clock where Embree, whose steps are even, needs other times.
+// Motion samples of the group, if they are not evenly spaced as Embree's steps are; otherwise null.
 const MotionClock* warp_of(const Scene& scene, const Group& group) {
   if (group.clock < 0) return nullptr;
   const MotionClock& clock = scene.motion.clocks[size_t(group.clock)];

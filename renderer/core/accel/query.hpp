@@ -1,4 +1,4 @@
-// What rays meet in a scene: by Embree, or without where the world is triangles alone.
+// Ray queries of a scene: by Embree, or without it if the world consists of triangles alone.
 #pragma once
 
 #include "accel/trace.hpp"
@@ -18,7 +18,7 @@ PRIMRAY_INLINE Hits<W> intersect(const Scene& scene, bool packet, vbool<W> activ
   return h;
 }
 
-// Which of them are blocked.
+// Returns the lanes of `active` whose rays are blocked.
 template <int W>
 PRIMRAY_INLINE vbool<W> occluded(const Scene& scene, bool packet, vbool<W> active, const Rays<W>& rays) {
   if (scene.few_triangles.any()) return occluded_few(scene.few_triangles, active, rays);

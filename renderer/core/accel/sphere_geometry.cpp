@@ -1,4 +1,5 @@
-// Ray against unit sphere in the sphere's space, in double, so that the discriminant of a far or small sphere keeps its digits.
+// Intersection of a ray with the unit sphere, in the sphere's space and in double, so that the discriminant of a far or small
+// sphere is precise.
 #include "scene/curved/sphere.hpp"
 
 #include <cmath>
@@ -13,7 +14,7 @@ void bounds(const rtc::BoundsArguments* args) {
   const float* m = s.group_from_object;
   float lo[3], hi[3];
   for (int k = 0; k < 3; ++k) {
-    // The ellipsoid's extent along an axis is the length of that row of its matrix; a little more for rounding.
+    // The ellipsoid's extent along an axis is the length of that row of its matrix; slightly more for rounding.
     const double r = std::sqrt(double(m[k]) * m[k] + double(m[3 + k]) * m[3 + k] + double(m[6 + k]) * m[6 + k]);
     const double slack = 1e-6 * (r + std::fabs(m[9 + k]));
     lo[k] = float(m[9 + k] - r - slack), hi[k] = float(m[9 + k] + r + slack);
@@ -26,7 +27,7 @@ struct Root {
   dvec3 p;
 };
 
-// The nearest root within (tnear, tfar).
+// Nearest root within (tnear, tfar).
 bool nearest_root(const SphereShape::Record& s, const float* ray, uint32_t n, uint32_t i, Root& root) {
   const auto field = [&](int f) { return double(ray[f * n + i]); };
   const dvec3 o{field(0), field(1), field(2)}, d{field(4), field(5), field(6)};

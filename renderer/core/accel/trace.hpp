@@ -1,4 +1,4 @@
-// Tracing W rays at once: as a packet or one by one, whichever was measured faster. The bits are the same.
+// Tracing of W rays in Embree: as a packet or one by one, whichever was measured faster. The bits are the same.
 #pragma once
 
 #include "bvh/pairs.hpp"
@@ -45,7 +45,7 @@ PRIMRAY_INLINE Hits<W> intersect_packet(rtc::Scene scene, vbool<W> active, const
   return h;
 }
 
-// The same, a ray at a time.
+// Nearest hits of the `active` rays, one ray at a time.
 template <int W>
 PRIMRAY_INLINE Hits<W> intersect_single(rtc::Scene scene, vbool<W> active, const Rays<W>& rays) {
   rtc::RayHit<W> all;
@@ -80,7 +80,7 @@ PRIMRAY_INLINE Hits<W> intersect_single(rtc::Scene scene, vbool<W> active, const
   return h;
 }
 
-// Which of the `active` rays are blocked.
+// Returns the lanes of `active` whose rays are blocked.
 template <int W>
 PRIMRAY_INLINE vbool<W> occluded_packet(rtc::Scene scene, vbool<W> active, const Rays<W>& rays) {
   rtc::Ray<W> r;

@@ -1,4 +1,4 @@
-// Embree's scenes and triangles over the flat arrays, which are shared, not copied.
+// Embree scenes and triangle geometry over the flat arrays, which are shared, not copied.
 #pragma once
 
 #include "embree/embree.hpp"
@@ -13,7 +13,7 @@ inline OwnedScene new_embree_scene(bool is_compact = false) {
   return s;
 }
 
-// A geometry of the group's vertices, without indices yet: at `steps` times, where the last of them move.
+// Geometry of the group's vertices, without indices yet: at `steps` times, where the last of them move.
 inline OwnedGeometry over_positions(rtc::GeometryType type, const Scene& scene, const Group& group, int steps = 1) {
   const rtc::Api& e = embree();
   OwnedGeometry g(e.rtcNewGeometry(embree_device(), type));
@@ -25,7 +25,7 @@ inline OwnedGeometry over_positions(rtc::GeometryType type, const Scene& scene, 
   return g;
 }
 
-// `count` of the group's triangles from its `first` on.
+// Geometry of `count` of the group's triangles from `first` on.
 inline OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t first, uint32_t count, int steps = 1) {
   OwnedGeometry g = over_positions(rtc::kTriangle, scene, group, steps);
   embree().rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
@@ -33,7 +33,7 @@ inline OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint
   return g;
 }
 
-// Of the group's vertices that move; 1 where none do.
+// Number of time steps of the group's moving vertices; 1 if none move.
 inline int vertex_steps(const Scene& scene, const Group& group) {
   return group.clock < 0 ? 1 : scene.motion.clocks[size_t(group.clock)].segments() + 1;
 }

@@ -1,4 +1,4 @@
-// Embree's user geometry over records of ours, one primitive a record.
+// Embree user geometry over an array of records, one primitive per record.
 #pragma once
 
 #include "embree/embree.hpp"
@@ -11,7 +11,8 @@ struct UserFunctions {
   rtc::OccludedFunction occluded;
 };
 
-// `user` is what the functions are given, and must outlive it; `steps`: times between which Embree takes boxes to be linear.
+// `user` is passed to the functions, and must outlive the geometry; `steps`: times between which Embree interpolates boxes
+// linearly.
 inline OwnedGeometry make_user_geometry(const void* user, uint32_t count, const UserFunctions& functions, uint32_t steps = 1) {
   const rtc::Api& e = embree();
   OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kUser));

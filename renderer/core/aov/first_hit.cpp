@@ -1,4 +1,4 @@
-// See first_hit.hpp. Threads take tiles in any order; a pixel is written by one of them.
+// Threads of first_hit.hpp: they take tiles in any order; a pixel is written by one of them.
 #include "aov/first_hit.hpp"
 
 #include <algorithm>

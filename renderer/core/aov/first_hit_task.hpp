@@ -18,15 +18,15 @@
 
 namespace primray {
 
-// Layers of half-present surfaces that a ray looks through; what is beyond counts as background.
+// Maximum number of half-present surfaces that a ray looks through; what is beyond counts as background.
 constexpr int kMostLayers = 256;
-// Of less than this presence a surface is looked through by point samples.
+// Presence below which point samples look through a surface.
 constexpr float kThere = 0.5f;
-// The filtered samples' own, whatever the render's seed.
+// Seed of the filtered samples, whatever the render's seed.
 constexpr uint32_t kFirstHitSeed = 0x2545f491u;
 
-// Reflectance (and transmittance) at normal incidence: what a denoiser divides by. It does not depend on the view, and no
-// surface has more than 1: F0 + (1 - F0) (diffuse + transmission), under the clearcoat's share.
+// Albedo: reflectance (and transmittance) at normal incidence, which a denoiser divides by. It does not depend on the view and
+// never exceeds 1: F0 + (1 - F0) (diffuse + transmission), under the clearcoat's share.
 template <int W>
 PRIMRAY_INLINE vvec3<W> normal_albedo(const SurfaceRows<W>& rows, const vvec3<W>& color) {
   const vvec3<W> one(vfloat<W>(1.0f)), f0 = rows.color(kF0);
@@ -78,7 +78,7 @@ class FirstHitTask {
     }
   }
 
-  // What a surface that the camera sees along unit `d` shines with, by its presence.
+  // Emission of a surface that the camera sees along unit `d`, times its presence.
   vvec3<W> shown(vbool<W> hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows,
                  const vvec3<W>& d) const {
     const F presence = rows(kPresence);
@@ -112,7 +112,7 @@ class FirstHitTask {
       };
       follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time_, [](B, const V&) {}, std::ref(seen));
       open += left;
-      // In the order of the samples, so that the number of lanes does not show.
+      // Add in the order of the samples, so that the result does not depend on the lane count.
       for (int i = 0; i < W && at + i < slots; ++i) {
         sum += double(open[i]);
         if (index[i] != kFilteredSamples - 1) continue;
@@ -122,7 +122,7 @@ class FirstHitTask {
     }
   }
 
-  // By every sample that the film's tile has taken, and no others.
+  // Coverage by every sample that the film's tile has taken, and no others.
   void coverage(const PixelRect& r) {
     const CoveragePlanes& planes = planes_.coverage;
     const size_t across = size_t(scene_.camera.pixels.width + kTile - 1) / kTile;
@@ -135,7 +135,7 @@ class FirstHitTask {
     }
   }
 
-  // Over the lens, the filter and the time that the shutter is open: edges are as soft as the picture's.
+  // Denoiser guides over the lens, the filter and the shutter interval, so that their edges are as soft as the image's.
   void guides(const PixelRect& r) { means(r, true, planes_.guide_albedo, planes_.guide_normal); }
 
  private:
@@ -144,8 +144,8 @@ class FirstHitTask {
   using B = vbool<W>;
   using V = vvec3<W>;
 
-  // The pixels, and the numbers of their samples, of W slots from `at` on: kFilteredSamples for each pixel of the rectangle,
-  // one pixel after the other. Lanes beyond the last slot repeat it.
+  // Pixels and sample indices of W slots from `at` on: kFilteredSamples for each pixel of the rectangle, one pixel after the
+  // other. Surplus lanes repeat the last slot.
   static void place(const PixelRect& r, int at, int slots, int32_t (&x)[W], int32_t (&y)[W], uint32_t (&index)[W]) {
     const int width = r.x1 - r.x0;
     for (int i = 0; i < W; ++i) {
@@ -154,7 +154,7 @@ class FirstHitTask {
     }
   }
 
-  // Of kOcclusionRays from a surface seen along `d`, the share that meets nothing.
+  // Share of kOcclusionRays rays, from a surface seen along `d`, that hit nothing.
   F open_share(B hit, const Interaction<W>& it, const V& d, const Sampler<W>& sampler) const {
     const F side = copysign(F(1.0f), -dot(it.ng, d));
     const V n = it.ng * side;
@@ -172,7 +172,7 @@ class FirstHitTask {
     return share;
   }
 
-  // The slots from `at` on, of `count` samples a pixel.
+  // Adds coverage of the slots from `at` on, of `count` samples per pixel.
   void cover(const PixelRect& r, uint32_t replicate, uint32_t first, uint32_t count, int64_t at, int64_t slots) {
     const CoveragePlanes& planes = planes_.coverage;
     const int width = r.x1 - r.x0;
@@ -225,7 +225,7 @@ class FirstHitTask {
     return min(max(time + to_float(px) * motion.per_column + to_float(py) * motion.per_row, 0.0f), F(1.0f));
   }
 
-  // Means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
+  // Computes means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
   void means(const PixelRect& r, bool guide, std::vector<float>& first, std::vector<float>& second) {
     const int slots = (r.x1 - r.x0) * (r.y1 - r.y0) * kFilteredSamples;
     const vuint<W> replicate(planes_.replicate);
@@ -241,7 +241,7 @@ class FirstHitTask {
       const Camera& camera = guide ? scene_.camera : at_frame_;
       const CameraRay<W> ray = camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
       V albedo(F(0.0f)), emission(F(0.0f));
-      F left(1.0f);  // of the view that no layer has covered yet
+      F left(1.0f);  // share of the view that no layer has covered yet
       const auto met = [&](B m, const V& light) {
         if (!guide) emission += select(m, light * left, V(F(0.0f)));
       };
@@ -268,7 +268,7 @@ class FirstHitTask {
         return hit & (left > F(0.0f));
       };
       follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(met), std::ref(seen));
-      // In the order of the samples, so that the number of lanes does not show.
+      // Add in the order of the samples, so that the result does not depend on the lane count.
       for (int i = 0; i < W && at + i < slots; ++i) {
         const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};
         for (int c = 0; c < 6; ++c) sums[c] += own[c];
@@ -283,14 +283,14 @@ class FirstHitTask {
     }
   }
 
-  // Pixels are counted on the film, and by the camera on the frame that holds it.
+  // Pixels are counted on the film, but by the camera on the frame that contains it.
   size_t pixel_of(int x, int y) const { return size_t(y) * scene_.camera.pixels.width + x; }
   I frame_x(const int32_t* x) const { return load<W>(x) + I(scene_.camera.pixels.x); }
   I frame_y(const int32_t* y) const { return load<W>(y) + I(scene_.camera.pixels.y); }
 
-  // Goes along the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes that are met before the next
-  // surface; `surface(lanes, ...)` gives the lanes that look through what they met, and may bend them. Compiled once for both
-  // kinds of samples, which halves a long compilation.
+  // Follows the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes hit before the next surface;
+  // `surface(lanes, ...)` returns the lanes that look through the surface, and may bend them. Compiled once for both kinds of
+  // samples, which halves a long compilation.
   using Light = std::function<void(B, const V&)>;
   using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&, Bend<W>&)>;
   [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, F time, const Light& light, const Surface& surface) const {
@@ -327,7 +327,7 @@ class FirstHitTask {
       Bend<W> bend{B(false), p.ray.d, V(F(1.0f))};
       active = surface(hit, hits, it, rows, bend) | hidden;
       if (!any(active)) return;
-      // On beyond the surface, as paths go straight through it, or from it.
+      // Continue beyond the surface, as paths pass straight through it, or reflected.
       const F side = copysign(F(1.0f), dot(it.ng, bend.d));
       const V o = it.p + it.ng * (it.offset * side);
       const F gone = dot(it.p - p.ray.o, p.ray.d);
@@ -345,7 +345,7 @@ class FirstHitTask {
     if (!plane.empty()) plane[3 * p] = v.x[i], plane[3 * p + 1] = v.y[i], plane[3 * p + 2] = v.z[i];
   }
 
-  // What pixels have where nothing is seen.
+  // Clears pixels in which nothing is seen.
   void clear(B m, const int32_t* x, const int32_t* y) {
     constexpr float kFar = std::numeric_limits<float>::infinity();
     for (uint32_t b = bits(m); b; b &= b - 1) {
@@ -393,7 +393,8 @@ class FirstHitTask {
     if (!planes_.backward.empty()) write_motion(planes_.backward, beginning_, F(0.0f), m, x, y, hits);
   }
 
-  // From where the camera sees a point at the frame to where it does at another time; what is behind it then has not moved.
+  // Motion vector from the pixel where the camera sees a point at the frame time to where it does at another time; a point that
+  // is then behind the camera has not moved.
   void write_motion(std::vector<float>& plane, const Camera& then, F time, B m, const int32_t* x, const int32_t* y,
                     const Hits<W>& hits) {
     const V from = place_of(m, hits, time_), to = place_of(m, hits, time);
@@ -407,10 +408,10 @@ class FirstHitTask {
       plane[p] = float(z[0] - a[0]), plane[p + 1] = float(z[1] - a[1]);
     }
   }
-  // Where the points that were hit are at a time.
+  // Positions of the points that were hit at another time.
   V place_of(B m, Hits<W> hits, F time) const {
     hits.time = time;
-    // From so far away no point comes from its ray.
+    // From so far away no point is computed from its ray.
     Rays<W> far{V(F(1e18f)), V(F(0.0f)), F(0.0f), F(0.0f), time};
     return interact(scene_, m, far, hits).p;
   }

@@ -1,5 +1,5 @@
-// Where a denoiser's guides look on: past mirrors and clear glass, to the first surface that scatters widely. What is seen in
-// them has edges of its own, of which their albedo and normals tell nothing.
+// Denoiser guides behind smooth surfaces: guides look past mirrors and clear glass to the first surface that scatters widely.
+// What is seen in them has edges that their own albedo and normals do not show.
 #pragma once
 
 #include "bsdf/bsdf.hpp"
@@ -7,22 +7,22 @@
 
 namespace primray {
 
-// Of what goes on, the share up to which a way is not taken at all: guides are to be without noise where they can be.
+// Share of the light below which a branch is never taken: guides should be free of noise where possible.
 constexpr float kSmallShare = 0.1f;
-// Times that a ray is followed; a surface met after that counts as what it is.
+// Maximum number of smooth surfaces that a ray follows; the surface hit after that counts as what it is.
 constexpr int kMostSmooth = 8;
 
-// How rays go on from what they met, if not straight.
+// Continuation of rays at a surface, unless straight.
 template <int W>
 struct Bend {
   vbool<W> lanes;
-  vvec3<W> d;     // along which they came; of those lanes, along which they go on
-  vvec3<W> tint;  // what is left of the light that comes back that way, over the way's share
+  vvec3<W> d;     // incoming direction; in those lanes, the outgoing one
+  vvec3<W> tint;  // throughput of that branch, divided by its probability
 };
 
-// Of the lanes `hit`, those that met a surface which mostly reflects as a mirror or lets light through unscattered; each goes
-// the way that carries more, or where both carry much one of them, by the random number `u`. Fresnel's factor is Schlick's,
-// as Bsdf has it.
+// Finds the lanes of `hit` on a surface that mostly reflects as a mirror or transmits without scattering; each takes the branch
+// that carries more, or where both carry much, one of them by the random number `u`. The Fresnel factor is Schlick's, as in
+// Bsdf.
 template <int W>
 PRIMRAY_INLINE void bend_at_smooth(vbool<W> hit, const Interaction<W>& it, const SurfaceRows<W>& rows, vfloat<W> u,
                                    Bend<W>& bend) {
@@ -41,7 +41,8 @@ PRIMRAY_INLINE void bend_at_smooth(vbool<W> hit, const Interaction<W>& it, const
   const V ng = it.ng * side, shaded = it.ns * side;
   const V n = select(dot(shaded, bend.d) < zero, shaded, ng);
   const F cosine = min(-dot(n, bend.d), one), eta = select(front, rows(kIor), one / rows(kIor));
-  // As in Bsdf: from the denser side Schlick's term takes the angle on the other, and all is reflected beyond the critical one.
+  // Like Bsdf: from the denser side Schlick's term takes the angle on the other side, and all light is reflected beyond the
+  // critical angle.
   const B to_rarer = !has(kThin) & (pass > zero) & (eta < one);
   const F sin2 = (one - cosine * cosine) / (eta * eta), rarer = safe_sqrt(one - sin2);
   const B reflects_all = to_rarer & (sin2 >= one);
@@ -57,7 +58,7 @@ PRIMRAY_INLINE void bend_at_smooth(vbool<W> hit, const Interaction<W>& it, const
   const F ratio = one / eta, inside = safe_sqrt(one - ratio * ratio * (one - cosine * cosine));
   const V refracted = select(has(kThin), bend.d, bend.d * ratio + n * (ratio * cosine - inside));
   const V d = select(back, bend.d + n * (2.0f * cosine), refracted);
-  // The true surface decides which side a direction is on.
+  // The true surface decides on which side a direction is.
   const F out = dot(d, ng);
   smooth &= (back & (out > zero)) | ((!back) & (out < zero));
   bend.tint = select(back, fresnel * (one / max(share, 1e-6f)), passed * (one / max(one - share, 1e-6f)));

@@ -1,5 +1,5 @@
-// See few_triangles.hpp. Runs are cut by the surface area heuristic, for packets: a box is entered when one of many rays meets
-// it.
+// Construction of few_triangles.hpp. Runs are split by the surface area heuristic, for packets: a box is entered if any of many
+// rays hits it.
 #include "bvh/few_triangles.hpp"
 
 #include <algorithm>
@@ -15,14 +15,14 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-// Rays of a packet that count as going ways of their own, and what testing a box costs, in triangles.
+// Number of rays of a packet that count as independent, and the cost of a box test in triangle tests.
 constexpr double kRaysApart = 8, kBoxCost = 0.7;
-// Beyond this sum Embree's hierarchy is the faster (12 to 2412 triangles of a room and cubes: 1.8 times as slow to equally
+// Cost beyond which Embree's hierarchy is faster (12 to 2412 triangles of a room and cubes: from 1.8 times as slow to equally
 // fast).
 constexpr double kMostCost = 128;
-// Products of three coordinates must stay below what floats hold.
+// Products of three coordinates must stay within the range of floats.
 constexpr float kFarthest = 1e12f;
-// Boxes are larger than what they hold by this much of the greatest coordinate, for what rounding does to edges.
+// Margin of boxes, as a share of the greatest coordinate, for the rounding of edges.
 constexpr double kAround = 0x1p-20;
 
 float reach(const Box& b) {
@@ -54,7 +54,7 @@ class Gathering {
   FewTriangles take() { return cost_ <= kMostCost && reach(box_) < kFarthest ? std::move(few_) : FewTriangles(); }
 
  private:
-  // How likely a packet enters a box.
+  // Probability that a packet enters a box.
   double chance(const Box& b) const {
     const double whole = area(box_);
     return whole > 0 ? 1 - std::pow(1 - std::min(area(b) / whole, 1.0), kRaysApart) : 1;

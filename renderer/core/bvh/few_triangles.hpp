@@ -1,10 +1,10 @@
-// Scenes of few triangles: a packet of rays is tested against runs of triangles whose boxes it meets, which for a room and some
-// blocks takes a third of what a hierarchy takes.
+// Scenes of few triangles: a packet of rays is tested against runs of triangles whose boxes it hits, which for a room with some
+// blocks takes a third of the time of a hierarchy.
 //
-// As in Embree's robust mode, a ray is inside a triangle when it passes all three edges on the same side (Pluecker 1865). Edges
-// go from the lesser of their points to the greater, so triangles that share one agree to the bit on which side the ray passes,
-// also those of different meshes: no ray finds a gap. All is relative to the ray's origin, so what is near it is as exact as
-// its coordinates are.
+// As in Embree's robust mode, a ray is inside a triangle if it passes all three edges on the same side (Pluecker 1865). Edges
+// are directed from the lesser of their points to the greater, so triangles that share one agree to the bit on which side the
+// ray passes, even across meshes: no ray finds a gap. Everything is relative to the ray's origin, so geometry near it is as
+// precise as its coordinates are.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ namespace primray {
 struct FewTriangles {
   static constexpr uint32_t kMost = 1024, kMostInRun = 16;
 
-  // A point, from which the next `edges` edges go.
+  // Point at which the next `edges` edges begin.
   struct Point {
     float at[3];
     uint32_t edges;
@@ -29,12 +29,12 @@ struct FewTriangles {
     float normal[3];    // cross product of its edges
     float point[3];     // a corner
     int32_t edge[3];    // opposite corners 0, 1, 2; counted in the run
-    int32_t turned[3];  // the sign bit where it goes round the other way along that edge
+    int32_t turned[3];  // the sign bit if it runs the other way along that edge
     int32_t number;     // in the group
   };
   struct Run {
     float low[3], high[3];
-    uint32_t points, edges, triangles;  // how many, after those of the runs before
+    uint32_t points, edges, triangles;  // counts; those of the runs before precede them
   };
   std::vector<Point> points;
   std::vector<Edge> edges;
@@ -43,11 +43,11 @@ struct FewTriangles {
   bool any() const { return !runs.empty(); }
 };
 
-// A group's `count` triangles, if they are few enough; else none.
+// Gathers a group's `count` triangles, if they are few enough; otherwise none.
 FewTriangles gather_few(const float* positions, const uint32_t* indices, uint32_t count);
 
-// How far outside an edge a ray may pass, over the sum of the triangle's three sides: as Embree has it, so that edges which
-// only touch, without sharing points, leave no gap either.
+// Distance outside an edge within which a ray still hits, relative to the sum of the triangle's three sides: as in Embree, so
+// that edges which only touch, without sharing points, leave no gap either.
 constexpr float kEdgeTolerance = 0x1p-23f;
 
 template <int W>
@@ -56,8 +56,8 @@ class FewLanes {
   PRIMRAY_INLINE FewLanes(const FewTriangles& few, const Rays<W>& rays)
       : few_(few), o_(rays.o), d_(rays.d), tnear_(rays.tnear) {}
 
-  // `met(triangle, lanes, t, sides)` of every triangle that some lanes pass through, at t; `far()` is how far, and `left()` for
-  // which lanes it is to look.
+  // Calls `met(triangle, lanes, t, sides)` for every triangle that some lanes pass through, at t; `far()` is the current
+  // distance limit, and `left()` the lanes that are still tested.
   template <class Far, class Left, class Met>
   PRIMRAY_INLINE void visit(const Far& far, const Left& left, const Met& met) const {
     alignas(64) float side[3 * FewTriangles::kMostInRun][W];
@@ -68,7 +68,7 @@ class FewLanes {
     const FewTriangles::Triangle* triangle = few_.triangles.data();
     for (const FewTriangles::Run& run : few_.runs) {
       const FewTriangles::Triangle* const triangles_end = triangle + run.triangles;
-      // A ray meets what is in boxes that it enters itself, whatever the others do: lanes show in no bit.
+      // A ray is tested in boxes that it enters itself, whatever the others do: no bit depends on the lane count.
       const vbool<W> here = left() & passes(run, o, per_d, far());
       if (!any(here)) {
         point += run.points, edge += run.edges, triangle = triangles_end;
@@ -109,7 +109,7 @@ class FewLanes {
     const vfloat<W> out = min(min(max(a.x, b.x), max(a.y, b.y)), min(max(a.z, b.z), end));
     return in <= out * kBoxTolerance;
   }
-  // Of a distance to a box, for its rounding (Ize 2013, "Robust BVH Ray Traversal").
+  // Margin of the distance to a box for its rounding (Ize 2013, "Robust BVH Ray Traversal").
   static constexpr float kBoxTolerance = 1 + 0x1p-21f;
 
   const FewTriangles& few_;

@@ -1,4 +1,4 @@
-// See interleaved.hpp. AVX-512: a node's 8 children are 8 lanes, a leaf's 4 pairs have 16 corners.
+// Traversal of interleaved.hpp with AVX-512: a node's 8 children are 8 lanes, a leaf's 4 pairs have 16 corners.
 #include "bvh/interleaved.hpp"
 
 #include "base/error.hpp"
@@ -16,16 +16,16 @@ namespace {
 
 using Bvh = TriangleBvh;
 
-constexpr uint32_t kRays = 24;  // by turns; 16 to 32 take as long within 3 %
+constexpr uint32_t kRays = 24;  // in turns; 16 to 32 take as long within 3 %
 // A node leaves 7 more entries on the stack than it takes; compressed vectors are stored whole.
 constexpr uint32_t kStack = 7 * (Bvh::kMaxDepth + 1) + 1 + 8;
 
 constexpr float kLeastDirection = 1e-18f;  // so that inverses times coordinates stay finite
-// Of a plane's distance: of the part that is the ray's origin, where rounding does not depend on the box, and of the whole.
+// Rounding of a plane's distance: of the part from the ray's origin, where it does not depend on the box, and of the whole.
 constexpr float kOriginRounding = 0x1p-22f, kFarRounding = 1 + 0x1p-21f;
 
-// By octant and axis, where a node's planes are to stand: first the 8 through which a ray of that octant enters, then those
-// through which it leaves, of the children in an order that begins with what lies farthest along it.
+// By octant and axis, the order of a node's planes: first the 8 through which a ray of that octant enters, then those through
+// which it leaves, of the children in an order that begins with the farthest along it.
 struct PlaneOrder {
   alignas(64) int32_t from[8][3][16];
   constexpr PlaneOrder() : from{} {
@@ -40,18 +40,18 @@ struct PlaneOrder {
 constexpr PlaneOrder kPlaneOrder;
 
 struct alignas(64) RayState {
-  // Of what a node's planes p become after PlaneOrder: p * scale + offset is -t where the ray enters, t where it leaves; for
-  // the ray's own ends likewise.
+  // Transform of a node's planes p after PlaneOrder: p * scale + offset is -t where the ray enters, t where it leaves; likewise
+  // for the ray's own ends.
   float scale[3][16], offset[3][16], ends[16];
   const int32_t (*order)[16];
   uint32_t current, depth, index;
   float tnear, tfar;
-  float origin[3], shear[2], per_z;  // along axes axis[0], axis[1], and axis[2], along which the ray goes farthest
+  float origin[3], shear[2], per_z;  // along axes axis[0], axis[1], and axis[2], along which the ray is longest
   uint32_t axis[3];
   float u, v, sum;  // of the hit: barycentrics times their sum
   int32_t prim;     // -1: none yet
   alignas(64) uint32_t stack[kStack];
-  float entry[kStack];  // -t where the ray enters what is on the stack
+  float entry[kStack];  // -t at which the ray enters the entries of the stack
 };
 
 inline __m512 all_16(const float& x) { return _mm512_set1_ps(x); }
@@ -62,12 +62,12 @@ class Interleaved {
  public:
   Interleaved(const Bvh& bvh, const RayColumns& rays) : memory_(bvh.memory.get()), root_(bvh.root), rays_(rays) {}
 
-  // Follows `count` rays: the nearest hits, or with kAny whether there are any. `done(state)` for each, in any order.
+  // Traces `count` rays: their nearest hits, or with kAny whether there are any. Calls `done(state)` for each, in any order.
   template <bool kAny, class Done>
   void follow(uint32_t count, const Done& done) {
-    // Which rays are at a node, at a leaf, at their end; how many is kept in bytes of one number. Where a ray goes next is told
-    // by additions, not by branches.
-    uint32_t list[3][32];  // not of bytes, which for the compiler may lie over anything: 1.5 to 2 times as slow
+    // Indices of the rays at a node, at a leaf, and at their end; the counts are kept in the bytes of one number. A ray's next
+    // list is found by additions, not by branches.
+    uint32_t list[3][32];  // not bytes, which for the compiler may alias anything: 1.5 to 2 times as slow
     uint64_t counts = 0;
     const auto many = [&](Bvh::Kind kind) { return uint32_t(counts >> (8 * kind) & 255); };
     const auto put = [&](uint32_t k) {
@@ -76,7 +76,7 @@ class Interleaved {
       counts += uint64_t(1) << (8 * kind);
     };
     const auto take_all = [&](Bvh::Kind kind) { counts &= ~(uint64_t(255) << (8 * kind)); };
-    // What is put back into a list that is read does not reach what is still to be read of it.
+    // Entries put back into a list that is being read do not overlap those still to be read.
     const auto each = [&](Bvh::Kind kind, const auto& turn) {
       const uint32_t n = many(kind);
       take_all(kind);
@@ -102,7 +102,7 @@ class Interleaved {
     const __m128 inverse =
         _mm_div_ps(_mm_set1_ps(1), _mm_or_ps(_mm_and_ps(sign, d), _mm_max_ps(_mm_andnot_ps(sign, d), least)));
     const __m128 start = _mm_mul_ps(o, inverse), around = _mm_mul_ps(_mm_andnot_ps(sign, start), _mm_set1_ps(kOriginRounding));
-    // From 16 numbers, vectors of which each half repeats one.
+    // Expands 16 numbers to vectors in which each half repeats one.
     const __m256 scales = _mm256_set_m128(inverse, _mm_xor_ps(sign, inverse));
     const __m256 offsets = _mm256_set_m128(_mm_sub_ps(around, start), _mm_add_ps(around, start));
     const __m512i halves = _mm512_setr_epi32(0, 0, 0, 0, 0, 0, 0, 0, 4, 4, 4, 4, 4, 4, 4, 4);
@@ -131,7 +131,7 @@ class Interleaved {
     _mm256_store_ps(s.ends + 8, _mm256_set1_ps(t));
   }
 
-  // What is looked at next round is fetched in this one.
+  // Prefetches data for the next round.
   void go_to(RayState& s, uint32_t id) const {
     s.current = id;
     const char* const at = memory_ + Bvh::offset_of(id);
@@ -159,7 +159,7 @@ class Interleaved {
     go_to(s, s.stack[s.depth]);
   }
 
-  // Takes what lies beyond the hit off the stack.
+  // Pops entries of the stack that are beyond the hit.
   static void forget_farther(RayState& s) {
     const __m256 far = _mm256_set1_ps(-s.tfar);
     uint32_t kept = 0;
@@ -175,8 +175,8 @@ class Interleaved {
     s.depth = kept;
   }
 
-  // Of the triangles `met` and the hit before: of those as near the first by number, since how the builder's threads laid them
-  // out must not show.
+  // Chooses among the triangles `met` and the previous hit: at equal distance the lowest index, so that the layout, which
+  // depends on the builder's threads, does not change the result.
   static void take_nearest(RayState& s, const Bvh::Leaf& leaf, uint32_t met, __m256 t, __m256 p, __m256 q, __m256 r) {
     alignas(32) float ts[8], weights[3][8];
     _mm256_store_ps(ts, t), _mm256_store_ps(weights[0], p), _mm256_store_ps(weights[1], q), _mm256_store_ps(weights[2], r);
@@ -191,14 +191,14 @@ class Interleaved {
     if (best < 0) return;
     set_far(s, nearest);
     s.prim = number;
-    // As the group has them, (a, c, d) and (a, b, c): u is the second corner's, v the third's.
+    // The group's triangles are (a, c, d) and (a, b, c): u belongs to the second corner, v to the third.
     const bool second = best >= Bvh::kLeafPairs;
     s.u = weights[second ? 0 : 2][best], s.v = weights[second ? 1 : 0][best];
     s.sum = weights[0][best] + weights[1][best] + weights[2][best];
     forget_farther(s);
   }
 
-  // Corners d, b, c, a of 4 pairs in 4 blocks of 4 lanes, their outer edges da, bc, cd, ab likewise; then in 8 lanes triangles
+  // Corners d, b, c, a of 4 pairs in 4 blocks of 4 lanes, likewise their outer edges da, bc, cd, ab; then in 8 lanes triangles
   // (d, a, c), and after them (b, c, a).
   template <bool kAny>
   void meet_leaf(RayState& s) const {
@@ -207,13 +207,13 @@ class Interleaved {
     const __m512 z = from_origin(2);
     const __m512 x = _mm512_fnmadd_ps(all_16(s.shear[0]), z, from_origin(0));
     const __m512 y = _mm512_fnmadd_ps(all_16(s.shear[1]), z, from_origin(1));
-    // On which side an edge passes the ray: the difference of two rounded products, so that the edge's other triangle, which
-    // goes along it the other way, gets the very opposite.
+    // Side on which an edge passes the ray: the difference of two rounded products, so that the edge's other triangle, which
+    // has it in the opposite direction, gets the exact opposite.
     constexpr int kNextCorner = 3 | 2 << 2 | 0 << 4 | 1 << 6;
     const __m512 next_x = _mm512_shuffle_f32x4(x, x, kNextCorner), next_y = _mm512_shuffle_f32x4(y, y, kNextCorner);
     const __m512 outer = _mm512_sub_ps(_mm512_mul_ps(x, next_y), _mm512_mul_ps(y, next_x));
     const __m256 cx = upper_half(x), cy = upper_half(y), ax = halves_swapped(cx), ay = halves_swapped(cy);
-    // Weights of corners d and b, a and c, c and a: the sides of the edges across.
+    // Weights of corners d and b, a and c, c and a: the sides of the opposite edges.
     const __m256 p = _mm256_sub_ps(_mm256_mul_ps(ax, cy), _mm256_mul_ps(ay, cx));
     const __m256 q = upper_half(outer), r = _mm512_castps512_ps256(outer);
     const __m256 zp = _mm512_castps512_ps256(z), zr = upper_half(z), zq = halves_swapped(zr);
@@ -222,7 +222,7 @@ class Interleaved {
     const __mmask8 right = _mm256_cmp_ps_mask(_mm256_max_ps(_mm256_max_ps(p, q), r), zero, _CMP_LE_OQ);
     const __m256 sum = _mm256_add_ps(_mm256_add_ps(p, q), r);
     const __m256 weighed = _mm256_fmadd_ps(p, zp, _mm256_fmadd_ps(q, zq, _mm256_mul_ps(r, zr)));
-    // Of triangles seen from their edge, sides are little but rounding: a hit stays where the triangle is.
+    // For triangles seen edge-on, sides are mostly rounding errors: clamp the hit to the triangle's extent.
     const __m256 nearest = _mm256_min_ps(_mm256_min_ps(zp, zq), zr), farthest = _mm256_max_ps(_mm256_max_ps(zp, zq), zr);
     const __m256 depth = _mm256_min_ps(_mm256_max_ps(_mm256_div_ps(weighed, sum), nearest), farthest);
     const __m256 t = _mm256_mul_ps(depth, _mm256_set1_ps(s.per_z));

@@ -1,15 +1,16 @@
-// Rays through a TriangleBvh, many at once and each on its own way: while one waits for its next node, others are tested.
+// Interleaved traversal of a TriangleBvh: many rays at once, each traversing alone; while one waits for its next node, others
+// are tested.
 //
-// One ray after the other, a processor mostly waits: for the node, for the outcome of its tests, and after a branch that was
-// guessed wrongly. Here a step has no branches: a node's children that the ray meets are all put on its stack, the nearest
-// last, and the top of the stack is its next. What a hit makes too far leaves the stack when the hit is found. Two dozen
-// rays take turns, so their steps overlap. On a terrain of 2 million triangles that takes half of Embree's time
+// With one ray after the other, a processor mostly waits: for the node, for the results of its tests, and after mispredicted
+// branches. Here a step has no branches: all children of a node that the ray hits are pushed on its stack, the nearest last,
+// and the top of the stack is its next. Entries beyond a hit leave the stack when the hit is found. Two dozen rays take turns,
+// so their steps overlap. On a terrain of 2 million triangles that takes half of Embree's time
 // (docs/decisions/tracing/rays-that-take-turns.md).
 //
-// A ray is followed alone, so that its bits do not depend on the others. Edges are tight: rays are sheared onto an axis,
-// corners with them, which rounds a corner alike for all triangles that share it (Woop, Benthin and Wald 2013, "Watertight
-// Ray/Triangle Intersection"), and both triangles of an edge get the very opposite answer on which side it passes. Boxes are
-// larger by more than such a corner can be off.
+// Each ray is traversed alone, so that its bits do not depend on the others. Edges are watertight: rays are sheared onto an
+// axis, corners with them, which rounds a corner alike for all triangles that share it (Woop, Benthin and Wald 2013,
+// "Watertight Ray/Triangle Intersection"), and both triangles of an edge get exactly opposite results for the side on which it
+// passes. Boxes are enlarged by more than the error of such a corner.
 #pragma once
 
 #include "bvh/triangle_bvh.hpp"
@@ -17,14 +18,14 @@
 
 namespace primray {
 
-// Rays in columns, as pools keep them.
+// Rays in columns, as in pools.
 struct RayColumns {
   const float *ox, *oy, *oz, *dx, *dy, *dz;
   const float* tnear;  // null: 0
   const float* tfar;
 };
-// Of a hit: distance, u and v as Embree has them, number of the triangle in its group, and geometry: kTriangleGeometry, or -1
-// where nothing is hit, at the ray's own end then.
+// Hit columns: distance, u and v as in Embree, index of the triangle in its group, and geometry: kTriangleGeometry, or -1 if
+// nothing was hit, with the distance of the ray's own end.
 struct HitColumns {
   float *t, *u, *v;
   int32_t *prim, *geom;
@@ -32,10 +33,10 @@ struct HitColumns {
 
 void intersect_interleaved(const TriangleBvh& bvh, uint32_t count, const RayColumns& rays, const HitColumns& hits);
 
-// Sets `blocked` to 1 or 0.
+// Sets `blocked` to 1 or 0 for each ray.
 void occluded_interleaved(const TriangleBvh& bvh, uint32_t count, const RayColumns& rays, int32_t* blocked);
 
-// The active rays of W, close together, and which lanes they are of.
+// The active rays of W, compacted, and the lanes that they belong to.
 template <int W>
 struct DenseRays {
   alignas(64) float ox[W], oy[W], oz[W], dx[W], dy[W], dz[W], tnear[W], tfar[W];

@@ -1,5 +1,5 @@
-// See triangle_bvh.hpp. How many nodes there will be is not known before, so they are written into slabs, whose pages are then
-// moved to where they stand one after the other: nothing is copied, and no more is asked for than is used.
+// Construction of triangle_bvh.hpp. The number of nodes is not known beforehand, so they are written into slabs, whose pages
+// are then remapped to be contiguous: nothing is copied, and no more memory is requested than is used.
 #include "bvh/triangle_bvh.hpp"
 
 #include <sys/mman.h>
@@ -28,8 +28,7 @@ namespace {
 
 using Bvh = TriangleBvh;
 
-// Products of two coordinates, and of one and the inverse of the least direction, must stay what floats hold; as must those of
-// the smallest.
+// Products of two coordinates, and of one and the inverse of the smallest direction, must stay within the range of floats.
 constexpr float kFarthest = 1e12f, kSmallest = 1e-12f;
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
@@ -40,14 +39,14 @@ Mapped map(size_t bytes) {
   return Mapped(static_cast<char*>(range), {bytes});
 }
 
-// Units of 64 bytes, numbered as they will stand.
+// Units of 64 bytes, numbered by their final position.
 class Slabs {
  public:
   explicit Slabs(size_t most_bytes) : slabs_(most_bytes / kSlab + 1) {}
 
   char* at(size_t unit) const { return slabs_[unit / kUnits].get() + unit % kUnits * Bvh::kUnit; }
 
-  // Units for one T, for this thread; threads take blocks, and what of a block is left over stays empty.
+  // Allocates units for one T, for this thread; threads take blocks, and the rest of a block stays empty.
   template <class T>
   size_t allocate() {
     constexpr size_t units = sizeof(T) / Bvh::kUnit;
@@ -88,7 +87,7 @@ class Slabs {
   std::mutex mutex_;
   std::vector<Mapped> slabs_;
   size_t used_ = 0;
-  const uint64_t number_ = ++built_;  // what a thread has left of a block must not go into the next hierarchy
+  const uint64_t number_ = ++built_;  // the rest of a thread's block must not be used by the next hierarchy
   static inline std::atomic<uint64_t> built_{0};
 };
 
@@ -100,7 +99,7 @@ class Builder {
   Bvh build() {
     std::vector<rtc::BuildPrimitive> primitives;
     if (!bound(primitives)) return {};
-    // No leaf is without a pair and no node without two children.
+    // Every leaf has a pair and every node two children.
     const size_t n = primitives.size(), most = n * (sizeof(Bvh::Leaf) + sizeof(Bvh::Node)) + kLeftOver;
     if (most / Bvh::kUnit >= size_t(1) << 30) return {};
     slabs_.emplace(most);
@@ -125,7 +124,7 @@ class Builder {
  private:
   static constexpr size_t kLeftOver = size_t(1) << 26;  // at the ends of blocks, one for each thread
 
-  // Boxes of what goes into leaves: pairs, and triangles without one. False where that is not for floats.
+  // Computes the boxes of leaf primitives: pairs, and single triangles. Returns false if they are outside the range of floats.
   bool bound(std::vector<rtc::BuildPrimitive>& to) const {
     const uint32_t pairs = paired_ / 2, n = count_ - pairs;
     to.resize(n);
@@ -143,7 +142,7 @@ class Builder {
     return reach > kSmallest;
   }
 
-  // Corners d, b, c, a; of a lone triangle (d, a, c), b is c.
+  // Corners d, b, c, a; for a single triangle (d, a, c), b is c.
   std::array<uint32_t, 4> corners_of(uint32_t k) const {
     if (k < paired_ / 2) {
       const uint32_t* i = indices_ + 6 * size_t(k) + 2;
@@ -154,7 +153,7 @@ class Builder {
   }
   uint32_t first_of(uint32_t k) const { return k < paired_ / 2 ? 2 * k : k + paired_ / 2; }
 
-  // Embree holds numbers in place of pointers, one more so that none is null.
+  // Embree holds numbers in place of pointers, plus one so that none is null.
   static void* pointer_of(size_t unit, Bvh::Kind kind) {
     return reinterpret_cast<void*>(uintptr_t(Bvh::id_of(unit, kind)) + 1);
   }
@@ -191,8 +190,8 @@ class Builder {
     }
   }
 
-  // Which child goes into which slot, -1: none. Bit k of a slot is for what lies above the middle along axis k; those that lie
-  // farthest from the middle choose first.
+  // Assigns children to slots, -1: none. Bit k of a slot means above the middle along axis k; children farthest from the middle
+  // choose first.
   static std::array<int, Bvh::kWidth> ordered(const Bvh::Node& node, int count) {
     float away[3][Bvh::kWidth] = {}, reach[Bvh::kWidth] = {};
     for (int axis = 0; axis < 3; ++axis) {

@@ -1,9 +1,10 @@
-// A hierarchy of our own for worlds that consist of triangles alone, so laid out that many rays can go through it at once, each
-// on its own way: bvh/interleaved.hpp. Only where a CPU has AVX-512; Embree has all else.
+// Bounding volume hierarchy for worlds that consist of triangles alone, with a layout for many rays that traverse it at once
+// (bvh/interleaved.hpp). Only used on CPUs with AVX-512; Embree handles everything else.
 //
-// Embree's builder decides on the splits. A node holds the boxes of up to 8 children, each in the slot whose bits best say on
-// which side of the others it lies: slots, taken in the order of their numbers XOR a ray's octant, are then about ordered along
-// the ray (Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs").
+// Embree's builder decides on the splits. A node holds the boxes of up to 8 children, each in the slot whose bits best describe
+// on which side of the others it is: slots, visited in the order of their numbers XOR a ray's octant, are then approximately
+// ordered along the ray (Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+// BVHs").
 #pragma once
 
 #include <cstddef>
@@ -14,10 +15,10 @@
 
 namespace primray {
 
-// Triangles by corners that count from the first position; the first `paired` of them stand in pairs (bvh/pairs.hpp).
+// Triangles with corner indices from the first position on; the first `paired` of them are in pairs (bvh/pairs.hpp).
 struct TriangleSoup {
   const float* positions;   // x, y, z
-  const uint32_t* indices;  // three a triangle
+  const uint32_t* indices;  // three per triangle
   uint32_t count, paired;
 };
 
@@ -31,7 +32,7 @@ struct TriangleBvh {
   static constexpr uint32_t kMaxDepth = 32;
   static constexpr bool kBuilt = PRIMRAY_MAX_LANES >= 16;
 
-  // Where a child lies: the number of its unit of 64 bytes, and what it is.
+  // Reference to a child: the number of its unit of 64 bytes, and its kind.
   enum Kind : uint32_t { kNode = 0, kLeaf = 1, kEnd = 2 };
   static constexpr uint32_t kUnit = 64;
   static constexpr uint32_t id_of(size_t unit, Kind kind) { return uint32_t(unit) << 2 | kind; }
@@ -40,13 +41,14 @@ struct TriangleBvh {
 
   struct alignas(kUnit) Node {
     float bounds[3][2][kWidth];  // by axis; lower, upper
-    uint32_t child[kWidth];      // kEnd in empty slots, whose boxes are inside out
+    uint32_t child[kWidth];      // kEnd in empty slots, whose boxes are inverted
   };
-  // Pairs of triangles (d, a, c) and (b, c, a), as Embree's quads are (bvh/pairs.hpp); fewer are filled up with the last.
+  // Pairs of triangles (d, a, c) and (b, c, a), as in Embree's quads (bvh/pairs.hpp); the last one is repeated to fill the
+  // leaf.
   struct alignas(kUnit) Leaf {
     float at[3][4][kLeafPairs];  // by axis and corner d, b, c, a
-    uint32_t first[kLeafPairs];  // the number of (d, a, c) in its group; (b, c, a) has the next
-    uint32_t there;              // a bit for each (d, a, c) that is there, then for each (b, c, a)
+    uint32_t first[kLeafPairs];  // index of (d, a, c) in its group; (b, c, a) has the next
+    uint32_t there;              // one bit for each (d, a, c) that is present, then for each (b, c, a)
   };
 
   std::unique_ptr<char, Unmap> memory;
@@ -56,9 +58,8 @@ struct TriangleBvh {
   bool any() const { return kBuilt && memory != nullptr; }
 };
 
-// Of the triangles of a world that has nothing else. Empty where floats
-// cannot hold their products: Embree then has them. That is a fact of the scene, as its bits depend on it; where memory cannot
-// be had, this throws.
+// Builds the hierarchy of a world that has only these triangles. Empty if floats cannot hold their products: Embree then
+// handles them. That is a property of the scene, as its bits depend on it; if memory runs out, this throws.
 TriangleBvh build_triangle_bvh(const TriangleSoup& soup);
 
 }  // namespace primray

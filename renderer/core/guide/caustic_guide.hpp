@@ -1,13 +1,13 @@
-// Where the light of small lights comes from after metal and glass: guides scattered rays into caustics.
+// Guide for caustics: directions from which light of small sources arrives after metal or glass.
 //
-// A path tracer finds a small sun through a glass or on smooth metal by luck alone: one sample in thousands, as bright as the
-// sun. So before a render photons are followed from small lights over smooth surfaces (pilot/caustic_photons.hpp). What is
-// kept of each is where it landed and the point of the smooth surface it came from. A balanced tree over the landings cuts
-// them into leaves of equally many; a surface point in a leaf sends a part of its scattered rays towards those points, each
-// under a lobe as wide as the leaf's photons lie apart. As the point moves over its surface so does the one that light comes
-// from, by gradients that photons bring along (photon differentials, Schjøth et al. 2007), or lobes would have to be as wide as
-// a leaf is. Only densities change: the picture stays what it was without it, and photons, as directions (Jensen 1995,
-// "Importance Driven Path Tracing using the Photon Map"), may be as wrong as they like.
+// A path tracer finds a small sun through glass or on smooth metal by chance only: one sample in thousands, as bright as the
+// sun. So before a render, photons are traced from small lights over smooth surfaces (pilot/caustic_photons.hpp). Each is
+// stored with its landing point and the point of the smooth surface that it came from. A balanced tree over the landing points
+// divides them into leaves of equally many; a surface point in a leaf sends part of its scattered rays towards those source
+// points, each with a lobe as wide as the spacing of the leaf's photons. As the surface point moves, so does the source point,
+// by gradients stored with the photons (photon differentials, Schjøth et al. 2007); otherwise lobes would have to be as wide as
+// a leaf. Only densities change: the image stays unbiased, and photons, used as directions (Jensen 1995, "Importance Driven
+// Path Tracing using the Photon Map"), may be arbitrarily wrong.
 #pragma once
 
 #include <vector>
@@ -19,38 +19,38 @@ namespace primray {
 struct CausticGuide {
   static constexpr int kMostInLeaf = 24;
   int levels = 0;              // of the tree
-  int leaf_photons = 0;        // in each leaf
-  std::vector<int32_t> axis;   // of inner nodes, children of node i at 2 i + 1 and 2 i + 2
-  std::vector<float> split;    // where to part them
-  std::vector<float> photons;  // kPhotonFields a photon, leaf after leaf
-  std::vector<float> leaf;     // kLeafFields a leaf
-  // Of the photons' weight, in leaves whose lobes are so narrow that hardly any ray would find that light without them.
+  int leaf_photons = 0;        // per leaf
+  std::vector<int32_t> axis;   // of inner nodes; children of node i are 2 i + 1 and 2 i + 2
+  std::vector<float> split;    // position of the splitting plane
+  std::vector<float> photons;  // kPhotonFields per photon, leaf after leaf
+  std::vector<float> leaf;     // kLeafFields per leaf
+  // Share of the photons' weight in leaves whose lobes are so narrow that hardly any ray would find that light without them.
   float sharp = 0;
   bool any() const { return leaf_photons > 0; }
   int64_t memory_bytes() const { return int64_t(4 * (axis.size() + split.size() + photons.size() + leaf.size())); }
 };
 
 enum CausticLeafField : int {
-  kLow,               // corner of the box about the photons' landings
-  kHigh = kLow + 3,   // the opposite one
-  kFade = kHigh + 3,  // 1 / distance^2 at which a point beside the box has a quarter of its density
-  kDensity,           // photons' density over that of unhindered light
+  kLow,               // corner of the bounding box of the landing points
+  kHigh = kLow + 3,   // opposite corner
+  kFade = kHigh + 3,  // 1 / distance^2 at which a point outside the box has a quarter of its density
+  kDensity,           // density of photons relative to unoccluded light
   kWidth2,            // of a lobe: squared chord, a^2
-  kReach2,            // squared distance beyond which a photon counts for little
+  kReach2,            // squared distance beyond which a photon has little weight
   kLeafFields
 };
 
 enum CausticPhotonField : int {
   kSource,                   // the point that it came from
-  kLanding = kSource + 3,    // where it landed
-  kGradient = kLanding + 3,  // of the source's x, y and z as the landing moves
-  kPhotonFields = 16         // a row of memory
+  kLanding = kSource + 3,    // its landing point
+  kGradient = kLanding + 3,  // derivative of the source's x, y and z by the landing point
+  kPhotonFields = 16         // one row of memory
 };
 
-// Sources move at most this far (squared; over the way to the landing): near foci their gradients grow without bound.
+// Largest shift of a source (squared, relative to the distance to the landing point): near foci gradients are unbounded.
 constexpr float kFarthest2 = 0.1f;
 
-// Where a photon that had landed `beside` its landing would have come from.
+// Source of a photon that would have landed at offset `beside` from its landing point.
 template <class F>
 PRIMRAY_INLINE Vec3<F> source_seen(const Vec3<F>& source, const Vec3<F>& landing, const Vec3<F>& beside,
                                    const Vec3<F> (&gradient)[3]) {
@@ -60,28 +60,28 @@ PRIMRAY_INLINE Vec3<F> source_seen(const Vec3<F>& source, const Vec3<F>& landing
   return source + moved * sqrt(farthest2 / (dot(moved, moved) + farthest2 + F(1e-30f)));
 }
 
-// How much a photon counts at a point so far from its landing.
+// Weight of a photon at that distance from its landing point.
 template <class F>
 PRIMRAY_INLINE F caustic_nearness(F distance2, F reach2) {
   const F q = 1.0f + distance2 / reach2;
   return 1.0f / (q * q);
 }
 
-// At most so much of a point's rays goes there, and the density at which it is half of that. Smaller shares are not worth their
-// cost.
+// Largest share of a point's rays that follow photons, and the density at which it is half of that. Smaller shares are not
+// worth their cost.
 constexpr float kMostGuided = 0.5f, kHalfDensity = 0.05f, kLeastShare = 0.002f, kLeastDensity = 2e-4f;
 
-// The leaf of each lane, and the share of its scattered rays that follows it.
+// Leaf of each lane, and the share of its scattered rays that follow it.
 template <int W>
 struct CausticLanes {
   int photons;
   vfloat<W> share, width2;
-  // Of the leaf's photons: unit directions to where they came from, and the chances of their lobes, by how near they landed.
+  // Unit directions towards the sources of the leaf's photons, and the probabilities of their lobes, by distance to their
+  // landing points.
   vvec3<W> towards[CausticGuide::kMostInLeaf];
   vfloat<W> chance[CausticGuide::kMostInLeaf];
 
-  // `suits(w, width2)`: how much of what comes from about w the surface there sends on along the path, over a white Lambert
-  // one.
+  // `suits(w, width2)`: response of the surface to light from about w, relative to a white Lambert surface.
   template <class Suits>
   CausticLanes(const CausticGuide& g, vbool<W> m, const vvec3<W>& p, Suits suits) : photons(g.leaf_photons) {
     vint<W> node(0);
@@ -123,8 +123,8 @@ struct CausticLanes {
     for (int k = 0; k < photons; ++k) chance[k] *= scale;
   }
 
-  // A lobe about a direction d: density a^2 (a^2 + 4) / (4 pi (a^2 + |w - d|^2)^2), which is 1 over the sphere, since |w - d|^2
-  // is uniform there over [0, 4]. Heavy tails: no photon says for certain where light does not come from.
+  // Samples a lobe about a direction d: density a^2 (a^2 + 4) / (4 pi (a^2 + |w - d|^2)^2), which is normalized over the
+  // sphere, since |w - d|^2 is uniform there over [0, 4]. Its tails are heavy: no photon proves where light does not come from.
   vvec3<W> sample(vfloat<W> choice, vfloat<W> u, vfloat<W> v) const {
     vvec3<W> axis = towards[0];
     vfloat<W> run = chance[0];

@@ -1,4 +1,4 @@
-// See caustic_tree.hpp. A complete tree of median cuts through the longest side.
+// Construction of caustic_tree.hpp: a complete tree of median cuts through the longest side.
 #include "guide/caustic_tree.hpp"
 
 #include <algorithm>
@@ -11,18 +11,18 @@
 namespace primray {
 namespace {
 
-// Fewer make noisy lobes, more cost time for every density.
+// Fewer photons per leaf give noisy lobes, more cost time for every density.
 constexpr size_t kLeast = CausticGuide::kMostInLeaf / 2;
 constexpr float kInv4Pi = 0.0795774715f;
-// What is tried for a leaf's lobes: squared chords, and squared reaches as shares of the photons' mean squared distance.
+// Candidate lobes of a leaf: squared chords, and squared reaches as shares of the photons' mean squared distance.
 constexpr int kWidths = 10;
 constexpr float kNarrowest = 1e-6f, kWidthStep = 4;
 constexpr float kReaches[] = {0.03f, 0.2f, 1e4f};
-// Density, beside the lobes', of what else finds the light.
+// Density, beside that of the lobes, of other techniques that find the light.
 constexpr float kElsewhere = 0.1f;
-// Lobes are sharp where they give photons, by their geometric mean, this density per steradian; a Lambert surface's is 0.3.
+// Lobes are sharp if they give photons, by geometric mean, at least this density per steradian; a Lambert surface's is 0.3.
 constexpr double kSharp = 20;
-// Of the box that photons share: how far beside it their density fades, to a quarter.
+// Distance, as a share of the bounding box, at which the density outside it falls to a quarter.
 constexpr float kFadeShare = 0.5f;
 
 vec3 unit_to(const vec3& from, const vec3& to) {
@@ -30,15 +30,15 @@ vec3 unit_to(const vec3& from, const vec3& to) {
   return d * (1.0f / std::sqrt(std::max(dot(d, d), 1e-30f)));
 }
 
-// The width and reach under which the photons of a leaf are likeliest, each seen by the others alone; `moving`: with sources
-// that move as their gradients say.
+// Width and reach that maximize the likelihood of a leaf's photons, each predicted by the others; `moving`: with sources
+// shifted by their gradients.
 struct Lobes {
   float width2, reach2;
   double likelihood;
 };
 Lobes likeliest_lobes(const CausticPhoton* photons, int count, bool moving) {
   constexpr int most = CausticGuide::kMostInLeaf;
-  // A row for each photon that is seen, a column for each that sees it; all columns, so that loops over them have one length.
+  // A row for each predicted photon, a column for each predictor; all columns, so that loops over them have a fixed length.
   alignas(64) float apart2[most][most] = {}, chord2[most][most] = {};
   float mean = 0;
   for (int j = 0; j < count; ++j) {
@@ -104,7 +104,7 @@ struct Builder {
 
   LeafWeight put_leaf(size_t number) const {
     const size_t count = size_t(guide.leaf_photons), first = number * count;
-    // Gradients say little of flat facets and of mirrors that are bumpy, and are then left out.
+    // Gradients are of little use on flat facets and bumpy mirrors, and are left out there.
     const Lobes still = likeliest_lobes(&photons[first], int(count), false);
     const Lobes moving = likeliest_lobes(&photons[first], int(count), true);
     const bool moves = moving.likelihood > still.likelihood;
@@ -119,7 +119,7 @@ struct Builder {
       put(to + kSource, p.source), put(to + kLanding, p.landing);
       for (int k = 0; moves && k < 3; ++k) put(to + kGradient + 3 * k, p.gradient[k]);
     }
-    // The area that they share: of their box, without its shortest side.
+    // Area of their bounding box, without its shortest side.
     float side[3] = {box.high.x - box.low.x, box.high.y - box.low.y, box.high.z - box.low.z};
     std::sort(side, side + 3);
     const double area = double(side[2]) * std::max(side[1], 0.1f * side[2]),

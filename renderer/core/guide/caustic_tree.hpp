@@ -1,4 +1,4 @@
-// The tree of a CausticGuide over photons.
+// Construction of a CausticGuide's tree over photons.
 #pragma once
 
 #include <vector>
@@ -9,11 +9,11 @@ namespace primray {
 
 struct CausticPhoton {
   vec3 landing, source;
-  float weight;        // area of unhindered light that it stands for
-  vec3 gradient[3]{};  // of the source's x, y and z by the landing; 0: not known
+  float weight;        // area of unoccluded light that it represents
+  vec3 gradient[3]{};  // derivative of the source's x, y and z by the landing point; 0: unknown
 };
 
-// Photons' order decides nothing but which few are left out, so that leaves are equal.
+// Builds the tree. The order of photons only decides which few are dropped to make leaves equal.
 void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide, int threads);
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// Scattering that is guided into caustics (guide/caustic_guide.hpp): a mixture with the surface's own sampling, on lanes.
+// Scattering guided towards caustics (guide/caustic_guide.hpp): a mixture with the surface's own sampling, in lanes.
 #pragma once
 
 #include "bsdf/bsdf.hpp"
@@ -7,14 +7,14 @@
 
 namespace primray {
 
-// Narrower lobes (roughness 0.14) find by themselves what they show.
+// Smallest alpha of lobes that are guided: narrower ones (roughness 0.14) find the light themselves.
 constexpr float kFollowsAlpha = 0.02f;
-// Guided paths count in roulette for what surfaces alone would have made of them, up to this factor.
+// Upper limit of the factor by which guided paths are favoured in Russian roulette, to compensate for their low throughput.
 constexpr float kMostBoost = 1e7f;
-// A lobe with less density than this is a diffuse one.
+// A lobe of lower density counts as diffuse.
 constexpr float kDiffuseDensity = 1;
 
-// Surfaces that scatter widely enough for another density to serve them.
+// Returns the lanes whose surfaces scatter widely enough to benefit from another density.
 template <int W, class Lobes>
 PRIMRAY_INLINE vbool<W> follows_caustics(const Lobes& b) {
   if (!b.any_preview) return vbool<W>(true);
@@ -22,8 +22,8 @@ PRIMRAY_INLINE vbool<W> follows_caustics(const Lobes& b) {
          ((!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | ((!b.mirror) & (b.alpha > vfloat<W>(kFollowsAlpha))));
 }
 
-// How much of the light from about unit `wi` (local), a lobe with that squared width, is sent on towards `wo`, over what a
-// white Lambert surface sends; less where the surface's own lobe is the narrower one.
+// Response towards `wo` to light from about unit `wi` (local), a lobe of that squared width, relative to a white Lambert
+// surface; reduced where the surface's own lobe is narrower.
 template <int W, class Lobes>
 PRIMRAY_INLINE vfloat<W> suits(const Lobes& b, const vvec3<W>& wo, const vvec3<W>& wi, vfloat<W> width2) {
   const vbool<W> above = wi.z > vfloat<W>(0.0f);
@@ -35,9 +35,9 @@ PRIMRAY_INLINE vfloat<W> suits(const Lobes& b, const vvec3<W>& wo, const vvec3<W
   return select(above, select(b.preview, b.p_diffuse + glossy, vfloat<W>(1.0f)), vfloat<W>(0.0f));
 }
 
-// As Bsdf::sample, but `own` is the density without photons, for MIS: those lead to what casts caustics, not to lights, and
-// light samples need not ask them. `sample(lobe)` and `density(wi, by the BSDF)` are what is sampled without them, by the BSDF
-// or by another guide as well. `splits`, by which roulette multiplies, takes in how much denser than that the sampling was.
+// Samples like Bsdf::sample(). `own` is the density without photons, for MIS: photons lead to casters of caustics, not to
+// lights, so light samples need not evaluate them. `sample(lobe)` and `density(wi, by the BSDF)` sample without photons, by the
+// BSDF or another guide as well. `splits`, a factor in Russian roulette, is multiplied by the ratio of the densities.
 template <int W, class Lobes, class Sample, class Density>
 PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Lobes& bsdf, const Frame<vfloat<W>>& frame,
                                          const vvec3<W>& wo, vfloat<W> lobe, const Pair<W>& u, int path_splits,
@@ -53,7 +53,7 @@ PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Lob
     s.wi = select(guided, frame.to_local(wi), s.wi);
     const BsdfEval<W> e = bsdf.eval(wo, s.wi);
     const vbool<W> up = s.wi.z > zero;
-    // For now f_cos itself and the density by the surface, below divided by the mixture's.
+    // f_cos itself, and the density by the surface; divided by the density of the mixture below.
     s.weight = select(guided, select(up, e.diffuse + e.specular, vvec3<W>(zero)), s.weight);
     s.pdf = select(guided, density(wi, e.pdf), s.pdf);
     s.is_delta = s.is_delta & !guided, s.transmits = s.transmits & !guided, s.straight = s.straight & !guided;
@@ -61,7 +61,7 @@ PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Lob
     const vvec3<W> share = divide(e.diffuse, {max(sum.x, 1e-30f), max(sum.y, 1e-30f), max(sum.z, 1e-30f)});
     s.diffuse_share = select(guided, share, s.diffuse_share);
   }
-  own = select(guided, max(s.pdf, 1e-20f), s.pdf);  // 0 would say that no light sample leads there
+  own = select(guided, max(s.pdf, 1e-20f), s.pdf);  // 0 would mean that no light sample leads there
   const vfloat<W> mixed = own * rest + guide.share * guide.pdf(wi);
   const vfloat<W> factor = select(guided, 1.0f / max(mixed, 1e-30f), select(s.is_delta, 1.0f / rest, own / max(mixed, 1e-30f)));
   s.weight = select(any_share, s.weight * factor, s.weight);

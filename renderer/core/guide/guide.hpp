@@ -1,10 +1,10 @@
-// Where light comes from, learnt before the render: for each region of space and side of surfaces a histogram over half the
-// sphere of directions, from which scattered rays are drawn beside the BSDF. Only a density: whatever was learnt, the image is
-// unbiased.
+// Path guiding: where light comes from, learnt before the render. For each region of space and orientation of surfaces a
+// histogram over a hemisphere of directions, from which scattered rays are sampled beside the BSDF. It is only a density:
+// whatever was learnt, the image is unbiased.
 //
-// After Mueller, Gross and Novak 2017, "Practical Path Guiding", with plainer tables: regions are boxes of cells of a grid over
-// what the learning paths met, halved until each holds few records; directions fall into fixed bins, by the cosine to the
-// side's axis and by an azimuth measured along the diamond |x| + |y| = 1, which needs no arc tangent.
+// After Mueller, Gross and Novak 2017, "Practical Path Guiding", with simpler tables: regions are boxes of cells of a grid over
+// the vertices of the learning paths, halved until each holds few records; directions fall into fixed bins, by the cosine to
+// the orientation's axis and by an azimuth along the diamond |x| + |y| = 1, which needs no arc tangent.
 #pragma once
 
 #include <cstdint>
@@ -15,25 +15,25 @@
 
 namespace primray {
 
-// The chance of drawing a scattered ray from the guide, where there is one.
+// Probability of sampling a scattered ray from the guide, where it is valid.
 constexpr float kGuideShare = 0.5f;
 
-// Where points lie: the region, -1 without one, and the side.
+// Location of points in the guide: the region, or -1, and the orientation.
 template <int W>
 struct GuidePlace {
   vint<W> region, side;
 };
 
 struct Guide {
-  static constexpr int kGrid = 16, kSides = 6;  // cells along each axis; sides by the normal's largest component
+  static constexpr int kGrid = 16, kSides = 6;  // cells along each axis; orientations by the normal's largest component
   static constexpr int kCosine = 8, kAzimuth = 32, kBins = kCosine * kAzimuth;
 
   float low[3], cells_per_unit[3];
-  std::vector<int32_t> region;  // by side and cell; -1 where too little is known
-  std::vector<float> cdf;       // kBins + 1 by region, from 0 to 1
-  std::vector<float> received;  // by region: radiance from all sides of its half of the sphere, the mean by cosines
-  float usual = 0;              // of all regions
-  bool alone = false;           // photons that guide into caustics are not worth their time beside it
+  std::vector<int32_t> region;  // by orientation and cell; -1 where too little is known
+  std::vector<float> cdf;       // kBins + 1 per region, from 0 to 1
+  std::vector<float> received;  // by region: cosine-weighted mean of the radiance from its hemisphere
+  float usual = 0;              // mean over all regions
+  bool alone = false;           // caustic photons are not worth their time beside this guide
   int64_t memory_bytes() const { return int64_t(4 * (region.size() + cdf.size() + received.size())); }
 
   template <int W>
@@ -57,7 +57,8 @@ struct Guide {
     return {gather<W>(region.data(), cell_of(side, p)), side};
   }
 
-  // Between the world's axes and a side's own, whose last one is the side's: axes turn in a circle, then change sign.
+  // Rotates between world axes and those of an orientation, whose last axis is the orientation's: axes are permuted cyclically,
+  // then flipped.
   template <int W>
   static PRIMRAY_INLINE vvec3<W> to_side(vint<W> side, const vvec3<W>& d) {
     const vbool<W> x = side < vint<W>(2), y = side < vint<W>(4);
@@ -72,8 +73,8 @@ struct Guide {
     return {select(x, axis, select(y, d.y, d.x)), select(x, d.x, select(y, axis, d.y)), select(x, d.y, select(y, d.x, axis))};
   }
 
-  // The bin of direction `d` of a side's axes (valid where d.z > 0), and the density of a uniform choice of one of all bins and
-  // of a direction in it, per solid angle.
+  // Bin of direction `d` in an orientation's axes (valid where d.z > 0), and the density per solid angle of choosing a bin and
+  // a direction in it uniformly.
   template <int W>
   struct Bin {
     vint<W> number;
@@ -82,7 +83,7 @@ struct Guide {
   template <int W>
   static PRIMRAY_INLINE Bin<W> bin_of(const vvec3<W>& d) {
     const vfloat<W> zero(0.0f), x = abs(d.x), y = abs(d.y), sum = max(x + y, 1e-20f), part = y / sum;
-    // Once around is 4: part of a quadrant, forwards or backwards.
+    // A full turn is 4: part of a quadrant, forwards or backwards.
     const vfloat<W> around =
         select(d.y >= zero, select(d.x >= zero, part, 2.0f - part), select(d.x < zero, 2.0f + part, 4.0f - part));
     const vint<W> a = truncate(clamp(around * (kAzimuth / 4.0f), 0.0f, kAzimuth - 0.5f));
@@ -91,7 +92,7 @@ struct Guide {
     return {c * vint<W>(kAzimuth) + a, 0.25f * (part * part + rest * rest)};
   }
 
-  // Density of directions `d` (of the world) per solid angle, in valid regions.
+  // Density of directions `d` (world space) per solid angle, in valid regions.
   template <int W>
   PRIMRAY_INLINE vfloat<W> pdf(const GuidePlace<W>& at, const vvec3<W>& d) const {
     const vvec3<W> local = to_side(at.side, d);
@@ -101,10 +102,10 @@ struct Guide {
     return select(local.z > vfloat<W>(0.0f), mass * float(kBins) * bin.density, vfloat<W>(0.0f));
   }
 
-  // Radiance that comes from directions `d`, as far as is known, in valid regions.
+  // Learnt radiance from directions `d`, in valid regions.
   template <int W>
   PRIMRAY_INLINE vfloat<W> radiance(const GuidePlace<W>& at, const vvec3<W>& d) const {
-    // pdf is of radiance times cosine; in a bin of the lowest cosines that is too little to divide by.
+    // The pdf is that of radiance times cosine; in the lowest bin the cosine is too small to divide by.
     const vfloat<W> cosine = max(abs(to_side(at.side, d).z), 1.0f / kCosine);
     return gather<W>(received.data(), at.region) * kPi * pdf(at, d) / cosine;
   }
@@ -130,14 +131,14 @@ struct Guide {
   }
 };
 
-// A vertex of a learning path: where it stood, the direction that was drawn there with which density, and with which without
-// photons, with which chance the path went on, what it carried on, and the luminance that came back.
+// Vertex of a learning path: its position, the sampled direction with its density, and that without photons, the survival
+// probability, the path's throughput, and the luminance that came back.
 struct GuideRecord {
   float p[3], n[3], d[3], pdf, own_pdf, survival, beta, cosine, found;
   int32_t round;
 };
 
-// The records of a task's paths, by slot.
+// Records of a task's paths, by slot.
 struct GuideLog {
   static constexpr int kMost = 12;  // vertices of a path that are kept
   std::vector<GuideRecord> records;
@@ -148,7 +149,7 @@ struct GuideLog {
   void add_vertex(int slot, const GuideRecord& r) {
     if (counts[size_t(slot)] < kMost) records[size_t(slot) * kMost + size_t(counts[size_t(slot)]++)] = r;
   }
-  // What came to a path; not along a direction drawn in this very round.
+  // Adds light that reached a path; it does not count for directions sampled in this round.
   void add_light(int slot, float luminance) {
     GuideRecord* r = &records[size_t(slot) * kMost];
     for (int i = 0; i < counts[size_t(slot)] && r[i].round < round; ++i) r[i].found += luminance / r[i].beta;

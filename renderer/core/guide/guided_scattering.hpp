@@ -1,5 +1,5 @@
-// Scattering by guide and BSDF together: one of them draws the direction, the densities of both weigh it. Apart from the path
-// loop, as few scenes have a guide.
+// Sampling from the guide and the BSDF together, with a one-sample MIS density. Kept apart from the path loop, as few scenes
+// have a guide.
 #pragma once
 
 #include <cmath>
@@ -10,7 +10,7 @@
 
 namespace primray {
 
-// Which lanes stand where the guide knows something, on surfaces that scatter widely and let nothing pass.
+// Locates the lanes in the guide: those on surfaces that scatter widely and transmit nothing.
 template <int W, class Lobes>
 PRIMRAY_RARE GuidePlace<W> find_place(const Guide& guide, vbool<W> scatters, const vvec3<W>& p, const vvec3<W>& ng,
                                       const Lobes& bsdf) {
@@ -26,7 +26,7 @@ PRIMRAY_RARE GuidePlace<W> find_place(const Guide& guide, vbool<W> scatters, con
   return place;
 }
 
-// The density of directions `wi` (of the world), from the BSDF's.
+// Density of directions `wi` (world space) of the mixture, from the BSDF's density.
 template <int W>
 PRIMRAY_RARE vfloat<W> mixed_pdf(const Guide& guide, const GuidePlace<W>& place, const vvec3<W>& wi, vfloat<W> bsdf_pdf) {
   const vbool<W> known = place.region >= vint<W>(0);
@@ -34,7 +34,8 @@ PRIMRAY_RARE vfloat<W> mixed_pdf(const Guide& guide, const GuidePlace<W>& place,
   return select(known, bsdf_pdf * (1.0f - kGuideShare) + pdf * kGuideShare, bsdf_pdf);
 }
 
-// Lanes whose direction the guide draws. One number chooses and is stretched again, so that its strata serve both ways.
+// Chooses the lanes whose direction the guide samples. One random number chooses and is rescaled, so that its strata serve
+// both.
 template <int W>
 PRIMRAY_RARE vbool<W> choose_guide(const GuidePlace<W>& place, vfloat<W>& u) {
   const vbool<W> known = place.region >= vint<W>(0), by_guide = known & (u < vfloat<W>(kGuideShare));
@@ -43,7 +44,8 @@ PRIMRAY_RARE vbool<W> choose_guide(const GuidePlace<W>& place, vfloat<W>& u) {
   return by_guide;
 }
 
-// Draws the direction of lanes `by_guide` in place of the BSDF's, and weighs by both densities wherever there are both.
+// Samples the direction of lanes `by_guide` from the guide in place of the BSDF, and weights by the mixture's density wherever
+// the guide is valid.
 template <int W, class Lobes>
 PRIMRAY_RARE void sample_guided(const Guide& guide, const GuidePlace<W>& place, vbool<W> by_guide, const Pair<W>& u,
                                 const Frame<vfloat<W>>& frame, const vvec3<W>& wo, const Lobes& bsdf, BsdfSample<W>& s) {
@@ -61,16 +63,17 @@ PRIMRAY_RARE void sample_guided(const Guide& guide, const GuidePlace<W>& place, 
   s.diffuse_share = select(known, divide(f.diffuse, some), s.diffuse_share);
 }
 
-// Roulette by what paths are expected to bring (Vorba and Krivanek 2016, "Adjoint-Driven Russian Roulette and Splitting"): the
-// radiance from the direction that they go on in, over what their first surface receives. No less of them than this survives,
-// or what was learnt wrong would make noise. Of a door, an uplight and ledges (error times rays, over roulette by throughput
-// alone): 1/2 0.49, 0.52, 0.71; 1/4 0.56, 0.45, 0.83; 0.1 1.07, 0.54; if all survive 0.79, 0.81.
+// Lower limit of the survival probability in Russian roulette by expected contribution (Vorba and Krivanek 2016,
+// "Adjoint-Driven Russian Roulette and Splitting"): radiance from the direction of the next ray over that received at the first
+// surface. Without the limit, errors of the guide would cause noise. On a door, an uplight and ledges (error times rays,
+// relative to roulette by throughput alone): 1/2 0.49, 0.52, 0.71; 1/4 0.56, 0.45, 0.83; 0.1 1.07, 0.54; if all survive 0.79,
+// 0.81.
 constexpr float kLeastSurvival = 0.5f;
-// A first surface that receives less than this part of the usual radiance expects so much; a relMSE does not ask for more.
+// Lower limit of the radiance received at the first surface, as a share of the mean; a relMSE does not require more precision.
 constexpr float kLeastReceived = 0.01f;
 
-// The factor by which directions `d` are expected to bring more light than the path's first surface receives; 0 before a path
-// has met a surface that the guide knows. `first`: what that surface receives, 0 before.
+// Factor by which directions `d` are expected to bring more light than the path's first surface receives; 0 before a path has
+// hit a surface in the guide. `first`: radiance received there, 0 before.
 template <int W>
 PRIMRAY_RARE vfloat<W> expected_light(const Guide& guide, const GuidePlace<W>& place, const vvec3<W>& d, vfloat<W>& first) {
   const vbool<W> known = place.region >= vint<W>(0);
@@ -81,7 +84,7 @@ PRIMRAY_RARE vfloat<W> expected_light(const Guide& guide, const GuidePlace<W>& p
   return select(first > zero, light / max(first, 1e-30f), zero);
 }
 
-// Keeps vertices `p` and the rays `n` that were drawn there with density `pdf` and then survived with `survival`, for learning.
+// Records vertices `p` and the rays `n` sampled there with density `pdf` and survival probability `survival`, for learning.
 template <int W>
 PRIMRAY_RARE void keep_vertex(GuideLog& log, vbool<W> m, const vvec3<W>& p, const vvec3<W>& ng, const vvec3<W>& ns,
                               vfloat<W> pdf, vfloat<W> survival, const PathLanes<W>& n) {

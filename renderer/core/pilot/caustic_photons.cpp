@@ -1,5 +1,6 @@
-// See caustic_photons.hpp. Photons aim at the bounding balls of what has a smooth surface; a photon is a function of its number
-// alone, and they are kept in the order of their numbers, so that threads and lanes show in no bit.
+// Photon tracing for caustics. Photons are aimed at the bounding spheres of objects with smooth surfaces; a photon is a
+// function of its number alone, and photons are kept in the order of their numbers, so that neither threads nor lanes change a
+// bit.
 #include "pilot/caustic_photons.hpp"
 
 #include <algorithm>
@@ -27,16 +28,17 @@ using I = vint<W>;
 using B = vbool<W>;
 using V = vvec3<W>;
 
-// A light is small where its directions have at least this density per steradian.
+// Lower limit of the density per steradian with which small lights are sampled.
 constexpr float kSmallLight = 10;
 constexpr int kLongest = 10;  // vertices of a photon's path
 constexpr int kRound = 1 << 14, kRounds = 16, kTask = 256;
-// Photons that are kept, by the frame's pixels; small pictures would wait for more than they gain.
+// Limits of the number of photons, and their number by the frame's pixels; for small images photons would cost more than they
+// gain.
 constexpr size_t kFewest = 1 << 13, kMost = 1 << 17, kPixelsEach = 4;
-// A photon's gradients are taken from two that start beside it, by this share of what they aim at.
+// A photon's gradients are computed from two photons that start beside it, offset by this share of their target.
 constexpr int kCorners = 3;
 constexpr float kBeside = 2e-3f;
-constexpr float kLeastSpread = 1e-4f;   // squared sine between their landings
+constexpr float kLeastSpread = 1e-4f;   // squared sine between their landing offsets
 constexpr float kLeastApart2 = 1e-20f;  // squared distances to those: less is rounding, and gradients would overflow
 static_assert(W >= kCorners);
 constexpr uint32_t kPhotonSeed = 0x51ed270bu;
@@ -45,7 +47,7 @@ class Photons {
  public:
   Photons(const Scene& scene, std::vector<CausticTarget> targets, int longest)
       : scene_(scene), targets_(std::move(targets)), longest_(longest) {
-    // By radius: neither the smallest nor the largest are forgotten.
+    // Chooses targets in proportion to their radius, so that neither the smallest nor the largest are neglected.
     double sum = 0;
     for (const CausticTarget& t : targets_) sum += t.radius;
     float run = 0;
@@ -56,7 +58,7 @@ class Photons {
     cdf_.push_back(1.0f);
   }
 
-  // Photons [first, first + kTask).
+  // Traces photons [first, first + kTask).
   void trace(uint32_t first, std::vector<CausticPhoton>& landed) const {
     for (int i = 0; i < kTask; i += W / kCorners) {
       alignas(64) int32_t number[W], corner[W], inside[W];
@@ -75,7 +77,7 @@ class Photons {
   const int longest_;
   std::vector<float> cdf_, data_;
 
-  // Photons by threes of neighbouring lanes: the photon itself, and two that start beside it and are scattered by the same
+  // Photons in triples of adjacent lanes: the photon itself, and two that start beside it and are scattered by the same random
   // numbers.
   struct Corners {
     vuint<W> number;
@@ -105,7 +107,7 @@ class Photons {
     const F beside = radius * kBeside, zero(0.0f);
     const V at = center + frame.s * (r * phi.cos + select(lanes.corner == I(1), beside, zero)) +
                  frame.t * (r * phi.sin + select(lanes.corner == I(2), beside, zero));
-    // From the light's point there, if that is near.
+    // Start at the light's sampled point, unless it is at infinity.
     const B near = s.t < F(1e18f);
     const V point = center + s.wi * select(near, s.t, F(0.0f));
     const V wi = select(near, normalize(point - at), s.wi);
@@ -126,7 +128,7 @@ class Photons {
     F weight(0.0f);
     B alive = launch(lanes, sampler, rays, weight), scattered(false);
     V source = rays.o;
-    I way(0);  // a number of the surfaces that were met, and of what passed them
+    I way(0);  // hash of the surfaces that were hit, and of what passed them
     for (int vertex = 1; vertex <= longest_ && any(alive); ++vertex) {
       const Hits<W> hits = intersect(scene_, true, alive, rays);
       alive &= hits.geom != I(-1);
@@ -172,7 +174,7 @@ class Photons {
     }
   }
 
-  // Photons `kept` of those that are `there`, with gradients where their neighbours went the same way.
+  // Keeps photons `kept` of those that are `there`, with gradients where their neighbours took the same path.
   static void keep(B there, B kept, const V& p, const V& source, I way, F weight, std::vector<CausticPhoton>& landed) {
     const auto at = [](const V& v, int i) { return vec3{v.x[i], v.y[i], v.z[i]}; };
     constexpr uint32_t all = (1u << kCorners) - 1;
@@ -188,7 +190,8 @@ class Photons {
     }
   }
 
-  // The least gradients by which sources move as they do with landings: by the pseudo-inverse of the landings.
+  // Adds the smallest gradients that map changes of the landing point to changes of the source: by the pseudo-inverse of the
+  // landing offsets.
   static void add_gradients(const vec3 (&landings)[2], const vec3 (&sources)[2], CausticPhoton& photon) {
     const vec3 &a = landings[0], &b = landings[1];
     const float aa = dot(a, a), ab = dot(a, b), bb = dot(b, b), det = aa * bb - ab * ab;

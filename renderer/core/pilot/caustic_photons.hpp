@@ -1,4 +1,4 @@
-// Photons from small lights over smooth surfaces: what a CausticGuide is made of.
+// Photons from small lights over smooth surfaces, from which a CausticGuide is built.
 #pragma once
 
 #include <vector>
@@ -8,8 +8,9 @@
 
 namespace primray {
 
-// Those that landed on surfaces which scatter widely, after one smooth surface at least and `longest` - 1 at most. Empty where
-// no small light meets a smooth surface. A function of scene and depth alone; threads show in no bit.
+// Traces photons and returns those that landed on surfaces which scatter widely, after at least one and at most `longest` - 1
+// smooth surfaces. Empty if no small light reaches a smooth surface. A function of scene and depth alone; threads do not change
+// a bit.
 std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads);
 
 }  // namespace primray

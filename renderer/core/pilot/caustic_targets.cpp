@@ -1,4 +1,4 @@
-// See caustic_targets.hpp.
+// Collection of caustic targets.
 #include "pilot/caustic_targets.hpp"
 
 #include <algorithm>
@@ -14,13 +14,14 @@ constexpr size_t kMostTargets = 4096;
 
 bool casts(const float* row) {
   if (!(int(row[kFlags]) & kPreview) || row[kPresence] <= 0) return false;
-  const bool clear = !(int(row[kFlags]) & kOpenPbr) || row[kAlpha] < kCasterAlpha;  // UsdPreviewSurface blurs no transmission
+  const bool clear = !(int(row[kFlags]) & kOpenPbr) || row[kAlpha] < kCasterAlpha;  // UsdPreviewSurface does not blur
+                                                                                    // transmission
   const bool passes = row[kTransmission] > 0 && !(int(row[kFlags]) & kThin) && clear;
   const bool reflects = row[kAlpha] < kCasterAlpha && std::max({row[kF0], row[kF0 + 1], row[kF0 + 2]}) > 0.01f;
   return passes || reflects || (row[kClearcoat] > 0 && row[kClearcoatAlpha] < kCasterAlpha);
 }
 
-// Boxes about what casts caustics in a group: runs of triangles of one mesh, and curved shapes.
+// Adds the boxes of objects that cast caustics in a group: runs of triangles of one mesh, and curved shapes.
 void add_boxes(const Scene& scene, const Group& group, const std::vector<uint8_t>& caster, std::vector<Box>& boxes) {
   const size_t end = size_t(group.triangle_base) + group.triangle_count + group.cutout_count;
   int32_t last = -1;
@@ -60,7 +61,7 @@ std::vector<CausticTarget> caustic_targets(const Scene& scene) {
   std::vector<Box> boxes;
   add_boxes(scene, scene.groups[0], caster, boxes);
   for (const Box& box : boxes) targets.push_back(ball_about(box));
-  // Instances; those in other instances are left to chance.
+  // Targets of instances; nested instances are left to chance.
   const Group& world = scene.groups[0];
   for (uint32_t k = world.placement_base; k < world.placement_base + world.placement_count; ++k) {
     const Group& group = scene.groups[size_t(scene.placement_group[k])];

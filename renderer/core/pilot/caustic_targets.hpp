@@ -1,4 +1,4 @@
-// What photons aim at: bounding balls of what has a smooth surface.
+// Targets of caustic photons: bounding spheres of objects with smooth surfaces.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace primray {
 
-// Lobes up to this width (roughness 0.41) make caustics that scattered rays do not find by themselves. Rough metals and glass
-// under a sun of five degrees, 32 samples, four seeds: relMSE x CPU 0.87 of that with 0.05.
+// Largest alpha (roughness 0.41) of lobes that cast caustics which scattered rays do not find. Rough metals and glass under a
+// sun of five degrees, 32 samples, four seeds: relMSE x CPU time is 0.87 of that with 0.05.
 inline constexpr float kCasterAlpha = 0.17f;
 
 struct CausticTarget {

@@ -1,4 +1,5 @@
-// Pilots of one path and of two, four and eight, and one with more samples of lights.
+// Choice of path splitting by pilot renders: with one path from the first surface and with two, four and eight, and one with
+// more light samples.
 #include "pilot/choose_splits.hpp"
 
 #include <algorithm>
@@ -11,26 +12,27 @@
 namespace primray {
 namespace {
 
-// What may be chosen; more only where it gains more than what the fit is certain of.
+// Candidates; higher ones are chosen only if they gain more than the uncertainty of the fit.
 constexpr int kChoices = 4, kSplits[kChoices] = {1, 2, 4, 8};
 constexpr double kNeededGain[kChoices] = {1, 1, 1.02, 1.04};
-// Where photons guide, most of the error is rare bright paths, which a pilot does not see and splitting brings more of. Metals
-// and glass, four scenes of 32 samples, six seeds: two paths 1.2 to 1.8 times the efficiency of one, pilots 0.87 to 0.97.
+// Needed gains with caustic photons, where most of the error is rare bright paths, which a pilot does not see and of which
+// splitting finds more. Metals and glass, four scenes of 32 samples, six seeds: two paths have 1.2 to 1.8 times the efficiency
+// of one, while pilots say 0.87 to 0.97.
 constexpr double kNeededGainGuided[kChoices] = {1, 0.6, 1, 1.2};
 constexpr int kLightChoices = 3, kLightSamples[kLightChoices] = {1, 2, 4};
 constexpr double kNeededGainLights[kLightChoices] = {1, 1.02, 1.04};
-// A sample of many lights, and of lights of many triangles, costs more than a ray.
+// Cost of a light sample in rays, with many lights and with lights of many triangles.
 constexpr double kTreeCost = 1.2, kTrianglesCost = 2;
-// Of an error no larger part is expected to be divided by samples of lights.
+// Largest share of an error that light samples are expected to divide.
 constexpr double kMostByLights = 0.8;
-// The choice whose paths the pilot with the most samples of lights takes as well, point by point.
+// The candidate whose paths the pilot with the most light samples takes as well, point by point.
 constexpr size_t kLit = 2;
 
 using Errors = std::array<double, kChoices>;
 
-// A part of the error stays, the rest is divided by the splits: the likeliest such errors for those that pilots had. By least
-// sums of absolute logarithms, or one rare bright path in one pilot would decide; to leave out the worst pixels instead would
-// leave out edges of shadows, of which the error of some scenes consists.
+// Fits a constant part of the error and a part that splits divide to the pilots' errors: by least absolute deviations of
+// logarithms, since otherwise one rare bright path in one pilot would decide. Leaving out the worst pixels instead would leave
+// out shadow edges, which are all of the error in some scenes.
 Errors fit(const Errors& found) {
   constexpr int kSteps = 64;
   constexpr double kLeastStaying = 1e-3;
@@ -58,7 +60,7 @@ Errors fit(const Errors& found) {
 }  // namespace
 
 Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
-  if (settings.max_depth < 2 && !scene.rays_find_light) return {};  // nothing comes after the first surface
+  if (settings.max_depth < 2 && !scene.rays_find_light) return {};  // nothing follows the first surface
   std::array<std::unique_ptr<Pilot>, kChoices> pilots;
   std::unique_ptr<Pilot> lit;
   const auto pilot = [&](int splits, int light_samples) {
@@ -80,7 +82,7 @@ Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, Tas
   Errors errors;
   for (size_t i = 0; i < kChoices; ++i) errors[i] = relative_error(*pilots[i], all, 0);
   if (!(*std::min_element(errors.begin(), errors.end()) > 0)) return {};  // nothing is lit
-  // What samples of lights divide is known apart, as both pilots have the same paths, rare bright ones too.
+  // The share that light samples divide is known separately, as both pilots have the same paths, including rare bright ones.
   double by_lights = 0, light_rays = 0;
   if (lit) {
     constexpr double kDivided = 1 - 1.0 / kMostLightSamples;
@@ -92,7 +94,8 @@ Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, Tas
   Splits best;
   double least = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < kChoices; ++i) {
-    // As much of the error with fewer paths. With more it was found to be less: between as much and the same part.
+    // The share for other numbers of paths: with more of them it was found to be smaller, between the same amount and the same
+    // share.
     double divided = by_lights;
     if (i > kLit) divided *= (1 + errors[i] / errors[kLit]) / 2;
     divided = std::min(divided, kMostByLights * errors[i]);

@@ -1,6 +1,6 @@
-// Whether photons pay is told by one pilot that they guide. A pilot without them would not see what they are for: paths that
-// are as rare as they are bright. The guided one finds those often, and knows of each how much rarer it would have been: what
-// it brings, squared, times the ratio of both densities, is what it would have added to the error without photons.
+// Decision whether caustic photons pay, by one pilot that they guide. A pilot without them would miss the paths they exist for,
+// which are as rare as they are bright. The guided pilot finds those often, and knows how much rarer each would have been: its
+// contribution squared, times the ratio of both densities, is what it would have added to the error without photons.
 #include "pilot/learn_caustics.hpp"
 
 #include <algorithm>
@@ -15,18 +15,18 @@
 namespace primray {
 namespace {
 
-// Pixels that count in neither error: with what photons miss as well, which would hide what they find.
+// Pixels left out of both errors: those with light that photons miss as well, which would hide their gain.
 constexpr int kLeftOut = 5;
-// What photons cost, in CPU seconds: 1.3 to 1.7 times as much at 2 and 8 paths from the first surface, on five scenes.
+// Cost of photons in CPU time: 1.3 to 1.7 times as much with 2 and 8 paths from the first surface, on five scenes.
 constexpr double kGuidedCost = 1.4;
 
-// By how much the error (pilot.hpp's) of paths that photons did not guide would be larger.
+// Increase of the error (pilot.hpp's) for paths that photons did not guide.
 double error_without(const Pilot& pilot, const GuideLog& log) {
   double sum = 0;
   for (int slot = 0; slot < Worker::kSlots; ++slot) {
     if (log.counts[size_t(slot)] == 0) continue;
     const int pixel = pilot.place[size_t(slot / (kReplicates * kBlock))];
-    double all = 0;  // the pixel's colours, summed as `found` is
+    double all = 0;  // the pixel's colours, summed like `found`
     for (int c = 0; c < 3; ++c) all += (pilot.mean(0, pixel, c) + pilot.mean(1, pixel, c)) / 2;
     double more = 0;
     for (int i = 0; i < log.counts[size_t(slot)]; ++i) {

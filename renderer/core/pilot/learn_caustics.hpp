@@ -1,4 +1,4 @@
-// A guide into caustics, found by photons before the render.
+// Guide for caustics, learnt from photons before the render.
 #pragma once
 
 #include <memory>
@@ -8,11 +8,11 @@
 
 namespace primray {
 
-// What photons find; null where there are no caustics to speak of. A function of scene and depth alone, not of seed, threads or
-// lanes, so that every part of a render has the same one.
+// Returns the guide, or null if there are no significant caustics. A function of scene and depth alone, not of seed, threads or
+// lanes, so that every part of a distributed render has the same one.
 std::unique_ptr<CausticGuide> find_caustics(const Scene& scene, int max_depth, int threads);
 
-// The same; null also where it would not pay.
+// Returns the guide, or null if it would not pay.
 std::unique_ptr<CausticGuide> learn_caustics(const Scene& scene, int max_depth, int threads, TaskFunction task);
 
 }  // namespace primray

@@ -1,5 +1,6 @@
-// Three passes of paths spread over the frame, each guided by what those before it found. Pilots decide before them whether
-// there is anything to win, after each whether to go on, and at the end whether the guide is used.
+// Learning of the guide in three passes of paths spread over the frame, each guided by what the previous ones found. Pilots
+// decide beforehand whether there is anything to gain, after each pass whether to continue, and at the end whether the guide is
+// used.
 #include "pilot/learn_guide.hpp"
 
 #include <algorithm>
@@ -15,35 +16,35 @@ namespace primray {
 namespace {
 
 constexpr uint32_t kSeed = 0x6c078965u;
-// Pictures whose pilot, 32 samples a pixel, errs by less are good soon without a guide; learning takes a quarter of a second of
-// one thread.
+// Error of a pilot with 32 samples per pixel below which a guide is not needed: such images converge soon, and learning takes a
+// quarter of a second on one thread.
 constexpr double kHard = 0.002;
-// Pixels that pilots do not count.
+// Pixels that pilots leave out.
 constexpr int kLeftOut = 5;
-// Where so much of the error is left with one scattering, indirect light is not what is hard; but direct light of a dome, which
-// rays look for, may be guided as well: to windows.
+// Largest share of the error with one scattering event for which indirect light is what is hard; but direct light of a dome,
+// which rays look for, may be guided as well: to windows.
 constexpr double kMostDirect = 0.3;
-// A guided ray costs more by its tables.
+// Relative cost of a guided ray, for its tables.
 constexpr double kGuidedCost = 1.15;
-// Of a single pair of pilots, with a guide and without, a fifth to a half is chance: so many decide where the first one does
-// not say at once that a guide pays.
+// Pairs of pilots where the first does not show at once that a guide pays: the ratio of a single pair, with and without a
+// guide, is a fifth to a half chance.
 constexpr int kPairs = 4;
 constexpr double kSure = 0.65;
-// Photons of which fewer lead to small lights are not worth their time beside a guide, which finds large ones as well.
+// Share of sharp photons below which they are not worth their time beside a guide, which finds large lights as well.
 constexpr float kFewSharp = 0.05f;
-// What little was learnt so far decides against it only where it costs so much more.
+// Cost ratio at which the little that has been learnt so far decides against a guide.
 constexpr double kHopeless = 1.25;
 // Tasks of the passes; one is 16 x 16 pixels with 2 x 16 samples.
 constexpr int kPasses = 3, kTasks[kPasses] = {4, 8, 16};
-// A region is halved while it holds twice as many records; below the fewest it is left to the BSDF.
+// A region is halved while it holds twice as many records; below kFewest it is left to the BSDF.
 constexpr int kEnough = 2000, kFewest = 200;
-// No record counts for more than so many times the average: one found by a rare path would outweigh the rest.
+// Upper limit of a record's value relative to the mean: one found by a rare path would outweigh the rest.
 constexpr float kMostOfMean = 50;
 
 struct Record {
   float p[3];
-  float value;  // an estimate of the cosine-weighted radiance in its bin's direction, over the density it was found with
-  float paths;  // that it stands for: others from there did not go on
+  float value;  // estimate of the cosine-weighted radiance from the direction of its bin, divided by its sampling density
+  float paths;  // number of paths that it represents: others from there ended
   int16_t bin;
   int8_t side;
 };
@@ -71,7 +72,7 @@ std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, Ta
       const vvec3<1> n{vfloat<1>(r.n[0]), vfloat<1>(r.n[1]), vfloat<1>(r.n[2])};
       const vint<1> side = Guide::side_of<1>(n);
       const vvec3<1> local = Guide::to_side<1>(side, d);
-      // Directions beyond the side's half of the sphere only tell that the region is known.
+      // Directions outside the hemisphere only show that the region is known.
       const bool before = local.z[0] > 0;
       const int bin = before ? Guide::bin_of<1>(local).number[0] : 0;
       records.push_back({{r.p[0], r.p[1], r.p[2]}, before ? value : 0.0f, 1 / r.survival, int16_t(bin), int8_t(side[0])});
@@ -82,7 +83,7 @@ std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, Ta
 
 // Halves boxes of cells until each holds about as many records.
 struct Regions {
-  const std::vector<int>& counts;  // by side and cell
+  const std::vector<int>& counts;  // by orientation and cell
   const float* extent;
   Guide& guide;
   int regions = 0;
@@ -116,7 +117,7 @@ struct Regions {
   }
 };
 
-// A bin's neighbours share a part of what it holds, or noise would be taken for light.
+// Blurs a bin with its neighbours, or noise would be taken for light.
 void soften(const double* bins, double* soft) {
   for (int z = 0; z < Guide::kCosine; ++z) {
     for (int a = 0; a < Guide::kAzimuth; ++a) {
@@ -191,7 +192,7 @@ void on_two_threads(int first, int end, F f) {
   other.join();
 }
 
-// Error times rays of pairs of pilots, with a guide and without; those without are kept for the next guide.
+// Error times rays of pairs of pilots, with and without a guide; those without are kept for the next guide.
 struct Comparison {
   std::array<std::unique_ptr<Pilot>, kPairs> plain;
   std::array<double, kPairs> with{}, without{};
@@ -208,7 +209,7 @@ struct Comparison {
       without[k] = relative_error(*plain[k], both, kLeftOut) * plain[k]->rays;
     });
   }
-  // Error by cost of paths with a guide, over that of paths without.
+  // Error times cost of paths with a guide, relative to paths without.
   double ratio() const {
     return kGuidedCost * std::accumulate(with.begin(), with.end(), 0.0) / std::accumulate(without.begin(), without.end(), 0.0);
   }
@@ -220,7 +221,7 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
   if (settings.max_depth < 2) return nullptr;
   std::vector<Record> records;
   std::unique_ptr<Guide> guide;
-  double cost = 1;  // over that without a guide
+  double cost = 1;  // relative to paths without a guide
   const auto work = [&] {
     set_float_mode();
     Comparison comparison;

@@ -1,8 +1,8 @@
-// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, to see what a choice of
-// sampling would bring. Its samples are not used in the image, so nothing is biased by choosing on them.
+// Pilot render: 16 x 16 pixels spread over the whole frame, whatever part of it is rendered, with 2 x 16 samples each, to
+// measure the benefit of a sampling choice. Its samples are not used in the image, so choices based on them cause no bias.
 //
-// The error is what the render's own report counts, squared differences over (R^2 + 0.01), here between the two replicates,
-// which are independent; the cost is rays.
+// The error is that of the render's own report, squared differences over (R^2 + 0.01), here between the two replicates, which
+// are independent; the cost is the number of rays.
 #pragma once
 
 #include <algorithm>
@@ -16,14 +16,14 @@
 namespace primray {
 
 struct Pilot {
-  // The same for every seed of a scene, so that renders that differ in seed alone take the same paths.
+  // The same for every seed of a scene, so that renders that differ only in their seed make the same choices.
   static constexpr uint32_t kSeed = 0x9d2c5680u;
 
   Film film{kTile, kTile};
   double rays = 0;
-  std::array<int, kTile * kTile> place{};  // in the film, by the order in which its pixels are sampled
+  std::array<int, kTile * kTile> place{};  // index in the film, in the order in which its pixels are sampled
 
-  // Those of other numbers have other pixels and points.
+  // Pilots of different `number` have different pixels and sample points.
   Pilot(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number = 0) {
     settings.seed = kSeed + uint32_t(number);
     TileBlock block{0, 0, scene.camera.width, scene.camera.height, 0, 0};
@@ -42,8 +42,8 @@ struct Pilot {
   }
 };
 
-// The error of a pilot's picture per pixel and colour; R from all pilots. `left_out`: so many pixels with the largest
-// differences are, where a rare bright path would decide alone.
+// Error of a pilot's image per pixel and channel; R from all pilots. `left_out`: number of pixels with the largest differences
+// that are left out, where a single rare bright path would decide.
 inline double relative_error(const Pilot& pilot, std::span<const Pilot* const> all, int left_out) {
   std::array<double, kTile * kTile> errors{};
   for (int p = 0; p < kTile * kTile; ++p) {

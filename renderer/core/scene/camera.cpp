@@ -1,4 +1,4 @@
-// How a camera that moves stands at a time: between two poses its rotation turns at constant speed, the rest is linear.
+// Pose of a moving camera at a time: between two samples its rotation turns at constant speed, the rest is linear.
 #include "scene/camera.hpp"
 
 #include <algorithm>
@@ -41,7 +41,7 @@ CameraRay<1> Camera::ray_of_channel(const Drawn& drawn, const LensFlaws& lens, f
   const float focus = focus_distance;
   float fx = drawn.fx, fy = drawn.fy;
   if (lens.is_chromatic) {
-    // What this channel's image shows here the others show nearer to the axis, or farther from it.
+    // Point of this channel's image that the other channels show nearer to the axis, or farther from it.
     const double axis_x = -window.left / (window.right - window.left) * width;
     const double axis_y = window.top / (window.top - window.bottom) * height;
     fx = float(axis_x + (fx - axis_x) / lens.magnification[c]), fy = float(axis_y + (fy - axis_y) / lens.magnification[c]);

@@ -1,4 +1,4 @@
-// The camera: from a point on the film, drawn from the pixel filter, and a point on the lens to a ray.
+// Camera: maps a point on the film, drawn from the pixel filter, and a point on the lens to a ray.
 #pragma once
 
 #include <cmath>
@@ -15,11 +15,11 @@
 
 namespace primray {
 
-// Importance sampling of a symmetric pixel filter: offset in pixels from u in [0,1). Every sample then has weight 1
-// and adds to its own pixel alone (Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling").
+// Importance sampling of a symmetric pixel filter: offset in pixels from u in [0,1). Every sample then has weight 1 and is
+// added to its own pixel only (Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling").
 struct PixelFilter {
   static constexpr int kCells = 512;
-  float box_width = 1;             // used when table is empty
+  float box_width = 1;             // used if the table is empty
   std::vector<float> inverse_cdf;  // kCells + 2 offsets at u = i / kCells
 
   template <int W>
@@ -37,31 +37,31 @@ struct CameraRay {
   vvec3<W> o, d;
   vfloat<W> tnear, tfar;
 
-  // Not where a distorting lens sees nothing.
+  // False outside the field of view of a distorting lens.
   vbool<W> exists() const { return tfar >= vfloat<W>(0.0f); }
 };
 
-// Footprints of camera rays, in pixels across. Half a pixel, since a pixel's samples average over it anyway: textures stay as
-// sharp as the pixel filter, and four neighbouring samples still cover them.
+// Width of camera ray cones in pixels. Half a pixel, since a pixel's samples average over it anyway: textures stay as sharp as
+// the pixel filter, and four neighbouring samples still cover them.
 constexpr float kConePixels = 0.5f;
 
-// Pixels from (x, y) on, counted from the frame's upper left; some may lie outside of the frame.
+// Pixels from (x, y) on, counted from the upper left of the frame; some may be outside of the frame.
 struct PixelWindow {
   int x = 0, y = 0, width = 0, height = 0;
 };
 
-// What lies where a x + b y + c z + d < 0 is cut off, in the camera's space (UsdGeomCamera, clippingPlanes).
+// Cuts off the half-space a x + b y + c z + d < 0 in camera space (UsdGeomCamera, clippingPlanes).
 struct ClippingPlane {
   float a, b, c, d;
 };
 
-// A camera at one of the times of its clock: what of it may move, in double, as the core has lengths.
+// A camera at one of its motion samples: the parts that may move, in double, in the core's lengths.
 struct CameraPose {
   Turning turning;
   double left, bottom, right, top, near, far, back, lens_radius, focus_distance;
 };
 
-// The window's sides, where floats do not suffice.
+// Sides of the window in double, where floats do not suffice.
 struct ExactWindow {
   double left, right, bottom, top;
 };
@@ -73,42 +73,42 @@ struct CameraPath {
 
 struct Camera {
   int width = 0, height = 0;  // of the frame, which the screen window covers
-  PixelWindow pixels;         // those that are rendered: what a film holds
+  PixelWindow pixels;         // pixels that are rendered: the film's
   bool orthographic = false;
-  Affine<float> world_from_camera;                 // axes orthonormal, in the core's space
+  Affine<float> world_from_camera;                 // orthonormal axes, in the core's space
   float left = 0, bottom = 0, right = 0, top = 0;  // at unit distance, or in the core's lengths (orthographic)
-  float near = 0, far = 0;                         // along the view, from where rays begin
-  float back = 0;                                  // so far behind the camera: where an orthographic one sees what is there
+  float near = 0, far = 0;                         // along the view direction, where rays begin and end
+  float back = 0;                                  // distance behind the camera from which an orthographic one sees
   float lens_radius = 0, focus_distance = 1;
-  int blades = 0;          // the lens is a regular polygon of as many sides, its corners on the circle; 0: the whole circle
-  float first_corner = 0;  // direction of one of them, in turns from +x towards +y
-  Fact<built::kMotion> moves = false;  // as `path` says; what is above then holds at the frame
+  int blades = 0;                      // number of sides of a regular polygonal aperture, its corners on the circle; 0: a disc
+  float first_corner = 0;              // direction of one corner, in turns from +x towards +y
+  Fact<built::kMotion> moves = false;  // moves by `path`; the fields above then hold at the frame time
   CameraPath path;
-  const Distortion* distortion = nullptr;  // the scene's; its film is the window
+  const Distortion* distortion = nullptr;  // owned by the scene; its film is the window
   ExactWindow window{-1, 1, -1, 1};
-  float finest = 1;  // pixels at the distortion's finest place, by those of the middle
+  float finest = 1;  // pixel size at the distortion's finest place, relative to the middle
   LensFlaws flaws;
-  bool flawed = false;      // it has some
-  bool lens_opens = false;  // somewhere on it
+  bool flawed = false;      // it has lens flaws
+  bool lens_opens = false;  // anywhere on the shutter interval
   std::vector<ClippingPlane> clipping_planes;
   PixelFilter filter;
 
-  // A ray's cone: its width at the camera, and how much wider it gets per distance (Akenine-Moller et al. 2021, "Improved
-  // Shader and Texture Level of Detail Using Ray Cones").
+  // Ray cone: its width at the camera, and its growth per unit of distance (Akenine-Moller et al. 2021, "Improved Shader and
+  // Texture Level of Detail Using Ray Cones").
   float cone_width() const { return orthographic ? kConePixels * pixel_size() : 0.0f; }
   float cone_spread() const { return orthographic ? 0.0f : kConePixels * finest * pixel_size(); }
   float pixel_size() const { return std::sqrt((right - left) / float(width) * ((top - bottom) / float(height))); }
 
-  // Where a point in the core's space is seen without its lens's size, in pixels of the frame, right and down; false where it
-  // is not. `pixel`: on entry, near where to look for it.
+  // Projects a point in the core's space through the centre of the lens to pixels of the frame, right and down; false if it is
+  // not visible. `pixel`: on entry, an initial guess.
   bool project(const dvec3& point, double (&pixel)[2]) const;
 
   bool has_lens() const { return lens_radius > 0 || lens_opens; }
-  // Itself, as it stands at a time.
+  // The camera as it is at a time.
   Camera at(float time) const;
 
-  // Ray through pixel (x, y), counted from the upper left; u_film, u_lens in [0,1)^2. Directions have unit length. `time`: of
-  // cameras that move. Through a lens that distorts some may not exist.
+  // Ray through pixel (x, y), counted from the upper left; u_film, u_lens in [0,1)^2. Directions have unit length. `time`: for
+  // cameras that move. Rays through a distorting lens may not exist.
   template <int W>
   PRIMRAY_INLINE CameraRay<W> ray(vint<W> x, vint<W> y, vfloat<W> u0, vfloat<W> u1, vfloat<W> lens0, vfloat<W> lens1,
                                   vfloat<W> time) const {
@@ -117,8 +117,8 @@ struct Camera {
     return ray_through(fx, fy, lens0, lens1);
   }
 
-  // The same through the lens's flaws: `channel` in [0,1) is for the one of the colours that the ray carries, `weight` what
-  // its light is multiplied with. A lane at a time.
+  // Ray with the lens's flaws: `channel` in [0,1) selects the colour channel that the ray carries, `weight` is the factor of
+  // its light. One lane at a time.
   template <int W>
   PRIMRAY_RARE CameraRay<W> flawed_ray(vint<W> x, vint<W> y, Pair<W> film, Pair<W> lens, vfloat<W> time, vfloat<W> channel,
                                        vvec3<W>& weight) const {
@@ -146,7 +146,7 @@ struct Camera {
   };
   CameraRay<1> ray_of_channel(const Drawn& drawn, const LensFlaws& lens, float channel, vec3& weight);
 
-  // Through a point of the film, in pixels from the upper left.
+  // Ray through a point of the film, in pixels from the upper left.
   template <int W>
   PRIMRAY_INLINE CameraRay<W> ray_through(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1) const {
     if (distortion) return distorted_ray(fx, fy, lens0, lens1);
@@ -178,7 +178,7 @@ struct Camera {
             len * to};
   }
 
-  // Directions a lane at a time.
+  // Computes directions one lane at a time.
   template <int W>
   PRIMRAY_RARE CameraRay<W> distorted_ray(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1) const {
     alignas(64) float rows[4][W];
@@ -193,13 +193,13 @@ struct Camera {
     ray.tnear = select(exists, ray.tnear, vfloat<W>(0.0f)), ray.tfar = select(exists, ray.tfar, vfloat<W>(-1.0f));
     return ray;
   }
-  // Of a point of the film, in pixels, through the lens that distorts.
+  // Direction of a point of the film, in pixels, through a distorting lens.
   std::optional<dvec3> direction(double fx, double fy) const {
     const ExactWindow& w = window;
     return distortion->direction(w.left + fx * ((w.right - w.left) / width), w.top - fy * ((w.top - w.bottom) / height));
   }
 
-  // A lane at a time, each with a camera of its own.
+  // One lane at a time, each with its own camera.
   template <int W>
   PRIMRAY_RARE CameraRay<W> moving_ray(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1, vfloat<W> time) const {
     alignas(64) float rows[8][W];
@@ -214,7 +214,7 @@ struct Camera {
     const auto lanes = [&](int c) { return load<W>(rows[c]); };
     return {{lanes(0), lanes(1), lanes(2)}, {lanes(3), lanes(4), lanes(5)}, lanes(6), lanes(7)};
   }
-  // All that it has without its path and filter: what stands as the path says, a ray at a time.
+  // The camera without its path and filter, posed per ray.
   Camera stance() const;
   void stand(const CameraPath& along, float time);
   void stand_as(const Camera& still);
@@ -227,7 +227,8 @@ struct Camera {
       const SinCos<W> phi = sincos_turns(u1);
       return {r * phi.cos, r * phi.sin, vfloat<W>(0.0f)};
     }
-    // One of the triangles between the centre and two corners, and a point in it: r is its share of the way from the centre.
+    // Choose one of the triangles between the centre and two corners, and a point in it: r is its share of the way from the
+    // centre.
     const vfloat<W> n(static_cast<float>(blades)), side = u1 * n;
     const vint<W> k = min(truncate(side), vint<W>(blades - 1));
     const vfloat<W> along = side - to_float(k);
@@ -236,7 +237,7 @@ struct Camera {
     return {r * (a.cos + (b.cos - a.cos) * along), r * (a.sin + (b.sin - a.sin) * along), vfloat<W>(0.0f)};
   }
 
-  // Shortens the depths [from, to] of the ray o + depth d to what all planes leave, which may be nothing.
+  // Clips the depths [from, to] of the ray o + depth d to all clipping planes, which may leave nothing.
   template <int W>
   PRIMRAY_INLINE void clip(const vvec3<W>& o, const vvec3<W>& d, vfloat<W>& from, vfloat<W>& to) const {
     const vfloat<W> zero(0.0f);
@@ -247,7 +248,7 @@ struct Camera {
       to = select((slope < zero) & (depth < to), depth, to);
       to = select((slope == zero) & (at < zero), from, to);
     }
-    // Nothing is met between equal ends.
+    // Equal ends hit nothing.
     from = min(from, vfloat<W>(far)), to = max(from, to);
   }
 };

@@ -1,4 +1,4 @@
-// Inverses of lens models. Arithmetic and roots alone: a C library's sines differ from one machine to the next.
+// Inverses of lens models. Only arithmetic and square roots: sines of C libraries differ from one machine to the next.
 #include "scene/distortion.hpp"
 
 #include <algorithm>
@@ -10,11 +10,11 @@ namespace primray {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kWidestTangent = 1e4;  // nothing of a film is farther from the axis
-constexpr int kScan = 4096;             // steps in which models are searched for where they turn
+constexpr double kWidestTangent = 1e4;  // no point of the film is farther from the axis
+constexpr int kScan = 4096;             // steps of the search for where models turn back
 constexpr int kIterations = 64;
 constexpr int kAround = 16;    // directions in half a turn
-constexpr double kBeyond = 4;  // texels that a table goes on over its edges, for pixel filters
+constexpr double kBeyond = 4;  // texels by which a table is extended over its edges, for pixel filters
 
 struct SinCos1 {
   double sin, cos;
@@ -34,7 +34,7 @@ SinCos1 sincos_of(double angle) {
   return {s, c};
 }
 
-// The first x in (0, end] where `slope` is no longer above 0; `end` if there is none.
+// Returns the first x in (0, end] where `slope` is no longer above 0; `end` if there is none.
 template <class Slope>
 double first_turn(double end, const Slope& slope) {
   double low = 0;
@@ -53,7 +53,8 @@ double first_turn(double end, const Slope& slope) {
   return end;
 }
 
-// x in [0, end] with f(x) = wanted, f ascending there: Newton's steps, and halves where they leave the bracket.
+// Returns x in [0, end] with f(x) = wanted, for f ascending there: Newton's method, with bisection where steps leave the
+// bracket.
 template <class F, class Slope>
 double solved(double wanted, double end, double start, const F& f, const Slope& slope) {
   double low = 0, high = end, x = std::clamp(start, low, high);
@@ -85,7 +86,7 @@ struct Distorted {
   double xx, xy, yx, yy;  // derivatives of x and of y
 };
 
-// OpenCV, calib3d: "Detailed Description", the model of projectPoints, without the tilt of the sensor. +y down.
+// Model of projectPoints in OpenCV, calib3d, "Detailed Description", without the tilt of the sensor. +y down.
 Distorted rational(const double* k, double x, double y) {
   const double s = x * x + y * y;
   const double above = 1 + s * (k[0] + s * (k[1] + s * k[4])), below = 1 + s * (k[5] + s * (k[6] + s * k[7]));
@@ -116,8 +117,8 @@ double Distortion::radial_slope(double r) const {
   return (above + 2 * s * above_slope - above * 2 * s * below_slope / below) / below;
 }
 
-// Above 0 while nothing within this radius lands where something else does: the radial part grows or, where it is not alone,
-// the mapping keeps its orientation all around.
+// Positive as long as the mapping is one to one within this radius: the radial part grows or, where it is not alone, the
+// mapping keeps its orientation all around.
 double Distortion::unfolds(double r) const {
   if (is_radial() || !(radial_slope(r) > 0)) return radial_slope(r);
   double least = std::numeric_limits<double>::infinity();
@@ -148,7 +149,7 @@ void Distortion::limit() {
       return;
     case DistortionModel::kRadiusToAngle: {
       const double seen = std::min(most_angle, kPi);
-      // Far enough for the angle to be reached, or never.
+      // Extend the bracket until the angle is reached, or never.
       double end = 1;
       while (end < kWidestTangent && polynomial(k, end) < seen && slope_of(k, end) > 0) end *= 2;
       most_inside = first_turn(end, [&](double r) { return polynomial(k, r) <= seen ? slope_of(k, r) : -1.0; });
@@ -171,7 +172,7 @@ std::optional<double> Distortion::angle_of(double radius) const {
       [&](double a) { return odd_slope(k, a); });
 }
 
-// Newton's method in two dimensions from where the radial part alone would have it.
+// Newton's method in two dimensions, starting from the inverse of the radial part alone.
 std::optional<dvec3> Distortion::undistorted(double x, double y) const {
   const double radius = std::sqrt(x * x + y * y);
   if (radius == 0 && k[8] == 0 && k[10] == 0) return dvec3{0, 0, -1};
@@ -238,8 +239,7 @@ std::optional<double> Distortion::radius_of(double angle) const {
       angle, most_inside, angle / k[1], [&](double r) { return polynomial(k, r); }, [&](double r) { return slope_of(k, r); });
 }
 
-// Newton's method in two dimensions with differences for derivatives: `d` of unit length, across which what is seen has to be
-// 0.
+// Newton's method in two dimensions with finite differences: `d` of unit length, across which the result has to be 0.
 std::optional<dvec3> Distortion::searched(const dvec3& d, dvec3 from) const {
   const dvec3 aside = std::fabs(d.x) < 0.5 ? dvec3{1, 0, 0} : dvec3{0, 1, 0};
   const dvec3 u = normalize(cross(d, aside)), v = cross(d, u);

@@ -1,5 +1,5 @@
-// A lens's distortion: from a point of the film to a direction, in double. Film points are in units of the focal length, +y up;
-// where no lens distorts, they are the camera's window at unit distance.
+// Lens distortion: maps a point of the film to a direction, in double. Film points are in units of the focal length, +y up;
+// without distortion they are the camera's window at unit distance.
 #pragma once
 
 #include <optional>
@@ -10,16 +10,16 @@
 namespace primray {
 
 enum class DistortionModel {
-  kRational,       // OpenCV's pinhole: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
-  kAngleToRadius,  // radius on the film = k0 a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9 of the angle a to the axis
-  kRadiusToAngle,  // angle to the axis = k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 of the radius r on the film
+  kRational,       // OpenCV's pinhole model: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
+  kAngleToRadius,  // radius on the film = k0 a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9 for the angle a to the axis
+  kRadiusToAngle,  // angle to the axis = k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 for the radius r on the film
   kTable,          // directions, linear between texels
 };
 
-// Directions at the centres of texels, the first at the upper left: three floats each, NaN where the lens sees nothing.
+// Directions at the centres of texels, the first at the upper left: three floats each, NaN outside the field of view.
 struct DirectionTable {
   int columns = 0, rows = 0;
-  double left = 0, right = 0, bottom = 0, top = 0;  // of the whole table on the film
+  double left = 0, right = 0, bottom = 0, top = 0;  // extent of the whole table on the film
   std::vector<float> directions;
 
   std::optional<dvec3> at(double x, double y) const;
@@ -30,25 +30,25 @@ struct Distortion {
 
   DistortionModel model = DistortionModel::kRational;
   double k[kCoefficients] = {};
-  double most_angle = 0;   // radians from the axis that the lens sees
-  double most_inside = 0;  // so far the model is one to one: in tangents (rational), radians, or radii on the film
-  double most_radius = 0;  // where that lands on the film
+  double most_angle = 0;   // field of view: largest angle from the axis, in radians
+  double most_inside = 0;  // limit up to which the model is one to one: in tangents (rational), radians, or radii on the film
+  double most_radius = 0;  // image of that limit on the film
   DirectionTable table;
 
-  // Finds how far the model is one to one.
+  // Finds the limit up to which the model is one to one.
   void limit();
 
-  // Focus and clipping are by distance: there is no plane that such a lens has all of before it.
+  // Whether focus and clipping are by distance: no plane has the whole view of such a lens in front of it.
   bool on_spheres() const { return model != DistortionModel::kRational; }
 
-  // Where the lens looks from (x, y): of unit length if it is on spheres, else with z = -1. Nothing beyond what it sees.
+  // Direction of the film point (x, y): unit length if on_spheres(), otherwise with z = -1. None outside the field of view.
   std::optional<dvec3> direction(double x, double y) const;
 
-  // Where on the film a direction of any length lands, (x, y, 0); nothing where the lens does not see it. `near`: a point of
-  // the film from where a table is searched.
+  // Film point (x, y, 0) of a direction of any length; none if the lens does not see it. `near`: film point at which the search
+  // in a table begins.
   std::optional<dvec3> film_point(const dvec3& d, const dvec3& near) const;
 
-  // How much finer directions lie than at the film's middle, at the finest place of this window: 1 or less.
+  // Smallest spacing of directions in this window, relative to the film's middle: 1 or less.
   double finest(double left, double right, double bottom, double top) const;
 
  private:

@@ -1,4 +1,4 @@
-// See light_outline_table.hpp.
+// Lookup in light_outline_table.hpp.
 #include "scene/light_outline_table.hpp"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Values on shapes that surfaces' inputs read by name: one flat array, and who has what.
+// Primvars that surface inputs read by name: one flat array of values, and a table of the shapes that have them.
 #pragma once
 
 #include <cstdint>
@@ -6,12 +6,12 @@
 
 namespace primray {
 
-// Order in scene_upload.
+// Order as in scene_upload.
 enum class PrimvarKind : int32_t { kConstant, kFace, kPoint, kCorner, kInstance };
 
 struct PrimvarTable {
   std::vector<float> values;
-  // By primvar: what its rows belong to, numbers a row (1 to 4), where its first row stands.
+  // By primvar: interpolation, components per row (1 to 4), and the offset of its first row.
   std::vector<int32_t> kind, width, base;
   // By (owner, name): the primvar, or -1. Names are those that some surface reads, numbered from 0.
   int names = 0;

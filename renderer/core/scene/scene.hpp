@@ -1,10 +1,11 @@
 // The scene as the core renders it: flat float arrays, relative to the camera and scaled, joined by indices. Knows no USD.
 //
-// Folder: scene.hpp and the tables beside it are the data, which build/ fills from double-precision input; camera.hpp the
-// film's rays. accel/ makes Embree scenes of it, surface/ reads what varies over shapes, light/ and bsdf/ read their tables,
-// path/ walks paths through it. A `Group` is geometry with an Embree scene of its own: group 0 is everything placed once, in
-// world space; the others are prototypes in their own space, placed by instances. Instances may stand in a prototype, which has
-// no shapes then: Embree knows one level of instances, so such a prototype is placed by accel/placed_geometry.
+// This folder: scene.hpp and the tables beside it are the data, which build/ fills from double-precision input; camera.hpp
+// generates camera rays. accel/ builds Embree scenes of it, surface/ evaluates what varies over shapes, light/ and bsdf/ read
+// their tables, path/ traces paths through it. A `Group` is geometry with its own Embree scene: group 0 is everything placed
+// once, in world space; the others are prototypes in their own space, placed by instances. A prototype may consist of
+// instances, and has no shapes then: Embree supports one level of instances, so such a prototype is placed by
+// accel/placed_geometry.
 #pragma once
 
 #include <cstdint>
@@ -38,9 +39,9 @@
 
 namespace primray {
 
-// Embree geometry numbers: in every group triangles, cut-out triangles, pairs of triangles (bvh/pairs.hpp), triangles and
-// cut-outs that move, those of curved shapes (scene/curved), tubes and what closes them, still ones and those that move, and
-// after them the placements in it, from its first on.
+// Embree geometry ids in every group: triangles, cutout triangles, pairs of triangles (bvh/pairs.hpp), moving triangles and
+// cutouts, those of curved shapes (scene/curved), tubes and their ends, static and moving ones, and after them the group's
+// placements.
 constexpr uint32_t kTriangleGeometry = 0, kCutoutGeometry = 2, kMovingGeometry = 4, kMovingCutoutGeometry = 5,
                    kCurveGeometry = 6, kCurveEndGeometry = 7, kMovingCurveGeometry = 8, kMovingCurveEndGeometry = 9,
                    kFirstPlacement = 1 << kGeometryBits;
@@ -49,26 +50,28 @@ static_assert(kPairGeometry < kFirstPlacement && kMovingCurveEndGeometry < kFirs
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
 
-// What the triangles of one mesh with one surface share; gathered by lane, hence one array a field.
+// Data shared by the triangles of one mesh with one surface; gathered by lane, hence one array per field.
 struct MeshTable {
   std::vector<int32_t> surface, normals, colors;    // colours and normals: Attribute
   std::vector<int32_t> normal_base, color_base;     // offsets in floats into Scene::normals, ::colors
-  std::vector<int32_t> triangle_base, vertex_base;  // this mesh's first triangle and vertex, counted over the scene
-  std::vector<int32_t> link;                        // row of the lights' LinkTable; empty where there is none
-  std::vector<int32_t> normal_stride;  // where some vertices move: from one time's normals to the next's, in floats; 0: held
+  std::vector<int32_t> triangle_base, vertex_base;  // this mesh's first triangle and vertex, by index over the scene
+  std::vector<int32_t> link;                        // row of the lights' LinkTable; empty if there is none
+  std::vector<int32_t> normal_stride;  // for moving vertices: distance from one time's normals to the next's, in floats; 0:
+                                       // constant
 };
 
 struct Group {
   uint32_t triangle_base = 0, triangle_count = 0;
-  uint32_t paired_count = 0;                           // of the triangles, the first that Embree has as pairs
-  uint32_t cutout_count = 0;                           // triangles after those, which a filter looks at
-  uint32_t moving_count = 0, moving_cutout_count = 0;  // after those, likewise, of vertices that move
+  uint32_t paired_count = 0;                           // number of leading triangles that Embree has as pairs
+  uint32_t cutout_count = 0;                           // triangles after those, which have a filter
+  uint32_t moving_count = 0, moving_cutout_count = 0;  // moving triangles after those, without and with a filter
   uint32_t vertex_base = 0, vertex_count = 0;          // at one time
-  uint32_t moving_vertex_count = 0;                    // the last of them, which stand again for each later time of the clock
-  int32_t clock = -1;                                  // of its vertices
+  uint32_t moving_vertex_count = 0;                    // number of trailing vertices that move, stored again for each later
+                                                       // motion sample
+  int32_t clock = -1;                                  // motion samples of its vertices
   CurvedRanges curved;
   CurveGroup curves;
-  uint32_t placement_base = 0, placement_count = 0;  // what is placed in it: in the world, or in a prototype without shapes
+  uint32_t placement_base = 0, placement_count = 0;  // placements in it: in the world, or in a prototype without shapes
   OwnedScene accel;
   uint32_t still_count() const { return triangle_count + cutout_count; }
   uint32_t all_triangles() const { return still_count() + moving_count + moving_cutout_count; }
@@ -80,7 +83,7 @@ struct Scene {
   Scene(const Scene&) = delete;
 
   // Triangles of all groups; indices count from their group's first vertex.
-  std::vector<float> positions;  // x, y, z; a spare float at the end, which Embree may read
+  std::vector<float> positions;  // x, y, z; padded by one float at the end, which Embree may read
   std::vector<uint32_t> indices;
   std::vector<int32_t> triangle_mesh;
   std::vector<float> normals, colors;
@@ -92,15 +95,16 @@ struct Scene {
   std::vector<Group> groups;
 
   // Instances, all placements one after the other.
-  std::vector<float> world_from_group;      // 12 floats an instance: columns x, y, z, origin (for one in a prototype: to that)
+  std::vector<float> world_from_group;      // 12 floats per instance: columns x, y, z, origin (for one in a prototype: to the
+                                            // prototype's space)
   std::vector<int32_t> placement_group;     // by placement
   std::vector<int32_t> placement_instance;  // first instance, by placement
   std::deque<PlacedGroup> placed;           // placements that are user geometry; Embree holds pointers to them
-  std::deque<CutoutGroup> cutouts;          // of groups with cut-outs; likewise
-  std::deque<TubeEnds> tube_ends;           // likewise
+  std::deque<CutoutGroup> cutouts;          // of groups with cutouts; Embree holds pointers to them
+  std::deque<TubeEnds> tube_ends;           // Embree holds pointers to them
 
   SurfaceTable surfaces;
-  // Of the surfaces whose inputs vary: by surface, the index of its inputs, or -1.
+  // By surface, the index of its varying inputs, or -1.
   std::vector<int32_t> surface_inputs_of;
   std::vector<SurfaceInputs> surface_inputs;
   std::vector<Tape> tapes;
@@ -121,27 +125,27 @@ struct Scene {
   dvec3 origin{0.0, 0.0, 0.0};
   double scale = 1.0;
 
-  // Facts of the scene that spare work where they are false.
-  Fact<built::kInstances> has_instances = false;    // else no hit carries an instance
-  Fact<built::kInstances> has_grouped = false;      // some instances stand in others
+  // Facts of the scene that save work where they are false.
+  Fact<built::kInstances> has_instances = false;    // otherwise no hit has an instance
+  Fact<built::kInstances> has_grouped = false;      // some instances are nested
   Fact<built::kAttributes> has_attributes = false;  // smooth normals or varying colours
-  Fact<built::kTextures> has_inputs = false;        // a surface has inputs that vary
-  Fact<built::kCutouts> has_cutouts = false;        // some triangles are looked at by a filter
+  Fact<built::kTextures> has_inputs = false;        // some surface has varying inputs
+  Fact<built::kCutouts> has_cutouts = false;        // some triangles have a filter
   Fact<built::kEmission> has_emission = false;
-  bool rays_find_light = false;         // domes, areas or emission that a scattered ray could meet
-  bool only_domes_found = false;        // ... and of these only domes, for which it is enough to know that nothing is hit
+  bool rays_find_light = false;         // domes, area lights or emission that a scattered ray could hit
+  bool only_domes_found = false;        // ... only domes among these, for which an occlusion test suffices
   bool only_met_lights_found = false;   // ... or only lights in LightTable::hierarchy
   bool has_pairs = false;               // some groups begin with triangles in pairs
-  Fact<built::kThin> has_thin = false;  // something lets light straight through: shadow rays must look at what they hit
+  Fact<built::kThin> has_thin = false;  // something lets light pass straight: shadow rays need their hits
 
-  // All that there is, where it is triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
+  // All geometry, if it consists of triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
   FewTriangles few_triangles;
   TriangleBvh triangle_bvh;
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
-  // Rays have times.
+  // Whether rays have times.
   bool moves() const { return camera.moves || motion.any_instances || motion.any_points || lights.any_moves(); }
-  // It has something that this build lacks (base/features.hpp).
+  // Whether it has something that this build lacks (base/features.hpp).
   bool needs_left_out() const;
   int64_t memory_bytes() const;
   int64_t texture_bytes() const;

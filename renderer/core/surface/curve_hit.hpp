@@ -1,4 +1,4 @@
-// Which curve W hits are on, and where: tubes, and what closes them.
+// Hits on tubes: the curve, the position along it, and the point, for tube surfaces and their ends.
 #pragma once
 
 #include "base/flush_denormals.hpp"
@@ -6,13 +6,13 @@
 
 namespace primray {
 
-// Where on the curves of their set, and along which segment: what values over curves are read by.
+// Position of a hit among the curves of its set, by segment: primvars over curves are interpolated by it.
 template <int W>
 struct CurvePlace {
   vbool<W> is{false}, is_end{false};
   bool any_is = false;
-  vint<W> row{0}, segment{0}, end{0};  // of the CurvedTable; counted over the scene
-  vfloat<W> u{0.0f}, longer{0.0f};     // along the segment, and along what Embree has of it, [0, 1]
+  vint<W> row{0}, segment{0}, end{0};  // row of the CurvedTable; segment and end indices over the scene
+  vfloat<W> u{0.0f}, longer{0.0f};     // parameter along the segment, and along the part of it that Embree has, [0, 1]
 
   CurvePlace() = default;
   PRIMRAY_INLINE CurvePlace(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
@@ -46,7 +46,7 @@ struct CurvePlace {
   }
 };
 
-// Control points, with their radius as w: between two times those of moving ones.
+// Control points with the radius as w, interpolated in time where they move.
 template <int W>
 PRIMRAY_INLINE FourLanes<float, W> gather_control(const CurveTable& table, vint<W> point, const VertexMotion<W>& motion) {
   const auto at = [&](vint<W> p) { return gather_four<W>(table.points.data(), p * vint<W>(4)); };
@@ -59,16 +59,16 @@ PRIMRAY_INLINE FourLanes<float, W> gather_control(const CurveTable& table, vint<
   return {mix(a.x, b.x), mix(a.y, b.y), mix(a.z, b.z), mix(a.w, b.w)};
 }
 
-// In the group's space.
+// Point on a tube, in the group's space.
 template <int W>
 struct CurvePoint {
   vvec3<W> p, normal;  // on the tube; outwards, of any length
-  vvec3<W> spread;     // the size of what was rounded in finding p, by axis
+  vvec3<W> spread;     // magnitude of what was rounded in computing p, by axis
   vvec3<W> along;      // dP/du of the curve, not 0
   vfloat<W> radius;    // 0 on ends
 
-  // Hits on tubes carry Embree's normal, of which what lies across the tangent says where around it they are; hits on ends
-  // carry where on their disc or ball they are.
+  // Hits on tubes carry Embree's normal, whose part across the tangent tells the position around the tube; hits on ends carry
+  // the position on their disc or ball.
   PRIMRAY_RARE CurvePoint(const Scene& scene, const HitGroup<W>& in, const CurvePlace<W>& place, const Hits<W>& h) {
     using F = vfloat<W>;
     using I = vint<W>;
@@ -96,7 +96,7 @@ struct CurvePoint {
     const V bend = ((e2 - e1 * 2.0f) * v + (e3 - e2 * 2.0f + e1) * u) * 6.0f;
     const F narrowing = ((r[1] - r[0]) * (v * v) + (r[2] - r[1]) * (2.0f * u * v) + (r[3] - r[2]) * (u * u)) * 3.0f;
     const F size = max(max_component(abs(e1)), max(max_component(abs(e2)), max_component(abs(e3))));
-    // Where control points coincide the curve has its direction from those that do not.
+    // Where control points coincide, the curve takes its direction from those that do not.
     const vbool<W> stands = max_component(abs(along)) <= size * 1e-6f;
     along = select(stands, select(u < F(0.5f), e2, e3 - e1), along);
     along = select(max_component(abs(along)) <= size * 1e-6f, e3, along);

@@ -1,4 +1,4 @@
-// Which curved shape W hits are on, and where.
+// Hits on curved shapes: which shape, and the point on it.
 #pragma once
 
 #include "surface/curve_hit.hpp"
@@ -6,7 +6,7 @@
 
 namespace primray {
 
-// The row of the CurvedTable of what lanes `active` met; 0 in other lanes.
+// Row of the CurvedTable of the shapes that lanes `active` hit; 0 in other lanes.
 template <int W>
 PRIMRAY_INLINE vint<W> curved_row(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
   vint<W> row(0);
@@ -23,10 +23,11 @@ struct CurvedHit {
   vbool<W> is{false};
   bool any_is = false;
   vint<W> row{0};
-  CurvePlace<W> curve;  // of those that are on curves
-  vvec3<W> along;       // only where curve.any_is: dP/du of these lanes, in the group's space
-  vfloat<W> radius;     // likewise
-  CurvedPoint<W> at{vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f))};  // where it is one
+  CurvePlace<W> curve;  // of lanes on curves
+  vvec3<W> along;       // only if curve.any_is: dP/du of these lanes, in the group's space
+  vfloat<W> radius;     // only if curve.any_is
+  CurvedPoint<W> at{vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f))};  // valid if the shape is
+                                                                                                       // of that kind
 
   PRIMRAY_INLINE CurvedHit(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
     for_curved_kinds([&]<class K>(K) {

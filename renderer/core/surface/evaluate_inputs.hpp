@@ -1,8 +1,8 @@
-// Runs the inputs of surfaces on lanes: primvars and textures at W hits, reduced to rows of the surface table.
+// Evaluation of varying surface inputs: reads primvars and textures at W hits and writes rows of the surface table.
 //
-// Lanes with the same surface go together; lanes whose surface has constants only keep the table's row. A shape's
-// primvar is nearer than one of its instance, which is constant at the instance's root ("Primvars on PointInstancer",
-// UsdGeomPointInstancer); the fallback stands where neither has it.
+// Lanes with the same surface are processed together; lanes whose surface has only constants keep the table's row. A shape's
+// primvar takes precedence over one of its instance, which is constant at the instance's root ("Primvars on PointInstancer",
+// UsdGeomPointInstancer); the fallback is used where neither exists.
 #pragma once
 
 #include <optional>
@@ -14,10 +14,10 @@
 
 namespace primray {
 
-// How far `st` may change over a triangle (squared area) before its tangents count as none.
+// Smallest squared area of `st` over a triangle for which tangents are computed.
 constexpr float kTinyStArea = 1e-20f;
 
-// Whether any surface in lanes `m` has inputs that vary.
+// Whether any surface in lanes `m` has varying inputs.
 template <int W>
 PRIMRAY_INLINE bool any_inputs(const Scene& scene, vbool<W> m, vint<W> surface) {
   return scene.has_inputs && any(m & (gather<W>(scene.surface_inputs_of.data(), surface) >= vint<W>(0)));
@@ -30,7 +30,7 @@ struct LaneRows {
   alignas(64) float hair[W * kHairFields];
 };
 
-// Where values over curves stand, of the lanes that are on one: offsets of two, or of a segment's four control points.
+// Offsets of primvar values for lanes on curves: of two values, or of a segment's four control points.
 template <int W>
 struct CurveValues {
   vbool<W> is, cubic;
@@ -46,15 +46,15 @@ struct CurveValues {
     cubic = is & point;
     for (int k = 0; k < 4; ++k) row[k] = select(point, first + I(k), select(corner, end + I(k == 0 ? 0 : 1), curve));
   }
-  // From values at those, as differences from the first.
+  // Interpolates values given as differences from the first.
   PRIMRAY_INLINE vfloat<W> mix(vfloat<W> u, vfloat<W> second, vfloat<W> third, vfloat<W> fourth) const {
     const vfloat<W> v = 1.0f - u;
     return select(cubic, second * (3.0f * u * v * v) + third * (3.0f * u * u * v) + fourth * (u * u * u), second * u);
   }
 };
 
-// One primvar at W points: offsets of its values at the three corners, equal where it does not vary over a triangle; a fourth
-// where some are on curves.
+// One primvar at W points: offsets of its values at the three corners, equal if it is constant over the triangle; a fourth if
+// some lanes are on curves.
 template <int W>
 struct PrimvarLanes {
   vbool<W> present;
@@ -105,14 +105,14 @@ struct PrimvarLanes {
     curve->is &= own;
     for (int k = 0; k < 4; ++k) at[k] = select(curve->is, base + curve->row[k] * width, at[k < 3 ? k : 0]);
   }
-  // Component `c`, or the last there is, at corner k.
+  // Component `c`, or the last one there is, at corner k.
   PRIMRAY_INLINE vfloat<W> component(const Scene& scene, int c, int k) const {
     return gather<W>(scene.primvars.values.data(), at[k] + min(vint<W>(c), width - vint<W>(1)));
   }
   PRIMRAY_INLINE vfloat<W> interpolate(const Scene& scene, const SurfacePoint<W>& p, int c, float fallback) const {
     if (!any(present)) return vfloat<W>(fallback);
     vfloat<W> r = component(scene, c, 0);
-    // Differences, so that equal corners give their value exactly, whatever is beside them in other lanes.
+    // Interpolates differences, so that equal corners give exactly their value, whatever the other lanes hold.
     if (!varies) return select(present, r, fallback);
     const vfloat<W> second = component(scene, c, 1) - r, third = component(scene, c, 2) - r;
     vfloat<W> more = second * p.u + third * p.v;
@@ -122,7 +122,7 @@ struct PrimvarLanes {
   }
 };
 
-// A primvar's two numbers as texture coordinates, and their differences along the triangle's edges.
+// A primvar's two components as texture coordinates, and their differences along the triangle's edges.
 template <int W>
 struct StLanes {
   vfloat<W> s, t, s1, t1, s2, t2;
@@ -131,18 +131,18 @@ struct StLanes {
     const PrimvarLanes<W> st(scene, active, p, name);
     s = st.interpolate(scene, p, 0, fallback[0]), t = st.interpolate(scene, p, 1, fallback[1]);
     s1 = t1 = s2 = t2 = vfloat<W>(0.0f);
-    if (!st.varies) return;  // along curves it does, but spans no area
+    if (!st.varies) return;  // they vary along curves, but span no area
     const vfloat<W> s0 = st.component(scene, 0, 0), t0 = st.component(scene, 1, 0);
     s1 = st.component(scene, 0, 1) - s0, t1 = st.component(scene, 1, 1) - t0;
     s2 = st.component(scene, 0, 2) - s0, t2 = st.component(scene, 1, 2) - t0;
     if (!st.curve) return;
     for (vfloat<W>* difference : {&s1, &t1, &s2, &t2}) *difference = select(st.curve->is, 0.0f, *difference);
   }
-  // Twice the triangle's area in (s, t), with its sign.
+  // Twice the triangle's signed area in (s, t).
   PRIMRAY_INLINE vfloat<W> area2() const { return s1 * t2 - s2 * t1; }
 };
 
-// `channels` of one image of a texture; `footprint`: area in (s, t) over which to average.
+// Reads `channels` of one image of a texture; `footprint`: area in (s, t) to average over.
 template <int W>
 PRIMRAY_INLINE vvec3<W> read_image(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
                                    vfloat<W> footprint) {
@@ -157,7 +157,7 @@ PRIMRAY_INLINE vvec3<W> broadcast(const float* c) {
   return {vfloat<W>(c[0]), vfloat<W>(c[1]), vfloat<W>(c[2])};
 }
 
-// Each lane in its own tile of a set: calls read(lanes, image, s and t within it) for those that have an image.
+// Selects each lane's tile of a UDIM set: calls read(lanes, image, s and t within the tile) for the lanes that have an image.
 template <int W, class Read>
 PRIMRAY_INLINE void for_tiles(const Texture& texture, vbool<W> active, vfloat<W> s, vfloat<W> t, const Read& read) {
   using I = vint<W>;
@@ -191,16 +191,16 @@ PRIMRAY_INLINE vvec3<W> read_texture(const Scene& scene, vbool<W> active, const 
   return r;
 }
 
-// Values of inputs of one surface at W points, with texture coordinates read once where inputs share them.
+// Reads inputs of one surface at W points; texture coordinates are read once where inputs share them.
 template <int W>
 class InputReader {
  public:
-  // `footprint`: area on the surface, in world space, over which textures are averaged; 0: as finely as they are kept.
+  // `footprint`: area on the surface, in world space, over which textures are averaged; 0: finest level.
   PRIMRAY_INLINE InputReader(const Scene& scene, vbool<W> active, const SurfacePoint<W>& point, vfloat<W> footprint)
       : scene_(scene), active_(active), point_(point), footprint_(footprint) {}
 
-  // Before what reads outputs of the tape of `inputs`, of which `wants(field)` names those that will be read. `hits`, `p`,
-  // `ns`: see PatternPlace.
+  // Runs the tape of `inputs`; must precede reads of its outputs, which `wants(field)` selects. `hits`, `p`, `ns`: see
+  // PatternPlace.
   template <class Wants>
   PRIMRAY_INLINE void run_tape(const SurfaceInputs& inputs, const Wants& wants, const Hits<W>* hits = nullptr,
                                const vvec3<W>* p = nullptr, const vvec3<W>* ns = nullptr) {
@@ -240,13 +240,13 @@ class InputReader {
   vvec3<W> outputs_[kMostOutputs];  // of the tape
 };
 
-// Normal maps: `tangent_normal` in the frame of dp/ds, dp/dt and the shading normal `ns`, both tangents made perpendicular to
-// ns. Mirrored coordinates turn the second one around; where st does not span the triangle, ns stays.
+// Applies normal maps: `tangent_normal` in the frame of dp/ds, dp/dt and the shading normal `ns`, with both tangents made
+// perpendicular to ns. Mirrored coordinates flip the second tangent; where st does not span the triangle, ns is kept.
 template <int W>
 PRIMRAY_INLINE vvec3<W> bend_normal(const SurfacePoint<W>& p, const StLanes<W>& st, const vvec3<W>& tangent_normal,
                                     const vvec3<W>& ns) {
   using F = vfloat<W>;
-  // p changes by e1 where st changes by (s1, t1), by e2 where it changes by (s2, t2).
+  // p changes by e1 as st changes by (s1, t1), and by e2 as it changes by (s2, t2).
   const F area = st.area2(), sign = copysign(F(1.0f), area);
   const vvec3<W> ds = (p.e1 * st.t2 - p.e2 * st.t1) * sign, dt = (p.e2 * st.s1 - p.e1 * st.s2) * sign;
   vvec3<W> tangent = ds - ns * dot(ns, ds);
@@ -266,7 +266,7 @@ PRIMRAY_INLINE vvec3<W> not_negative(const vvec3<W>& c) {
   return {kept(c.x), kept(c.y), kept(c.z)};
 }
 
-// `bent`, a vector in world space, as a shading normal in place of `ns`; one that has no direction is none.
+// Returns `bent`, a vector in world space, as the shading normal in place of `ns`, unless it has no direction.
 template <int W>
 PRIMRAY_INLINE vvec3<W> unit_normal(const vvec3<W>& bent, const vvec3<W>& ns) {
   const vfloat<W> size2 = dot(bent, bent);
@@ -274,7 +274,7 @@ PRIMRAY_INLINE vvec3<W> unit_normal(const vvec3<W>& bent, const vvec3<W>& ns) {
   return select(good, bent * (1.0f / sqrt(select(good, size2, 1.0f))), ns);
 }
 
-// Rows of OpenPBR surfaces whose inputs vary stand by their lanes; those of lanes whose inputs do not are copied there.
+// Stores rows of OpenPBR surfaces with varying inputs by lane; rows of lanes without any are copied there.
 template <int W>
 PRIMRAY_RARE void put_open_pbr(const SurfaceInput& s, const SurfaceValues<W>& values, const OpenPbrValues<W>& open, vbool<W> m,
                                vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
@@ -286,7 +286,7 @@ PRIMRAY_RARE void put_open_pbr(const SurfaceInput& s, const SurfaceValues<W>& va
     for (int f = 0; f < kOpenPbrFields; ++f) out.open_pbr[i * kOpenPbrFields + f] = columns[f][i];
   }
 }
-// The same of hair.
+// Stores rows of hair surfaces with varying inputs by lane; rows of lanes without any are copied there.
 template <int W>
 PRIMRAY_RARE void put_hair(const SurfaceInput& s, const SurfaceValues<W>& values, const HairValues<W>& hair, vbool<W> m,
                            vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
@@ -321,8 +321,8 @@ PRIMRAY_RARE void copy_open_pbr(const SurfaceTable& table, vbool<W> m, LaneRows<
   }
 }
 
-// Rows of the surfaces at the hits `h`, where they are `p`, and their normals `ns` where a normal map bends them. `footprint`
-// as in InputReader.
+// Returns the surface rows at the hits `h`, at points `p`, and bends the normals `ns` by normal maps. `footprint`: see
+// InputReader.
 template <int W>
 __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbool<W> active, const Hits<W>& h, vint<W> surface,
                                                          vfloat<W> footprint, const vvec3<W>& p, const vvec3<W>& ng,
@@ -354,7 +354,7 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
       if (source.field == InputField::kNormal) {
         const vvec3<W> n =
             source.output >= 0 ? unit_normal(x, ns) : bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
-        // One that points into the surface is no normal of it.
+        // A vector that points into the surface is not a valid normal.
         ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
       } else if (source.field >= InputField::kOpenPbr) {
         if (open) open->set(source.field, x);

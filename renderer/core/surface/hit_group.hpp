@@ -1,4 +1,4 @@
-// The group that W hits are in, and its instance.
+// Group and instance of W hits.
 #pragma once
 
 #include <functional>
@@ -10,14 +10,14 @@
 
 namespace primray {
 
-// The group that was hit, the geometry in it, and the instance it was hit in; of two levels of instances the inner one, and
+// The group that was hit, its geometry, and the instance in which it was hit; with two levels of instances, the inner one and
 // `outer`.
 template <int W>
 struct HitGroup {
   vbool<W> instanced, grouped;
   bool any_instanced, any_grouped;
-  vint<W> geom;                               // as Embree numbers it within the group
-  vint<W> placement, group, instance, outer;  // 0 where not instanced
+  vint<W> geom;                               // Embree's number within the group
+  vint<W> placement, group, instance, outer;  // 0 if not instanced
   vfloat<W> time;
 
   PRIMRAY_INLINE HitGroup(const Scene& scene, vbool<W> active, const Hits<W>& h)
@@ -46,17 +46,17 @@ struct HitGroup {
     if (scene.motion.any_points) found |= moves(active);
     return found;
   }
-  // Of lanes `active`, those that met triangles whose vertices move.
+  // Returns the lanes of `active` that hit triangles with moving vertices.
   PRIMRAY_INLINE vbool<W> moves(vbool<W> active) const {
     return is(active, kMovingGeometry) | is(active, kMovingCutoutGeometry);
   }
-  // How the vertices move that lanes `active` met; `v` is new.
+  // Stores the motion of the vertices that lanes `active` hit in the new `v`.
   PRIMRAY_INLINE void note_motion(const Scene& scene, vbool<W> active, VertexMotion<W>& v) const {
     if (!scene.motion.any_points) return;
     if (const vbool<W> m = moves(active); any(m))
       v.set(scene.motion, m, base(scene, &Group::clock), base(scene, &Group::moving_vertex_count), time);
   }
-  // World from group, of instanced lanes; `rounded`: the size of what was rounded in composing it.
+  // World from group, in instanced lanes; `rounded`: magnitude of what was rounded in composing it.
   PRIMRAY_INLINE AffineLanes<W> matrix(const Scene& scene, vvec3<W>& rounded) const {
     AffineLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
     if (scene.motion.any_instances) move_instances(scene.motion, instanced, instance, time, m);
@@ -67,7 +67,7 @@ struct HitGroup {
     rounded = m.move(grouped, around);
     return m;
   }
-  // What `field(group)` says of each lane's group.
+  // Gathers `field(group)` for each lane's group.
   template <class Field>
   PRIMRAY_INLINE vint<W> base(const Scene& scene, const Field& field) const {
     if (!any_instanced) return vint<W>(int32_t(std::invoke(field, scene.groups[0])));
@@ -75,7 +75,7 @@ struct HitGroup {
     for (int i = 0; i < W; ++i) b.set(i, int32_t(std::invoke(field, scene.groups[group[i]])));
     return b;
   }
-  // Triangles that were hit, counted over the scene; 0 in other lanes.
+  // Triangles that were hit, by index over the scene; 0 in other lanes.
   PRIMRAY_INLINE vint<W> triangle(const Scene& scene, vbool<W> is_triangle, const Hits<W>& h) const {
     vint<W> first = base(scene, &Group::triangle_base);
     if (scene.has_pairs) {

@@ -1,8 +1,8 @@
-// Where a ray met the scene: point, normals, surface and colour of W hits, in world space.
+// Surface interaction: point, normals, surface and colour at W hits, in world space.
 //
-// Points come from barycentrics, as o + t d is off by more; but not where triangles and spheres are so large that it is off by
-// far less (kNearer). `offset` bounds their rounding and Embree's, so that a ray started that
-// far off the surface does not meet it again.
+// Points are computed from barycentrics, since o + t d is less precise, except where triangles or spheres are so large that it
+// is far more precise (kNearer). `offset` bounds both this rounding and Embree's, so that a ray that starts that far off the
+// surface does not hit it again.
 #pragma once
 
 #include "surface/surface_point.hpp"
@@ -11,36 +11,37 @@ namespace primray {
 
 template <int W>
 struct Interaction {
-  vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
+  vvec3<W> p, ng, ns;  // ng outwards as authored, ns on the same side
   vfloat<W> offset;
-  vfloat<W> least_cosine;  // below this cosine it cannot be told which side of the surface a ray comes from
-  vbool<W> at_edge;        // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
+  vfloat<W> least_cosine;  // below this cosine the side of the surface that a ray comes from is uncertain
+  vbool<W> at_edge;        // on a triangle's edge, within rounding: it may have been missed, and a neighbour behind it hit
   vint<W> surface;
   vint<W> mesh, triangle,
-      curved;       // where the hit is one: row of the MeshTable and triangle of the scene, or row of the CurvedTable
-  vint<W> link;     // row of the lights' LinkTable, 0 where there is none
-  vvec3<W> color;   // multiplies the diffuse albedo
+      curved;       // valid if the hit is one: row of the MeshTable and triangle of the scene, or row of the CurvedTable
+  vint<W> link;     // row of the lights' LinkTable, 0 if there is none
+  vvec3<W> color;   // factor of the diffuse albedo
   vbool<W> smooth;  // ns is interpolated from normals
-  // Tubes: `tangent` is the unit tangent dP/du of those lanes, the way of the curve's parameter; on the discs at its ends it is
-  // along ng. It is set where any lane is on a curve.
+  // Tubes: `tangent` is the unit tangent dP/du in these lanes, in the direction of the curve's parameter; along ng on the discs
+  // at its ends. It is set if any lane is on a curve.
   vbool<W> on_curve{false};
   vvec3<W> tangent;
-  vfloat<W> radius;  // likewise: of a tube, 0 where it is not round, and on its ends
+  vfloat<W> radius;  // radius of a tube, 0 where it is not round, and on its ends; set if any lane is on a curve
 };
 
-// Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
-// in Embree each round a few times; 16 is a choice with room for that, neither derived nor the smallest that works.
+// Ray offset in multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform
+// and its inverse in Embree each round a few times; 16 is a choice with room for that, neither derived nor minimal.
 constexpr float kOffsetUlps = 16 * 0x1p-24f;
-// In a coordinate plane through the origin nothing rounds, but a ray that starts in a triangle's plane meets it at distance 0.
+// Lower limit of the rounding bound: in a coordinate plane through the origin nothing is rounded, but a ray that starts in a
+// triangle's plane hits it at distance 0.
 constexpr float kLeastReach = 0x1p-32f;
-// Rounding of a normal's direction: some ulps, times |e1| |e2| / |e1 x e2| for thin triangles; beyond that thin, light may
-// come through rather than slivers be black.
+// Rounding of a normal's direction: some ulps, times |e1| |e2| / |e1 x e2| for thin triangles; for even thinner ones light may
+// leak, rather than slivers be black.
 constexpr float kNormalUlps = 4 * 0x1p-24f, kThinnest = 64;
-// Embree takes hits that lie outside a triangle by 2^-23 of it, and more where its signs are rounded: with 2^-22, 1 of 2e7 rays
-// at closed boxes still came in past an outline, with this none of 1e8.
+// Width of a triangle's edge zone: Embree accepts hits outside a triangle by 2^-23 of it, and more where its signs are rounded.
+// With 2^-22, 1 of 2e7 rays at closed boxes still came in past a silhouette; with this value none of 1e8.
 constexpr float kEdge = 0x1p-19f;
 
-// Tubes whose axes differ by less of their length count as round.
+// Tubes whose axes differ in length by a smaller share count as round.
 constexpr float kRoundTube = 1e-3f;
 
 // Rows of normals or colours at the three corners of triangles.
@@ -48,7 +49,7 @@ template <int W>
 PRIMRAY_INLINE void gather_corners(const Scene& scene, vbool<W> lanes, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
                                    const float* data, vint<W> kind, vint<W> base, vvec3<W> value[3]) {
   const MeshTable& t = scene.meshes;
-  // Vertex values are counted within the mesh's vertices, triangle and corner values within its triangles.
+  // Vertex values are indexed within the mesh's vertices, triangle and corner values within its triangles.
   const vint<W> local_triangle = triangle - gather<W>(t.triangle_base.data(), mesh),
                 first_vertex = gather<W>(t.vertex_base.data(), mesh);
   const vbool<W> by_vertex = kind == vint<W>(int(Attribute::kVertex)), by_corner = kind == vint<W>(int(Attribute::kCorner));
@@ -59,16 +60,17 @@ PRIMRAY_INLINE void gather_corners(const Scene& scene, vbool<W> lanes, vint<W> m
   }
 }
 
-// The plane of a triangle with edges e1, e2, for what is asked of it more than once.
+// Plane of a triangle with edges e1, e2, for repeated queries.
 template <int W>
 struct TrianglePlane {
-  vfloat<W> size, unit;  // the largest component of an edge, and one over it
+  vfloat<W> size, unit;  // largest component of an edge, and its reciprocal
   vvec3<W> n;            // unit
-  vfloat<W> per_area;    // 1 / |e1 x e2|, with edges brought to size 1
+  vfloat<W> per_area;    // 1 / |e1 x e2|, with edges scaled to size 1
 
   PRIMRAY_INLINE TrianglePlane(vbool<W> m, const vvec3<W>& e1, const vvec3<W>& e2)
       : size(max(max_component(abs(e1)), max_component(abs(e2)))), unit(1.0f / size), n(cross(e1 * unit, e2 * unit)) {
-    // Size 1 keeps the product of the edges of small triangles from vanishing; of slivers its square may vanish all the same.
+    // Size 1 keeps the product of the edges of small triangles from underflowing; the square of a sliver's may underflow all
+    // the same.
     vfloat<W> square = dot(n, n);
     const vbool<W> sliver = square < vfloat<W>(1e-30f);
     if (any(m & sliver)) [[unlikely]] {
@@ -83,10 +85,10 @@ struct TrianglePlane {
     n = n * per_area;
   }
 
-  // The height above its plane that rounding can put a point of the triangle at, in multiples of 2^-24 as above: the point's
-  // own coordinates are rounded, of which only what lies along the normal counts, and Embree takes the edges from corners that
-  // it rounded relative to the ray's origin, which turns the plane about the point. A ground of 1e6 units that lies along the
-  // axes so has the offset of its height alone, and what stands on it keeps its shadow.
+  // Height above its plane by which rounding can move a point of the triangle, in multiples of 2^-24 as above: the point's own
+  // coordinates are rounded, of which only the part along the normal counts, and Embree computes the edges from corners that it
+  // rounded relative to the ray's origin, which tilts the plane about the point. An axis-aligned ground plane of 1e6 units thus
+  // has the offset of its height alone, and objects on it keep their contact shadows.
   PRIMRAY_INLINE vfloat<W> reach(const vvec3<W>& p0, const vvec3<W>& e1, const vvec3<W>& e2) const {
     const vvec3<W> extent = abs(e1) + abs(e2), e = extent * unit;
     const vfloat<W> turned = e.x * e.y * e.z * per_area * size;
@@ -142,8 +144,8 @@ PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh,
   }
 }
 
-// How much smaller the ray's coordinates must be than the shape's for the point to come from the ray: a 2^24th of a ground's
-// size is what barycentrics tell its points apart by, which may be more than what stands there.
+// Ratio of the ray's coordinates to the shape's below which the point is computed from the ray: barycentrics resolve a ground
+// plane to 2^-24 of its size, which may be more than the objects on it.
 constexpr float kNearer = 0x1p-8f;
 
 template <int W>
@@ -172,7 +174,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     vvec3<W> at[3];
     gather_positions(scene, corner, motion, at);
     p0 = at[0];
-    // Lanes that met a curved shape have no edges: `reach` below must not see those of another lane's triangle.
+    // Lanes on curved shapes have no edges: `reach` below must not see those of another lane's triangle.
     e1 = select(is_triangle, at[1] - p0, e1);
     e2 = select(is_triangle, at[2] - p0, e2);
     p = p0 + e1 * h.u + e2 * h.v;
@@ -206,7 +208,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     // A triangle so thin that its plane is lost in rounding has no such bound.
     reach = select(is_triangle & (bound < reach), max(bound, plane.size * kLeastReach), reach);
     if (any_from_ray) p = select(from_ray & is_triangle, p - ng * dot(ng, p - p0), p);
-    // Between two times rounding is that of both.
+    // Between two times the rounding of both counts.
     if (motion.any) reach = select(motion.moves, max(reach, max_component(motion.sizes)), reach);
   }
   r.at_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);

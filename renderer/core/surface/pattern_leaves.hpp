@@ -1,9 +1,9 @@
-// What a tape asks of the place that it runs at: positions, normals, tangents, primvars, spaces, images.
+// Values that a pattern's tape reads at a point: positions, normals, tangents, primvars, spaces, images.
 //
-// World space is the stage's: origin + p / scale. A shape's own space is reached from its group's, in which coordinates are
-// small wherever the camera looks, by the shape's own matrix (scene/object_spaces.hpp); of a shape in a prototype it is what
-// the prototype has, whatever places it. Where a ray met what is not instanced, its own point counts, which on large triangles
-// is more exact than barycentrics (surface/interaction.hpp).
+// World space is the stage's: origin + p / scale. A shape's object space is reached from its group's space, in which
+// coordinates are small wherever the camera looks, by the shape's own matrix (scene/object_spaces.hpp); for a shape in a
+// prototype it is the prototype's, whatever the instance. Where a ray hits geometry that is not instanced, the hit point itself
+// is used, which on large triangles is more precise than barycentrics (surface/interaction.hpp).
 #pragma once
 
 #include "surface/evaluate_inputs.hpp"
@@ -12,9 +12,9 @@
 
 namespace primray {
 
-// Of a triangle's size: the shortest way over which a slope is told by differences.
+// Shortest shift, as a share of the triangle's size, over which derivatives are computed by differences.
 constexpr float kLeastShift = 1e-4f;
-// Where an image's coordinates run along one line, or nearly so, its footprint counts as this part of a square.
+// Lower limit of a footprint's width to length in an image's coordinates, where these run almost along one line.
 constexpr float kThinnestFootprint = 1.0f / 64;
 
 template <int W>
@@ -64,7 +64,7 @@ class PatternLeaves {
     PRIMRAY_INLINE V point(const V& p) const { return m.vector(p) + m.o; }
   };
 
-  // Corners and edges in the group's space, and the instance's matrix.
+  // Computes corners and edges in the group's space, and the instance's matrix.
   void stand() {
     vvec3<W> at[3];
     VertexMotion<W> motion = point_.motion;
@@ -78,13 +78,13 @@ class PatternLeaves {
       const CurvedHit<W> curved(scene_, in, place_.active, *place_.hits);
       curved_ = curved.is;
       p0_ = select(curved_, curved.at.p, p0_);
-      // Any two directions along it, as long as it is large.
+      // Any two tangent directions, since it is large.
       const V n = direction_of(select(curved_, curved.at.normal, V(F(0.0f), F(0.0f), F(1.0f))));
       const Frame<F> frame(n);
       const F size = max_component(curved.at.spread);
       e1_ = select(curved_, frame.s * size, e1_), e2_ = select(curved_, frame.t * size, e2_);
       if (!curved.curve.any_is) return;
-      // Along a curve its parameter goes with it.
+      // Along a curve its parameter changes.
       const V across = cross(n, curved.along);
       e1_ = select(curved.curve.is, curved.along, e1_), e2_ = select(curved.curve.is, across, e2_);
     }
@@ -114,7 +114,7 @@ class PatternLeaves {
   V to_world_point(const V& p) const {
     return any_instanced_ ? select(point_.instanced, instance_.vector(p) + instance_.o, p) : p;
   }
-  // The inverse of the instance's linear part, by cofactors.
+  // Inverse of the instance's linear part, by cofactors.
   V from_world(const V& v) const {
     if (!any_instanced_) return v;
     const F unit = 1.0f / max_component(V(max_component(abs(instance_.x)), max_component(abs(instance_.y)),
@@ -136,7 +136,7 @@ class PatternLeaves {
     return V{p.x + float(scene_.origin.x), p.y + float(scene_.origin.y), p.z + float(scene_.origin.z)};
   }
 
-  // How far off a shift is, in parts of both edges.
+  // Offset of a shifted point, in parts of both edges.
   struct Shift {
     F u{0.0f}, v{0.0f};
   };
@@ -176,7 +176,7 @@ class PatternLeaves {
     for (int c = 0; c < i.width; ++c) {
       const F otherwise = r[i.in[0] + (i.steps & 1) * c];
       F value = found.interpolate(scene_, moved, c, 0.0f);
-      // One number stands for all; of colours that are too short the fourth is 1.
+      // A single number stands for all components; colours with fewer components get a fourth of 1.
       const vbool<W> there = (found.width > I(c)) | (found.width == I(1));
       value = select(there, value, c == 3 ? 1.0f : 0.0f);
       r[i.out + c] = select(found.present, value, otherwise);
@@ -198,7 +198,7 @@ class PatternLeaves {
   }
   V normal() const { return place_.ns ? *place_.ns : plain_normal(); }
 
-  // Along s and t of a primvar, at right angles to the normal and each other; 0 where they span nothing.
+  // Tangents along s and t of a primvar, perpendicular to the normal and to each other; 0 where they span nothing.
   std::pair<V, V> tangents(int primvar) const {
     const float none[2] = {0, 0};
     const StLanes<W> st(scene_, place_.active, point_, primvar, none);
@@ -251,7 +251,7 @@ class PatternLeaves {
     return v;
   }
 
-  // The area that a footprint covers in an image's coordinates, from how they differ at both shifts.
+  // Area that a footprint covers in an image's coordinates, from their differences at both shifts.
   static F covered(F s1, F t1, F s2, F t2) {
     const F longest = max(s1 * s1 + t1 * t1, s2 * s2 + t2 * t2);
     return max(abs(s1 * t2 - t1 * s2), longest * kThinnestFootprint);

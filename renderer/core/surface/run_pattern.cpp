@@ -1,4 +1,4 @@
-// See run_pattern.hpp.
+// Compiled instances of run_pattern.hpp.
 #include "surface/run_pattern.hpp"
 
 #include "pattern/run_tape.hpp"

@@ -1,4 +1,5 @@
-// Runs a surface's tape at W points: compiled apart from all that has no patterns (run_pattern.cpp).
+// Interface to pattern evaluation: runs a surface's tape at W points. Compiled separately from code without patterns
+// (run_pattern.cpp).
 #pragma once
 
 #include "pattern/tape.hpp"
@@ -6,7 +7,7 @@
 
 namespace primray {
 
-// What is known of W points. Pointers are null where no ray met them: then they are points of triangles.
+// The W points. Pointers are null if no ray hit them: then they are points of triangles.
 template <int W>
 struct PatternPlace {
   const Scene& scene;
@@ -14,15 +15,15 @@ struct PatternPlace {
   const SurfacePoint<W>& point;
   vfloat<W> footprint;  // area, in world space
   const Hits<W>* hits = nullptr;
-  const vvec3<W>* p = nullptr;   // where they are
-  const vvec3<W>* ns = nullptr;  // the shading normal
+  const vvec3<W>* p = nullptr;   // positions
+  const vvec3<W>* ns = nullptr;  // shading normals
 };
 
-// The outputs of which no instruction stands at `end` or beyond.
+// Evaluates the outputs all of whose instructions are before `end`.
 template <int W>
 void run_pattern(const PatternPlace<W>& place, const Tape& tape, int end, vvec3<W>* outputs);
 
-// The instructions that those outputs need which `wants(field)` names, of a surface's inputs.
+// Evaluates the instructions needed by those outputs of a surface's inputs that `wants(field)` selects.
 template <class Wants>
 inline int tape_end(const SurfaceInputs& inputs, const Tape& tape, const Wants& wants) {
   int end = 0;

@@ -1,21 +1,22 @@
-// Where rays start that leave a smooth-shaded triangle below its plane, but above the surface that its normals stand for.
+// Origins of rays that leave a smooth-shaded triangle below its plane, but above the smooth surface that its normals
+// approximate.
 //
-// Where light grazes a coarse mesh, triangles that lie behind their own plane would be black although their normals face the
-// light: the shadow terminator problem. Such rays start where the tangent planes at the triangle's corners lift the point to:
-// Hanika 2021, "Hacking the Shadow Terminator" (Ray Tracing Gems II, chapter 4). On a mesh inscribed in a sphere that is
-// outside the sphere. What is concave is not lifted, and rays below its plane end as those of flat triangles do.
+// Where light grazes a coarse mesh, triangles behind their own plane would be black although their normals face the light: the
+// shadow terminator problem. Such rays start where the tangent planes at the triangle's corners lift the point to: Hanika 2021,
+// "Hacking the Shadow Terminator" (Ray Tracing Gems II, chapter 4). On a mesh inscribed in a sphere that is outside the sphere.
+// Concave parts are not lifted, and rays below their plane end as those of flat triangles do.
 #pragma once
 
 #include "surface/interaction.hpp"
 
 namespace primray {
 
-// Points are lifted by this many offsets or not at all: nearer to a vertex, rounding decides whether such rays meet the
-// triangles around it, and from which side. Finer meshes lose nothing that could be seen.
+// Points are lifted by at least this many offsets or not at all: nearer to a vertex, rounding decides whether such rays hit the
+// adjacent triangles, and from which side. Finer meshes lose nothing visible.
 constexpr float kLeastLift = 64;
 
-// Which of the rays along `wi` from the hits `m`, all on smooth triangles, may start at their point plus `shift`. `ng` is on
-// the side where the path came from.
+// Returns which of the rays along `wi` from the hits `m`, all on smooth triangles, may start at their point plus `shift`. `ng`
+// is on the side that the path came from.
 template <int W>
 PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hits<W>& h, vfloat<W> offset, const vvec3<W>& ng,
                                        const vvec3<W>& wi, vvec3<W>& shift) {
@@ -39,7 +40,7 @@ PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hit
     const vvec3<W> unit = normalize(n[k]) * side;
     shift = shift - unit * (min(dot(from[k], unit), 0.0f) * b[k]);
   }
-  // What bends a normal further, as normal maps do, does not move the surface.
+  // Further bending of normals, as by normal maps, does not move the surface.
   return m & at.is_triangle & (dot(ns, wi) * side > F(0.0f)) & (dot(shift, ng) > offset * kLeastLift);
 }
 

@@ -1,15 +1,14 @@
-// Radiance that a surface emits at points chosen on it, times its presence, for sampling emitters; of lanes `own` what it would
-// be if the surface glowed with 1 all over (geometry_lights.hpp). The mean is
-// average_emission() (input_facts.hpp).
+// Radiance that a surface emits at sampled points, times its presence, for emitter sampling; in lanes `own`, what it would emit
+// with an emission of 1 everywhere (geometry_lights.hpp). Its mean is average_emission() (input_facts.hpp).
 #pragma once
 
 #include "surface/evaluate_inputs.hpp"
 
 namespace primray {
 
-// At barycentrics (u, v) of `triangle`, counted over the scene: p = p0 + u (p1 - p0) + v (p2 - p0). `placement` and
-// `instance_row` (counted within the placement): where it is in an instance, else -1 and 0. Textures are read as finely as they
-// are kept, where a ray that finds the point reads them over its cone: the two differ by filtering alone.
+// Emission at barycentrics (u, v) of `triangle`, an index over the scene: p = p0 + u (p1 - p0) + v (p2 - p0). `placement` and
+// `instance_row` (within the placement): its instance, or -1 and 0. Textures are read at the finest level, whereas a ray that
+// hits the point averages them over its cone: the two differ only by filtering.
 template <int W>
 PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, vint<W> triangle, vint<W> vertex_base,
                                           vint<W> placement, vint<W> instance_row, vfloat<W> u, vfloat<W> v,
@@ -37,7 +36,7 @@ PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, v
     const float* constant = &scene.surfaces.rows[size_t(surface[__builtin_ctz(bits(same))]) * kSurfaceFields];
     vvec3<W> L = emission ? not_negative(reader.read(*emission)) : broadcast<W>(constant + kEmission);
     L = select(own, one, L);
-    // What is not there does not shine: holes, and by its share what opacityMode "presence" thins.
+    // Surfaces emit only where they are present: not in holes, and by its share where opacityMode "presence" applies.
     const float threshold = inputs.constants.opacity_threshold;
     if (opacity && threshold > 0) {
       L = select(reader.read(*opacity).x >= vfloat<W>(threshold), L, vvec3<W>(vfloat<W>(0.0f)));

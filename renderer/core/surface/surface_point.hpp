@@ -1,4 +1,4 @@
-// Where on which shape W hits are, for what varies over shapes: mesh and triangle, its corners and edges, the instance.
+// Surface point of W hits for varying inputs: mesh and triangle, its corners and edges, and the instance.
 #pragma once
 
 #include "surface/curved_hit.hpp"
@@ -11,23 +11,23 @@ PRIMRAY_INLINE vvec3<W> gather_vec3(const float* base, vint<W> at) {
   return {gather<W>(base, at), gather<W>(base + 1, at), gather<W>(base + 2, at)};
 }
 
-// Rows of three of a table with something after its last, as Scene::positions and ::indices have it.
+// Rows of three values of a padded table, such as Scene::positions and ::indices.
 template <int W>
 PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex) {
   const FourLanes<float, W> p = gather_four<W>(scene.positions.data(), vertex * vint<W>(3));
   return {p.x, p.y, p.z};
 }
-// Where the vertex is at the step that begins a ray's segment, or ends it.
+// Vertex position at the step that begins a ray's time segment, or ends it.
 template <int W>
 PRIMRAY_INLINE vvec3<W> gather_step(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion, int step) {
   return gather_position(scene, vertex + select(motion.moves, (motion.segment + vint<W>(step)) * motion.stride, vint<W>(0)));
 }
-// Where the vertex is at the rays' times, of which some move.
+// Vertex position at the rays' times, for lanes of which some move.
 template <int W>
 PRIMRAY_RARE vvec3<W> gather_moving_position(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
   return motion.between([&](int step) { return gather_step(scene, vertex, motion, step); });
 }
-// Those of a triangle; notes how large the coordinates are between which the first one moves.
+// Vertices of a triangle; stores the magnitude of the coordinates between which the first one moves.
 template <int W>
 PRIMRAY_RARE void gather_moving_positions(const Scene& scene, const vint<W> (&corner)[3], VertexMotion<W>& motion,
                                           vvec3<W> (&p)[3]) {
@@ -41,7 +41,7 @@ PRIMRAY_INLINE void gather_positions(const Scene& scene, const vint<W> (&corner)
     return gather_moving_positions(scene, corner, motion, p);
   for (int i = 0; i < 3; ++i) p[i] = gather_position(scene, corner[i]);
 }
-// The triangle's vertices, of which the group's first is `first`.
+// Vertices of the triangle; `vertex_base` is its group's first.
 template <int W>
 PRIMRAY_INLINE void gather_vertices(const Scene& scene, vint<W> triangle, vint<W> first, vint<W> (&corner)[3]) {
   const auto i = gather_four<W>(reinterpret_cast<const int32_t*>(scene.indices.data()), triangle * vint<W>(3));
@@ -50,17 +50,17 @@ PRIMRAY_INLINE void gather_vertices(const Scene& scene, vint<W> triangle, vint<W
 
 template <int W>
 struct SurfacePoint {
-  vbool<W> is_triangle, instanced;            // a curved shape where it is no triangle
-  vint<W> mesh, triangle, corner[3], curved;  // corner: vertices, counted over the scene; row of the CurvedTable
-  vint<W> placement, instance_row;            // the row counts within the placement
+  vbool<W> is_triangle, instanced;            // a curved shape if not a triangle
+  vint<W> mesh, triangle, corner[3], curved;  // corner: vertex indices over the scene; curved: row of the CurvedTable
+  vint<W> placement, instance_row;            // the row is counted within the placement
   vfloat<W> u, v;
   vvec3<W> e1, e2;  // the triangle's edges from its first corner, in world space
-  vfloat<W> area2;  // twice its area there
+  vfloat<W> area2;  // twice its area in world space
   VertexMotion<W> motion;
   CurvePlace<W> curve;
 
-  // A point of a triangle that is known by its number over the scene and its group's first vertex; `place` -1: in no instance.
-  // Without edges, and so without tangents and footprint.
+  // Point of a triangle given by its index over the scene and its group's first vertex; `place` -1: not instanced. It has no
+  // edges, and therefore neither tangents nor footprint.
   PRIMRAY_INLINE SurfacePoint(const Scene& scene, vbool<W> active, vint<W> number, vint<W> vertex_base, vint<W> place,
                               vint<W> row, vfloat<W> u_, vfloat<W> v_)
       : curved(0), u(u_), v(v_), e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), area2(0.0f) {

@@ -1,18 +1,18 @@
-// Light that hair lets through has gone through the fibre where it came in: rays that carry it look from the far wall of the
-// tube on, or each would first meet that wall from within.
+// Rays transmitted by hair: the fibre model handles the whole passage at the entry point, so such rays start behind the far
+// wall of the tube; otherwise each would first hit that wall from within.
 #pragma once
 
 #include "surface/interaction.hpp"
 
 namespace primray {
 
-// Rays whose squared sine to a tube is less go along it.
+// Squared sine of the angle to a tube below which rays run along it.
 constexpr float kAlongTube = 1e-4f;
-// What is beyond the far wall, of the way to it, and in offsets.
+// Margin behind the far wall, as a share of the distance to it, and in offsets.
 constexpr float kPastWall = 1e-3f, kPastOffsets = 16;
 
-// From the near wall of round tubes along `d` to behind the far one, as if they were straight there; 0 for lanes that go
-// through no such tube. Rays that are inside all the same, in a bend, meet that wall and go on straight.
+// Distance from the near wall of round tubes along `d` to behind the far wall, as if the tubes were straight; 0 in lanes that
+// pass through no such tube. Rays that are still inside, in a bend, hit that wall and continue straight.
 template <int W>
 PRIMRAY_RARE vfloat<W> way_through_tube(vbool<W> m, const Interaction<W>& it, const vvec3<W>& d) {
   using F = vfloat<W>;

@@ -1,4 +1,4 @@
-// Where rays met curved shapes, in the space of the shapes' group.
+// Point on a curved shape that a ray hit, in the space of the shape's group.
 #pragma once
 
 #include "math/vec3.hpp"
@@ -9,7 +9,7 @@ template <int W>
 struct CurvedPoint {
   vvec3<W> p;
   vvec3<W> normal;  // outwards, of any length
-  vvec3<W> spread;  // the size of what was rounded in finding p, by axis
+  vvec3<W> spread;  // magnitude of what was rounded in computing p, by axis
 };
 
 }  // namespace primray

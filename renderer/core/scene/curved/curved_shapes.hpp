@@ -1,8 +1,8 @@
-// The shapes that are not made of triangles. A new kind is a file beside these and its Embree geometry in accel/; its struct is
-// one name in the list here.
+// Shapes that are not made of triangles. A new kind is a file beside these and its Embree geometry in accel/; its struct is one
+// name in the list here.
 //
-// A kind has: kGeometry, its number among Embree's geometries of a group (scene.hpp); kBuilt, whether this build has it;
-// Record, what is kept of a shape; make, box and area of one; geometry, Embree's over records; at, where rays met some.
+// A kind has: kGeometry, its id among Embree's geometries of a group (scene.hpp); kBuilt, whether this build has it; Record,
+// the data of one shape; make, box and area of one; geometry, Embree's geometry over records; at, the points that rays hit.
 #pragma once
 
 #include <algorithm>
@@ -42,14 +42,14 @@ PRIMRAY_INLINE void for_curved_kinds(const F& f) {
   CurvedKinds::for_each(f);
 }
 
-// Of a group's shapes of one kind: the first record and the first row; the others follow.
+// A group's shapes of one kind: the first record and the first row; the others follow.
 struct CurvedRange {
   uint32_t first = 0, first_row = 0, count = 0;
   bool has_row(int32_t row) const { return uint32_t(row) - first_row < count; }
   uint32_t record_of(int32_t row) const { return first + uint32_t(row) - first_row; }
 };
 
-// One range a kind.
+// One range per kind.
 struct CurvedRanges {
   std::array<CurvedRange, CurvedKinds::kCount> all;
 
@@ -75,8 +75,8 @@ struct CurvedRanges {
 
 struct CurvedTable {
   CurvedKinds::Records by_kind;
-  // By row, which counts the shapes of all kinds as they came.
-  std::vector<int32_t> surface, link;  // the latter as MeshTable::link
+  // By row, which counts the shapes of all kinds in their input order.
+  std::vector<int32_t> surface, link;  // the latter like MeshTable::link
 
   template <class K>
   std::vector<typename K::Record>& records() {
@@ -86,19 +86,19 @@ struct CurvedTable {
   const std::vector<typename K::Record>& records() const {
     return std::get<CurvedKinds::index_of<K>()>(by_kind);
   }
-  // Whether the scene has shapes of the kind, as far as this build knows it.
+  // Whether the scene has shapes of the kind, if this build has it.
   template <class K>
   bool has() const {
     return K::kBuilt && !records<K>().empty();
   }
-  // It has some of a kind that this build lacks.
+  // Whether it has shapes of a kind that this build lacks.
   bool is_left_out() const {
     bool found = false;
     for_curved_kinds([&]<class K>(K) { found |= !K::kBuilt && !records<K>().empty(); });
     return found;
   }
   size_t rows() const { return surface.size(); }
-  // Some shapes of kinds that this build has.
+  // Whether it has shapes of kinds that this build has.
   bool any() const {
     bool found = false;
     for_curved_kinds([&]<class K>(K) { found |= has<K>(); });

@@ -27,7 +27,7 @@ struct SphereShape {
     daffine to_group() const { return affine_from_columns(group_from_object); }
   };
 
-  // What is made of a radius; none where the matrix has no inverse.
+  // Makes a record from a radius; none if the matrix has no inverse.
   static std::optional<Record> make(double radius, const daffine& group_from_object) {
     const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
     const daffine m = group_from_object * size;
@@ -37,7 +37,7 @@ struct SphereShape {
     return r;
   }
 
-  // A geometry over `count` records, which must outlive it (accel/sphere_geometry.cpp).
+  // Geometry over `count` records, which must outlive it (accel/sphere_geometry.cpp).
   static OwnedGeometry geometry(const Record* records, uint32_t count);
 
   static Box box(const Record& r) {
@@ -58,7 +58,7 @@ struct SphereShape {
   template <int W>
   static PRIMRAY_INLINE CurvedPoint<W> at(const std::vector<Record>& records, vint<W> record, const Hits<W>& h) {
     const AffineLanes<W> m(records[0].group_from_object, record * vint<W>(int(sizeof(Record) / sizeof(float))));
-    // The centre of a big sphere is further away than its surface, and rounded so.
+    // The centre of a big sphere is further away than its surface, and rounded accordingly.
     return {m.vector(h.ng) + m.o, m.normal(h.ng), abs(m.x * h.ng.x) + abs(m.y * h.ng.y) + abs(m.z * h.ng.z) + abs(m.o)};
   }
 };
