@@ -1,7 +1,7 @@
-"""What users write for a setting, brought to the one form that it is kept in; or refused, with the setting's name.
+"""Readers that convert what users pass for a setting to its stored form, or refuse it with the setting's name.
 
-Strings stand for members of enums, lists and arrays for tuples, NumPy's numbers for Python's, prims and Sdf.Paths for paths.
-Only forms are judged here: which values make sense is judged in settings.
+Strings become enum members, lists and arrays tuples, NumPy's numbers Python's, prims and Sdf.Paths paths. Only the form is
+checked here; settings/ checks values.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from .errors import SettingsError
 
-Reader = Callable[[str, Any], Any]  # (the setting's name, what is given) -> what is kept
+Reader = Callable[[str, Any], Any]  # (the setting's name, the value passed) -> the value stored
 
 SomeEnum = TypeVar("SomeEnum", bound=Enum)
 
@@ -49,7 +49,7 @@ def yes_or_no(name: str, value: Any) -> bool:
 
 
 def text(name: str, value: Any) -> str:
-    """A string, or what has a path: a prim, an Sdf.Path, a pathlib.Path."""
+    """Return a string; prims, Sdf.Paths and pathlib.Paths are converted."""
     if hasattr(value, "GetPath"):
         value = value.GetPath()
     value = getattr(value, "pathString", value)
@@ -98,12 +98,12 @@ def choice(kinds: type[SomeEnum]) -> Callable[[str, Any], SomeEnum]:
 
 
 def _plain(value: Any) -> Any:
-    """Python's own, of one of NumPy's scalars."""
+    """Return a NumPy scalar as a Python number; other values unchanged."""
     return value.item() if getattr(value, "shape", None) == () and hasattr(value, "item") else value
 
 
 def _items(name: str, wanted: str, value: Any) -> list[Any]:
-    """One string is no list of its letters."""
+    """Return the items of a list; a string is not taken for a list of its characters."""
     if isinstance(value, str):
         raise refused(name, f"a list of {wanted}", value)
     if isinstance(value, Mapping | bytes) or not isinstance(value, Iterable):

@@ -1,1 +1,1 @@
-"""Checkpoints: a render under way as a file, gone on with, and merged with others of the same picture."""
+"""Checkpoints: a render in progress saved to a file, resumed from it, and merged with others of the same picture."""

@@ -1,8 +1,8 @@
-"""Checkpoints: all of a render under way in one file, from which it goes on to the bits of one that ran through.
+"""Checkpoint: the complete state of a render in one file. A resumed render has the bits of an uninterrupted one.
 
-A checkpoint holds the film, how far its samples have come, the error's measurements and the plan of adaptive sampling; and
-what decides about pixels, by which a render is recognised: settings, the scene's contents, the ISA class and the core's build.
-How a render ends (samples, target error, time limit), its threads and its outputs are no part of that.
+A checkpoint holds the film, the range of samples taken, measurements of the error and the plan of adaptive sampling; and the
+render's identity, everything that decides about pixels: settings, the scene's contents, the ISA class and the core's build.
+Stopping rules (samples, target error, time limit), threads and outputs are no part of the identity.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from .kept_beside import KeptBeside, contents_of, of_contents
 from .light_paths import LightPaths, light_paths_of_json
 
 REPLICATES, COLORS = 2, 3
-SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits answers; others would be taken for what they are not
-BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
+SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits returns; other values are refused
+BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and the bin of the largest float
 
-# Settings that decide about pixels once the scene is translated, and those that decide what is translated.
+# Settings that decide about pixels after translation, and those that decide what is translated.
 OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate", "rendering_color_space")
 OF_SCENE = (
     "camera",
@@ -65,7 +65,7 @@ OF_SCENE = (
     "session_layer",
 )
 
-BESIDE = "beside."  # before the names of arrays that are kept for outputs beside the picture
+BESIDE = "beside."  # prefix of the names of arrays kept for AOVs and the denoiser
 PLAN_ARRAYS = ("begin", "order", "levels", "spent")
 
 Range = tuple[int, int]
@@ -73,7 +73,7 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True)
 class About:
-    """What goes into a checkpoint besides the sampling: how it is recognised, and what a report and an EXR's header say."""
+    """A checkpoint's data besides the sampling: the render's identity, and what a report and an EXR's header contain."""
 
     identity: Mapping[str, Any]
     settings: Mapping[str, Any]
@@ -82,46 +82,46 @@ class About:
     counts: Mapping[str, int]
     features: list[dict[str, str]]
     diagnostics: list[dict[str, str]]
-    aovs: tuple[str, ...] = ()  # that the render makes beside the picture: from the scene, not from what is held here
+    aovs: tuple[str, ...] = ()  # names of the AOVs that the render makes: from the scene, not from data held here
     rendering_space: ColorSpace = REC709
-    motion: Mapping[str, Any] | None = None  # what the report says of what moves
+    motion: Mapping[str, Any] | None = None  # the report's facts about motion
     stage: str = ""  # the root layer's file name
-    light_paths: LightPaths | None = None  # what the film holds of light path expressions
-    beside: KeptBeside | None = None  # what a part keeps for outputs beside the picture
-    file: PictureFile = PLAIN  # what the stage's product asks of the EXR
+    light_paths: LightPaths | None = None  # the light path expressions in the film
+    beside: KeptBeside | None = None  # data for AOVs and the denoiser that a part keeps
+    file: PictureFile = PLAIN  # what the stage's product requests of the EXR
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A checkpoint as read, not yet compared with what it is to be used for."""
+    """A checkpoint as read, not yet compared with the render it is for."""
 
     path: Path
     about: About
-    ranges: tuple[Range, ...]  # the samples a pixel that are complete
-    under_way: bool  # some pixels have more
+    ranges: tuple[Range, ...]  # the complete samples of each pixel
+    under_way: bool  # a pass is unfinished: some pixels have more samples
     adaptive: bool
     splits: core.Splits
     screen_block: int  # not 0 for a quick look
     seconds: float
     lanes: tuple[int, int]  # busy, shaded
     rows: tuple[Row, ...]
-    target: tuple[float | None, str]  # and its metric: what rows were due for
+    target: tuple[float | None, str]  # the target and its metric, for which rows were due
     plan: Plan | None
     film: Arrays
 
     @property
     def resolution(self) -> tuple[int, int]:
-        """Of the film."""
+        """Resolution of the film."""
         return self.about.frame.size
 
     def curve(self, target_error: float | None, metric: Metric) -> ErrorCurve:
-        """What was measured, for a render with this target: what was due for another one is not for this."""
+        """Return the measured error curve for a render with this target; rows that were due for another target are not due."""
         same_target = self.target == (target_error, metric.value)
         return ErrorCurve(metric, tuple(replace(row, due=row.due and same_target) for row in self.rows))
 
 
 def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, Any]:
-    """What two renders of the same pixels have in common, by names that an error can use; `settings` are resolved."""
+    """Return what renders of the same pixels have in common, by names that errors can show; `settings` are resolved."""
     values = settings_as_json(settings)
     return {
         "isa": core.isa(),
@@ -134,7 +134,7 @@ def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, An
 
 
 def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
-    """Header and arrays of a checkpoint: a copy of all, so that sampling can go on while they are written."""
+    """Return the header and arrays of a checkpoint, as copies, so that sampling can continue while they are written."""
     settings, plan, film = sampling.settings, sampling.plan, sampling.film.state()
     first = settings.sample_range[0] if settings.sample_range else 0
     rows = [asdict(replace(row, error=replace(row.error, tiles=np.zeros(0)))) for row in sampling.rows]
@@ -178,13 +178,13 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
 
 
 def _last_anchor(rows: Sequence[Row]) -> int:
-    """The number of the first row whose tiles may still decide something."""
+    """Return the index of the first row whose tile errors may still be needed."""
     anchors = [i for i, row in enumerate(rows) if row.anchor]
     return anchors[-1] if anchors else len(rows) - 1
 
 
 def load(path: Path) -> Checkpoint:
-    """CheckpointError if there is none, or none that could have been written."""
+    """Read a checkpoint; CheckpointError if there is none, or it is not valid."""
     header, arrays = read_checkpoint(path)
     try:
         return _checkpoint(path, header, arrays)
@@ -195,7 +195,7 @@ def load(path: Path) -> Checkpoint:
 
 
 def check(path: Path) -> None:
-    """CheckpointError if the beginning of the file shows that it cannot be used here; cheap, before a scene is translated."""
+    """Raise CheckpointError if the file's header shows that it cannot be used here; cheap, before the scene is translated."""
     found = read_header(path).get("identity")
     if not isinstance(found, dict):
         raise CheckpointError(
@@ -302,7 +302,7 @@ def _plan(samples: int, arrays: Arrays, pixels: int, tiles: int) -> Plan:
 
 
 def _rows(rows: Sequence[Mapping[str, Any]], arrays: Arrays, tiles: int) -> tuple[Row, ...]:
-    """The last of them with their tiles."""
+    """Return the measurements; only the last ones have tile errors."""
     if not rows:
         return ()
     errors = arrays["tiles"]
@@ -337,21 +337,21 @@ def _space_of(values: Mapping[str, Any]) -> ColorSpace:
 
 
 def settings_to_go_on(settings: RenderSettings, checkpoint: Checkpoint) -> RenderSettings:
-    """What was not said about adaptive sampling is as it was."""
+    """Return the settings with adaptive sampling as in the checkpoint, where they leave it open."""
     if settings.adaptive is None and settings.sample_range is None and settings.adapts != checkpoint.adaptive:
         return replace(settings, adaptive=checkpoint.adaptive)
     return settings
 
 
 def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkpoint: Checkpoint) -> Sampling:
-    """The sampling where it was left; CheckpointError, naming what differs, if it was another picture's."""
+    """Return the sampling as the checkpoint left it; CheckpointError, naming differences, if it is of another picture."""
     compare(checkpoint.about, about, checkpoint.path)
     if settings.adapts != checkpoint.adaptive:
         is_, was = ("adaptive", "uniform") if settings.adapts else ("uniform", "adaptive")
         raise _other(f"its sampling is {was}, not {is_}", checkpoint.path)
     _check_range(settings, checkpoint)
     if checkpoint.screen_block != settings.screen_block and checkpoint.ranges[0][1] < settings.most_samples:
-        # A quick look takes its samples otherwise. The few that are held are less than a picture of both would lose.
+        # A quick look draws samples in another way. Its few samples are worth less than mixing both would cost.
         return Sampling.begin(scene, settings)
     done = checkpoint.ranges[0][1]
     schedule = Schedule(settings, earlier_seconds=checkpoint.seconds, earlier_done=done)
@@ -381,12 +381,12 @@ def _check_range(settings: RenderSettings, checkpoint: Checkpoint) -> None:
 
 
 def gaps(ranges: tuple[Range, ...]) -> list[Range]:
-    """What is missing between sorted ranges."""
+    """Return the samples that are missing between sorted ranges."""
     return [(a[1], b[0]) for a, b in pairwise(ranges) if a[1] < b[0]]
 
 
 def compare(held: About, wanted: About, path: Path) -> None:
-    """CheckpointError, naming what differs, unless both are of the same picture on the same machine code."""
+    """Raise CheckpointError, naming differences, unless both are of the same picture and the same compiled core."""
     if held.identity == wanted.identity:
         return
     hints = [name for name in OF_SCENE if held.settings.get(name) != wanted.settings.get(name)]

@@ -1,9 +1,9 @@
-"""The container of a checkpoint: a JSON header and plain arrays, written whole or not at all, and checked when read.
+"""File format of a checkpoint: a JSON header and plain arrays, written atomically and verified when read.
 
     "primray checkpoint 1\\n", the header's length (8 bytes), the header (UTF-8 JSON), SHA-256 of all this;
     the arrays that the header's "arrays" lists, little-endian and C-contiguous; SHA-256 of them.
 
-What a header claims is compared with the file's size before anything is allocated: no file costs more memory than its size.
+Sizes in the header are compared with the file's size before anything is allocated: no file costs more memory than its size.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 
 def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Put the file at `path` in one step: until then, and if anything goes wrong, what was there before is there."""
+    """Write the file at `path` atomically: if anything goes wrong, the previous file is unchanged."""
     plain = {name: np.ascontiguousarray(array, array.dtype.newbyteorder("<")) for name, array in arrays.items()}
     table = [[name, array.dtype.str, list(array.shape)] for name, array in plain.items()]
     text = json.dumps({**header, "arrays": table}).encode()
@@ -57,9 +57,10 @@ def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file that takes the place of `path` when the block ends well, and the disk has it.
+    """Open a file that replaces `path` when the block ends without an error and the data is on disk.
 
-    Its name is always the same, so that those who were killed leave one of them at most; a lock tells whether one is alive.
+    The temporary file has a fixed name, so that killed processes leave at most one behind; a lock shows whether its writer is
+    alive.
     """
     path = through_links(path)
     partial = path.with_name(f".{name_beside(path.name)}.partial")
@@ -90,7 +91,7 @@ def _locked(path: Path, partial: Path) -> BinaryIO:
             raise PrimrayError("another process is writing this checkpoint", where=str(path), code="write-failed") from None
         except OSError:
             return file  # a file system without locks
-        # Whoever had the lock may have put this very file in its place since it was opened.
+        # The previous owner of the lock may have renamed this file to `path` since it was opened here.
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(file.fileno()), os.stat(partial)):
                 return file
@@ -98,13 +99,13 @@ def _locked(path: Path, partial: Path) -> BinaryIO:
 
 
 def read_header(path: Path) -> dict[str, Any]:
-    """The header alone; CheckpointError unless the file is a checkpoint whose beginning is whole and whose size is right."""
+    """Return the header; CheckpointError unless the header is intact and the file has the size that it states."""
     with _opened(path) as file:
         return _header(path, file)
 
 
 def read_checkpoint(path: Path) -> tuple[dict[str, Any], Arrays]:
-    """Header and arrays; CheckpointError unless every byte is as it was written."""
+    """Return header and arrays; CheckpointError unless all checksums match."""
     with _opened(path) as file:
         header = _header(path, file)
         digest = hashlib.sha256()

@@ -1,4 +1,4 @@
-"""Rendering with a checkpoint file: begun or resumed, written every so often while rendering goes on, and at the end."""
+"""Rendering with a checkpoint file: started or resumed, saved at intervals during rendering, and at the end."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DEFAULT_EVERY_S = 60.0
 
 @dataclass(frozen=True)
 class Checkpointing:
-    """Where a render's checkpoint is written, every so many seconds and at the end, and which one it goes on from, if any.
+    """File that a render's checkpoints are written to, at intervals and at the end, and the checkpoint that it resumes, if any.
 
     >>> saved = primray.Checkpointing("shot.prc", every_s=30)
     >>> image = primray.render("shot.usda", checkpointing=saved, resolution=(32, 18), spp=2)
@@ -35,11 +35,12 @@ class Checkpointing:
     >>> primray.render("shot.usda", checkpointing=more, resolution=(32, 18), spp=4).report["samples_per_pixel"]
     [4, 4]
 
-    SettingsError for an interval that is none; CheckpointError, from the render, for one that is missing or of another render.
+    Raises SettingsError for an interval that is not above 0; rendering raises CheckpointError if the checkpoint to resume is
+    missing or of another render.
     """
 
     file: Path
-    every_s: float | None = None  # None: as the stage asks, else 60
+    every_s: float | None = None  # None: the stage's interval, else 60
     resume: Path | None = None
 
     if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Checkpointing:
             raise SettingsError(f"checkpoints are written every so many seconds above 0, not {self.every_s}")
 
     def check(self) -> None:
-        """Find out before rendering what cannot be read, or written after it; what is there already is not overwritten."""
+        """Raise an error, before rendering, for files that cannot be read or written; existing files are not overwritten."""
         from ..images.output_path import check_folder
         from . import checkpoint
 
@@ -73,7 +74,8 @@ class Checkpointing:
     def run(
         self, prepared: Prepared, diagnostics: list[Diagnostic], progress: Progress, savings: Sequence[Saving] = ()
     ) -> tuple[Sampling, dict[str, Any]]:
-        """Sample until something stops it, saving `savings` too; and what the report says of checkpoints."""
+        """Sample until a stopping rule applies, saving at intervals (`savings` too); also return the report's checkpoint
+        facts."""
         from ..sampling import pauses
         from .kept_beside import kept_beside
 
@@ -92,7 +94,7 @@ class Checkpointing:
 
 
 def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, About]:
-    """The sampling of a scene, from a checkpoint where one is given, and what its checkpoints are to say of it."""
+    """Return the sampling of a scene, resumed from a checkpoint if one is given, and the data of its checkpoints."""
     from ..denoising.target import denoised_target
     from ..description.picture_file import PLAIN
     from ..report.report import settings_as_json
@@ -129,10 +131,10 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
 
 
 class Saver:
-    """Writes checkpoints, one at a time, from copies, so that rendering need not wait for the disk.
+    """Writes checkpoints, one at a time, from copies in a thread, so that rendering need not wait for the disk.
 
-    `name` says where the next one goes; `written` hears of each (its file, samples a pixel, seconds of sampling), in the
-    thread that wrote it. A render does not end because a checkpoint cannot be written; the report says so.
+    `name` returns the file of the next one; `written` is called for each (file, samples per pixel, seconds of sampling), in the
+    thread that wrote it. A render does not fail because a checkpoint cannot be written; the report shows the error.
     """
 
     def __init__(
@@ -169,7 +171,7 @@ class Saver:
         self._next = time.monotonic() + self._every_s
 
     def keep_beside(self, kept: KeptBeside | None) -> None:
-        """In what is written from now on."""
+        """Include this data for AOVs in checkpoints written from now on."""
         self._about = replace(self._about, beside=kept)
 
     def save(self, sampling: Sampling) -> None:
@@ -198,7 +200,10 @@ class Saver:
         self._write_s += time.perf_counter() - start
 
     def as_json(self) -> dict[str, Any]:
-        """`paused_s`: what rendering waited for; `write_s`: all of writing; `failed`: why the last one was not written."""
+        """Return the report's facts.
+
+        `paused_s`: time that rendering waited; `write_s`: total time of writing; `failed`: why the last write failed.
+        """
         return {
             "file": str(self._file),
             "written": self._written,

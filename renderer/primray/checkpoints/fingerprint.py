@@ -1,6 +1,6 @@
-"""What a scene is to its picture, as digests: the same for the same contents wherever its files lie and its prims are named.
+"""Fingerprint of a scene: digests of its contents, independent of where its files are and what its prims are called.
 
-Taken of the translated description, before dicing, with the textures' contents in place of their paths.
+Computed from the translated description, before dicing, with the textures' contents in place of their paths.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from ..description import SceneDescription, TextureFile
 from ..textures.texture import Texture
 
-# Say where something comes from, and what was noticed on the way, but not what it looks like.
+# Fields that say where something comes from, or what was noticed in translation, but not what it looks like.
 UNSEEN = {"path", "collections", "bad_texels", "turned", "names", "instance", "diffusion"}
 
 TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
 
-# By what an error can name: the fields of a description that it is of.
+# The description's fields in each part, by names that errors can show.
 PARTS = {
     "geometry": ("shapes", "static", "prototypes", "placements"),
     "materials": ("surfaces",),
@@ -34,12 +34,12 @@ PARTS = {
 
 
 def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str, str]:
-    """Digests by what an error can name: geometry, materials, lights, camera and the frame that is rendered."""
+    """Return the digests of geometry, materials, lights, camera and the rendered frame."""
     return fingerprint_of(description, textures, PARTS)
 
 
 def fingerprint_of(description: SceneDescription, textures: TextureSet, parts: Collection[str]) -> dict[str, str]:
-    """Of these parts alone."""
+    """Return the digests of some parts."""
     digests = _Digests(textures)
     return {name: digests.of(_part(description, name)) for name in PARTS if name in parts}
 
@@ -60,7 +60,7 @@ class _Digests:
         return h.hexdigest()
 
     def _add(self, h: Any, value: Any) -> None:
-        """Every value after its kind and size, so that no two different ones run together to the same bytes."""
+        """Hash a value preceded by its type and size, so that different values never give the same bytes."""
         if value is None or isinstance(value, bool | int | np.integer):
             h.update(f"{value};".encode())
         elif isinstance(value, float | np.floating):

@@ -1,4 +1,4 @@
-"""A frame from JSON, for checkpoints: what comes back is checked."""
+"""Validated reading of a frame from a checkpoint's JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..settings import MAX_RESOLUTION
 
 
 def frame_of(values: Mapping[str, Any]) -> Frame:
-    """ValueError, KeyError or TypeError where it is none."""
+    """Return the frame; ValueError, KeyError or TypeError if the JSON is not valid."""
     width, height = values["resolution"]
     window = [values["pixels"][name] for name in ("x", "y", "width", "height")]
     aspect = float(values["pixel_aspect_ratio"])

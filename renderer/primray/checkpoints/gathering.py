@@ -1,4 +1,4 @@
-"""Parts of one picture as one: their films added up, each loaded when it comes and let go of then."""
+"""Parts of one picture summed up: each part's film is loaded when it arrives, added, and released."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from .kept_beside import KeptBeside, joined
 
 
 class Gathering:
-    """What is there of the picture so far. `held`: the parts, without their films."""
+    """The sum of the parts that arrived so far. `held`: the parts, without their films."""
 
     def __init__(self) -> None:
         self.held: list[Checkpoint] = []
         self._taken: list[tuple[Range, Path]] = []
         self._scene: core.CoreScene | None = None
         self._film: core.Film | None = None
-        self.beside: KeptBeside | None = None  # what all of them keep for outputs beside the picture
+        self.beside: KeptBeside | None = None  # merged data for AOVs and the denoiser
 
     def add(self, path: Path) -> Checkpoint:
-        """CheckpointError, naming the file, unless it is a whole part of the same picture whose samples are in no other."""
+        """Add a part; CheckpointError, naming the file, unless it is complete, of the same picture, and has new samples."""
         part = load(path)
         about = part.about
         scene = core.CoreScene(None, about.camera.exposure_scale, [], part.resolution, rendering_space=about.rendering_space)
@@ -59,21 +59,21 @@ class Gathering:
 
     @property
     def ranges(self) -> tuple[Range, ...]:
-        """The samples that are there."""
+        """Ranges of samples that have been added."""
         return _joined([span for span, _ in self._taken])
 
     @property
     def counts(self) -> tuple[int, int]:
-        """Samples and rays."""
+        """Number of samples and of rays."""
         return (0, 0) if self._film is None else (self._film.samples, self._film.rays)
 
     @property
     def seconds(self) -> float:
-        """Of sampling, of all parts."""
+        """Seconds of sampling, over all parts."""
         return sum(part.seconds for part in self.held)
 
     def settings(self, ending: Mapping[str, Any]) -> RenderSettings:
-        """The parts' own, but for how the render ends."""
+        """Return the parts' settings, with the stopping rules of `ending`."""
         part = self.held[0]
         try:
             return settings_of_json({**part.about.settings, **ending, "threads": usable_threads()})
@@ -81,7 +81,7 @@ class Gathering:
             raise unfit("its settings are those of another version", part.path) from error
 
     def sampling(self, settings: RenderSettings) -> Sampling:
-        """Of one render that took all of these samples, and ends as the settings say; it shares this film."""
+        """Return the sampling of one render that took all of these samples and ends as the settings say; it shares the film."""
         assert self._film is not None
         assert self._scene is not None
         done, seconds, film = self.ranges[-1][1], self.seconds, self._film
@@ -105,7 +105,7 @@ def unfit(how: str, path: Path) -> CheckpointError:
 
 
 def _joined(ranges: Sequence[Range]) -> tuple[Range, ...]:
-    """Sorted, those that touch made one."""
+    """Return the ranges sorted, with adjacent ones merged."""
     found: list[Range] = []
     for a, b in sorted(ranges):
         if found and found[-1][1] == a:

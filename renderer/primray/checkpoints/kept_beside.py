@@ -1,7 +1,7 @@
-"""What parts of a picture keep for the outputs beside it, which are made when they are merged: no stage is there then.
+"""Data for AOVs and the denoiser that parts of a picture keep, since the stage is not available when they are merged.
 
-AOVs that no sample of the film has a part in are the same in every part, and so are a denoiser's guides: the part with sample 0
-has them. Of Cryptomattes each part has what covers its own samples, by names, counted in whole units that add up exactly.
+AOVs that do not depend on the film's samples, and a denoiser's guides, are the same in every part: the part with sample 0 keeps
+them. For Cryptomattes each part keeps the coverage of its own samples, by name, in integer units that add up exactly.
 """
 
 from __future__ import annotations
@@ -31,8 +31,11 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Covered:
-    """By pixel (H, W) `counts` of entries, which are pixel by pixel: `number` of what covers it, the units (N) that it does.
-    `names` of what there is, by kind of Cryptomatte."""
+    """Coverage of pixels by named things.
+
+    `counts` (H, W): entries of each pixel; `number` and `shares` (N), pixel by pixel: which thing covers it, and by how many
+    units; `names`: of the things, by kind of Cryptomatte.
+    """
 
     counts: npt.NDArray[np.uint32]
     number: npt.NDArray[np.int64]
@@ -42,15 +45,17 @@ class Covered:
 
 @dataclass(frozen=True, eq=False)
 class KeptBeside:
-    requests: tuple[AovRequest, ...]  # all that the picture is to have
+    """Data that one part, or several merged ones, keep for AOVs and the denoiser."""
+
+    requests: tuple[AovRequest, ...]  # all AOVs of the picture
     fixed: Mapping[str, Aov] = field(default_factory=dict)
-    labels: Mapping[str, Any] = field(default_factory=dict)  # what a report says of them
+    labels: Mapping[str, Any] = field(default_factory=dict)  # the report's facts about labels
     guides: Guides | None = None
     covered: Covered | None = None
 
 
 def kept_beside(prepared: Prepared, sampling: Sampling) -> KeptBeside | None:
-    """Of a part that has its samples; None where nothing is asked for beside the picture."""
+    """Return the data of a part whose samples are complete; None where no AOV and no denoising is requested."""
     settings, requests = prepared.settings, prepared.aovs
     if not requests and not settings.denoises:
         return None
@@ -82,7 +87,7 @@ def _is_fixed(request: AovRequest) -> bool:
 
 
 def joined(a: KeptBeside | None, b: KeptBeside | None) -> KeptBeside | None:
-    """Of the samples of both; None where one of them has kept nothing."""
+    """Return the data of the samples of both; None where one of them kept nothing."""
     if a is None or b is None or a.requests != b.requests:
         return None
     covered = None if a.covered is None or b.covered is None else _covered_by_both(a.covered, b.covered)
@@ -106,7 +111,7 @@ def _covered_by_both(a: Covered, b: Covered) -> Covered:
 
 
 def aovs_of_parts(kept: KeptBeside, film: core.Film) -> dict[str, Aov]:
-    """As one render of all samples has them, in the order that they were asked for; without those that no part holds."""
+    """Return the AOVs that one render of all samples has, in the order requested, without those that no part holds."""
     found: dict[str, Aov] = {}
     for request in kept.requests:
         if request.name in kept.fixed:
@@ -129,7 +134,7 @@ def _matte(source: str, covered: Covered, film: core.Film) -> Aov:
 
 
 def contents_of(kept: KeptBeside) -> tuple[dict[str, Any], Arrays]:
-    """For a checkpoint: JSON, and arrays by name."""
+    """Return the data as JSON and arrays by name, for a checkpoint."""
     arrays: Arrays = {}
     fixed = []
     for place, (name, aov) in enumerate(kept.fixed.items()):
@@ -154,7 +159,7 @@ def contents_of(kept: KeptBeside) -> tuple[dict[str, Any], Arrays]:
 
 
 def of_contents(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], size: tuple[int, int]) -> KeptBeside:
-    """What `contents_of` made; KeyError, TypeError or ValueError for what it cannot have made. `size`: width and height."""
+    """Return what `contents_of` wrote; KeyError, TypeError or ValueError if it is not valid. `size`: width and height."""
     shape = size[::-1]
     requests = requests_of_json(header["requests"])
     fixed: dict[str, Aov] = {}

@@ -1,4 +1,4 @@
-"""What a checkpoint's film holds of light path expressions: enough to make outputs of it without the stage."""
+"""Light path expressions in a checkpoint: what is needed to make outputs of its film without the stage."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..core.light_paths.routes import Routes
 
 @dataclass(frozen=True)
 class LightPaths:
-    """`expressions` and `members` as of core.routes.Routes; `requests` are outputs of these."""
+    """Outputs (`requests`) that are light path expressions; `expressions` and `members` as in core's Routes."""
 
     requests: tuple[AovRequest, ...]
     expressions: tuple[str, ...]
@@ -29,12 +29,12 @@ def light_paths_of_routes(requests: tuple[AovRequest, ...], routes: Routes | Non
 
 
 def requests_of_json(value: Any) -> tuple[AovRequest, ...]:
-    """From dictionaries of their fields; KeyError or TypeError for what they cannot be."""
+    """Return requests from dictionaries of their fields; KeyError or TypeError if they are not valid."""
     return tuple(AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in value)
 
 
 def light_paths_of_json(value: Any) -> LightPaths | None:
-    """ValueError, TypeError or KeyError for what as_json cannot have made."""
+    """Return what `as_json` wrote; ValueError, TypeError or KeyError if it is not valid."""
     if value is None:
         return None
     requests = requests_of_json(value["requests"])

@@ -1,6 +1,6 @@
-"""Checkpoints of disjoint samples of one picture, merged to the picture and checkpoint of one render that took them all.
+"""Merging of checkpoints with disjoint samples to the picture and checkpoint of one render that took all samples.
 
-Needs no stage: what an image and its report say of the scene is in the checkpoints.
+No stage is needed: everything that an image and its report say about the scene is in the checkpoints.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .checkpoint_file import write_checkpoint
 from .gathering import Gathering
 from .kept_beside import aovs_of_parts
 
-# What is told of the samples that are merged, anew each time.
+# Diagnostics about the merged samples, which each merge reports again.
 OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged", "display-error-unknown", PICTURE_UNFINISHED)
 
 
@@ -37,7 +37,7 @@ class Merged:
 
     @property
     def time_code(self) -> float | None:
-        """Of the frame that they are parts of; None where none was asked for."""
+        """Time code of the frame that the parts belong to; None: the stage's default time."""
         found = self.header["settings"]["time_code"]
         return None if found is None else float(found)
 
@@ -46,7 +46,7 @@ class Merged:
 
 
 def merge(paths: Sequence[Path]) -> Merged:
-    """CheckpointError, naming the file, unless all are whole parts of the same picture and no sample is in two of them."""
+    """Merge checkpoints; CheckpointError, naming the file, unless all are complete parts of one picture without overlap."""
     costs = Costs()
     with costs.stage("render"):
         gathering = gathered(paths)
@@ -56,7 +56,7 @@ def merge(paths: Sequence[Path]) -> Merged:
 
 
 def gathered(paths: Sequence[Path]) -> Gathering:
-    """CheckpointError as of `merge`."""
+    """Return the sum of checkpoints; raise CheckpointError as `merge` does."""
     for path in paths:
         check(path)
     gathering = Gathering()
@@ -66,7 +66,7 @@ def gathered(paths: Sequence[Path]) -> Gathering:
 
 
 def all_of(ranges: tuple[Range, ...]) -> dict[str, Any]:
-    """How one render of all these samples ends; with gaps, of the range that they span."""
+    """Return the stopping rules of one render of all these samples; with gaps, of the range that they span."""
     first, end = ranges[0][0], ranges[-1][1]
     whole = len(ranges) == 1 and first == 0
     spans = {"spp": end if whole else None, "sample_range": None if whole else [first, end]}
@@ -74,7 +74,7 @@ def all_of(ranges: tuple[Range, ...]) -> dict[str, Any]:
 
 
 def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, says: Mapping[str, Any]) -> Merged:
-    """Of a sampling of the parts that has stopped; the report says `says` as well."""
+    """Return the picture and checkpoint of a sampling of parts that has ended; `says` is added to the report."""
     pixels, errors = sampling.film.image()
     kept, own, found = gathering.beside, Diagnostics(), dict[str, Aov]()
     if sampling.view_fault:
@@ -112,7 +112,7 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
 
 
 def light_paths(gathering: Gathering, sampling: Sampling) -> dict[str, Aov]:
-    """Outputs that films hold, by name."""
+    """Return the light path outputs that films hold, by name."""
     held = gathering.held[0].about.light_paths
     if held is None:
         return {}
@@ -128,7 +128,7 @@ def _denoised(image: Image, guides: Guides, sampling: Sampling, costs: Costs) ->
 
 
 def _diagnostics(sampling: Sampling, gathering: Gathering, made: Container[str], own: Diagnostics) -> list[dict[str, str]]:
-    """What the parts say, and `own`, to which what is found here is added."""
+    """Return the parts' diagnostics, and `own`, with those found here added to it."""
     held, ranges = gathering.held, gathering.ranges
     missing = ([(0, ranges[0][0])] if ranges[0][0] > 0 else []) + gaps(ranges)
     if missing:

@@ -1,7 +1,7 @@
-"""The C++ core from Python: which of its builds runs, a scene built in it, a film of it, and passes that render.
+"""The C++ core as seen from Python: the compiled module in use, scenes built in it, films, and passes that render into them.
 
-`isa_class` chooses the build, `building` uploads a description to it, `film` and `passes` take samples, `first_hit_planes`
-looks at what is seen.
+`isa_class` chooses the compiled module, `building` uploads a description to it, `film` and `passes` take samples,
+`first_hit_planes` renders the data of first hits for AOVs.
 """
 
 from .building import build, dice

@@ -1,4 +1,4 @@
-"""From a description to a scene in the core: cages diced, everything uploaded and accelerated."""
+"""A description to a scene in the core: cages are diced, everything is uploaded and accelerated."""
 
 from __future__ import annotations
 
@@ -26,8 +26,10 @@ from .surface_upload import MutableTextures, Textures
 def dice(
     description: SceneDescription, settings: RenderSettings, textures: Textures | None = None
 ) -> tuple[SceneDescription, dicing.Warnings]:
-    """The description with triangles for subdivision cages, and what is coarser or sharper than the stage says; `textures`, of
-    which those that displace cages are read: every TextureFile that could be."""
+    """Return the description with subdivision cages diced to triangles, and warnings where they are coarser or sharper.
+
+    `textures`: every TextureFile that could be read; those that displace cages are used.
+    """
     try:
         displaced = displacements(module(), description, textures or {})
         chosen = dicing.dicing_of(settings)
@@ -41,9 +43,9 @@ def dice(
 def build(
     description: SceneDescription, textures: MutableTextures, settings: RenderSettings, shapes: list[Shape] | None = None
 ) -> CoreScene:
-    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read, taken out of it.
+    """Return the core's scene with acceleration structures; `textures`: all images that could be read, emptied on the way.
 
-    `shapes`, where given, are used in place of the description's and let go on the way: the list is empty afterwards.
+    `shapes`, if given, replaces the description's shapes; it is emptied to save memory.
     """
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     record = SceneRecord() if description.aovs else None
@@ -65,7 +67,7 @@ def build(
 
 
 def limit_hierarchies(settings: RenderSettings) -> None:
-    """Have Embree's builds fail rather than hold more than is left of the memory allowed."""
+    """Make Embree's builds fail rather than exceed what is left of the memory limit."""
     limit = settings.max_memory_bytes
     if limit is None:
         return

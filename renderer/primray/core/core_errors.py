@@ -1,4 +1,4 @@
-"""What the core raises, as an error of primray."""
+"""Errors of the core, raised as errors of primray."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from .. import errors
 
 
 def raise_as_ours(error: Exception) -> NoReturn:
+    """Raise the PrimrayError that corresponds to a CoreError."""
     code, message = error.args
     if code in ("out-of-memory", "too-large"):
         raise errors.LimitError(message, code=code) from error

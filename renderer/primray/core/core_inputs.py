@@ -1,4 +1,4 @@
-"""The core's input structures, filled by the names of their fields."""
+"""The core's input structures, filled field by field by name."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from .limits import max_depth
 
 
 def filled(made: Any, **values: Any) -> Any:
-    """`made` with these fields.
+    """Return `made` with these fields set.
 
-    Raises AttributeError for a field that it doesn't have.
+    Raise AttributeError for a field that it does not have.
     """
     for name, value in values.items():
         setattr(made, name, value)
@@ -21,7 +21,7 @@ def filled(made: Any, **values: Any) -> Any:
 
 
 def surface_input(core: Any, surface: Surface) -> Any:
-    """The SurfaceInput of a surface: its constants."""
+    """Return the SurfaceInput of a surface: its constants."""
     names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair", "camera")]
     made = filled(core.SurfaceInput(), **{name: getattr(surface, name) for name in names})
     made.camera = getattr(core.CameraSight, surface.camera.value)
@@ -34,5 +34,5 @@ def surface_input(core: Any, surface: Surface) -> Any:
 
 
 def integrator_settings(core: Any, settings: RenderSettings, **values: Any) -> Any:
-    """The IntegratorSettings of one thread at the render's depth, with these fields."""
+    """Return IntegratorSettings for one thread at the render's depth, with these fields set."""
     return filled(core.IntegratorSettings(), max_depth=max_depth(settings), **values)

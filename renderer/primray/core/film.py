@@ -1,4 +1,4 @@
-"""A film: what has been gathered so far of a scene's picture."""
+"""Film: the exact sums of a render's samples, and the picture and errors computed from them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .core_errors import raise_as_ours
 from .isa_class import module
 from .scene import CoreScene
 
-# The settings that leave sampled light out of a picture, by the name of what the film counts of it (film/film.hpp, Removal).
+# Settings that remove sampled light from the picture, by the film's name for the removed light (film/film.hpp, Removal).
 REMOVALS = {"clamped": "clamp_indirect", "caustics": "caustics"}
 TILE = 16  # pixels across; kTile in film.hpp
 
 
 class Film:
-    """What a scene's render has gathered so far; arrays are of shape (H, W, ...), R = 2 replicates."""
+    """The samples of a scene accumulated so far; arrays have shape (H, W, ...), and R = 2 independent replicates."""
 
     def __init__(
         self,
@@ -28,7 +28,7 @@ class Film:
         state: Mapping[str, npt.NDArray[Any]] | None = None,
         settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
     ) -> None:
-        """Begin a film for a render with these settings, or continue the one that `state` is of."""
+        """Start an empty film for a render with these settings, or continue the film whose arrays `state` holds."""
         width, height = scene.resolution
         if state is None:
             expressions = 0 if scene.routes is None else len(scene.routes.expressions)
@@ -41,22 +41,25 @@ class Film:
         self._spread: tuple[int, tuple[int, int]] | None = None
 
     def image(self) -> tuple[Floats, Floats]:
-        """Mean R, G, B, coverage (H, W, 4) and the standard errors of R, G, B (H, W, 3); inf where there is no estimate."""
+        """Return mean R, G, B, alpha (H, W, 4) and the standard errors of R, G, B (H, W, 3); inf where there is no estimate."""
         if self._image is None or self._image[0] != self.samples:
             self._image = (self.samples, self._film.image(self._exposure_scale))
         return self._image[1]
 
     def routed_image(self) -> tuple[npt.NDArray[np.float64], Floats]:
-        """Of each light path expression: R, G, B (E, H, W, 3) as in `image`, and their standard errors.
+        """Return R, G, B (E, H, W, 3) of each light path expression, scaled as in `image`, and their standard errors.
 
-        What expressions take apart adds up to the picture but for the rounding of doubles.
+        The outputs of expressions that partition the light add up to the picture, up to rounding of doubles.
         """
         found: tuple[npt.NDArray[np.float64], Floats] = self._film.routed_image(self._exposure_scale)
         return found
 
     def removed_rows(self, why: str, first: int, end: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Return R, G, B of the light of these rows that was sampled and left out (`REMOVALS`), and differences of the
-        replicates that are distributed as its errors; NaN where there is no estimate."""
+        """Return R, G, B of the light of these rows that was sampled and removed (a key of `REMOVALS`), and errors.
+
+        The second array holds differences of the replicates, distributed as the errors of the first; NaN where there is no
+        estimate.
+        """
         number = list(REMOVALS).index(why)
         found: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
         found = self._film.removed_rows(number, self._exposure_scale, first, end)
@@ -80,7 +83,10 @@ class Film:
 
     @property
     def samples_per_pixel(self) -> tuple[int, int]:
-        """The fewest and the most; counted once for the samples that there are, since every measurement asks."""
+        """Fewest and most samples of any pixel.
+
+        Cached until further samples arrive, since every measurement of the error asks for it.
+        """
         if self._spread is None or self._spread[0] != self.samples:
             total = self.counts.sum(axis=0)
             self._spread = self.samples, (int(total.min()), int(total.max()))
@@ -109,12 +115,12 @@ class Film:
 
     @property
     def tiles(self) -> tuple[int, int]:
-        """Tiles across and down."""
+        """Number of tiles across and down."""
         return int(self._film.tiles_x), int(self._film.tiles_y)
 
     @property
     def next(self) -> npt.NDArray[np.uint32]:
-        """(R, tiles): the number of each tile's next sample, rows of tiles from the top."""
+        """Index of each tile's next sample in each replicate, (R, tiles); tiles in rows from the top."""
         numbers: npt.NDArray[np.uint32] = self._film.next
         return numbers
 
@@ -124,32 +130,34 @@ class Film:
         return rays
 
     def start_at(self, number: int) -> None:
-        """Begin the sequences with another sample than the first."""
+        """Start the sample sequences at index `number` instead of 0."""
         self._film.start_at(number)
 
     def merge(self, other: Film) -> None:
-        """Add what another film gathered from other samples: the same bits as one film that took them all."""
+        """Add the samples of another film, which are disjoint from these: the result has the bits of one film with all of
+        them."""
         try:
             self._film.merge(other._film)
         except module().CoreError as error:
             raise_as_ours(error)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
-        """All of it as arrays, for `Film(scene, state)`."""
+        """Return everything in the film as arrays, for `Film(scene, state)`."""
         state: dict[str, npt.NDArray[Any]] = self._film.state()
         return state
 
     def error_sums(self, most_pixels: int, threads: int) -> dict[str, Any]:
-        """Sums behind the error's estimates; see film/frame_error.hpp, and error.py for what is made of them."""
+        """Return the sums that error estimates are made of (film/frame_error.hpp computes them, sampling/error.py uses
+        them)."""
         sums: dict[str, Any] = self._film.error(self._exposure_scale, most_pixels, threads)
         return sums
 
 
 def samples_of_replicates(samples: int) -> tuple[int, int]:
-    """How many of a pixel's first `samples` fall to each replicate: they take turns."""
+    """Return how many of a pixel's first `samples` belong to each replicate: the replicates take turns."""
     return (samples + 1) // 2, samples // 2
 
 
 def uniform_ends(film: Film, samples: int) -> npt.NDArray[np.uint32]:
-    """`ends` of a pass that gives every pixel its first `samples`."""
+    """Return the `ends` of a pass that gives every pixel its first `samples` samples."""
     return np.repeat(np.array(samples_of_replicates(samples), np.uint32)[:, None], film.next.shape[1], axis=1)

@@ -1,4 +1,4 @@
-"""What is seen first at every pixel, for the outputs beside the picture."""
+"""Data of the first hit at every pixel, for AOVs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from .scene import CoreScene
 
 @dataclass(frozen=True)
 class FilmSamples:
-    """Which samples a film has taken, and how they were drawn."""
+    """Ranges of the samples that a film has taken, and how they were drawn."""
 
     first: npt.NDArray[np.uint32]  # (R, tiles)
     end: npt.NDArray[np.uint32]
     seed: int
     screen_block: int
-    is_split: bool  # paths go on from the first surface in several ways
+    is_split: bool  # several paths continue from the first hit
 
 
-BAND = 4 * TILE  # rows between which signals are looked after
+BAND = 4 * TILE  # rows rendered between two checks for signals
 
 
 def first_hits(
@@ -39,9 +39,11 @@ def first_hits(
     replicate: int = 0,
     occlusion_distance: float = 0.0,
 ) -> dict[str, Any]:
-    """Arrays (H, W, C) of what is seen first, by the core's names of planes, and a list of the primvars' (its number, that of
-    its wide twin, and its width); bindings/first_hit_bindings.cpp. `replicate`: which of the independent sets of samples
-    filtered planes are means of; `occlusion_distance`: in scene units, of the plane of that name."""
+    """Return arrays (H, W, C) of first hits, by the core's names of planes (bindings/first_hit_bindings.cpp).
+
+    `primvars`: the number of each, that of its wide twin, and its width, returned as a list; `replicate`: which independent set
+    of samples filtered planes average over; `occlusion_distance`: in scene units, for the plane of that name.
+    """
     try:
         hits = module().FirstHits(
             scene._scene, list(planes), list(primvars), replicate=replicate, occlusion_distance=occlusion_distance
@@ -57,8 +59,11 @@ def first_hits(
 def coverage(
     scene: CoreScene, samples: FilmSamples, settings: RenderSettings
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
-    """How many surfaces cover each pixel (H, W); of all of them, pixel by pixel, (N, 4) shape, surface, instance and outer
-    instance as `first_hits` numbers them, and what they cover (N), in whole units."""
+    """Return which surfaces cover each pixel, and how much.
+
+    Number of surfaces (H, W); for all of them, pixel by pixel, (N, 4) shape, surface, instance and outer instance as
+    `first_hits` numbers them; and the samples covered by each (N), as integers.
+    """
     try:
         hits = module().FirstHits(scene._scene, [], [])
         link = int(samples.is_split)

@@ -1,6 +1,6 @@
-"""Which build of the C++ core runs: chosen by CPU. The only module that imports `_core_*`.
+"""Choice of the compiled core by the CPU's instruction set (x86-64 v2, v3, v4). Nothing else imports `_core_*`.
 
-`PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16) override the choice by CPU.
+The environment variables `PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16) override the choice.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from .. import errors
 from ..installed_packages import library_of, version_of
 
-# What each class needs, as the kernel names it (x86-64 psABI, section 3.1.1); newest first.
+# CPU flags that each class requires, as Linux names them (x86-64 psABI, section 3.1.1); newest class first.
 ISA_FLAGS = {
     "v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
     "v3": {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe"},
@@ -32,9 +32,9 @@ def _cpu_flags() -> set[str]:
 
 
 def runnable_isas() -> list[str]:
-    """The ISA classes that this CPU runs, newest first."""
+    """Return the ISA classes that this CPU supports, newest first."""
     flags, runnable = _cpu_flags(), list[str]()
-    for name in reversed(ISA_FLAGS):  # each class has all of the older ones
+    for name in reversed(ISA_FLAGS):  # each class includes all older ones
         if not ISA_FLAGS[name] <= flags:
             break
         runnable.insert(0, name)
@@ -43,7 +43,7 @@ def runnable_isas() -> list[str]:
 
 @cache
 def isa() -> str:
-    """The ISA class in use: the newest that the CPU has, unless PRIMRAY_ISA names one."""
+    """Return the ISA class in use: the newest that the CPU supports, unless PRIMRAY_ISA names one."""
     runnable = runnable_isas()
     wanted = os.environ.get("PRIMRAY_ISA")
     if wanted is None:
@@ -59,7 +59,7 @@ def isa() -> str:
 
 @cache
 def lanes() -> int:
-    """Paths that go through the kernel at a time."""
+    """Return how many paths the kernel traces at a time (SIMD lanes)."""
     wanted = os.environ.get("PRIMRAY_LANES")
     if wanted is None:
         return DEFAULT_LANES[isa()]
@@ -79,12 +79,12 @@ def _embree_path() -> Path:
 
 @cache
 def module() -> Any:
-    """The extension module for `isa()`, with Embree loaded."""
+    """Return the extension module for `isa()`, with Embree loaded."""
     return load(isa())
 
 
 def load(isa: str) -> Any:
-    """The extension module for an ISA class, with Embree loaded."""
+    """Return the extension module for an ISA class, with Embree loaded."""
     name = f"primray._core_{isa}"
     try:
         core = importlib.import_module(name)
@@ -100,9 +100,10 @@ def load(isa: str) -> Any:
 
 @cache
 def build_digest() -> str:
-    """Of the module's file: two builds need not agree in every bit."""
+    """Return a digest of the module's file: two builds need not agree in every bit."""
     return hashlib.sha256(Path(str(module().__file__)).read_bytes()).hexdigest()[:16]
 
 
 def versions() -> dict[str, str]:
+    """Return the versions of Embree and of the package that carries it."""
     return {"embree": "4.4.0", "embreex": str(version_of("embreex"))}

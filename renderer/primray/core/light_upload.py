@@ -1,4 +1,4 @@
-"""Lights for the core's builder, with the images and photometric profiles that several may share. Part of scene_upload."""
+"""Upload of lights to the core's scene builder, with the images and IES profiles that several lights may share."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..description.motion import handed_over
 from .core_inputs import filled
 from .surface_upload import Textures
 
-# By UsdLux's token; one that nothing has settled is read as lat-long.
+# The core's formats by UsdLux token; an unresolved `automatic` is read as lat-long.
 DOME_FORMATS = {
     "automatic": "LAT_LONG",
     "latlong": "LAT_LONG",
@@ -22,7 +22,7 @@ DOME_FORMATS = {
     "angular": "ANGULAR",
     "cubeMapVerticalCross": "VERTICAL_CROSS",
 }
-# What the core has by the same name.
+# Fields with the same name in the core.
 FIELDS = ("emission", "width", "height", "radius", "length", "angle_deg", "diffuse", "specular", "light_link", "shadow_link",
           "visible_to_camera")  # fmt: skip
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
@@ -30,7 +30,7 @@ NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
 @dataclass
 class LightGroups:
-    """Groups that lights are in, by the core's numbers, 0 being none; and of which of them there are domes, and others."""
+    """Light groups by the core's numbers (0: no group), and which of them contain domes and other lights."""
 
     names: list[str] = field(default_factory=lambda: [""])
     domes: set[int] = field(default_factory=set)
@@ -49,12 +49,12 @@ class LightUpload:
         self._core = core
         self._builder = builder
         self.groups = LightGroups()
-        self.are_worn = False  # some of what was added are shapes
-        self._profiles: dict[int, int] = {}  # the core's numbers by identity, since lights share them
+        self.are_worn = False  # some lights are shapes (MeshLightAPI)
+        self._profiles: dict[int, int] = {}  # the core's numbers by id(), since lights share profiles
         self._images: dict[TextureFile, int] = {}
 
     def add(self, lights: Iterable[Light], textures: Textures) -> None:
-        """Those that stand by themselves."""
+        """Add lights that are prims of their own, not shapes with MeshLightAPI."""
         for light in lights:
             pixels, image = NO_TEXTURE, -1
             if light.type is LightType.RECT:
@@ -77,7 +77,7 @@ class LightUpload:
             self._builder.add_light(made, image)
 
     def add_worn(self, light: Light, group_from_object: Doubles) -> int:
-        """One that shapes are, which stand so; its number."""
+        """Add the light of a shape with MeshLightAPI, placed at `group_from_object`; return its number."""
         made = filled(
             self._input(light, group_from_object),
             normalize=light.normalize,
@@ -89,7 +89,7 @@ class LightUpload:
         return number
 
     def _input(self, light: Light, matrix: Doubles) -> Any:
-        """A LightInput with what any type has."""
+        """Return a LightInput with the fields that all types share."""
         made = filled(
             self._core.LightInput(),
             type=self._core.LightType[light.type.name],
@@ -111,7 +111,7 @@ class LightUpload:
         return made
 
     def _shaping(self, shaping: Shaping) -> Any:
-        """A ShapingInput."""
+        """Return a ShapingInput."""
         made = filled(
             self._core.ShapingInput(),
             focus=shaping.focus,
@@ -133,7 +133,7 @@ class LightUpload:
         return self._images[file]
 
     def _profile(self, shaping: Shaping) -> int:
-        """The number of its photometric profile; -1 without one."""
+        """Return the number of the light's IES profile; -1 without one."""
         if shaping.ies is None:
             return -1
         profile = shaping.ies
@@ -148,12 +148,12 @@ class LightUpload:
 
 
 def _stances(motion: MatrixMotion) -> tuple[Floats, Doubles]:
-    """Times, and (S + 1, 3, 4)."""
+    """Return times and matrices (S + 1, 3, 4)."""
     return handed_over(motion.times), np.ascontiguousarray(motion.matrices[:, :3], np.float64)
 
 
 def light_pixels(file: TextureFile | None, textures: Textures) -> Floats:
-    """(H, W, 3), or no pixels: a light without a texture is constant."""
+    """Return the image (H, W, 3) of a light, or no pixels: a light without a texture is constant."""
     tiles = [] if file is None else textures.get(file, [])
     if not tiles:
         return NO_TEXTURE

@@ -1,4 +1,4 @@
-"""A render's settings as the core's numbers."""
+"""Render settings resolved to the numbers that the core takes: threads and path depth."""
 
 from __future__ import annotations
 

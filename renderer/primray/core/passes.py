@@ -1,4 +1,4 @@
-"""Passes of rendering: from a scene and a film to a film with more samples."""
+"""Render passes: each adds samples of a scene to a film."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .isa_class import lanes, module
 from .limits import threads
 from .scene import CoreScene, Splits
 
-Progress = Callable[[float], bool | None]  # fraction of the pass
+Progress = Callable[[float], bool | None]  # called with the fraction of the pass that is done
 
 
 @dataclass(frozen=True)
 class Pass:
-    """What a pass of rendering did."""
+    """Result of a render pass."""
 
     interrupted: bool
     seconds: float
@@ -30,7 +30,7 @@ class Pass:
 
 
 def choose_splits(scene: CoreScene, settings: RenderSettings) -> Splits:
-    """As `CoreScene.splits`."""
+    """Return `CoreScene.splits`."""
     return scene.splits(settings)
 
 
@@ -42,9 +42,9 @@ def render_pass(
     settings: RenderSettings,
     progress: Progress | None = None,
 ) -> Pass:
-    """Take every tile's sequences (R, tiles) to `ends`, or until `progress` answers False or Ctrl-C comes.
+    """Render until every tile's sequences (R, tiles) are at `ends`, or until `progress` returns False or Ctrl-C is pressed.
 
-    The film is valid then, and another pass goes on from there to the same bits.
+    The film is valid then, and another pass continues from there to the same bits.
     """
     guide, caustics = scene.guide(settings, splits), scene.caustics(settings)
     if guide is not None and guide.alone:
@@ -71,7 +71,7 @@ def render_pass(
 
 
 def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
-    """One uniform pass of `settings.spp` samples, without looking at the error on the way."""
+    """Return a film of one uniform pass of `settings.spp` samples, without measuring the error."""
     film = Film(scene, settings=settings)
     splits = choose_splits(scene, settings)
     render_pass(scene, film, uniform_ends(film, settings.most_samples), splits, settings, progress)
@@ -79,12 +79,12 @@ def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None
 
 
 class Recording:
-    """Every ray of a one-threaded render in order, to trace again through Embree alone (for the benchmark; takes memory)."""
+    """All rays of a single-threaded render, in order, for tracing again with Embree alone (for the benchmark; takes memory)."""
 
     def __init__(self, scene: CoreScene, settings: RenderSettings) -> None:
         asked = integrator_settings(module(), settings, seed=settings.seed)
         self._recording = module().Recording(scene._scene, settings.most_samples, asked, lanes())
 
     def replay_s(self) -> float:
-        """Seconds of one thread to trace them, each as packet or single ray as the render did."""
+        """Return the seconds that one thread takes to trace the rays, as packets or single rays as in the render."""
         return float(self._recording.replay_seconds())

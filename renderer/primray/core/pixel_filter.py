@@ -11,9 +11,9 @@ CELLS = 512  # as PixelFilter::kCells in scene/camera.hpp
 
 
 def profile(filter: Filter, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Filter value at x in [-1, 1], the filter's full width."""
+    """Return the filter's value at x in [-1, 1], its full width."""
     if filter is Filter.GAUSSIAN:
-        # Standard deviation a quarter of the width, cut at two of them and brought to 0 there.
+        # Standard deviation: a quarter of the width; shifted so that it is 0 at the ends, two standard deviations away.
         return np.asarray(np.exp(-2 * x * x) - np.exp(-2.0))
     if filter is Filter.BLACKMAN_HARRIS:
         # Harris 1978, "On the Use of Windows for Harmonic Analysis with the Discrete Fourier Transform", 4 terms, -92 dB.
@@ -23,7 +23,7 @@ def profile(filter: Filter, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float6
 
 
 def inverse_cdf(filter: Filter, width: float) -> npt.NDArray[np.float32]:
-    """Offsets in pixels at cumulative probability i / CELLS, (CELLS + 2,) float32; empty for a box, which needs no table."""
+    """Return offsets in pixels at cumulative probability i / CELLS, (CELLS + 2,); empty for a box, which needs no table."""
     if filter is Filter.BOX:
         return np.zeros(0, np.float32)
     x = np.linspace(-1, 1, 20001)

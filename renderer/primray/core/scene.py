@@ -1,4 +1,4 @@
-"""A scene built in the core, and the splits and guides that were found for it."""
+"""A scene built in the core, with the splitting factors and path guides that were learnt for it."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .light_upload import LightGroups
 from .limits import max_depth, threads
 from .scene_record import InstanceNumbers, SceneRecord
 
-LARGEST_CLAMP = 3e38  # infinity is no clamp in the core
+LARGEST_CLAMP = 3e38  # the core's clamp must be finite
 
 
 class Splits(NamedTuple):
-    """Paths that go on from the first surface, and samples of lights that are taken there."""
+    """Splitting factors: paths that continue from the first hit, and light samples taken there."""
 
     paths: int = 1
     lights: int = 1
 
 
 class CoreScene:
-    """A scene built in the core, ready to render."""
+    """A scene that is built in the core and ready to render."""
 
     def __init__(
         self,
@@ -39,23 +39,26 @@ class CoreScene:
         bounds: Box | None = None,
     ) -> None:
         self._scene = scene
-        self.record = record  # where AOVs are asked for
-        self.resolution = resolution  # of the film
+        self.record = record  # None unless AOVs are requested
+        self.resolution = resolution  # of the film, in pixels
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
-        self.bounds = bounds  # (3,) low and high corner of what is placed in the world, without a few outliers
-        self.routes: Routes | None = None  # where light path expressions are asked for
+        self.bounds = bounds  # low and high corner (3,) of everything in the world, without a few outliers
+        self.routes: Routes | None = None  # None unless light path expressions are requested
         self.light_groups: LightGroups | None = None
-        self._without_caustics: Any = None  # route tables, of renders that leave caustics out
-        self.uploaded: Any = None  # scene_upload.Uploaded, of scenes that may be built again
-        # By depth, and whether there are caustics.
+        self._without_caustics: Any = None  # route tables for renders without caustics
+        self.uploaded: Any = None  # scene_upload.Uploaded
+        # Caches by path depth and whether caustics are rendered.
         self._guides: dict[tuple[int, bool, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}
         self._splits: dict[tuple[int, bool], Splits] = {}
 
     def splits(self, settings: RenderSettings) -> Splits:
-        """What a pilot finds best, once: a function of scene, depth and whether there are caustics, but for a quick look."""
+        """Return the splitting factors that a pilot finds best, measured once for each depth and caustics setting.
+
+        A quick look has no pilot and no splitting.
+        """
         if settings.is_quick_look:
             return Splits()
         depth = max_depth(settings), settings.caustics
@@ -68,7 +71,8 @@ class CoreScene:
         return self._splits[depth]
 
     def guide(self, settings: RenderSettings, splits: Splits) -> Any:
-        """Where light comes from, learnt once from paths of their own; None where that would not pay, and for a quick look."""
+        """Return the path guide, learnt once from training paths; None where guiding would not pay off, and for a quick
+        look."""
         if settings.is_quick_look:
             return None
         depth = max_depth(settings), settings.caustics
@@ -80,8 +84,11 @@ class CoreScene:
         return self._guides[*depth, splits]
 
     def caustics(self, settings: RenderSettings) -> Any:
-        """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, where
-        it would not pay, where they are left out, and for a quick look."""
+        """Return the guide to caustics of small lights, learnt once from photons.
+
+        None where there are no caustics worth guiding, where guiding would not pay off, where caustics are left out, and for a
+        quick look.
+        """
         if settings.is_quick_look or not settings.caustics:
             return None
         depth = max_depth(settings)
@@ -90,7 +97,7 @@ class CoreScene:
         return self._caustics[depth]
 
     def route_tables(self, settings: RenderSettings) -> Any:
-        """Return the tables that the core follows light paths by, or None where nothing depends on them."""
+        """Return the core's tables of light path expressions, or None if nothing depends on them."""
         if settings.caustics:
             return None if self.routes is None else self.routes.tables
         if self._without_caustics is None:
@@ -100,12 +107,12 @@ class CoreScene:
         return self._without_caustics
 
     def clamp_of(self, value: float) -> float:
-        """Return a bound of the picture's values as one of radiance, which the film has before exposure."""
+        """Return the radiance before exposure, as the film stores it, that corresponds to `value` in the picture."""
         scale = abs(self._exposure_scale)
         return min(value / scale, LARGEST_CLAMP) if scale > 0 else LARGEST_CLAMP
 
     def forget_guides(self) -> None:
-        """What was learnt, as if the scene were new: for renders of another depth."""
+        """Discard learnt guides and splitting factors, as if the scene were new: for renders of another depth."""
         self._guides.clear()
         self._caustics.clear()
         self._splits.clear()
@@ -129,7 +136,7 @@ class CoreScene:
 
     @property
     def features(self) -> list[dict[str, str]]:
-        """What is modelled beyond opaque faceted Lambert triangles, and why; guides once they have been learnt."""
+        """Features beyond opaque faceted Lambert triangles that are enabled, and why; guides once they are learnt."""
         s = self._scene
         guides = [guide for guide in self._guides.values() if guide is not None]
         regions = max((guide.regions for guide in guides), default=0)

@@ -1,4 +1,4 @@
-"""What the core's numbers mean: which shape each row is of, which instance each matrix. Kept where AOVs are asked for."""
+"""Meaning of the core's row numbers: which shape each row belongs to, which instance each matrix. Kept only for AOVs."""
 
 from __future__ import annotations
 
@@ -17,20 +17,18 @@ Numbers = npt.NDArray[np.integer[Any]]
 
 @dataclass
 class SceneRecord:
-    """Filled while a scene is handed over."""
+    """Paths and names by the core's row numbers, filled during upload."""
 
     shape_paths: list[str] = field(default_factory=list)
     surface_paths: list[str] = field(default_factory=list)
-    names: dict[str, str] = field(
-        default_factory=dict
-    )  # what shapes and surfaces are called whose path is that of one instance
-    # By the core's row: number of the shape, and the instance's name where it stands in the world as the only one.
+    names: dict[str, str] = field(default_factory=dict)  # names of shapes and surfaces whose path is inside one instance
+    # Each row of the core: the shape's number, and the instance's name if it is the shape's only one, placed in the world.
     meshes: list[tuple[int, str]] = field(default_factory=list)
     curved: list[tuple[int, str]] = field(default_factory=list)
-    # By the core's placement: its levels' names, and the rows that it has, or None for all.
+    # Each placement of the core: its levels' names, and the rows kept of them; None: all.
     placements: list[tuple[Levels, Numbers | None]] = field(default_factory=list)
-    primvar_names: dict[str, int] = field(default_factory=dict)  # the core's number of each
-    primvar_widths: dict[str, int] = field(default_factory=dict)  # the widest of any shape
+    primvar_names: dict[str, int] = field(default_factory=dict)  # the core's numbers
+    primvar_widths: dict[str, int] = field(default_factory=dict)  # the largest width on any shape
 
     def note_shape(self, rows: list[tuple[int, str]], shape: int, instance: str, end: int) -> None:
         rows.extend([(shape, instance)] * (end - len(rows)))
@@ -39,18 +37,18 @@ class SceneRecord:
         self.primvar_widths[name] = max(self.primvar_widths.get(name, 0), width)
 
     def width_of(self, primvar: str) -> int:
-        """Numbers a row of a primvar, 0 where no shape has it."""
+        """Return how many numbers a row of a primvar has, 0 where no shape has it."""
         return max(self.primvar_widths.get(primvar, 0), self.primvar_widths.get(WIDE + primvar, 0))
 
 
 @dataclass(frozen=True)
 class InstanceNumbers:
-    """One number from 1 on for every instance in the world, in the core's order; those inside others count in each of these."""
+    """Numbers from 1 on for every instance in the world, in the core's order; nested instances count in each outer one."""
 
     record: SceneRecord
     group: Numbers  # by placement
     first: Numbers  # by placement: its first row
-    parent: Numbers  # by placement: the group that it stands in, 0 the world
+    parent: Numbers  # by placement: the group that contains it; 0: the world
     total: int  # rows
 
     @cached_property
@@ -59,7 +57,7 @@ class InstanceNumbers:
 
     @cached_property
     def inside(self) -> dict[int, tuple[int, int]]:
-        """By group that holds placements, which follow each other: their first row, and how many rows."""
+        """First row and number of rows of the (consecutive) placements in each group that has any."""
         found: dict[int, tuple[int, int]] = {}
         for group, first, count in zip(self.parent.tolist(), self.first.tolist(), self.counts.tolist(), strict=True):
             if group:
@@ -69,17 +67,17 @@ class InstanceNumbers:
 
     @cached_property
     def _inside(self) -> Numbers:
-        """By placement, of the group that it places; (0, 1) of one with shapes."""
+        """`inside` of the group that each placement places; (0, 1) for a group of shapes."""
         return np.array([self.inside.get(group, (0, 1)) for group in self.group.tolist()], np.int64).reshape(-1, 2)
 
     @cached_property
     def bases(self) -> Numbers:
-        """By placement in the world: the number of its first instance."""
+        """Number of the first instance of each placement in the world."""
         return self._ends - self._numbers + 1
 
     @property
     def most(self) -> int:
-        """How many numbers there are."""
+        """Largest instance number."""
         return int(self._ends[-1]) if len(self._ends) else 0
 
     @cached_property
@@ -95,7 +93,10 @@ class InstanceNumbers:
         return np.flatnonzero(self.parent == 0)
 
     def number(self, rows: Numbers, outer: Numbers | None) -> npt.NDArray[np.uint32]:
-        """Of hits in an instance's row, or -1; `outer` likewise the row that this stands in."""
+        """Return the numbers of the instances that were hit.
+
+        `rows`: the instance's row, -1 for none; `outer`: the row of the instance around it, -1 for none.
+        """
         ids = np.zeros(rows.shape, np.uint32)
         if len(self.first) == 0:
             return ids
@@ -111,7 +112,7 @@ class InstanceNumbers:
         return ids
 
     def name(self, number: int) -> str:
-        """What the instance of a number is called."""
+        """Return the name of the instance with a number."""
         placement = int(self._top[np.searchsorted(self.bases[self._top], number, side="right") - 1])
         group = int(self.group[placement])
         first, count = self.inside.get(group, (0, 1))

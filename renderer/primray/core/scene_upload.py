@@ -1,4 +1,4 @@
-"""Hands a SceneDescription to the core's builder: chooses origin and scale, merges what is static, counts what is left out."""
+"""Upload of a SceneDescription to the core's scene builder: origin and scale, static shapes, placements, lights, camera."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ def hand_over(
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
 ) -> tuple[Any, Uploaded]:
-    """The core's Scene, and what was found of the description. Empties `textures` to save memory.
+    """Upload a description; return the core's Scene and a record of the upload. Empties `textures` to save memory.
 
-    `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
-    `record` is told what the core's numbers mean.
+    `shapes`, if given, replaces the description's shapes; it is emptied once the core has copies, before acceleration
+    structures are built. `record` receives the meaning of the core's row numbers.
     """
     shapes = list(description.shapes) if shapes is None else shapes
     warnings: list[tuple[str, str, str]] = []
@@ -84,7 +84,7 @@ def hand_over(
     builder.reserve_instances(instances)
     numbers: dict[int, int] = {}
     placements = PlacementUpload(builder, inputs, d, numbers, prototype_boxes, warnings, record)
-    # Prototypes of placements last: what they place has its number by then.
+    # Prototypes that contain placements come last: the prototypes they place have their numbers by then.
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         corner, opposite = prototype_boxes[i]
         center, unit = (corner + opposite) / 2, power_of_two_scale(float(np.max(opposite - corner)) / 2)
@@ -131,37 +131,37 @@ def upload(
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
 ) -> tuple[Any, list[tuple[str, str, str]], Box | None]:
-    """As hand_over: the core's Scene, all warnings, and the box of what is placed in the world, or None."""
+    """Return the core's Scene, all warnings, and the box of everything placed in the world, or None; see `hand_over`."""
     scene, found = hand_over(core, description, textures, filter_width, filter_inverse_cdf, shapes, record)
     return scene, [*found.warnings, *noted_emitters(scene)], found.bounds
 
 
 @dataclass(frozen=True)
 class Uploaded:
-    """What the core was handed, and how: for what is handed to it later, in place of parts of that."""
+    """A record of what was uploaded and how, for replacing parts of it later."""
 
-    description: SceneDescription  # without what floats cannot invert
-    warnings: list[tuple[str, str, str]]  # code, prim path, message: of what could not be taken along
+    description: SceneDescription  # without matrices that are singular in single precision
+    warnings: list[tuple[str, str, str]]  # code, prim path, message
     origin: Doubles  # (3,)
     scale: float
-    boxes: Doubles  # (S, 2, 3) of shapes
+    boxes: Doubles  # (S, 2, 3), of shapes
     prototype_boxes: list[Box]
-    low: Doubles  # (N, 3) of what is placed in the world, shapes first
+    low: Doubles  # (N, 3), of everything placed in the world, shapes first
     high: Doubles
-    rows: list[int]  # by static shape: the core's first row of it, -1 where it is not one mesh alone
-    textures: MutableTextures  # those that could be read, without their texels
+    rows: list[int]  # the core's first row of each static shape; -1 unless it is one plain mesh
+    textures: MutableTextures  # headers of the textures that could be read, without texels
     light_groups: LightGroups
-    may_stay: bool  # it can be opened again: no shape is a light, or reaches absurdly far
+    may_stay: bool  # the scene can be edited: no exposure, no shape is a light or an outlier
     shape_rows: ShapeRows
 
     @property
     def bounds(self) -> Box | None:
-        """Of what is placed in the world."""
+        """Box around everything placed in the world."""
         return (self.low.min(axis=0), self.high.max(axis=0)) if len(self.low) else None
 
 
 def noted_emitters(scene: Any) -> list[tuple[str, str, str]]:
-    """A warning where some are not sampled."""
+    """Return a warning if some emissive instances are not sampled as lights."""
     if not scene.unsampled_emitters:
         return []
     message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
@@ -170,18 +170,18 @@ def noted_emitters(scene: Any) -> list[tuple[str, str, str]]:
 
 @dataclass(frozen=True)
 class PlacementUpload:
-    """Placements with their instances' primvars; notes what cannot be taken along in `warnings`."""
+    """Uploads placements with their instances' primvars; instances that are left out are reported in `warnings`."""
 
     builder: Any
     inputs: SurfaceUpload
     description: SceneDescription
-    numbers: Mapping[int, int]  # the core's, by prototype
+    numbers: Mapping[int, int]  # the core's group numbers, by prototype
     prototype_boxes: Sequence[Box]
     warnings: list[tuple[str, str, str]]
     record: SceneRecord | None = None
 
     def add(self, placements: Sequence[Placement], parent: int, center: Doubles, scale: float) -> None:
-        """Into the group `parent`, 0 being the world."""
+        """Add placements to the group `parent`; 0: the world."""
         for placement in placements:
             path = self.description.prototypes[placement.prototype].path
             box = self.prototype_boxes[placement.prototype]
@@ -204,7 +204,7 @@ class PlacementUpload:
 
 
 def note_names(record: SceneRecord, d: SceneDescription, shapes: Sequence[Shape], inputs: SurfaceUpload) -> None:
-    """What shapes and surfaces are called, and the primvars that AOVs read."""
+    """Record the paths of shapes and surfaces, and the primvars that AOVs read."""
     record.shape_paths = [shape.path for shape in shapes]
     record.surface_paths = [surface.path for surface in d.surfaces]
     wanted = primvars_of(d.aovs)
@@ -218,7 +218,7 @@ def note_names(record: SceneRecord, d: SceneDescription, shapes: Sequence[Shape]
 def add_placement(
     builder: Any, placement: Placement, parent: int, prototype: int, far: FarInstances | None = None
 ) -> npt.NDArray[np.int64]:
-    """Which of its instances are left out: the core has no row for them."""
+    """Add a placement; return the indices of instances that are left out, for which the core has no row."""
     builder.begin_placement(parent, prototype)
     left_out, start = [np.zeros(0, np.int64)], 0
     if isinstance(moving := placement.levels[0], MovingInstances):
@@ -236,7 +236,7 @@ def add_placement(
 
 
 def camera_input(core: Any, c: Camera, frame: Frame, motion: CameraMotion | None = None) -> Any:
-    """All of a CameraInput but its filter."""
+    """Return the core's CameraInput, without its pixel filter."""
     pixels = frame.pixels
     width, height = frame.resolution
     near, far = c.clipping_range
@@ -288,10 +288,10 @@ def distortion_input(core: Any, d: Distortion) -> Any:
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:
-    """(S, 2, 3): low and high corners, each in its own space."""
+    """Return the boxes (S, 2, 3) of shapes: low and high corners, each in its own space."""
     boxes: Doubles = core.boxes([getattr(s, "points", NO_FLOATS) for s in shapes])
     spheres = [(k, shape.radius) for k, shape in enumerate(shapes) if isinstance(shape, Sphere)]
-    if spheres:  # there may be a million: not one by one
+    if spheres:  # vectorised, since there may be a million
         reach = np.abs([radius for _, radius in spheres])[:, None]
         boxes[[k for k, _ in spheres]] = np.stack([-reach, reach], axis=1)
     for k, shape in enumerate(shapes):
@@ -312,7 +312,7 @@ def points_and_triangles(shapes: Sequence[Shape]) -> tuple[int, int]:
 
 
 def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
-    """Each in its own space."""
+    """Return the box of each prototype in its own space."""
     leaves = [
         usual_union(np.array([transformed_box(p.matrix, (boxes[p.shape, 0], boxes[p.shape, 1])) for p in proto.shapes]))
         for proto in d.prototypes
@@ -324,7 +324,7 @@ def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
 
 
 def world_boxes(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box]) -> Box:
-    """(N, 3) low and high corners of what is placed in the world: shapes, then placements, a box for all of their instances."""
+    """Return low and high corners (N, 3) of the shapes, then the placements, in the world; one box for each placement."""
     found: list[Box] = [(np.zeros((0, 3)), np.zeros((0, 3)))]
     with np.errstate(invalid="ignore", over="ignore"):
         if d.static:
@@ -337,9 +337,9 @@ def world_boxes(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box])
 
 
 def scene_reach(d: SceneDescription, low: Doubles, high: Doubles, origin: npt.NDArray[np.float64]) -> float:
-    """Largest coordinate distance of any geometry from the origin, of a few outliers left aside; 0 for an empty scene.
+    """Return the largest coordinate distance of geometry from the origin, ignoring a few outliers; 0 for an empty scene.
 
-    `low`, `high`: `world_boxes`.
+    `low`, `high`: as `world_boxes` returns them.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         near, far = np.abs(low - origin), np.abs(high - origin)
@@ -358,12 +358,12 @@ def _reach(box: Box, origin: npt.NDArray[np.float64]) -> float:
 
 
 def _usual_distance(placement: Placement, origin: npt.NDArray[np.float64]) -> float:
-    """The lower median of its instances, or of a part of many."""
+    """Return the lower median of the instances' distances, from a sample of them where there are many."""
     for rows in chunks(placement.levels, 1024):
         return float(np.quantile(np.abs(rows[:, :, 3] - origin).max(axis=1), 0.5, method="lower"))
     return 0.0
 
 
 def power_of_two_scale(reach: float) -> float:
-    """The power of two that brings `reach` into (0.5, 1]; 1 where it is 0."""
+    """Return the power of two that scales `reach` into (0.5, 1]; 1 where it is 0."""
     return 1.0 if not reach > 0 else float(2.0 ** -np.ceil(np.log2(reach)))

@@ -1,4 +1,7 @@
-"""Shapes for the core: meshes in parts by cut-outs and surfaces, curved shapes; what is too far away is left out and told."""
+"""Upload of shapes to the core: meshes split by cut-outs and surfaces, curves and spheres.
+
+Geometry that is too far away for single precision is left out, with a diagnostic.
+"""
 
 from __future__ import annotations
 
@@ -30,20 +33,22 @@ def matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Part:
-    """A mesh's triangles of one sort, with what belongs to each of them or to its corners. Points are all of the mesh's."""
+    """A subset of a mesh's triangles with the values of their faces and corners. Points are all of the mesh's."""
 
     mesh: Mesh
     triangles: Ints
-    surfaces: Ints  # one, or one a triangle
+    surfaces: Ints  # one for all, or one for each triangle
     normals: tuple[Floats, str]  # values, and the name of their kind in the core's Attribute
     colors: tuple[Floats, str]
     primvars: tuple[Primvar, ...]
-    step_normals: Floats | None = None  # (S + 1, rows of normals, 3) where they move
+    step_normals: Floats | None = None  # (S + 1, rows of normals, 3), if they move
 
 
 class ShapeUpload:
-    """Shapes for the builder's current group: its cut-outs after its other meshes, and those that move last, as the core wants
-    them."""
+    """Uploads shapes to the builder's current group, in the core's order.
+
+    Cut-out meshes follow other meshes, and moving ones are last.
+    """
 
     def __init__(
         self,
@@ -53,7 +58,7 @@ class ShapeUpload:
         lights: LightUpload,
         surfaces: Sequence[Surface],
         shapes: Sequence[Shape],
-        boxes: Doubles,  # of all their points
+        boxes: Doubles,  # around all their points
         warnings: list[tuple[str, str, str]],
         record: SceneRecord | None = None,
     ) -> None:
@@ -73,13 +78,13 @@ class ShapeUpload:
         self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
         self._rows: list[int] = []
         self.shape_rows = ShapeRows()
-        self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
+        self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # for meshes with one surface
 
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
-        """Into the current group, whose lengths are `scale` times those from `center`."""
+        """Add shapes to the current group, whose coordinates are relative to `center` and scaled by `scale`."""
         near = self._near(placed, center, scale)
         self._rows = [-1] * len(placed)
-        lights: dict[int, int] = {}  # the builder's, by number of what is placed: each place is a light of its own
+        lights: dict[int, int] = {}  # the builder's numbers, by index in `placed`: each placement is a light of its own
         for i, p in self._in_order(placed):
             shape = self._shapes[p.shape]
             if shape.light is not None:
@@ -108,15 +113,18 @@ class ShapeUpload:
                     self._note_curved(p)
 
     def rows_of_last(self) -> list[int]:
-        """By what was added last: the builder's first row, of meshes that are whole and still, cut out nowhere, and no lights;
-        else -1."""
+        """Return the builder's first row of each shape that was added last; -1 unless it is one plain mesh.
+
+        A plain mesh is whole, does not move, has no cut-out and is no light.
+        """
         return self._rows
 
     def _wears_cutout(self, mesh: Mesh) -> bool:
         return bool(self._cutout[np.asarray(mesh.surface)].any())
 
     def _in_order(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
-        """With their numbers, as the core wants them: first the meshes with triangles in pairs; one kind after another."""
+        """Return shapes with their indices in the core's order: meshes of paired triangles first, then one kind after
+        another."""
         kinds = {kind: order for order, kind in enumerate((*CURVED, Curves)) if kind in self._kinds}
         if not self._paired and len(kinds) < 2:
             return enumerate(placed)
@@ -137,7 +145,7 @@ class ShapeUpload:
             self._record.note_shape(self._record.curved, placed.shape, placed.instance, self._builder.curved_rows)
 
     def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
-        """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""
+        """Return the triangles to keep, by index, of shapes that are too far away in part; report the rest."""
         if not placed:
             return {}
         own = self._boxes[[p.shape for p in placed]]
@@ -180,7 +188,7 @@ class ShapeUpload:
             self._builder.set_light_of_shape(light, world_from_object)
 
     def _wear(self, shape: Shape) -> None:
-        """Tell the core the row of what follows, where it changes."""
+        """Set the light linking row of the shapes that follow, where it changes."""
         if shape.link_row != self._link_row:
             self._link_row = shape.link_row
             self._builder.set_link_row(shape.link_row)
@@ -228,7 +236,7 @@ class ShapeUpload:
 
 
 def add_sphere(builder: Any, sphere: Sphere, world_from_object: Doubles) -> bool:
-    """Whether it is there, or need not be."""
+    """Add a sphere; return whether it was added or is empty."""
     return bool(builder.add_sphere(sphere.radius, sphere.surface, world_from_object)) or sphere.radius == 0
 
 
@@ -247,7 +255,7 @@ def add_curves(core: Any, builder: Any, curves: Curves, holes: Flags, world_from
     builder.add_curves(made, world_from_object)
 
 
-# What hands a shape to the core that is not made of triangles, by its kind.
+# Upload functions of shapes that are neither triangles nor curves, by type.
 CURVED: dict[type, Callable[[Any, Any, Doubles], bool]] = {Sphere: add_sphere}
 
 
@@ -266,7 +274,7 @@ def whole(mesh: Mesh, surfaces: Ints) -> Part:
 
 
 def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
-    """The triangles that are `wanted`."""
+    """Return the part with the `wanted` triangles only."""
     corners = np.repeat(wanted, 3)
     rows = {"TRIANGLE": wanted, "CORNER": corners}
 
@@ -289,7 +297,7 @@ def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
 
 
 def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *, normals: bool) -> str:
-    """Which elements an attribute's rows belong to, by their number: corners before points before triangles."""
+    """Return which elements an attribute's values belong to, judged by their number: corners before points before triangles."""
     if values is None:
         return "NONE"
     n = len(values)

@@ -1,7 +1,7 @@
-"""Gives memory back to the system before the scene's acceleration structures are built, which is when a render holds most.
+"""Return of unused memory to the system before acceleration structures are built, when a render's memory peaks.
 
-What translation freed is kept by the C library for later, and USD's libraries and files stay mapped: pages that are read again
-from the file cache where they are needed after all. Linux with glibc only; elsewhere nothing happens.
+The C library keeps what translation freed, and USD's libraries and files stay mapped; their pages are read again from the file
+cache if they are needed. Linux with glibc only; a no-op elsewhere.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import ctypes
 import mmap
 from collections.abc import Iterator
 
-WORTH_ITEMS = 200_000  # triangles and instances of a scene; smaller ones do not need what the walk over the mappings takes
+WORTH_ITEMS = 200_000  # triangles and instances; smaller scenes are not worth the time that reading the mappings takes
 _DONTNEED = getattr(mmap, "MADV_DONTNEED", None)
 
 
 def give_back() -> None:
-    """Free pages of the heap, and clean pages of mapped files."""
+    """Release free pages of the heap and clean pages of mapped files."""
     libc = ctypes.CDLL(None)
     if not hasattr(libc, "malloc_trim") or _DONTNEED is None:
         return
@@ -26,7 +26,10 @@ def give_back() -> None:
 
 
 def _clean_file_pages() -> Iterator[tuple[int, int]]:
-    """Mappings of libraries and of USD's files, never written to: pages that were ("Anonymous") are in no file."""
+    """Return start and size of mapped files (libraries, USD files) that were never written to.
+
+    Written pages ("Anonymous" in smaps) exist in no file.
+    """
     try:
         with open("/proc/self/smaps", encoding="utf-8", errors="replace") as file:
             lines = file.readlines()
@@ -38,7 +41,7 @@ def _clean_file_pages() -> Iterator[tuple[int, int]]:
             if size and line.split()[1] == "0":
                 yield start, size
             size = 0
-        elif not line[0].isupper():  # the line that begins a mapping: range, rights, offset, device, inode, name
+        elif not line[0].isupper():  # first line of a mapping: range, rights, offset, device, inode, name
             ends, rights, *rest = line.split(maxsplit=5)
             start, end = (int(end, 16) for end in ends.split("-"))
             is_file = len(rest) == 4 and rest[3].startswith("/") and rights in ("r--p", "r-xp")

@@ -1,7 +1,7 @@
-"""Surfaces, the primvars and the textures that their inputs read, for the core's builder. Part of scene_upload.
+"""Upload of surfaces, and of the primvars and textures that their inputs read, to the core's scene builder.
 
-A texture in the core is one channel, or three, of a file: what no input reads is not kept, and an alpha channel is stored as
-exactly as it came, whatever its colours need. Cut-outs have one of their own, of the finest level alone.
+A texture in the core holds one channel, or three, of a file. Channels that no input reads are not kept, and alpha is stored as
+exactly as it was read, whatever precision the colours need. Cut-outs have a texture of their own, with the finest level only.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from .patterns.tape_upload import Outside, TooLargeError, tape_of
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
 
-DIRECTIONS = ("normal", "tangent")  # inputs that no constant stands for
-NORMAL_ST = "st"  # spans the tangents of a normal that no texture gives
+DIRECTIONS = ("normal", "tangent")  # inputs that have no constant form
+NORMAL_ST = "st"  # the primvar that spans the tangents of a normal input which is no texture
 
 
 def is_cutout(surface: Surface) -> bool:
-    """Whether rays must ask where it is; a constant opacity needs no asking."""
+    """Return whether rays must look up opacity at each hit; a constant opacity needs no lookup."""
     return surface.opacity_threshold > 0 and any(name == "opacity" for name, _ in surface.inputs)
 
 
 def is_hole(surface: Surface) -> bool:
-    """Whether it is nowhere."""
+    """Return whether the surface is invisible everywhere: a constant opacity below the threshold."""
     return surface.opacity_threshold > surface.opacity and not is_cutout(surface)
 
 
 def with_readable_inputs(surface: Surface, textures: Textures) -> Surface:
-    """The surface with the fallbacks of textures that could not be read, as constants."""
+    """Return the surface with textures that could not be read replaced by their fallbacks."""
     unreadable = [(name, i) for name, i in surface.inputs if isinstance(i, TextureInput) and not textures.get(i.file)]
     if not unreadable:
         return surface
@@ -46,7 +46,10 @@ def with_readable_inputs(surface: Surface, textures: Textures) -> Surface:
 
 
 def with_constants(surface: Surface, values: Mapping[str, tuple[float, float, float]]) -> Surface:
-    """The surface with these in place of its inputs of these names; without a map normal and tangent are the surface's own."""
+    """Return the surface with inputs of these names replaced by constants.
+
+    A normal or tangent input is removed: the mesh's own is used.
+    """
     constants = {
         name: value if isinstance(surface.constant(name), tuple) else value[0]
         for name, value in values.items()
@@ -57,25 +60,28 @@ def with_constants(surface: Surface, values: Mapping[str, tuple[float, float, fl
 
 
 def without_pattern(surface: Surface) -> Surface:
-    """The surface with the fallbacks of what reads its pattern, as constants."""
+    """Return the surface with every input that reads its pattern replaced by that input's fallback."""
     fallbacks = {name: three(i.fallback) for name, i in surface.inputs if isinstance(i, PatternInput)}
     return replace(with_constants(surface, fallbacks), pattern=None)
 
 
 def channels_of(rgba: Sequence[float], channels: str) -> tuple[float, float, float]:
-    """What an output of UsdUVTexture has of four numbers; a single channel three times."""
+    """Return the numbers that an output of UsdUVTexture takes from RGBA; a single channel is repeated three times."""
     r, g, b = rgba[:3] if channels == "rgb" else [rgba["rgba".index(channels)]] * 3
     return float(r), float(g), float(b)
 
 
 def three(values: Sequence[float]) -> tuple[float, float, float]:
-    """The last of 1 to 4 numbers repeated, or the first three."""
+    """Return the first three of `values`, with the last one repeated where there are fewer."""
     r, g, b = (*values, *[values[-1]] * 2)[:3]
     return float(r), float(g), float(b)
 
 
 def selected_channels(texture: Texture, channels: str) -> Floats:
-    """(H, W, 1 or 3) of it: one channel is grey, two are grey and alpha, without alpha it is 1 (UsdUVTexture)."""
+    """Return the channels (H, W, 1 or 3) that a UsdUVTexture output reads.
+
+    One stored channel is grey, two are grey and alpha; a missing alpha is 1.
+    """
     count = texture.shape[2]
     if channels == "a" and count in (1, 3):
         return np.ones((1, 1, 1), np.float32)
@@ -88,7 +94,7 @@ def selected_channels(texture: Texture, channels: str) -> Floats:
 
 
 def tripled_if(three: bool, pixels: Floats) -> Floats:
-    """Grey in three channels where a set's other tiles have colours."""
+    """Return pixels with grey repeated in three channels if `three`: other tiles of the set have colours."""
     return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))) if three else pixels
 
 
@@ -100,7 +106,7 @@ class TextureKey:
 
 
 class SurfaceUpload:
-    """Numbers of primvars' names and of textures while surfaces are handed over, and afterwards their values."""
+    """Uploads surfaces, numbering the primvar names and textures that they read; afterwards the values of those."""
 
     def __init__(self, core: Any, builder: Any, textures: MutableTextures, frame: float = 0.0) -> None:
         self._core = core
@@ -112,18 +118,18 @@ class SurfaceUpload:
         self.warnings: list[tuple[str, str, str]] = []  # code, prim path, message
 
     def name_primvars(self, names: Sequence[str]) -> dict[str, int]:
-        """Before the surfaces: more names that are read, and their numbers."""
+        """Number further primvar names that are read, and return their numbers; call before `add_surfaces`."""
         return {name: self._name(name) for name in names}
 
     def add_surfaces(self, surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
-        """Before any shape; the surfaces as the core has them."""
+        """Add surfaces to the builder, before any shape; return them as the core renders them."""
         still = (surface.without_displacement() for surface in surfaces)
         taken = tuple(self._add_surface(with_readable_inputs(s, self._textures)) for s in still)
         self._builder.set_primvar_names(len(self._names))
         return taken
 
     def _add_surface(self, surface: Surface) -> Surface:
-        """As the core has it."""
+        """Add one surface and return it as the core renders it."""
         tape, outputs = -1, dict[str, int]()
         if surface.pattern is not None:
             try:
@@ -146,14 +152,14 @@ class SurfaceUpload:
         return ((texture.wrap_s, texture.wrap_t)[axis] if wrap is Wrap.USE_METADATA else wrap).name
 
     def number_of(self, name: str) -> int | None:
-        """Of a primvar that some surface reads."""
+        """Return the number of a primvar that some surface reads, else None."""
         return self._names.get(name)
 
     def _name(self, name: str) -> int:
         return self._names.setdefault(name, len(self._names))
 
     def _source(self, field: str, value: Input, finest_only: bool, output: int) -> Any:
-        """An InputSource."""
+        """Return the core's InputSource for an input."""
         source = filled(self._core.InputSource(), field=self._core.InputField[field])
         if isinstance(value, PatternInput):
             return filled(source, output=output, fallback=three(value.fallback))
@@ -177,7 +183,7 @@ class SurfaceUpload:
         )
 
     def _wrap(self, wrap: Wrap, of_file: Wrap) -> Any:
-        """The core's Wrap."""
+        """Return the core's Wrap."""
         return self._core.Wrap[(of_file if wrap is Wrap.USE_METADATA else wrap).name]
 
     def _texture(self, file: TextureFile, channels: str, finest_only: bool) -> int:
@@ -190,7 +196,7 @@ class SurfaceUpload:
         return self._numbers[key]
 
     def primvars(self, primvars: Sequence[Primvar]) -> list[tuple[int, Any, int, Floats]]:
-        """Name, kind, width and values of those that some surface reads; what is not finite is 0."""
+        """Return name, kind, width and values of the primvars that some surface reads; non-finite values become 0."""
         kinds = self._core.PrimvarKind
         return [
             (self._names[p.name], kinds[p.interpolation.name], width(p.values), finite(p.values))
@@ -199,7 +205,10 @@ class SurfaceUpload:
         ]
 
     def add_images(self) -> None:
-        """After all shapes, placements, lights and the camera. Every file is let go when the core has what it keeps of it."""
+        """Add the images of all textures; call after shapes, placements, lights and the camera.
+
+        Each file's image is released once the core has copied what it keeps.
+        """
         wanted: dict[TextureFile, list[tuple[TextureKey, int]]] = {}
         for key, number in self._numbers.items():
             wanted.setdefault(key.file, []).append((key, number))
@@ -210,7 +219,7 @@ class SurfaceUpload:
     def _add_file(self, tiles: Sequence[tuple[int, Texture]], keys: Sequence[tuple[TextureKey, int]]) -> None:
         colored = any(texture.shape[2] > 2 for _, texture in tiles)
         for key, number in keys:
-            for tile, texture in tiles:  # one image's floats at a time: none has a name here
+            for tile, texture in tiles:  # no local variable keeps an image's floats: one image is held at a time
                 three = key.channels == "rgb" and colored
                 self._builder.set_texture_image(number, tile, tripled_if(three, selected_channels(texture, key.channels)))
 

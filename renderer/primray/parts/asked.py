@@ -1,4 +1,4 @@
-"""What is asked of a frame, as each of its parts is asked it, and as the sum of them ends."""
+"""Settings of a distributed frame's parts, and of the frame that they are merged to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .board import Range
 
 
 def check(asked: RenderSettings) -> None:
-    """SettingsError for what cannot be made of parts."""
+    """Raise SettingsError for settings that a distributed frame cannot have."""
     faults = {
         "adaptive": asked.adaptive is True and "parts have the same samples everywhere: no adaptive sampling with them",
         "sample_range": asked.sample_range is not None and "a frame of parts has all samples: no sample range with it",
@@ -24,25 +24,25 @@ def check(asked: RenderSettings) -> None:
             raise SettingsError(fault, where=name, code="parts-setting")
     if asked.denoise:
         check_denoiser()
-    if asked.metric is Metric.DISPLAY:  # measured here, of what comes from elsewhere
+    if asked.metric is Metric.DISPLAY:  # measured in this process
         from ..sampling.error import DisplayView
 
         DisplayView().check()
 
 
 def part_settings(asked: RenderSettings, part: Range) -> RenderSettings:
-    """What one part is rendered with."""
+    """Return the settings that one part is rendered with."""
     return replace(asked, sample_range=part, spp=None, target_error=None, time_limit_s=None, adaptive=None)
 
 
 def by_samples(asked: RenderSettings) -> dict[str, Any]:
-    """How the frame ends by its samples alone: the time limit is one of the wall clock here, and kept outside."""
+    """Return the stopping rules by samples alone: the time limit is one of wall-clock time, and applied by the caller."""
     spp = asked.most_samples if asked.target_error is None else asked.spp
     return {"spp": spp, **_uniform(asked), "time_limit_s": None}
 
 
 def as_told(asked: RenderSettings) -> dict[str, Any]:
-    """As the report of one render would have it."""
+    """Return the stopping rules as the report of one render has them."""
     spp = asked.spp if asked.stops_early else asked.most_samples
     return {"spp": spp, **_uniform(asked), "time_limit_s": asked.time_limit_s}
 

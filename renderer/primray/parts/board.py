@@ -1,4 +1,4 @@
-"""Which samples of a frame are rendered or under way, and which range is to be handed out next. Pure."""
+"""Ranges of a frame's samples that are assigned, and the choice of the next one. Pure."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from ..sampling.schedule import FIRST_ANCHOR
 from ..settings import SAMPLE_BLOCK
 
 Range = tuple[int, int]
-MOST_AHEAD = 2  # parts for each slot that have come and lie beyond the goal: each is as large as a film
+MOST_AHEAD = 2  # finished parts beyond the goal to hold, for each slot: each takes the memory of a film
 
 
 class Board:
-    """Ranges that do not overlap, of samples a pixel."""
+    """Assigned ranges of samples, which do not overlap."""
 
     def __init__(self) -> None:
         self._taken: set[Range] = set()
@@ -19,26 +19,29 @@ class Board:
         self._taken.add(part)
 
     def give_back(self, part: Range) -> None:
-        """It was lost, or is not wanted."""
+        """Free a range that was lost or is not wanted."""
         self._taken.remove(part)
 
     def across(self, goal: int) -> list[Range]:
-        """Parts that begin before the goal and end behind it: a picture of all samples up to there cannot use them."""
+        """Return the parts that begin before the goal and end after it: a picture of the samples up to there cannot use
+        them."""
         return sorted(part for part in self._taken if part[0] < goal < part[1])
 
     def left(self, end: int) -> int:
-        """Samples below `end` that nobody has taken."""
+        """Return how many samples below `end` are unassigned."""
         return end - sum(max(min(b, end) - a, 0) for a, b in self._taken)
 
     def reach(self, goal: int, expected: int | None, most: int) -> int:
-        """Below which number samples are given out: the goal; beyond it once all of those are taken, so that nobody waits for
-        a measurement. `expected`: where the frame should end, if that is known."""
+        """Return the number below which samples are assigned: the goal, or beyond it once all up to there are assigned.
+
+        Rendering ahead keeps slots busy during a measurement. `expected`: where the frame should end, if known.
+        """
         return goal if self.left(goal) else min(max(2 * goal, expected or 0), most)
 
     def next_part(self, goal: int, end: int, samples: int) -> Range | None:
-        """The first that is free, of at most so many samples, below `end`; None where there is none.
+        """Return the first free range below `end`, of at most `samples` samples; None if there is none.
 
-        It does not cross the goal, nor, beyond it, any number at which the error is measured whatever it is.
+        It crosses neither the goal nor, beyond it, any count at which the error is always measured.
         """
         first, until = 0, end
         for a, b in sorted(self._taken):

@@ -1,7 +1,7 @@
-"""Where parts of a frame are rendered: the interface that gather.py uses.
+"""Interface of executors, which render the parts of a distributed frame.
 
-A part is a render of some of each pixel's samples (`RenderSettings.sample_range`) that leaves a checkpoint. At-least-once: a
-part that was lost is given out again, and a file that comes for one that was cancelled is not used.
+A part is a render of some of each pixel's samples (`RenderSettings.sample_range`) that writes a checkpoint. Delivery is at
+least once: a lost part is submitted again, and the file of a cancelled one is ignored.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from ..settings import RenderSettings
 
 
 class PartLost(Exception):
-    """Whatever rendered the part has died, or its machine: another may do it."""
+    """The process or machine that rendered a part died; the part may be submitted again."""
 
 
 class PartsExecutor(Protocol):
-    """Methods are called by one thread."""
+    """Renders parts of one frame at a time; methods are called from one thread."""
 
     def begin(self, stage: str) -> None:
-        """Parts of the stage with this path follow. PrimrayError where none could be rendered, saying why."""
+        """Prepare for parts of the stage at this path. PrimrayError, with the reason, if none can be rendered."""
 
     def slots(self) -> int:
-        """Parts at a time; may change, and is 0 while there is nowhere to render them."""
+        """Return how many parts can run at a time; may change, and is 0 while no part can run."""
 
     def submit(self, settings: RenderSettings, file: Path) -> Future[None]:
-        """Render the part and leave its checkpoint at `file`, as a whole, before the future is done.
+        """Render the part and write its complete checkpoint to `file` before the future is done.
 
-        PartLost in the future where another try may help; any other error is the frame's. Cancelling it ends the work.
+        The future raises PartLost if another attempt may help; any other error ends the frame. Cancelling it stops the work.
         """
 
     def end(self) -> None:
-        """No more of this stage; what runs is ended."""
+        """Stop running parts; no more of this stage follow."""

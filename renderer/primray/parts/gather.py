@@ -1,9 +1,9 @@
-"""A frame from parts: ranges of samples are handed out, what comes back is merged, the error is measured, and it stops.
+"""A distributed frame: submits ranges of samples, merges results, measures the error, and stops.
 
-It stops where one render with uniform sampling would: the error is measured at the same numbers of samples (Schedule), each
-time of all samples up to there and of no others. So the picture depends on the settings alone, not on who rendered which part,
-nor on what was lost. Slots that would be idle until a measurement render samples beyond it; what the picture does not need of
-these is left out.
+It stops where one render with uniform sampling would: the error is measured at the same sample counts (Schedule), each time
+over exactly the samples up to there. The picture therefore depends on the settings alone, not on which process rendered which
+part, or on losses. Slots that would idle until a measurement render samples beyond it; those that the picture does not need are
+discarded.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ NOT_WHOLE = ("checkpoint-missing", "checkpoint-damaged")
 def gather(
     executor: PartsExecutor, stage: str, asked: RenderSettings, costs: Costs, progress: Progress | None = None
 ) -> Merged:
-    """The frame, its parts rendered by the executor; `progress` returning False stops it with what has come.
+    """Render a frame in parts on the executor; `progress` returning False stops it with the samples so far.
 
-    PrimrayError where a part cannot be rendered, or too many are lost; RenderCancelled where nothing has come.
+    PrimrayError if a part cannot be rendered or too many are lost; RenderCancelled if nothing was rendered.
     """
     check(asked)
     with costs.stage("render"), tempfile.TemporaryDirectory(prefix="primray-parts-") as folder:
@@ -59,13 +59,13 @@ class _Frame:
         self._curve = ErrorCurve(asked.metric)
         self._pace = Pace()
         self._waiting: dict[Range, Arrived] = {}  # beyond the goal
-        self._goal = 0  # where the error is measured next, or the frame ends
+        self._goal = 0  # the sample count at which the error is measured next, or the frame ends
         self._start = time.monotonic()
         self._most_fraction = 0.0
         self._aim()
 
     def run(self, progress: Progress | None) -> Sampling:
-        """Until something stops it."""
+        """Submit and merge parts until a stopping rule applies."""
         try:
             while True:
                 self._out.give(self._next_part)
@@ -82,7 +82,7 @@ class _Frame:
             self._out.drop()
 
     def _aim(self) -> None:
-        """At the next goal. What lies across it is of no use: it holds samples that one render would not have taken there."""
+        """Set the next goal, and discard parts across it: they hold samples that one render would not have taken by then."""
         if self._asked.target_error is None:
             self._goal = self._schedule.settings.most_samples
             return
@@ -117,7 +117,7 @@ class _Frame:
             self._pace = self._pace.seen(part[1] - part[0], held.seconds, arrived.wall_s)
 
     def _judged(self) -> Sampling | None:
-        """Once all samples up to the goal are there: the sampling, if the error measured then is the end of it."""
+        """Measure the error whenever all samples up to the goal are merged; return the sampling if that ends the frame."""
         while self.gathering.ranges == ((0, self._goal),):
             sampling, stop = judged(self.gathering, by_samples(self._asked), self._curve)
             self._curve = sampling.curve
@@ -128,7 +128,10 @@ class _Frame:
         return None
 
     def _ended(self, sampling: Sampling) -> Sampling:
-        """It takes no sample: the rule that has ended the frame ends it at once."""
+        """Return the finished sampling.
+
+        Running it takes no sample: the rule that ended the frame applies at once.
+        """
         self._out.drop()
         self._leave_out(list(self._waiting))
         sampling.run()
@@ -136,7 +139,7 @@ class _Frame:
         return sampling
 
     def _so_far(self, reason: str) -> Sampling:
-        """With all samples that have come, those beyond the goal too."""
+        """Return the sampling of all samples that arrived, also those beyond the goal."""
         self._merge_within(self._schedule.settings.most_samples)
         if not self.gathering.ranges:
             raise RenderCancelled("the render was stopped before any part of it had come")
@@ -163,7 +166,7 @@ class _Frame:
         return progress is not None and progress(self._most_fraction, *self.gathering.counts) is False
 
     def _is_out_of_time(self) -> bool:
-        """Not before there is a picture."""
+        """Return whether the time limit is over and there is a picture."""
         left = self._time_left_s()
         return left is not None and left <= 0 and bool(self.gathering.ranges or self._waiting)
 
@@ -172,6 +175,6 @@ class _Frame:
         return None if limit is None else limit - (time.monotonic() - self._start)
 
     def as_json(self) -> dict[str, int]:
-        """What the report says of how the frame was made."""
+        """Return the report's facts about the distribution."""
         out = self._out
         return {"parts": len(self.gathering.held), "lost": out.lost, "left_out": out.left_out, "slots": out.most_slots}

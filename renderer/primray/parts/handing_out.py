@@ -1,4 +1,4 @@
-"""Ranges given to an executor, and what comes of them: files, or losses, which are given out again."""
+"""Submission of ranges to an executor; results are files or losses, and lost ranges are submitted again."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .board import Board, Range
 from .executor import PartLost, PartsExecutor
 
 LOOK_EVERY_S = 0.1
-MOST_LOST = 5  # parts in a row for each slot: then it is no accident
-NOWHERE_S = 300.0  # without a slot
+MOST_LOST = 5  # lost parts in a row for each slot, after which the frame fails
+NOWHERE_S = 300.0  # the frame fails after this long without a slot
 
-Wanted = Callable[[int], Range | None]  # what is to be rendered next, with so many slots
+Wanted = Callable[[int], Range | None]  # the next range to render, given the number of slots
 
 
 @dataclass(frozen=True)
 class Arrived:
     part: Range
     file: Path
-    wall_s: float  # from its being given out
+    wall_s: float  # since it was submitted
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class _Given:
 
 
 class HandingOut:
-    """`board` knows of all that was given out or has come. Files are put into `folder`."""
+    """Parts in flight. `board` knows all assigned and finished ranges; files are written to `folder`."""
 
     def __init__(self, executor: PartsExecutor, asked: RenderSettings, folder: Path) -> None:
         self.board = Board()
         self.most_slots = 0
         self.lost = 0
-        self.left_out = 0  # rendered, or begun, and not needed
+        self.left_out = 0  # parts rendered or started, and discarded
         self._executor = executor
         self._asked = asked
         self._folder = folder
@@ -52,7 +52,7 @@ class HandingOut:
         self._slot_seen = time.monotonic()
 
     def give(self, wanted: Wanted) -> None:
-        """As much as there are slots for; PrimrayError where there were none for long."""
+        """Submit parts while there are free slots; PrimrayError if there has been no slot for long."""
         slots = self._executor.slots()
         self.most_slots = max(self.most_slots, slots)
         if slots:
@@ -66,7 +66,8 @@ class HandingOut:
             self._given[self._executor.submit(part_settings(self._asked, part), given.file)] = given
 
     def arrived(self) -> list[Arrived]:
-        """What has come, after a moment's wait for it; PrimrayError for what would befall any part, and too many losses."""
+        """Return parts that finished, after a short wait; PrimrayError for errors that any part would have, and too many
+        losses."""
         wait(list(self._given), LOOK_EVERY_S, FIRST_COMPLETED)
         if not self._given:
             time.sleep(LOOK_EVERY_S)
@@ -82,7 +83,7 @@ class HandingOut:
         return found
 
     def is_lost(self, part: Range, why: str) -> None:
-        """It is to be given out again."""
+        """Free the range for another attempt; PrimrayError after too many losses in a row."""
         self.board.give_back(part)
         self.lost += 1
         self._lost_in_a_row += 1
@@ -91,7 +92,7 @@ class HandingOut:
             raise PrimrayError(sentence, where=f"samples {part[0]}:{part[1]}", code="parts-lost")
 
     def is_used(self) -> None:
-        """A part was whole: losses before it were accidents."""
+        """Reset the count of losses in a row: a part was complete."""
         self._lost_in_a_row = 0
 
     def is_left_out(self, part: Range) -> None:
@@ -99,7 +100,7 @@ class HandingOut:
         self.left_out += 1
 
     def drop(self, parts: list[Range] | None = None) -> None:
-        """End what runs of these (None: all)."""
+        """Cancel these parts (None: all)."""
         for future, given in list(self._given.items()):
             if parts is None or given.part in parts:
                 del self._given[future]

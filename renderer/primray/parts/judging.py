@@ -1,6 +1,6 @@
-"""What the error of a frame's first samples decides: whether they are all of it, and at which number it is measured next.
+"""Decisions from the error of a frame's first samples: whether it ends, and at which sample count it is measured next.
 
-Whoever merges a frame's parts a few at a time, in one process after another, goes on by what the last sum's checkpoint holds.
+Repeated merges of a few parts, each in its own process, continue from what the last merged checkpoint holds.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ from ..settings import Metric
 
 @dataclass(frozen=True)
 class Judgement:
-    """`goal`: the number of samples a pixel at which the error decides next; where the frame has ended, those that it has.
-    `expected`: at how many the error should have fallen to the target; None: nobody knows yet."""
+    """A decision. `goal`: samples per pixel at which the error decides next, or where the frame ended.
+
+    `expected`: samples per pixel at which the error should reach the target; None: not known yet.
+    """
 
     stop: Stop | None
     goal: int
@@ -30,8 +32,10 @@ class Judgement:
 
 
 def judged(gathering: Gathering, ending: Mapping[str, Any], curve: ErrorCurve) -> tuple[Sampling, Stop | None]:
-    """The sampling of all that is there, which begins with sample 0; measured where one render would have measured it, and
-    whether it would have ended there. `curve`: what was measured before."""
+    """Return the sampling of the samples from 0 on, measured as one render would measure it, and its stop, if it ends.
+
+    `curve`: earlier measurements.
+    """
     sampling = gathering.sampling(gathering.settings(ending))
     sampling.curve = curve
     return sampling, sampling.judge()
@@ -40,7 +44,7 @@ def judged(gathering: Gathering, ending: Mapping[str, Any], curve: ErrorCurve) -
 def merge_and_judge(paths: Sequence[Path], spp: int | None, target_error: float, metric: str) -> tuple[Merged, Judgement]:
     """Merge parts to the first samples of a frame that ends by its error, or by `spp` samples.
 
-    The first file may be what this merged before: what was measured then is taken over. CheckpointError as of `merge`.
+    The first file may be the result of an earlier call, whose measurements are kept. CheckpointError as for `merge`.
     """
     asked = {"spp": spp, "target_error": target_error, "error_metric": metric}
     costs = Costs()
@@ -57,12 +61,12 @@ def merge_and_judge(paths: Sequence[Path], spp: int | None, target_error: float,
 
 
 def _deciding(curve: ErrorCurve) -> ErrorCurve:
-    """Without what was measured only to tell how it is going: one render has no such rows."""
+    """Return the curve without measurements made for display only, which one render does not have."""
     return replace(curve, rows=tuple(row for row in curve.rows if row.decides))
 
 
 def _measure(sampling: Sampling, gathering: Gathering) -> None:
-    """In every measure, whether or not something is decided by it. The rows stay those of the target that is asked for."""
+    """Measure the error in every metric, whether or not it decides. The rows remain those of the requested target."""
     schedule = sampling.schedule
     sampling.schedule = replace(schedule, settings=replace(schedule.settings, **all_of(gathering.ranges)))
     sampling.run()  # takes no sample

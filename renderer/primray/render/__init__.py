@@ -1,7 +1,7 @@
-"""Renders: `render` is the whole order on one page, `prepare` what comes before the first sample, `products` several of them.
+"""Rendering: `render` has the whole sequence on one page, `prepare` what precedes the first sample, `products` several renders.
 
-The package shares its name with the function `primray.render`. Importing it costs nothing: what does the work is imported when
-a render starts.
+The package shares its name with the function `primray.render`. Importing it is cheap: expensive modules are imported when a
+render starts.
 """
 
 from ..report.prepared import Prepared

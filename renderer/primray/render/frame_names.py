@@ -1,7 +1,7 @@
-"""The frame number's place in the names of files: usdrecord's ####, husk's $F4, <F4> and %04d.
+"""Frame numbers in file names: usdrecord's ####, husk's $F4, <F4> and %04d.
 
-Only a file's own name has such places, and only where frames are asked for: folders, and what is named after the stage, are
-taken as they are.
+Only a file's own name has such placeholders, and only where frames are requested: folders, and names derived from the stage's,
+are taken literally.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 
 from ..errors import SettingsError
 
-# ####, ####.## (decimals), %04d, $F4, $F, <F4>, <F>; and as many decimals as the number has: %g, $FF, <FF>
+# ####, ####.## (decimals), %04d, $F4, $F, <F4>, <F>; %g, $FF, <FF> write as many decimals as the number has
 _HOLDER = re.compile(
     r"(?P<hashes>#+)(?:\.(?P<decimals>#+))?|(?P<free>%g|\$FF|<FF>)"
     r"|%0?(?P<percent>\d*)d|\$F(?P<dollar>\d*)|<F(?P<angle>\d*)>"
@@ -25,7 +25,7 @@ _PLACE_IN_SEQUENCE = re.compile(r"\$N(?![A-Za-z_])|<N\d*>")
 
 @dataclass(frozen=True)
 class FrameName:
-    """A file's name in every frame: `literal` as it is, then `pattern` with its frame holders filled in."""
+    """A file's name for every frame: `literal` unchanged, then `pattern` with its placeholders filled in."""
 
     literal: str
     pattern: str
@@ -35,16 +35,16 @@ class FrameName:
         return _HOLDER.search(self.pattern) is not None
 
     def with_holder(self) -> FrameName:
-        """Return the name with a place for the number, before the extension, where it has none."""
+        """Return the name with a placeholder for the number, before the extension, if it has none."""
         if self.has_holder:
             return self
         name = PurePosixPath(self.pattern)
         return FrameName(self.literal, f"{name.stem}.####{name.suffix}")
 
     def numbered(self, frame: float | None) -> str:
-        """Return the name in a frame, with the number before the extension where the name has no place for it.
+        """Return the name in a frame, with the number before the extension if the name has no placeholder.
 
-        A name that ends in the number already, as it would be put there, is left alone: stages may hold a name for each frame.
+        A name that already ends in the number, as it would be inserted, is unchanged: stages may hold a name for each frame.
         """
         if frame is None or self.has_holder:
             return self.of(frame)
@@ -54,7 +54,7 @@ class FrameName:
         return str(self) if ends_in_it else f"{self.literal}{name.stem}.{number}{name.suffix}"
 
     def of(self, frame: float | None) -> str:
-        """SettingsError if a holder cannot hold the frame's fraction; None: no frames were asked for."""
+        """Return the name in a frame (None: no frames are requested); SettingsError if a placeholder cannot hold a fraction."""
         return self.literal + (self.pattern if frame is None else _filled(self.pattern, frame))
 
     def __str__(self) -> str:
@@ -62,18 +62,18 @@ class FrameName:
 
 
 def frame_name(text: str) -> FrameName:
-    """A path as somebody typed it."""
+    """Return the frame name for a path as a user typed it."""
     folder, slash, name = text.rpartition("/")
     return FrameName(folder + slash, name)
 
 
 def default_name(stem: str, many: bool) -> FrameName:
-    """The picture of a stage, named after it."""
+    """Return the name of a picture that is called after its stage."""
     return FrameName(stem, ".####.exr" if many else ".exr")
 
 
 def with_number(name: str, number: int) -> str:
-    """A file's own name with _NUMBER after what it is called: before the frame's place, or the extension."""
+    """Return a file's own name with _NUMBER appended to its stem: before the frame's placeholder, or the extension."""
     place = _HOLDER.search(name)
     end = len(name[: place.start()].rstrip("._-")) if place else 0
     end = end or len(name) - len(PurePosixPath(name).suffix)
@@ -85,7 +85,7 @@ def name_of_frame(name: str, frame: float | None) -> str:
 
 
 def numbered_files(name: FrameName) -> dict[float, Path]:
-    """Return the files that a name with a place for the number stands for, by number, in its order."""
+    """Return the existing files that match a name with a placeholder, sorted by number."""
     place = _HOLDER.search(name.pattern)
     folder = Path(name.literal or ".")
     if place is None or not folder.is_dir():
@@ -96,14 +96,14 @@ def numbered_files(name: FrameName) -> dict[float, Path]:
     found = {}
     for path in folder.iterdir():
         match = matching.fullmatch(path.name)
-        # Whatever was matched too freely is not what the number makes of the name: another padding, two numbers that differ.
+        # The pattern matches too much, such as other padding or two different numbers; only exact names count.
         if match is not None and _is_name_of(name, float(match[1]), path.name):
             found[float(match[1])] = path
     return dict(sorted(found.items()))
 
 
 def _split_at_holders(text: str) -> list[str]:
-    """Return what lies between places for the number, and those places, in turns."""
+    """Return the text between placeholders, and the placeholders, alternating."""
     parts, end = [], 0
     for match in _HOLDER.finditer(text):
         parts += [text[end : match.start()], match[0]]
@@ -119,7 +119,7 @@ def _is_name_of(name: FrameName, number: float, text: str) -> bool:
 
 
 def check_names(names: Sequence[FrameName], frames: Sequence[float] | None) -> None:
-    """SettingsError unless every frame gets files of its own, under the names meant."""
+    """Raise SettingsError unless every frame gets files of its own, under the names meant."""
     if frames is not None:
         for name in names:
             _check_name(name, frames)
@@ -127,7 +127,7 @@ def check_names(names: Sequence[FrameName], frames: Sequence[float] | None) -> N
 
 
 def _check_distinct(names: Sequence[FrameName], frames: Sequence[float] | None) -> None:
-    """SettingsError where two names lead to one file, by a link or in some frame."""
+    """Raise SettingsError if two names lead to one file, by a link or in some frame."""
     groups = [[os.path.realpath(str(name)) for name in names]]
     if len(names) > 1:
         groups += [[os.path.normpath(name.of(frame)) for name in names] for frame in frames or ()]

@@ -1,6 +1,8 @@
-"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), the same step behind a colon
-("1:10:2"), Open Job Description's ("1-10", "1-10:2"), the ends of the stage's range by name
-("start:end"), and husk's start, count and increment."""
+"""Frame lists.
+
+usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), the same step after a colon ("1:10:2"), Open Job Description's ("1-10",
+"1-10:2"), the ends of the stage's range by name ("start:end"), and husk's start, count and increment.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from decimal import Decimal, DecimalException, InvalidOperation
 from ..errors import LimitError, SettingsError
 
 MAX_FRAMES = 100_000
-MOST = 10**9  # of a number in a frame list
+MOST = 10**9  # the largest number in a frame list
 
 _PLAIN = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _DASHED = re.compile(rf"({_PLAIN})\s*-\s*({_PLAIN})\s*", re.ASCII)
@@ -20,7 +22,7 @@ _ENDS = re.compile(r"(?<![a-z])(start|end)(?![a-wyz])")  # "endx2" is every othe
 
 
 def parse_frames(text: str) -> list[float]:
-    """The time codes meant, in the order given; SettingsError if it is no frame list."""
+    """Return the time codes of a frame list, in its order; SettingsError if it is not valid."""
     frames: list[float] = []
     for part in text.split(","):
         frames += _parse_range(part.strip(), text)
@@ -30,12 +32,12 @@ def parse_frames(text: str) -> list[float]:
 
 
 def names_ends(text: str | None) -> bool:
-    """Say whether a frame list names an end of the stage's range, `start` or `end`."""
+    """Return whether a frame list names an end of the stage's range, `start` or `end`."""
     return text is not None and _ENDS.search(text) is not None
 
 
 def with_ends(text: str, first: float, last: float) -> str:
-    """Return the frame list with the ends of the stage's range as numbers; SettingsError, with the text as it is, for none."""
+    """Return the frame list with the ends of the stage's range as numbers; SettingsError if it is not valid."""
     ends = {"start": f"{Decimal(repr(first)):f}", "end": f"{Decimal(repr(last)):f}"}
     found = _ENDS.sub(lambda match: ends[match[1]].removesuffix(".0"), text)
     for part in found.split(","):
@@ -44,7 +46,7 @@ def with_ends(text: str, first: float, last: float) -> str:
 
 
 def frame_list(first: str, count: int, increment: float | None) -> str:
-    """husk's frames as a list: `count` of them from `first` on, `increment` (1) apart; SettingsError for none."""
+    """Return husk's frames as a list: `count` frames from `first`, `increment` (1) apart; SettingsError for none."""
     step = Decimal(1) if increment is None else _number(str(increment), str(increment))
     if "," in first or "x" in first or ":" in first or _DASHED.fullmatch(first):
         raise SettingsError(

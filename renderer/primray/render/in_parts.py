@@ -1,4 +1,4 @@
-"""A frame whose samples an executor renders in parts: prepared nowhere here, and told as a render that was."""
+"""Rendering of a frame whose samples an executor renders in parts, with the results and errors of `render`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ def render_in_parts(
     progress: Progress | None,
     on_interrupt: Literal["raise", "partial"],
 ) -> Image:
-    """As `render`: KeyboardInterrupt or RenderCancelled where it was stopped, unless its picture so far is wanted."""
+    """Render a frame in parts.
+
+    As in `render`, KeyboardInterrupt or RenderCancelled where it was stopped, unless the partial picture is wanted.
+    """
     from ..parts.gather import gather
     from ..report.report import Costs
 
@@ -60,8 +63,10 @@ def render_in_parts(
 
 
 def with_ends_of_stage(stage: str, settings: RenderSettings) -> tuple[RenderSettings, Diagnostics]:
-    """Return the settings with what the stage says of when the render ends, where they leave that open: parts are ranges of
-    samples, so that it has to be known before there are any. All else parts find in the stage themselves."""
+    """Return the settings with the stage's stopping rules, where they leave these open, and diagnostics.
+
+    Parts are ranges of samples, so the rules must be known before there are any. Parts read all other settings from the stage.
+    """
     from .. import usd
     from ..diagnostics import Diagnostics
     from .prepare import open_once, with_stage_settings
@@ -79,7 +84,7 @@ def with_ends_of_stage(stage: str, settings: RenderSettings) -> tuple[RenderSett
 
 
 def diagnostics_of(image: Image) -> list[Diagnostic]:
-    """Those of its parts, which no machine has told yet."""
+    """Return the diagnostics of a frame's parts, which have not been reported to the user yet."""
     from ..diagnostics import Diagnostic
 
     names = ("code", "prim_path", "message", "attribute")

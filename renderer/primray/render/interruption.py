@@ -1,6 +1,7 @@
-"""Ctrl-C that asks instead of breaking in: a render ends between two tasks then, and what it has is saved.
+"""Ctrl-C as a request: the render ends between two tasks, and its samples are saved.
 
-Only Python's own handler is replaced, not that of whoever has one, and only on the main thread, which signals go to.
+Only Python's own signal handler is replaced, not one that the application installed, and only on the main thread, which
+receives signals.
 """
 
 from __future__ import annotations
@@ -17,20 +18,20 @@ INTERRUPTED = 130  # the exit code
 
 
 class Interruption:
-    """Whether a signal came."""
+    """Signal handler that records whether a signal arrived."""
 
     def __init__(self) -> None:
         self.asked = False
 
     def __call__(self, number: int, frame: Any) -> None:
         if self.asked:
-            raise KeyboardInterrupt  # asked twice: at once
+            raise KeyboardInterrupt  # the second signal stops at once
         self.asked = True
 
 
 @contextmanager
 def interruption() -> Iterator[Interruption]:
-    """While it lasts, signals that would raise KeyboardInterrupt only say so."""
+    """Within the block, signals that would raise KeyboardInterrupt are recorded instead."""
     asked = Interruption()
     numbers = [signal.SIGINT, signal.SIGTERM] if threading.current_thread() is threading.main_thread() else []
     raising = (signal.default_int_handler, interrupt)
@@ -45,7 +46,7 @@ def interruption() -> Iterator[Interruption]:
 
 
 def terminate_as_interrupt() -> None:
-    """SIGTERM does what Ctrl-C does, unless someone has a handler for it already or it is ignored."""
+    """Make SIGTERM act like Ctrl-C, unless it is ignored or has a handler already."""
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
 
@@ -64,7 +65,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def end_at_once(number: int = 0, frame: FrameType | None = None) -> NoReturn:
-    """End the process with a word on stderr; nothing is cleaned up."""
+    """End the process with a message on stderr, without cleaning up."""
     try:
         os.write(2, b"interrupted\n")
     finally:
@@ -72,7 +73,7 @@ def end_at_once(number: int = 0, frame: FrameType | None = None) -> NoReturn:
 
 
 def install(handler: Any) -> None:
-    """Let `handler` have the signals that ask the process to end, except those that are ignored or have a handler of others."""
+    """Let `handler` receive the signals that ask the process to end, except ignored ones and those with foreign handlers."""
     ours = (signal.default_int_handler, interrupt, end_at_once)
     if signal.getsignal(signal.SIGINT) in ours:
         signal.signal(signal.SIGINT, handler)

@@ -1,4 +1,4 @@
-"""Parts of a frame in processes on this machine: the plainest executor of parts."""
+"""Executor that renders parts of a frame in processes on this machine."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from ..settings import RenderSettings
 from .part import error_of_json
 
 PROGRAM = "primray.render.part"
-LAST_CHARACTERS = 500  # of what a process printed
+LAST_CHARACTERS = 500  # of a process's output that an error quotes
 
 
 class LocalProcesses:
-    """Renders so many parts of a frame at a time, each in a process of its own, which a crash does not leave.
+    """Renders up to `processes` parts of a frame at a time, each in its own process, so that a crash affects one part only.
 
     >>> executor = primray.LocalProcesses(2)
     >>> primray.render("shot.usda", resolution=(32, 18), spp=4, executor=executor).report["samples_per_pixel"]
     [4, 4]
 
-    The cores are shared among them, unless `RenderSettings.threads` says otherwise. SettingsError for less than one.
+    The cores are shared among them, unless `RenderSettings.threads` says otherwise. Raises SettingsError for less than one.
     """
 
     def __init__(self, processes: int) -> None:

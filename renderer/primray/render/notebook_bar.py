@@ -1,4 +1,4 @@
-"""The progress bar of a render in a notebook: one output that is updated, and emptied at the end."""
+"""Progress bar of a render in a notebook: one output that is updated, and cleared at the end."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .speed import Speed, rate_text
 if TYPE_CHECKING:
     from ..sampling.sampling import Progress
 
-INTERVAL_S = 0.2  # a front end draws anew each time
+INTERVAL_S = 0.2  # the front end redraws at each update
 
 
 @contextmanager
 def shown_progress(progress: Progress | Literal[False] | None) -> Iterator[Progress | None]:
-    """What a render reports to: the caller's own; None: a bar in a notebook, nothing elsewhere; False: nothing."""
+    """Yield the callback that a render reports to: the caller's; None: a bar in a notebook, else nothing; False: nothing."""
     if progress is None and in_notebook():
         with _bar() as show:
             yield show

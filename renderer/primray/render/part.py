@@ -1,6 +1,6 @@
-"""One part of a frame in a process of its own: `python -m primray.render.part`, told by a line of JSON on stdin.
+"""Process that renders one part of a frame: `python -m primray.render.part`, with its task as a line of JSON on stdin.
 
-It leaves the part's checkpoint, or says as JSON on stdout what went wrong. Any other end is a crash.
+It writes the part's checkpoint, or prints the error as JSON on stdout. Any other end is a crash.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from ..report.report import Costs
 from ..settings import RenderSettings, settings_of_json
 from .prepare import open_once, prepare
 
-NEVER_S = 1e9  # checkpoints before the end
+NEVER_S = 1e9  # interval of checkpoints before the end
 _BY_EXIT_CODE = {error.exit_code: error for error in (SceneError, SettingsError, LimitError)}
 
 
 def render_part(stage: str, settings: RenderSettings, file: Path) -> None:
-    """Its samples and nothing else: pictures and AOVs are made of the whole."""
+    """Render the part's samples only: pictures and AOVs are made from the whole frame."""
     saving, diagnostics = Checkpointing(file, every_s=NEVER_S), Diagnostics()
     saving.check()
     opened = open_once(stage, settings)
@@ -38,7 +38,7 @@ def error_as_json(error: PrimrayError) -> dict[str, Any]:
 
 
 def error_of_json(told: Mapping[str, Any]) -> PrimrayError:
-    """What went wrong there, as it would be raised here."""
+    """Return the error of a part's process as an exception."""
     kind = _BY_EXIT_CODE.get(told["exit_code"], PrimrayError)
     return kind(told["message"], where=told["where"], code=told["code"])
 

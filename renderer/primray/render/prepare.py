@@ -1,6 +1,6 @@
-"""From a stage to a scene that is ready to sample: opened, translated, its textures loaded, built within the memory allowed.
+"""Preparation of a scene for sampling: stage opened, translated, textures loaded, scene built within the memory limit.
 
-What does the work is imported when a render starts; importing this module costs nothing.
+Expensive modules are imported when a render starts; importing this module is cheap.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from ..report.report import Costs
     from ..report.summary import ImageSize
 
-DENOISING_PIXEL_BYTES = 1000  # what Open Image Denoise and the halves take, a little more than was measured
-REMOVED_PIXEL_BYTES = 102  # the exact sums of both replicates of what a clamp takes, or of caustics
-FILM_PIXEL_BYTES = 126  # of the core's, which is not loaded yet where memory is checked; a test holds them equal
+DENOISING_PIXEL_BYTES = 1000  # Open Image Denoise and the two half pictures, rounded up from measurements
+REMOVED_PIXEL_BYTES = 102  # exact sums, in both replicates, of the light removed by a clamp or as caustics
+FILM_PIXEL_BYTES = 126  # as in the core, which is not loaded yet when memory is checked; a test compares them
 
 
 @dataclass(frozen=True)
 class OpenedStage:
-    """A stage that has been composed, with what there was to tell of it."""
+    """A stage that has been composed, with its diagnostics."""
 
     stage: Any  # Usd.Stage
-    composed_by: tuple[Any, ...]  # the settings that decide how
+    composed_by: tuple[Any, ...]  # the settings that decide its composition
     diagnostics: Diagnostics
     seconds: float
-    name: object = None  # what the user called it: its path, if that was given
+    name: object = None  # what the user passed: its path, if that was given
 
 
 def composing_settings(settings: RenderSettings) -> tuple[Any, ...]:
@@ -47,7 +47,7 @@ def composing_settings(settings: RenderSettings) -> tuple[Any, ...]:
 
 
 def open_once(stage: str | os.PathLike[str] | Any, settings: RenderSettings) -> OpenedStage:
-    """Open a stage as `settings` compose it, for `render_frames` and to look at before."""
+    """Open a stage as `settings` compose it, for `render_frames` and for inspection before rendering."""
     from .. import usd
     from ..report.report import Costs
 
@@ -67,9 +67,9 @@ def prepare(
     fingerprinted: bool = False,
     steps: Steps | None = None,
 ) -> Prepared:
-    """Translate an opened stage, load its textures and build its scene; what there is to tell goes to `diagnostics`.
+    """Translate an opened stage, load its textures and build its scene; diagnostics are added to `diagnostics`.
 
-    `steps`: of who keeps what earlier renders made; None: everything is made here.
+    `steps`: pipeline with caches from earlier renders; None: everything is made here.
     """
     with without_collection():
         return _prepare(stage, opening, settings, costs, diagnostics, fingerprinted, Steps() if steps is None else steps)
@@ -138,7 +138,7 @@ def _prepare(
         _require_something_to_render(diagnostics, settings)
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    if description.aovs and stage.GetPrototypes():  # all of its instances may have ended in a copy
+    if description.aovs and stage.GetPrototypes():  # all instances may have been turned into copies
         assert scene.record is not None
         record = scene.record
         record.names = usd.names_in_instances(stage, record.shape_paths, record.surface_paths, description.instances)
@@ -163,7 +163,7 @@ def _prepare(
 
 
 def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSettings) -> None:
-    """Raise UnsupportedError where nothing is drawn because what the stage refers to is missing: no picture is a success."""
+    """Raise UnsupportedError if nothing is drawn because references are missing, instead of rendering an empty picture."""
     missing = [d for d in diagnostics if d.code == "composition-error" and not settings.refusal.allows(d.code)]
     if missing:
         message = f"no geometry is drawn, and what the stage refers to is missing: {missing[0].message}"
@@ -173,9 +173,9 @@ def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSetti
 def with_stage_settings(
     settings: RenderSettings, asked: StageSettings, diagnostics: Diagnostics
 ) -> tuple[RenderSettings, StageSettings]:
-    """Return the settings with what the stage asks for where they are open, and what of it was taken.
+    """Return the settings with the stage's settings where they are open, and which of those were applied.
 
-    What cannot be had on this machine is reported, and left out.
+    Settings that this machine cannot follow are reported and ignored.
     """
     if asked.of("denoise") and settings.denoise is None:
         from ..denoising.denoiser import has_denoiser
@@ -195,7 +195,7 @@ def with_stage_settings(
 
 
 def with_usable_view(file: PictureFile, space: ColorSpace, path: str, diagnostics: Diagnostics) -> PictureFile:
-    """Return what a product asks of its file, without a view that the OpenColorIO configuration does not have."""
+    """Return a product's file settings, without a view that the OpenColorIO configuration does not have."""
     asked = file.view
     if asked.is_default:
         return file
@@ -217,18 +217,18 @@ def _with_usable_views(description: SceneDescription, diagnostics: Diagnostics) 
 
 
 def with_additions(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
-    """Return the description with what is asked for beside the stage; the very same object where nothing is."""
+    """Return the description with additions to the stage (lights, ground, background); the same object if there are none."""
     if all(getattr(settings, name) == value for name, value in STAGING.items()):
         return description
     from ..images.background import background_of
     from ..staging import staged
 
-    background_of(settings.background)  # is refused before anything is sampled
+    background_of(settings.background)  # raises before anything is sampled
     return staged(description, settings, diagnostics)
 
 
 def _check_view(description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings) -> None:
-    """SettingsError where a render that is judged on a display has no view, before it samples."""
+    """Raise SettingsError, before sampling, if the error is measured on a display whose view cannot be made."""
     from ..sampling.error import DisplayView
 
     view = DisplayView(space=description.rendering_space)
@@ -242,9 +242,9 @@ def _check_view(description: SceneDescription, diagnostics: Diagnostics, setting
 def check_memory(
     description: SceneDescription, settings: RenderSettings, images: list[ImageSize], film_copies: int = 0
 ) -> None:
-    """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built.
+    """Raise LimitError, before building, if the scene is estimated to need more memory than is allowed.
 
-    A copy of the film is what a checkpoint is written from, or read into.
+    `film_copies`: 1 if a checkpoint is written or read, which holds a copy of the film.
     """
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:

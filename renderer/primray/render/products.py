@@ -1,6 +1,6 @@
-"""The products of a stage's RenderSettings as renders: which there are, where each is written, and all of them from one stage.
+"""The products of a stage's RenderSettings as renders: which there are, where each is written, and rendering all of them.
 
-Products that differ in their names and outputs alone are made by one render.
+Products that differ in names and outputs only share one render.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from ..usd import ProductSettings
 
 STDERR = "stderr"
-LONGEST_SHOWN = 80  # letters of a name in a message
+LONGEST_SHOWN = 80  # characters of a name in a message
 
 
 @dataclass(frozen=True)
 class Product:
-    """A picture that a stage's RenderSettings ask for. No other product of the stage has its `file_name`.
+    """A picture that a stage's RenderSettings request. No other product of the stage has its `file_name`.
 
     >>> for product, image in primray.render_products("shot.usda", resolution=(32, 18), spp=2):
     ...     print(product.file_name, image.resolution, product.save(image, "out"))
@@ -41,21 +41,23 @@ class Product:
 
     path: str  # of the RenderProduct; "": the settings have none, and this is the default one
     name: str  # productName as authored
-    file_name: str  # a path as productName says it, relative to a folder of the caller's choice or absolute; of the frame's
+    file_name: str  # path from productName with the frame number, absolute or relative to a folder that the caller chooses
     settings: RenderSettings
-    picture: tuple[str, ...] = ()  # channels of the picture that it orders: "R" to "A", "stderr"
-    notes: tuple[Diagnostic, ...] = ()  # what its file name is not as authored
-    view: PictureView = PLAIN.view  # how files of display values show it
+    picture: tuple[str, ...] = ()  # channels of the picture that it requests: "R" to "A", "stderr"
+    notes: tuple[Diagnostic, ...] = ()  # differences of its file name from the authored one
+    view: PictureView = PLAIN.view  # view transform of files with display values
 
     @property
     def has_parts(self) -> bool:
-        """Whether its file holds outputs beside the picture."""
+        """Whether its file can hold AOVs beside the picture."""
         return self.file_name.lower().endswith(".exr")
 
     def image_of(self, image: Image, *, record: bool = False) -> Image:
-        """The image of its render as this product: saved, it holds what the product orders, with `record` the picture and its
-        standard errors besides."""
-        if not self.path:  # nothing is ordered anywhere
+        """Return the render's image as this product: saved, it holds what the product requests.
+
+        `record` adds the picture and its standard errors.
+        """
+        if not self.path:  # the stage has no products
             return image
         notes = list(self.notes)
         if self.has_parts:
@@ -74,7 +76,7 @@ class Product:
         return image
 
     def save(self, image: Image, folder: str | os.PathLike[str] = "") -> Path:
-        """Write the product's image where its name says, a relative name below `folder`; folders are made."""
+        """Write the product's image to its file name, a relative name below `folder`; missing folders are created."""
         from ..images.output_path import make_folder
 
         path = Path(folder, self.file_name)
@@ -83,10 +85,9 @@ class Product:
 
 
 def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[str] | None = None) -> list[Product]:
-    """Return the products named by path or, if only one has it, by name (None: all), in the order of the stage's settings. The
-    file names have places for a frame's number, as authored.
+    """Return the products named by path or, if only one has it, by name (None: all), in the order of the stage's settings.
 
-    SettingsError where one that is asked for does not exist.
+    The file names have placeholders for the frame's number, as authored. SettingsError if a requested product does not exist.
     """
     from .. import usd
 
@@ -112,9 +113,9 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
 
 
 def files_of(stage: Any, settings: RenderSettings, diagnostics: Diagnostics) -> dict[str, str]:
-    """Return the files of all products by the products' paths; the frame's number is filled in where the settings name a frame.
+    """Return the files of all products by product path; the frame number is filled in if the settings name a frame.
 
-    What renders of the products would report of their names and outputs, or refuse, goes to `diagnostics`.
+    Diagnostics that renders of the products would report about names and outputs, and refusals, are added to `diagnostics`.
     """
     from .. import usd
 
@@ -131,7 +132,7 @@ def files_of(stage: Any, settings: RenderSettings, diagnostics: Diagnostics) -> 
 
 
 def renders_of(products: Iterable[Product]) -> list[tuple[RenderSettings, list[Product]]]:
-    """The settings of each render, and the products that it makes."""
+    """Return the settings of each render, with the products that it makes."""
     found: dict[RenderSettings, list[Product]] = {}
     for product in products:
         found.setdefault(product.settings, []).append(product)
@@ -168,7 +169,7 @@ def render_products(
 
 
 def check_files(files: Iterable[tuple[str, str]]) -> None:
-    """SettingsError where two pictures would be written to one file, through whatever folders and links.
+    """Raise SettingsError if two pictures would be written to one file, through any folders and links.
 
     Each file comes with the path of its product.
     """
@@ -182,7 +183,7 @@ def check_files(files: Iterable[tuple[str, str]]) -> None:
 
 
 def _at_frame(product: Product) -> Product:
-    """With the frame's number in its name."""
+    """Return the product with the frame's number in its file name."""
     name = frame_name(product.file_name)
     if product.settings.time_code is None and name.has_holder:
         raise SettingsError("the product's name holds a frame number; time_code says which", where=str(name), code="frames")
@@ -190,7 +191,10 @@ def _at_frame(product: Product) -> Product:
 
 
 def _joined(found: Sequence[ProductSettings], products: Sequence[Product], settings: RenderSettings) -> list[Product]:
-    """With the settings of one render for those that one can make: the paths of all whose files hold outputs are in them."""
+    """Return the products, with shared settings where one render makes several.
+
+    Those settings name all products whose files hold AOVs.
+    """
     from .. import usd
 
     groups: list[tuple[object, list[int]]] = []
@@ -222,7 +226,7 @@ def _shortened(name: str) -> str:
 
 
 def _distinct_paths(products: Sequence[ProductSettings], diagnostics: Diagnostics) -> list[str]:
-    """Where the products are written; of paths that are alike but for case, all after the first are told apart by a number."""
+    """Return the products' files; those that differ in case only are numbered after the first."""
     taken: set[str] = set()
     files = []
     for product in products:

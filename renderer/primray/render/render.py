@@ -1,6 +1,6 @@
-"""A stage to an image: opens and translates it, loads textures, builds the scene and renders it, with a report of all that.
+"""The pipeline from a stage to an image: open, translate, load textures, build the scene, sample, report.
 
-What does the work is imported when a render starts; importing this module costs nothing.
+Expensive modules are imported when a render starts; importing this module is cheap.
 """
 
 from __future__ import annotations
@@ -49,20 +49,20 @@ def render(
     executor: PartsExecutor | None = None,
     **values: Unpack[SettingsValues],
 ) -> Image:
-    """Render a stage, given as a Usd.Stage or as the path of one. Fields of RenderSettings go by their names as well.
+    """Render a stage, given as a Usd.Stage or a path. Fields of RenderSettings may be passed by name.
 
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2, seed=1)
     >>> image.pixels.shape
     (18, 32, 4)
 
-    `progress(fraction, samples, rays)` is called some ten times a second. Without one, notebooks show a bar; False: none.
+    `progress(fraction, samples, rays)` is called about ten times a second. None: a bar in notebooks; False: nothing.
     Ctrl-C raises KeyboardInterrupt and `progress` returning False raises RenderCancelled, unless `on_interrupt` is
-    "partial": then the picture made so far comes back, its report saying "interrupted". A checkpoint is written before either.
-    `executor` renders the frame's samples in parts, in processes or on machines, to the bits of one render without adaptive
-    sampling; it opens the stage by its path.
+    "partial": then the picture so far is returned, and its report says "interrupted". A checkpoint is written before either.
+    `executor` renders the frame's samples in parts, in several processes or on several machines, to the bits of one render
+    without adaptive sampling; it opens the stage by its path.
 
-    SceneError, SettingsError or LimitError, all PrimrayErrors, where there can be no picture. Where it is not what the stage
-    says, its diagnostics are a RenderWarning, log records of "primray", and in `Image.report`.
+    Raises SceneError, SettingsError or LimitError, all PrimrayErrors, if no picture can be made. Differences from what the
+    stage says are diagnostics: a RenderWarning, log records of "primray", and entries in `Image.report`.
     """
     settings = with_values(settings, values)
     if executor is not None:
@@ -91,15 +91,15 @@ def _in_parts(
 
 
 class OpenedFrames:
-    """A stage that is open, and renders pictures of it. Nothing is kept from one to the next, but the open stage."""
+    """An open stage that renders pictures. Nothing but the stage is kept between them."""
 
     def __init__(self, stage: str | os.PathLike[str] | OpenedStage | Any, settings: RenderSettings) -> None:
         self.opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
-        self._is_told = False  # how long opening took
+        self._is_told = False  # whether a report includes the time of opening
 
     @contextmanager
     def steps(self, costs: Costs) -> Iterator[Steps | None]:
-        """What a picture is prepared with, as for `prepare`."""
+        """Yield the pipeline that a picture is prepared with, as for `prepare`."""
         if not self._is_told:
             costs.stages_s["open"], self._is_told = self.opened.seconds, True
         yield None
@@ -113,7 +113,7 @@ class OpenedFrames:
         snapshots: Sequence[Snapshots],
         tell: Tell,
     ) -> Image:
-        """As render_opened."""
+        """Render one picture, as `render_opened` does."""
         from ..report.report import Costs
 
         costs = Costs()
@@ -135,7 +135,10 @@ def rendered_frames(
     is_quiet: bool = False,
     opening: Open = OpenedFrames,
 ) -> Iterator[Image]:
-    """Pictures of one stage, opened once. `is_quiet`: no warnings, no log, no bar, for callers that show these themselves."""
+    """Yield pictures of one stage, opened once.
+
+    `is_quiet`: no warnings, log or progress bar, for callers that show these themselves.
+    """
     from ..notices.announcement import Announcer
     from .notebook_bar import shown_progress
 
@@ -164,7 +167,7 @@ def render_opened(
     tell: Tell,
     steps: Steps | None = None,
 ) -> Image:
-    """One picture of a stage; `steps` as for `prepare`."""
+    """Render one picture of a stage; `steps` as for `prepare`."""
     from ..denoising.target import check_denoising, denoised_target
     from ..diagnostics import Diagnostics
     from ..sampling import pauses
@@ -189,7 +192,7 @@ def render_opened(
             sampling, saved = checkpointing.run(prepared, list(diagnostics), watched, savings)
         sampling.film.image()
     assert sampling.stop is not None
-    if asked.asked:  # even if all was done by then, frames may follow
+    if asked.asked:  # even if this frame was complete by then, others may follow
         sampling.stop = replace(sampling.stop, reason="interrupted")
     if sampling.stop.reason == "interrupted" and on_interrupt == "raise":
         if watched.stopped:
@@ -204,7 +207,7 @@ def render_opened(
 
 
 def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:
-    """What a render that has stopped made, with its report; what sampling has to tell goes to `diagnostics`."""
+    """Return the image of a render that has ended, with its report; diagnostics of sampling are added to `diagnostics`."""
     from ..images.image import Foreground, Image, pixels_sha256
     from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
@@ -256,7 +259,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
 
 
 def _are_all_sampled(sampling: Sampling, diagnostics: Diagnostics) -> bool:
-    """Say whether every pixel has a sample, and report those that a render which was stopped early never reached."""
+    """Return whether every pixel has a sample, and report pixels that a render which was stopped early never reached."""
     if sampling.film.samples_per_pixel[0] > 0:
         return True
     missing = float((sampling.film.counts.sum(axis=0) == 0).mean())
@@ -267,7 +270,7 @@ def _are_all_sampled(sampling: Sampling, diagnostics: Diagnostics) -> bool:
 
 
 def _backdrop(prepared: Prepared, sampling: Sampling, costs: Costs) -> Backdrop | None:
-    """What is composited under the picture, where that is asked for."""
+    """Return what is composited under the picture, or None."""
     shadow, asked = prepared.ground_shadow, prepared.settings.background
     if shadow is None and asked is None:
         return None
@@ -298,7 +301,10 @@ def _note_if_worse(image: Image, diagnostics: Diagnostics) -> None:
 
 
 def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs) -> Image:
-    """With the denoised picture beside it; what a target has denoised last is of all samples, and not done again."""
+    """Return the image with its denoised picture.
+
+    A picture that a denoised target made last is of all samples, and is not made again.
+    """
     from ..denoising.denoised import Denoising, guides_of, with_denoised
     from ..denoising.target import DenoisedTarget
 
@@ -313,7 +319,7 @@ def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs
 def find_aovs(
     prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics
 ) -> tuple[dict[str, Aov], dict[str, Any]]:
-    """The outputs beside the picture, by name, and what a report says of labelled things; what fails goes to `diagnostics`."""
+    """Return the AOVs by name, and the report's facts about labels; failures are added to `diagnostics`."""
     if not prepared.aovs:
         return {}, {}
     from ..aov_names import CRYPTOMATTES, light_path_of, taxonomy_of
@@ -348,14 +354,14 @@ def find_aovs(
 
 
 def core_says(scene: CoreScene) -> dict[str, Any]:
-    """The core's own lines of a report."""
+    """Return the report's facts about the core."""
     from .. import core
 
     return {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
 
 
 class _Watched:
-    """The caller's progress callback, and whether it or a signal asked to stop."""
+    """The caller's progress callback, which records whether it or a signal asked to stop."""
 
     def __init__(self, progress: Progress | None, asked: Interruption) -> None:
         self.progress = progress

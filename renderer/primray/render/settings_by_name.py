@@ -1,6 +1,6 @@
-"""A signature that names every field of RenderSettings, for help(), completion and `inspect`.
+"""Signatures that name every field of RenderSettings, for help(), completion and `inspect`.
 
-Type checkers have the same names from SettingsValues.
+Type checkers read the same names from SettingsValues.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def naming_settings(function: Function) -> Function:
-    """The function, its `**values` spelled out."""
+    """Return the function with its `**values` spelled out in its signature."""
     own = signature(function)
     kept = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     fields = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in signature(RenderSettings).parameters.values()]

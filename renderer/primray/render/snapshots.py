@@ -1,4 +1,4 @@
-"""The picture so far, every so many seconds of a render."""
+"""Snapshots: the unfinished picture at intervals during a render."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Snapshots:
-    """`take` gets the picture so far every so many seconds, while sampling waits; it has no AOVs and no report."""
+    """Calls `take` with the picture so far every `every_s` seconds, while sampling pauses; it has no AOVs and no report."""
 
     every_s: float
     take: Callable[[Image], None]
-    most_share: float = 1.0  # of the time, that taking them may use: where it would be more, they are taken less often
+    most_share: float = 1.0  # largest share of the time that snapshots may take; slower ones are taken less often
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.every_s) and self.every_s > 0):
             raise SettingsError(f"snapshots are taken every so many seconds above 0, not {self.every_s}")
 
     def of(self, prepared: Prepared) -> FrameSnapshots:
-        """Those of one frame, the first so many seconds from now."""
+        """Return the snapshots of one frame; the first is due after one interval."""
         return FrameSnapshots(self, prepared)
 
 
 class FrameSnapshots:
-    """A `sampling.pauses.Saving`."""
+    """Snapshots of one frame, a `sampling.pauses.Saving`."""
 
     def __init__(self, snapshots: Snapshots, prepared: Prepared) -> None:
         self._snapshots = snapshots
@@ -52,7 +52,7 @@ class FrameSnapshots:
 
 
 def picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
-    """Without AOVs and report; pixels that have no samples yet are black."""
+    """Return the picture without AOVs and report; pixels without samples are black."""
     from ..description.picture_file import PLAIN
     from ..images.image import Image
 

@@ -1,4 +1,4 @@
-"""How fast a render goes and how long it will take, from what its progress callback hears."""
+"""Speed of a render and its remaining time, from the values that its progress callback receives."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 
 
 class Speed:
-    """Rates and time left, counted from the first call: what went before is not rendering."""
+    """Rates and remaining time, counted from the first call: earlier time is not rendering."""
 
     def __init__(self) -> None:
         self.start: tuple[float, float, int, int] | None = None

@@ -1,4 +1,4 @@
-"""What a render is prepared in, step by step. Each is a method, for those who have something of it from an earlier render."""
+"""The steps that prepare a render. Each is a method, so that subclasses can reuse results of earlier renders."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Textures = dict["TextureFile", "list[tuple[int, Texture]]"]
 
 
 class Steps:
-    """In their order; nothing is kept."""
+    """The steps in their order, without caching."""
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
         from .. import usd
@@ -35,7 +35,7 @@ class Steps:
         return load_textures(description, diagnostics, usd.read_asset, settings.default_wrap)
 
     def image_sizes(self, textures: Textures) -> list[ImageSize]:
-        """Of what has just been loaded."""
+        """Return the sizes of the images just loaded."""
         return image_sizes(textures)
 
     def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:
@@ -46,7 +46,7 @@ class Steps:
     def dice(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings
     ) -> tuple[SceneDescription, list[tuple[str, str, str]]]:
-        """And code, path and message of what had to be approximated."""
+        """Return the diced description, and code, path and message of approximations."""
         from .. import core
 
         return core.dice(description, settings, textures)
@@ -54,7 +54,7 @@ class Steps:
     def count(
         self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]
     ) -> tuple[dict[str, int], dict[str, Any] | None]:
-        """What the report says of how much there is, and of what moves."""
+        """Return the report's counts of scene contents, and its facts about motion."""
         from ..report.motion import motion_facts
         from ..report.summary import counts, summary
 
@@ -63,7 +63,7 @@ class Steps:
     def add_missing_light(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings, diagnostics: Diagnostics
     ) -> SceneDescription:
-        """Return the description with a studio light where what glows lights too little of what is seen."""
+        """Return the description with a studio light, if emissive surfaces light too little of what is visible."""
         if not description.may_need_light:
             return description
         from .. import core
@@ -78,7 +78,8 @@ class Steps:
     def build(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape]
     ) -> CoreScene:
-        """Empties `textures`, and `shapes`, which stand for the description's: they are let go on the way."""
+        """Build the scene; `textures`, and `shapes`, which replaces the description's, are emptied on the way to save
+        memory."""
         from .. import core
 
         return core.build(description, textures, settings, shapes)
@@ -90,8 +91,10 @@ def load_textures(
     read: Callable[[str], bytes] | None,
     default_wrap: DefaultWrap = DefaultWrap.BLACK,
 ) -> tuple[SceneDescription, Textures]:
-    """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the domes
-    whose texture could not; each file that could not is a diagnostic."""
+    """Return the description, and the images of every file that could be read, with tile numbers or 0.
+
+    Domes whose texture cannot be read are removed; each unreadable file is a diagnostic.
+    """
     from ..description import Wrap
     from ..textures.light_textures import with_read_textures
 
@@ -102,7 +105,7 @@ def load_textures(
 def read_textures(
     description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None, default_wrap: Wrap
 ) -> Textures:
-    """The images alone, with what there is to tell of them."""
+    """Return the images only, with diagnostics about them."""
     from ..textures.missing_tiles import note_missing_tiles
     from ..textures.texture_outside import note_textures_outside
     from ..textures.texture_set import load_texture_set
@@ -114,7 +117,7 @@ def read_textures(
 
 
 def image_sizes(textures: Textures) -> list[ImageSize]:
-    """Of images that are held once, whoever reads them."""
+    """Return the sizes of distinct images, each counted once."""
     from ..report.summary import ImageSize
 
     different = {id(image): image for images in textures.values() for _, image in images}

@@ -1,4 +1,4 @@
-"""Both eyes of a stereo pair of cameras, from one stage: the right one's picture is of the left one's size."""
+"""Rendering of both eyes of a stereo camera pair, from one stage: the right picture has the size of the left one."""
 
 from __future__ import annotations
 
@@ -26,15 +26,14 @@ def render_stereo(
     progress: Progress | Literal[False] | None = None,
     **values: Unpack[SettingsValues],
 ) -> StereoImage:
-    """Render the pair of cameras that the chosen one is of, as UsdGeomCamera's stereoRole names them; all else is as for
-    `render`.
+    """Render the stereo pair that the chosen camera belongs to, by UsdGeomCamera's stereoRole; all else is as for `render`.
 
     >>> pair = primray.render_stereo("stereo.usda", resolution=(32, 18), spp=2)
     >>> pair.left.resolution, sorted(pair.report["views"])
     ((32, 18), ['left', 'right'])
 
-    Both eyes have the same seed, so that noise has no depth of its own. SettingsError of the codes stereo-pair where there is
-    no pair, stereo-ambiguous where several cameras may be of it.
+    Both eyes have the same seed, so that noise has no parallax. Raises SettingsError with the code stereo-pair if there is no
+    pair, stereo-ambiguous if several cameras could belong to it.
     """
     from ..images.stereo import StereoImage
 
@@ -44,7 +43,7 @@ def render_stereo(
 
 
 class StereoSettings:
-    """The settings of the left eye, then of the right one: that it is as large is known once the left one is rendered."""
+    """The settings of the left eye, then those of the right one, whose size is known once the left one is rendered."""
 
     def __init__(self, settings: RenderSettings) -> None:
         self._settings = settings

@@ -1,1 +1,1 @@
-"""Which samples come next, what the error is by now, when to stop, and what is left to do."""
+"""Sampling: which samples come next, the error so far, when to stop, and how much remains."""

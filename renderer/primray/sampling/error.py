@@ -1,8 +1,8 @@
-"""What a film's two replicates say of its error: estimates for the whole frame, each with a 95 % interval.
+"""Estimates of the whole frame's error from the film's two replicates, each with a 95 % interval.
 
 relMSE: mean over pixels and channels (of the rendering space) of (I - R)^2 / (R^2 + 0.01), nothing clamped. RMSE: root of the
-mean of (I - R)^2. Display: RMSE after the display's view, in steps of 8 bits. I is the picture as delivered, R what it
-converges to; the interval is for this picture's error, not for the average of such pictures.
+mean of (I - R)^2. Display: RMSE after the display's view, in steps of 8 bits. I is the delivered picture, R its limit; the
+interval is for this picture's error, not for the average of such pictures.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from ..settings import Metric
 if TYPE_CHECKING:
     from ..core import Film
 
-Z95 = 1.959964  # a normal distribution has 95 % within as many standard deviations
+Z95 = 1.959964  # standard deviations of a normal distribution that contain 95 %
 ALL_PIXELS = 1 << 62
-DISPLAY_PIXELS = 1 << 14  # a view costs 0.6 microseconds a pixel; as many pixels know its error to a percent
+DISPLAY_PIXELS = 1 << 14  # a view costs 0.6 microseconds a pixel; this many give its error to a percent
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,13 @@ class Estimate:
 
     @classmethod
     def around(cls, value: float, relative_deviation: float) -> Estimate:
-        """The interval of a logarithm that is known to `relative_deviation`: errors are positive, and uncertain by factors."""
+        """Return an interval that is symmetric in the logarithm: errors are positive, and uncertain by factors."""
         factor = math.exp(min(Z95 * relative_deviation, 50.0))
         return cls(value, value / factor, value * factor)
 
     @property
     def doubt(self) -> float:
-        """The factor by which the error may be larger; 1 where it is known."""
+        """The factor by which the error may be larger; 1 if it is known exactly."""
         return self.high / self.value if self.value > 0 else 1.0
 
     def root(self) -> Estimate:
@@ -55,10 +55,12 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FrameError:
+    """Errors of a frame in each metric."""
+
     relmse: Estimate
     rmse: Estimate
-    tiles: Doubles  # each tile's part of relMSE
-    display: Estimate | None = None  # measured only where it is asked for
+    tiles: Doubles  # each tile's contribution to relMSE
+    display: Estimate | None = None  # measured only if requested
 
     def of(self, metric: Metric) -> Estimate:
         found = {Metric.RELMSE: self.relmse, Metric.RMSE: self.rmse, Metric.DISPLAY: self.display}[metric]
@@ -66,20 +68,20 @@ class FrameError:
         return found
 
     def as_json(self) -> dict[str, Any]:
-        """Estimates by metric; None on a display whose view cannot be made."""
+        """Return estimates by metric; None for the display metric if its view cannot be made."""
         shown = None if self.display is None else self.display.as_json()
         return {Metric.RELMSE.value: self.relmse.as_json(), Metric.RMSE.value: self.rmse.as_json(), Metric.DISPLAY.value: shown}
 
 
 def is_measurable(film: Film) -> bool:
-    """Say whether every pixel has samples of both replicates; an error of some of the pixels is not the picture's."""
+    """Return whether every pixel has samples in both replicates; an error of some pixels is not the picture's."""
     return film.samples_per_pixel[0] >= 2
 
 
 def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixels: int = ALL_PIXELS) -> FrameError | None:
-    """The error of the film's picture, or of a part of it; None where a pixel has no samples of both replicates.
+    """Return the error of the film's picture, or of part of it; None if a pixel lacks samples in one replicate.
 
-    `view` asks for the error on a display too.
+    `view` requests the error on a display too.
     """
     if not is_measurable(film):
         return None
@@ -99,7 +101,7 @@ def _relmse(sums: Mapping[str, Any], values: int) -> Estimate:
     total = float(sums["relative"])
     if not total > 0:
         return Estimate(0.0, 0.0, 0.0)
-    # By chance, and by what the weights rest on: how far the two kinds are apart, and how much the spread of R does.
+    # Uncertainty from sampling, and from the weights: the difference of both kinds of weights, and the effect of R's spread.
     chance = math.sqrt(max(float(sums["relative_variance"]), 0.0)) / total
     kinds = _log_ratio(sums["relative_alike"], sums["relative_alone"]) / 2
     spread = _log_ratio(total, sums["relative_plain"])
@@ -118,24 +120,24 @@ def _mean_square(total: float, variance: float, values: int) -> Estimate:
 
 @dataclass(frozen=True)
 class DisplayView:
-    """How pictures are looked at; None is OpenColorIO's default."""
+    """The view transform that pictures are looked at with; None: OpenColorIO's default."""
 
     display: str | None = None
     view: str | None = None
     exposure: float = 0.0
-    space: ColorSpace = REC709  # what the film's colours are in
+    space: ColorSpace = REC709  # colour space of the film
 
     def check(self) -> None:
-        """SettingsError where the OpenColorIO configuration cannot make the view."""
+        """Raise SettingsError if the OpenColorIO configuration cannot make the view."""
         color.check_display(self.view, self.display, None, self.space)
 
     def assumed(self) -> str | None:
-        """What the view rests on that the configuration does not say."""
+        """Return the assumption that the view makes because the configuration does not say, or None."""
         return color.assumed_space(self.space)
 
 
 def _display(film: Film, view: DisplayView) -> Estimate:
-    """From a random part of the pixels: the view of the picture with its replicates' difference added and taken away."""
+    """Return the display error, from random pixels viewed with their replicates' difference added and subtracted."""
     pixels, errors = film.image()
     rgb, d = pixels[..., :3].reshape(-1, 3), errors.reshape(-1, 3)
     chosen = np.flatnonzero(np.isfinite(d).all(axis=1))
@@ -145,7 +147,7 @@ def _display(film: Film, view: DisplayView) -> Estimate:
     shown = [_shown(mean + sign * step, view) for sign in (0, 1, -1)]
     squares = 0.5 * ((shown[1] - shown[0]) ** 2 + (shown[2] - shown[0]) ** 2).sum(axis=1)
     total = float(squares.sum())
-    # d^2 of one pixel has one degree of freedom: the variance of the true square less the estimated one is 4 / 3 of its square.
+    # A pixel's d^2 has one degree of freedom: the variance of the true square minus the estimate is 4 / 3 of its square.
     return _mean_square(total, 4 / 3 * float((squares**2).sum()), squares.size * 3).root()
 
 

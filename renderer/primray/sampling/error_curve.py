@@ -1,4 +1,4 @@
-"""The error's curve: what was measured after how many samples, how fast it falls, and when it should reach a target."""
+"""Error curve: measurements by sample count, how fast the error falls, and when it should reach a target."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from .error import FrameError
 if TYPE_CHECKING:
     from .adaptive import Plan
 
-# A squared error that falls slower than 1 / sqrt(samples), or faster than 1 / samples^2, is noise in its measurement; of how
-# far the measured power is from 1, the rest is.
+# Squared errors that fall slower than 1 / sqrt(samples), or faster than 1 / samples^2, are measurement noise. TRUST: the share
+# of the measured power's distance from 1 that is kept.
 SLOWEST, FASTEST, TRUST = 0.5, 2.0, 0.7
-USUAL_RATE = 1.2  # at first, before it has been measured
-# A target counts from 8 samples a pixel on where the error is known to this factor. With half as good a knowledge four times as
-# many are needed: a few bright pixels that few samples have met, and others that they have not.
+USUAL_RATE = 1.2  # before it has been measured
+# An error that is known to the factor WELL_KNOWN can meet a target from FEWEST samples per pixel on. One known half as well
+# needs four times as many: few samples may have found some bright pixels and missed others.
 WELL_KNOWN, FEWEST = 1.25, 8
 
 
 def fewest_samples(doubt: float) -> float:
-    """Return the samples a pixel below which an error that may be larger by the factor `doubt` is not held against a target."""
+    """Return the samples per pixel below which an error that may be larger by the factor `doubt` cannot meet a target."""
     return FEWEST * max(doubt / WELL_KNOWN, 1.0) ** 2
 
 
 @dataclass(frozen=True)
 class Row:
-    """One measurement of the error: after how many samples a pixel (their mean) and seconds of sampling."""
+    """One measurement of the error, after a mean number of samples per pixel and seconds of sampling."""
 
     samples: float
     seconds: float
     error: FrameError
     anchor: bool
-    due: bool = False  # the target was expected to be reached here
+    due: bool = False  # whether the target was expected to be reached here
 
     @property
     def decides(self) -> bool:
@@ -47,13 +47,13 @@ class Row:
 
 
 def is_held(row: Row, metric: Metric) -> bool:
-    """Return whether the row's error is known well enough, for its samples, to be held against a target."""
+    """Return whether the row's error is known well enough, for its samples, to be compared with a target."""
     return row.samples >= fewest_samples(row.error.of(metric).doubt)
 
 
 @dataclass(frozen=True)
 class ErrorCurve:
-    """All measurements, and what those that decide say in one metric."""
+    """All measurements, with the rate and extrapolation in one metric."""
 
     metric: Metric
     rows: tuple[Row, ...] = ()
@@ -63,18 +63,18 @@ class ErrorCurve:
         return self.rows[-1] if self.rows else None
 
     def at(self, samples: float) -> Row | None:
-        """The last measurement, if it is of just so many samples a pixel."""
+        """Return the last measurement if it is at exactly `samples` per pixel, else None."""
         return self.last if self.last is not None and self.last.samples == samples else None
 
     def add(self, row: Row) -> ErrorCurve:
         return replace(self, rows=(*self.rows, row))
 
     def change_last(self, row: Row) -> ErrorCurve:
-        """With another row in place of the last one."""
+        """Return the curve with its last row replaced."""
         return replace(self, rows=(*self.rows[:-1], row))
 
     def rate(self) -> float:
-        """The power of 1 / samples with which squared errors fall, from the last two anchors."""
+        """Return the power of 1 / samples with which squared errors fall, from the last two anchors."""
         anchors = [row for row in self.rows if row.anchor]
         if len(anchors) < 2:
             return USUAL_RATE
@@ -87,9 +87,9 @@ class ErrorCurve:
         return min(max(1 + TRUST * (seen - 1), SLOWEST), FASTEST)
 
     def expected_samples(self, target: float, plan: Plan | None = None) -> float | None:
-        """Samples a pixel at which the error should have fallen to the target, at most MAX_SPP; None before it was measured.
+        """Return samples per pixel at which the target should be reached, at most MAX_SPP; None before any measurement.
 
-        `plan`: where adaptive sampling goes from the last anchor on.
+        `plan`: the plan of adaptive sampling from the last anchor on.
         """
         row = next((row for row in reversed(self.rows) if row.decides), None)
         if row is None:

@@ -1,7 +1,7 @@
-"""What can be said of a render under way between two measurements: its error by now, and when it will end.
+"""Forecast of a render in progress, between measurements: its current error and when it will end.
 
-Both go from the last measurement by the rate at which errors fell (error_curve.py); intervals widen with the distance from it.
-Nothing here decides anything.
+Both are extrapolated from the last measurement at the rate at which errors fell (error_curve.py); intervals widen with the
+distance from it. Forecasts are for display only and decide nothing.
 """
 
 from __future__ import annotations
@@ -20,18 +20,17 @@ from .schedule import FIRST_ANCHOR, FIRST_PLAN
 if TYPE_CHECKING:
     from .sampling import Sampling
 
-# How uncertain the logarithm of a squared error is for every doubling, until two anchors have told its rate; and after that,
-# since the rate changes.
+# Uncertainty of a squared error's logarithm for each doubling of samples, before and after two anchors have shown its rate.
 UNKNOWN_RATE, KNOWN_RATE = 0.35, 0.15
-# How fast errors fall when adaptive sampling has begun (its first doubling gains more than those after), and how much of what
-# a doubling showed beyond 1 the next ones keep. By five stages and twelve targets; test_forecast_accuracy.py has some.
+# Rate at which errors fall when adaptive sampling has begun (its first doubling gains most), and the share of a measured
+# rate's excess over 1 that later doublings keep. Fitted to five stages and twelve targets; test_forecast_accuracy.py has some.
 ADAPTIVE_RATE, ADAPTIVE_TRUST = 1.35, 0.4
-WINDOW = 0.5  # speeds are of this last part of what was sampled
+WINDOW = 0.5  # the last share of the run's time that speeds are measured over
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """None: nothing can be said yet, or it has no end that could be told."""
+    """Current error and seconds left; None: not known yet, or no end can be predicted."""
 
     error: Estimate | None
     left_s: Estimate | None
@@ -39,11 +38,11 @@ class Forecast:
 
 @dataclass
 class Forecaster:
-    """Looks at one sampling again and again; `tail_s`: seconds from the last sample to the end of all work."""
+    """Forecasts of one sampling. `tail_s`: seconds from the last sample to the end of all work."""
 
     sampling: Sampling
     tail_s: float = 0.0
-    marks: deque[tuple[float, float]] = field(default_factory=deque)  # seconds and samples a pixel, of this run
+    marks: deque[tuple[float, float]] = field(default_factory=deque)  # seconds and samples per pixel of this run
 
     def __post_init__(self) -> None:
         self.start_s = self.sampling.seconds
@@ -73,12 +72,12 @@ class Forecaster:
         return self.sampling.settings.metric is Metric.RELMSE
 
     def _alike(self) -> list[Row]:
-        """Measurements between which samples were chosen as they will be: from the first plan on, where there is one."""
+        """Return measurements with the sampling pattern of the rest of the render: from the first plan on, if there is one."""
         first = 2 * FIRST_PLAN if self.sampling.settings.adapts else FIRST_ANCHOR
         return [row for row in self.sampling.rows if row.anchor and row.samples >= 0.9 * first]
 
     def _rate(self) -> float:
-        """The power of 1 / samples with which squared errors will fall."""
+        """Return the power of 1 / samples with which squared errors will fall."""
         if not self.sampling.settings.adapts:
             return self.sampling.curve.rate()
         rows = self._alike()
@@ -94,7 +93,7 @@ class Forecaster:
         return KNOWN_RATE if len(self._alike()) >= 2 else UNKNOWN_RATE
 
     def _left(self, samples: float, seconds: float) -> Estimate | None:
-        """By the rule that will stop it first: each end of the interval by the rule that is first there."""
+        """Return the seconds until the first stopping rule applies: each end of the interval is the minimum over the rules."""
         settings = self.sampling.settings
         rules: list[Estimate] = []
         each = self._seconds_a_sample(samples, seconds)
@@ -113,7 +112,7 @@ class Forecaster:
         return Estimate(*ends)
 
     def _seconds_a_sample(self, samples: float, seconds: float) -> float | None:
-        """Of the last part of this run, since passes differ in cost and other work comes and goes."""
+        """Return the cost over the last part of this run, since passes differ in cost and the machine's load varies."""
         since = self.start_s + (1 - WINDOW) * (seconds - self.start_s)
         while len(self.marks) > 1 and self.marks[1][0] <= since:
             self.marks.popleft()
@@ -121,7 +120,7 @@ class Forecaster:
         return (seconds - begin_s) / (samples - begin) if samples > begin and seconds > begin_s else None
 
     def _samples_to_target(self, samples: float) -> tuple[float, float] | None:
-        """Samples a pixel at which the target should be reached, and how uncertain their logarithm is."""
+        """Return samples per pixel at which the target should be reached, and the uncertainty of their logarithm."""
         target, row = self.sampling.settings.target_error, self._row()
         if target is None or row is None:
             return None
@@ -130,18 +129,18 @@ class Forecaster:
             return samples, 0.0
         power = 1.0 if self._is_squared() else 2.0
         end = row.samples * max(measured.value / target, 1.0) ** (power / self._rate())
-        end = max(end, self.sampling.expected_end() or 0)  # before that it will not look
+        end = max(end, self.sampling.expected_end() or 0)  # the error is not measured before
         further = max(math.log2(min(end, MAX_SPP) / row.samples), 0.0)
         width = _width(measured) * (1.0 if self._is_squared() else 2.0) / self._rate()
         return min(float(end), float(MAX_SPP)), math.hypot(width, BETWEEN_BLOCKS, self._per_doubling() * further)
 
 
 def _at(by_target: tuple[float, float], end: int, samples: float, each: float) -> float:
-    """Seconds left if the target takes as many samples as expected (0), or the fewest (-1) or most (1) of the interval."""
+    """Return seconds left if the target takes the expected samples (0), or the fewest (-1) or most (1) of the interval."""
     needed, spread = by_target
     return max(needed * math.exp(min(end * Z95 * math.hypot(spread, OF_SPEED), 50.0)) - samples, 0.0) * each
 
 
 def _width(estimate: Estimate) -> float:
-    """The standard deviation of an estimate's logarithm."""
+    """Return the standard deviation of an estimate's logarithm."""
     return math.log(max(estimate.high, 1e-300) / max(estimate.low, 1e-300)) / (2 * Z95)

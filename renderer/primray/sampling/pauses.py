@@ -1,4 +1,4 @@
-"""What is done in the middle of a render, with the samples so far: sampling pauses for it, which changes no bit."""
+"""Saving in the middle of a render: sampling pauses meanwhile, which changes no bit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .sampling import Progress, Sampling
 
 
 class Saving(Protocol):
-    """Something to be saved every so often."""
+    """Something that is saved at intervals."""
 
     def is_due(self) -> bool: ...
 
@@ -17,7 +17,7 @@ class Saving(Protocol):
 
 
 def run(sampling: Sampling, progress: Progress | None, savings: Sequence[Saving]) -> None:
-    """Sample until something stops it; whatever is due by then is saved on the way."""
+    """Sample until a stopping rule applies, and save what is due in between."""
     pause = (lambda: any(saving.is_due() for saving in savings)) if savings else None
     while not sampling.run(progress, pause):
         for saving in savings:

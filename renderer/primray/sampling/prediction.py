@@ -1,8 +1,8 @@
-"""What an error will cost: samples and seconds to targets, from a pilot of a few seconds of the same render.
+"""Prediction of cost: samples and seconds to error targets, from a pilot of a few seconds of the same render.
 
-The pilot's anchors tell how large the error is and how fast it falls; from the last one on, tiles are doubled as adaptive
-sampling would (adaptive.py), each time with the factor that the pilot saw for a whole picture. Seconds are rays times the
-pilot's seconds a ray, and what measuring costs.
+The pilot's anchors show how large the error is and how fast it falls; from the last one on, tiles are doubled as in adaptive
+sampling (adaptive.py), each time with the factor that the pilot measured for the whole picture. Seconds are rays times the
+pilot's seconds per ray, and the cost of measurements.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from .sampling import Progress, Sampling
 from .schedule import FIRST_ANCHOR, FIRST_PLAN
 
 DOUBLINGS = 20
-# A render plans anew at each doubling, with better knowledge than one plan from the pilot has: as many samples of those that
-# this would take, a doubling. By 30 renders each of five stages, from pilots of 16 samples to targets that took about 100.
+# A render plans again at each doubling, with better data than the pilot's plan: the factor of samples that it needs, for each
+# doubling. Fitted to 30 renders each of five stages, from pilots of 16 samples to targets that took about 100.
 REPLANNING = 0.94
-# How uncertain (as a logarithm) the samples are: for every doubling beyond the pilot, and by how targets fall between blocks;
-# and the seconds beyond that, since other work shares the machine.
+# Uncertainty of the samples' logarithm, for each doubling beyond the pilot and because targets fall between blocks; and
+# additional uncertainty of the seconds, since other work shares the machine.
 PER_DOUBLING, BETWEEN_BLOCKS, OF_SPEED = 0.06, 0.04, 0.08
-# Samples that renders with vague errors took, as a multiple of those at which the interval should be narrow enough: from 1.4 to
-# 4.3, by nine renders of glass and gold balls from pilots of 8 samples.
+# Samples that renders with uncertain errors took, relative to those at which the interval should be narrow enough: 1.4 to
+# 4.3 in nine renders of glass and gold balls, from pilots of 8 samples.
 WAIT = 2.0
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """For one target: samples a pixel on average and seconds of sampling, with 95 % intervals; None beyond what is possible."""
+    """Mean samples per pixel and seconds of sampling for one target, with 95 % intervals; None if out of reach."""
 
     target: float
     samples: Estimate | None
@@ -52,7 +52,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Pilot:
-    """What a pilot found, ready to answer for any target."""
+    """Results of a pilot render, which predict the cost of any target."""
 
     sampling: Sampling
     row: Row
@@ -69,7 +69,7 @@ class Pilot:
         last = next((i for i, row in enumerate(rows) if self._is_within(row, target) and is_held(row, self.metric)), None)
         if last == 0:
             return self._prediction(target, Estimate.around(rows[0].samples, BETWEEN_BLOCKS), self._rays(rows[0].samples))
-        # From the last measurement that does not end the render; how fast the error falls from there the pilot may have seen.
+        # Start at the last measurement that does not end the render; the pilot may have measured the rate from there.
         start = rows[-1] if last is None else rows[last - 1]
         rate = self.sampling.curve.rate() if last is None else self._rate(start, rows[last])
         if self._is_within(start, target):
@@ -87,10 +87,10 @@ class Pilot:
         return self._prediction(target, needed, rays)
 
     def _prediction(self, target: float, samples: Estimate, rays: float) -> Prediction:
-        """Return the prediction of so many samples a pixel, of which `samples.value` trace `rays`."""
+        """Return the prediction for `samples` per pixel, of which `samples.value` trace `rays`."""
         if samples.value > (self.sampling.settings.spp or MAX_SPP):
             return Prediction(target, None, None)
-        # Measured at the anchors, where the target should be reached, and of what is shown at the end.
+        # Measurements take place at the anchors, where the target should be reached, and at the end.
         measurements = max(math.log2(samples.value / FIRST_ANCHOR), 0.0) + 3
         seconds = rays * self.seconds_per_ray + measurements * self.seconds_per_measurement
         factor = math.exp(Z95 * OF_SPEED)
@@ -98,10 +98,10 @@ class Pilot:
         return Prediction(target, samples, Estimate(seconds, seconds * low, seconds * high))
 
     def _wait(self, row: Row, end: float) -> Estimate:
-        """Return the samples a pixel at which an error as vague as the row's is held against a target, if not at `end`.
+        """Return samples per pixel at which an error as uncertain as the row's can meet a target, at the latest at `end`.
 
-        At most as many as now, where the interval stays as wide; at least those at which it would be narrow enough if its
-        logarithm fell as one over the root of the samples. Which of them it will be the pilot cannot know.
+        The upper end is where it may meet a target with the interval as wide as now; the lower, where the interval is narrow
+        enough if its logarithm falls as 1 / sqrt(samples). The pilot cannot know which applies.
         """
         doubt = row.error.of(self.metric).doubt
         most = min(fewest_samples(doubt), end, float(self.sampling.settings.most_samples))
@@ -121,26 +121,26 @@ class Pilot:
         return value if self.metric is Metric.RELMSE else value * value
 
     def _part(self, target: float, row: Row, *, high: bool = False) -> float:
-        """Return the target as a part of the row's squared error, or of the high end of its interval."""
+        """Return the target as a fraction of the row's squared error, or of the high end of its interval."""
         return (target if self.metric is Metric.RELMSE else target * target) / self._squared(row, high=high)
 
     def _rate(self, before: Row, after: Row) -> float:
         return max(math.log(self._squared(before) / self._squared(after)) / math.log(after.samples / before.samples), SLOWEST)
 
     def _width(self, row: Row) -> float:
-        """How uncertain the logarithm of the squared error is."""
+        """Return the uncertainty of the squared error's logarithm."""
         known = row.error.of(self.metric)
         width = math.log(max(known.high, 1e-300) / max(known.low, 1e-300)) / (2 * Z95)
         return width if self.metric is Metric.RELMSE else 2 * width
 
     def _rays(self, samples: float) -> float:
-        """Of so many samples a pixel, the same number everywhere."""
+        """Return the rays of `samples` per pixel, the same number everywhere."""
         film = self.sampling.film
         width, height = film.resolution
         return film.rays * samples * width * height / film.samples
 
     def _to(self, part: float, row: Row, rate: float, replanning: bool) -> tuple[float, float]:
-        """Samples a pixel and rays at which the error has fallen to `part` of the row's."""
+        """Return samples per pixel and rays at which the error has fallen to `part` of the row's."""
         if not self.sampling.settings.adapts or row.samples < FIRST_PLAN:
             samples = float(math.ceil(row.samples * part ** (-1 / rate) / SAMPLE_BLOCK) * SAMPLE_BLOCK)
             return samples, self._rays(samples)
@@ -154,18 +154,18 @@ class Pilot:
         return more, self._rays(row.samples) + added * (more - row.samples) / (samples - row.samples)
 
     def _plan(self, row: Row) -> tuple[Plan, Counts]:
-        """Return how adaptive sampling goes on from the row, and the samples of a replicate that every tile has there."""
+        """Return the plan of adaptive sampling from the row on, and each tile's samples of a replicate there."""
         film = self.sampling.film
         begin = np.full(len(film.tile_rays), round(row.samples) // 2, np.int64)
         return make_plan(film, row.error.tiles, round(row.samples), begin, DOUBLINGS), begin
 
     def _added_rays(self, plan: Plan, begin: Counts, samples: float) -> float:
         film = self.sampling.film
-        each = film.tile_rays / np.maximum(film.next.sum(axis=0), 1)  # rays a sample, over a tile
+        each = film.tile_rays / np.maximum(film.next.sum(axis=0), 1)  # rays per sample in each tile
         return float((2 * (plan.ends(math.ceil(samples))[0] - begin) * each).sum())
 
     def _rays_of_wait(self, row: Row, samples: float) -> float:
-        """Return the rays of a render that goes on from the row, whose error is small enough, to so many samples a pixel."""
+        """Return the rays of a render that continues from the row, whose error is small enough, to `samples` per pixel."""
         if not self.sampling.settings.adapts or samples < FIRST_PLAN:
             return self._rays(samples)
         return self._rays(row.samples) + self._added_rays(*self._plan(row), samples)
@@ -174,9 +174,9 @@ class Pilot:
 def run_pilot(
     scene: core.CoreScene, settings: RenderSettings, seconds: float, progress: Progress | None = None
 ) -> Pilot | None:
-    """Sample up to the last anchor that about so many seconds allow; None where nothing can be told of the error.
+    """Sample up to the last anchor that about `seconds` allow; None if the error cannot be estimated.
 
-    Where the first anchor alone takes more than three times as long, what there is then has to do.
+    If the first anchor alone takes more than three times as long, the samples until then are used.
     """
     samples = FIRST_ANCHOR
     uniform = replace(settings, spp=samples, time_limit_s=3 * seconds, target_error=None, adaptive=False)
@@ -202,7 +202,7 @@ def run_pilot(
 
 
 def usual_targets(pilot: Pilot) -> Sequence[float]:
-    """Round targets from the pilot's error down: 1, 2 and 5 times powers of ten."""
+    """Return round targets below the pilot's error: 1, 2 and 5 times powers of ten."""
     value = pilot.row.error.of(pilot.metric).value
     if not value > 0:
         return []

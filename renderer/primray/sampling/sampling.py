@@ -1,4 +1,4 @@
-"""Taking samples until a rule says stop: passes, measurements between them, and what asks from outside to pause or to end."""
+"""Sampling loop: passes, measurements between them, and requests to pause or stop, until a stopping rule applies."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from .error import ALL_PIXELS, DisplayView, FrameError, is_measurable, measure
 from .error_curve import ErrorCurve, Row
 from .schedule import Measurement, Schedule, Stop
 
-LOOK_PIXELS = 1 << 15  # of the first look
+LOOK_PIXELS = 1 << 15  # pixels measured for the first look
 
-# progress(fraction, samples, rays), some ten times a second; False stops the render.
+# progress(fraction, samples, rays), called about ten times a second; returning False stops the render.
 Progress = Callable[[float, int, int], bool | None]
 Ends = npt.NDArray[np.uint32]
 
 
 class Judge(Protocol):
-    """Says whether a render is good enough by another measure than the picture's error."""
+    """A stopping rule by another measure than the picture's error."""
 
     def is_met(self, sampling: Sampling) -> bool: ...
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Where the pass under way ends: in samples a pixel on average, and for each tile's sequences."""
+    """End of the pass in progress: mean samples per pixel, and the end of each tile's sequences."""
 
     samples: int
     ends: Ends
@@ -41,7 +41,7 @@ class Goal:
 
 @dataclass
 class Sampling:
-    """A render under way. `done` counts the samples a pixel whose pass is complete, `goal` is the pass under way."""
+    """A render in progress. `done`: samples per pixel of complete passes; `goal`: the pass in progress."""
 
     scene: core.CoreScene
     film: core.Film
@@ -52,15 +52,15 @@ class Sampling:
     done: int = 0
     goal: Goal | None = None
     seconds: float = 0.0
-    now_s: float = 0.0  # seconds of sampling, those of the pass under way too
+    now_s: float = 0.0  # seconds of sampling, including the pass in progress
     busy_lanes: int = 0
     shaded_lanes: int = 0
-    earlier_rays: int = 0  # of earlier runs, which rates don't count
-    on_pass: Callable[[], None] | None = None  # told when a pass is complete
+    earlier_rays: int = 0  # rays of earlier runs, which rates do not count
+    on_pass: Callable[[], None] | None = None  # called when a pass is complete
     stop: Stop | None = None
     most_fraction: float = 0.0
     judge_by: Judge | None = None
-    view_fault: str = ""  # why there is no error on a display, which is measured wherever the configuration has a view
+    view_fault: str = ""  # why the display error, which is measured wherever a view exists, is missing
     _view: DisplayView | None = None
 
     def __post_init__(self) -> None:
@@ -84,13 +84,13 @@ class Sampling:
         return self.curve.rows
 
     def count_as_spent(self, seconds: float) -> None:
-        """So much of the time limit is used up, before this run."""
+        """Count `seconds` of the time limit as used before this run."""
         self.schedule = replace(self.schedule, earlier_seconds=self.seconds - seconds)
 
     def run(self, progress: Progress | None = None, pause: Callable[[], bool] | None = None) -> bool:
-        """Sample until something stops it: True; or until `pause` answers True in the middle of a pass: False, to be run on.
+        """Sample until a stopping rule applies (True), or until `pause` returns True in mid-pass (False: call again).
 
-        Ctrl-C, and `progress` answering False, stop it.
+        Ctrl-C, and `progress` returning False, stop it.
         """
         self.stop = None
         while self.stop is None:
@@ -106,20 +106,20 @@ class Sampling:
         return True
 
     def judge(self) -> Stop | None:
-        """Where a pass has ended: measure what is due there, and say whether that is the end."""
+        """Measure the error that is due after a pass, and return the stop if the render ends here."""
         self._measure_at_boundary()
         if self.judge_by is not None and self.schedule.is_judged(self.done) and self._is_met(self.judge_by):
             return Stop("target-error", True)
         return self.schedule.stop(self.done, self._row_here(), self.seconds)
 
     def aim(self) -> None:
-        """Choose where the next pass ends, or anew where the pass under way does: by `done` and what decides alone."""
+        """Choose the end of the next pass, or again that of the pass in progress, from `done` and the measurements alone."""
         samples = self.schedule.next_goal(self.done, self.expected_end(), self.seconds)
         ends = core.uniform_ends(self.film, samples) if self.plan is None else self.plan.ends(samples)
         self.goal = Goal(samples, ends)
 
     def expected_end(self) -> int | None:
-        """The first boundary at which the error should have fallen to the target, from the last measurements."""
+        """Return the first boundary at which the error should have fallen to the target, from the last measurements."""
         return self.schedule.expected_end(self.curve, self.plan)
 
     def _render_pass(self, progress: Progress | None, pause: Callable[[], bool] | None) -> str:
@@ -139,7 +139,7 @@ class Sampling:
                 why = "paused"
             return not why
 
-        # Passes that are over before they are polled would never be interrupted. Pausing here would never get anywhere.
+        # Poll before the pass: short passes end before their first poll. Pausing here would keep every pass from progressing.
         if not poll(0.0):
             self._end(why)
             return why
@@ -160,7 +160,7 @@ class Sampling:
         self.stop = Stop(reason, None)
 
     def _fraction(self, done: float, seconds: float) -> float:
-        """How much of the render is done; never less than it was."""
+        """Return the completed fraction of the render; it never decreases."""
         self.most_fraction = max(self.most_fraction, self.schedule.fraction(done, self.expected_end(), seconds))
         return self.most_fraction
 
@@ -184,7 +184,7 @@ class Sampling:
             self._add(self._error(shown=self.schedule.resumable or self._is_of_display()), anchor=anchor, due=due)
 
     def _measure_at_end(self) -> None:
-        """The last row has the whole picture's error, in every measure."""
+        """Measure the whole picture's error, in every metric, in the last row."""
         here = self._row_here()
         if here is None or (here.error.display is None and not self.view_fault):
             error = self._error(shown=True)
@@ -197,7 +197,7 @@ class Sampling:
             self.stop = replace(self.stop, target_met=met if self.judge_by is None else self._is_met(self.judge_by))
 
     def _is_met(self, judge: Judge) -> bool:
-        """Asked now; what that takes counts as sampling."""
+        """Return the judge's answer; its time counts as sampling."""
         start = time.perf_counter()
         met = judge.is_met(self)
         self.seconds += time.perf_counter() - start
@@ -208,7 +208,7 @@ class Sampling:
             self.curve = self.curve.add(Row(self.mean_samples(), self.seconds, error, anchor, due))
 
     def _error(self, *, shown: bool, most_pixels: int = ALL_PIXELS) -> FrameError | None:
-        """Measured now, on a display too if `shown`; what that takes counts as sampling."""
+        """Measure the error, on a display too if `shown`; the time counts as sampling."""
         start = time.perf_counter()
         view = self._display_view() if shown and is_measurable(self.film) else None
         error = measure(self.film, core.threads(self.settings), view, most_pixels)
@@ -216,8 +216,10 @@ class Sampling:
         return error
 
     def _display_view(self) -> DisplayView | None:
-        """The view that errors on a display are of; None where it cannot be made, or rests on an assumption that nobody asked
-        for. SettingsError where the render is judged by it."""
+        """Return the view for display errors; None if it cannot be made, or rests on an assumption that nobody requested.
+
+        SettingsError if the render's target is a display error.
+        """
         if self._view is None and not self.view_fault:
             view = DisplayView(space=self.scene.rendering_space)
             try:
@@ -234,11 +236,11 @@ class Sampling:
         return self.settings.metric is Metric.DISPLAY
 
     def _row_here(self) -> Row | None:
-        """The error of all samples taken by now, if it was measured."""
+        """Return the measured error of exactly the samples taken so far, or None."""
         return self.curve.at(self.mean_samples())
 
     def mean_samples(self) -> float:
-        """Samples a pixel, averaged over the picture."""
+        """Return samples per pixel, averaged over the picture."""
         width, height = self.scene.resolution
         return self.film.samples / (width * height)
 

@@ -1,10 +1,10 @@
-"""Where passes end, where the error is measured, and when a render stops: decisions alone, taken from what is passed in.
+"""Schedule: where passes end, where the error is measured, and when a render stops. Pure decisions from arguments.
 
-What is decided depends on the samples alone, never on time or threads, but for a time limit: so a render that was stopped and
-went on takes the samples of one that ran through. The error is measured at 8 samples a pixel and each time their number has
-doubled (anchors); between these it is taken to go on falling as it did. Where that says that the target is reached, the error
-is measured again, and the render stops or goes on from there. Rows of the error that a render has for other reasons (it was
-interrupted, its samples were at an end, it had another target) decide nothing.
+Decisions depend on samples only, never on time or threads, except for a time limit: a render that was stopped and resumed takes
+the samples of an uninterrupted one. The error is measured at 8 samples per pixel and each time that number has doubled
+(anchors); in between it is extrapolated. Where the extrapolation reaches the target, the error is measured again, and the
+render stops or continues from there. Rows of the error that exist for other reasons (an interruption, the last sample, another
+target) decide nothing.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from .adaptive import Plan
 
 FIRST_ANCHOR = FEWEST
-FIRST_LOOK = 4  # of a denoised picture: each half has two samples
+FIRST_LOOK = 4  # samples for the first denoised picture: each half has two
 FIRST_PLAN = 16  # adaptive sampling begins here
-# A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
+# Largest share of the remaining time for one pass, so that the cost of samples is known well before a time limit.
 SHARE_OF_TIME = 0.35
 
 
@@ -32,37 +32,37 @@ class Stop:
     """Why a render ended: "target-error", "samples", "time-limit" or "interrupted"."""
 
     reason: str
-    target_met: bool | None  # None: no error was asked for
+    target_met: bool | None  # None: there is no target
 
     def as_json(self) -> dict[str, Any]:
         return {"reason": self.reason, "target_met": self.target_met}
 
 
 class Measurement(Enum):
-    """Why the error is looked at where a pass has ended."""
+    """Reason for measuring the error after a pass."""
 
     ANCHOR = auto()
-    LOOK = auto()  # of a few pixels, for those who watch
-    DUE = auto()  # the target should be reached
-    AT_END = auto()  # no sample is to come, and a target is to be answered for
+    LOOK = auto()  # of a few pixels, for interactive viewers
+    DUE = auto()  # where the target should be reached
+    AT_END = auto()  # after the last sample, to decide whether the target is met
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """What a render of these settings does next. `done` counts the samples a pixel of the passes that are complete."""
+    """Decisions of a render with these settings. `done`: samples per pixel of complete passes."""
 
     settings: RenderSettings
-    resumable: bool = False  # measure at anchors what any error metric may be told by later
-    pilot: bool = False  # measure at every anchor, and at the end only where there was none
-    is_part: bool = False  # of a frame, whose error is measured when it is merged: nothing is at the end
-    first_look: bool = False  # for those who watch: a first pass of one block, whose error is looked at
-    # Of earlier runs, of a render that goes on from a checkpoint: what a time limit (unless told to) doesn't count.
+    resumable: bool = False  # measure every metric at anchors: a resumed render may need another one
+    pilot: bool = False  # measure at every anchor, and at the end only if there was none
+    is_part: bool = False  # a part of a frame, whose error is measured after merging: none at the end
+    first_look: bool = False  # for interactive viewers: measure after a first pass of one block
+    # Seconds and samples of earlier runs of a resumed render; a time limit counts them only after `count_as_spent`.
     earlier_seconds: float = 0.0
     earlier_done: int = 0
 
     @property
     def target_error(self) -> float | None:
-        """Of the picture itself; whether its denoised form is good enough, a `Judge` says."""
+        """Target for the picture itself; a target for its denoised form is left to a `Judge`."""
         return self.settings.target_error if self.settings.stop_at is StopAt.PICTURE else None
 
     @property
@@ -76,22 +76,22 @@ class Schedule:
         doublings = (done // FIRST_ANCHOR).bit_length() - 1
         if done == 0 or done != FIRST_ANCHOR << doublings:
             return False
-        # Where no target can need them, every other one does for the curve.
+        # Every other anchor is enough for the curve if no target can need them.
         needed = self.target_error is not None or self.settings.adapts or self.resumable or self.pilot
         return needed or doublings % 2 == 1
 
     def plans(self, done: int) -> bool:
-        """Whether tiles are judged anew at this anchor."""
+        """Return whether tiles are planned again at this anchor."""
         return self.settings.adapts and done >= FIRST_PLAN
 
     def expected_end(self, curve: ErrorCurve, plan: Plan | None) -> int | None:
-        """The first boundary at which the error should have fallen to the target, from the last measurements."""
+        """Return the first boundary at which the error should have fallen to the target, from the last measurements."""
         target = self.target_error
         samples = None if target is None else curve.expected_samples(target, plan)
         return None if samples is None else math.ceil(samples / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK
 
     def measurement(self, done: int, expected: int | None) -> Measurement | None:
-        """What is measured where a pass has ended; `expected`: where the target should be reached."""
+        """Return what is measured after a pass; `expected`: where the target should be reached."""
         if self.is_anchor(done):
             return Measurement.ANCHOR
         if self.first_look and done == SAMPLE_BLOCK:
@@ -103,11 +103,11 @@ class Schedule:
         return Measurement.AT_END if done >= self.settings.most_samples else None
 
     def is_judged(self, done: int) -> bool:
-        """Whether a `Judge` is asked here: where any render of these samples would ask it."""
+        """Return whether a `Judge` is asked here: where any render of these samples would ask it."""
         return done >= FIRST_LOOK and (done == _next_look(done - 1) or done >= self.settings.most_samples)
 
     def next_goal(self, done: int, expected: int | None, seconds: float) -> int:
-        """The next pass's end, in samples a pixel: where a measurement is due, or before it where time is short."""
+        """Return the end of the next pass in samples per pixel: where a measurement is due, or earlier if time is short."""
         most = self.settings.most_samples
         anchor = FIRST_ANCHOR
         while anchor <= done:
@@ -117,7 +117,7 @@ class Schedule:
         goal = min(anchor, most)
         if self.first_look and done == 0:
             goal = min(SAMPLE_BLOCK, most)
-        after = (done // SAMPLE_BLOCK + 1) * SAMPLE_BLOCK  # an earlier run may have stopped inside a block
+        after = (done // SAMPLE_BLOCK + 1) * SAMPLE_BLOCK  # a previous run may have stopped inside a block
         if expected is not None:
             goal = min(goal, max(expected, after))
         if self.settings.sampling_time_s is not None:
@@ -125,7 +125,7 @@ class Schedule:
         return max(min(goal, most), done)
 
     def _within_time(self, limit: float, done: int, seconds: float) -> int:
-        """As many samples a pixel as a share of the time that is left should allow."""
+        """Return the samples per pixel that a share of the remaining time should allow."""
         if done == 0:
             return SAMPLE_BLOCK
         each = seconds / max(done, 1)
@@ -134,7 +134,7 @@ class Schedule:
         return (done + int(share)) // SAMPLE_BLOCK * SAMPLE_BLOCK
 
     def target_met(self, here: Row | None) -> bool | None:
-        """Whether the error measured of all samples is known to be the target's or less; None: no error was asked for."""
+        """Return whether the error of all samples is known to be at most the target; None: there is no target."""
         target = self.target_error
         if target is None:
             return None
@@ -144,7 +144,7 @@ class Schedule:
         return error.value <= target and here.samples >= min(fewest_samples(error.doubt), self.settings.most_samples)
 
     def stop(self, done: int, here: Row | None, seconds: float) -> Stop | None:
-        """Whether the render ends where a pass has ended; `here`: the error measured there, if it was."""
+        """Return the stop if the render ends after this pass; `here`: the error measured there, if it was."""
         limit, at_end = self.settings.sampling_time_s, done >= self.settings.most_samples
         if here is not None and (here.decides or at_end) and self.target_met(here):
             return Stop("target-error", True)
@@ -161,7 +161,7 @@ class Schedule:
         return limit is not None and seconds - self.earlier_seconds > limit
 
     def fraction(self, now: float, expected: int | None, seconds: float) -> float:
-        """How much of the render is done with `now` samples a pixel, by the rule that will end it first."""
+        """Return the completed fraction at `now` samples per pixel, by the rule that will end the render first."""
         by = [(now - self.first) / (self.settings.most_samples - self.first)]
         if expected is not None:
             by.append(min(now / expected, 0.99))
@@ -171,6 +171,6 @@ class Schedule:
 
 
 def _next_look(done: int) -> int:
-    """Where a denoised picture is judged: at 4 samples a pixel, at powers of two and half-way between them."""
+    """Return where a denoised picture is next judged: at 4 samples per pixel, powers of two and half-way between them."""
     step = max((1 << max(done.bit_length() - 1, 0)) // 2, FIRST_LOOK)
     return (done // step + 1) * step

@@ -1,4 +1,4 @@
-"""What a user asks of a render: the settings, what they may be, and how they are read. Names are imported from here."""
+"""Render settings: the fields, their allowed values, and how they are read. Import names from here."""
 
 from .choices import (
     DEFAULT_FILTER_WIDTH,

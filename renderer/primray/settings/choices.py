@@ -1,4 +1,4 @@
-"""What may be chosen from: settings that are one of a few words."""
+"""Enumerations of settings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Filter(Enum):
-    """The pixel filter, by which samples are weighted.
+    """The pixel filter, which weights samples.
 
     >>> primray.RenderSettings(filter="gaussian").filter
     <Filter.GAUSSIAN: 'gaussian'>
@@ -30,7 +30,7 @@ class Metric(Enum):
 
 
 class StopAt(Enum):
-    """Whose error a target is of: the picture's, or its denoised form's.
+    """Which error a target applies to: the picture's, or the denoised picture's.
 
     >>> primray.RenderSettings(target_error=0.01, stop_at="denoised").denoises
     True
@@ -41,7 +41,7 @@ class StopAt(Enum):
 
 
 class DefaultWrap(Enum):
-    """What textures show outside of their image where neither the stage nor the file names a wrap (UsdUVTexture's are black).
+    """Wrap mode of textures for which neither stage nor file names one (UsdUVTexture's specification: black).
 
     >>> primray.RenderSettings(default_wrap="repeat").default_wrap
     <DefaultWrap.REPEAT: 'repeat'>
@@ -54,7 +54,7 @@ class DefaultWrap(Enum):
 
 
 class RenderContext(Enum):
-    """Which of a material's outputs counts where it has more than one: MaterialX's, or the universal one; then the others.
+    """Which of a material's outputs is preferred: MaterialX's, or the universal one. Others are used if it is missing.
 
     >>> primray.RenderSettings(render_context="universal").render_context
     <RenderContext.UNIVERSAL: 'universal'>
@@ -76,7 +76,7 @@ class Eye(Enum):
 
 
 class AutoCamera(Enum):
-    """The view of a stage whose author left no camera: from three quarters, above, or usdrecord's, from the front.
+    """The automatic view of a stage without a camera: three-quarter from above, or usdrecord's, from the front.
 
     >>> primray.RenderSettings(auto_camera="usdrecord").auto_camera
     <AutoCamera.USDRECORD: 'usdrecord'>
@@ -87,8 +87,7 @@ class AutoCamera(Enum):
 
 
 class StudioLight(Enum):
-    """When the studio light is there: where the stage has no light and what glows lights less than 35 % of what is seen, or
-    always, or never.
+    """When to add the studio light. auto: the stage has no light, and emission lights less than 35 % of what is visible.
 
     >>> primray.RenderSettings(studio_light="on").studio
     <StudioLight.ON: 'on'>
@@ -100,7 +99,7 @@ class StudioLight(Enum):
 
 
 class Ground(Enum):
-    """A ground under all that is drawn: only the shadow that it receives, or a grey plane.
+    """A ground under the scene: only the shadow that it receives, or a grey plane.
 
     >>> primray.RenderSettings(ground="shadow").ground
     <Ground.SHADOW: 'shadow'>
@@ -110,5 +109,5 @@ class Ground(Enum):
     PLANE = "plane"
 
 
-# Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
+# Full widths in pixels: the box is the exact pixel average; the others have widths at which they look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}

@@ -1,4 +1,4 @@
-"""Settings from the JSON that reports and checkpoints keep of them."""
+"""Settings from the JSON in reports and checkpoints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _optional(kind: type[Choice], value: object) -> Choice | None:
 
 
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
-    """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
+    """Return the settings that report.settings_as_json wrote; TypeError or ValueError for unknown names or choices."""
     pairs = ("resolution", "sample_range", "shutter", "region")
     names = (*pairs, "joint_products", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}

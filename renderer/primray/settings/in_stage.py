@@ -1,4 +1,4 @@
-"""Settings that a stage asks for, and how they meet those of the user, who wins.
+"""Settings authored in a stage, and how they combine with those of the user, who takes precedence.
 
 `usd/adapters/rendering/stage_settings.py` reads them; nothing here knows USD.
 """
@@ -11,15 +11,15 @@ from typing import Any
 
 from .render_settings import RenderSettings
 
-# The fields that say when a render ends. A user who gives one of them takes the place of all that the stage says of it.
+# The stopping rules. A user who sets one of them overrides all of the stage's.
 STOPS = ("spp", "target_error", "time_limit_s")
-# What only the process that writes checkpoints follows: no field of RenderSettings.
+# The interval of checkpoints, which is not a field of RenderSettings.
 CHECKPOINT_EVERY = "checkpoint_every_s"
 
 
 @dataclass(frozen=True)
 class Asked:
-    """One setting that a stage asks for: a field of RenderSettings, or CHECKPOINT_EVERY, with its value and its place."""
+    """One setting that a stage requests, a field of RenderSettings or CHECKPOINT_EVERY, with where it is authored."""
 
     name: str
     value: Any
@@ -30,24 +30,24 @@ class Asked:
 
 @dataclass(frozen=True)
 class StageSettings:
-    """The settings that a stage asks for, each once."""
+    """The settings that a stage requests, each at most once."""
 
     asked: tuple[Asked, ...] = ()
 
     def of(self, name: str) -> Any:
-        """Return the value asked for, or None."""
+        """Return the requested value, or None."""
         return next((one.value for one in self.asked if one.name == name), None)
 
     def without(self, name: str) -> StageSettings:
-        """Return all but one of the settings."""
+        """Return the settings without the named one."""
         return StageSettings(tuple(one for one in self.asked if one.name != name))
 
     def without_places(self) -> StageSettings:
-        """Return the settings without where they are authored: equal where renders are."""
+        """Return the settings without where they are authored, so that equal requests compare equal."""
         return StageSettings(tuple(replace(one, prim="", attribute="", meaning="") for one in self.asked))
 
     def applied_to(self, settings: RenderSettings) -> tuple[RenderSettings, tuple[Asked, ...]]:
-        """Return the settings with what the stage asks for where they leave it open, and what of it was taken."""
+        """Return the settings with the stage's values where they are open, and which of those were applied."""
         taken = tuple(one for one in self.asked if _is_open(one, self, settings))
         values = {one.name: one.value for one in taken if one.name != CHECKPOINT_EVERY}
         return (replace(settings, **values) if values else settings), taken
@@ -78,7 +78,10 @@ def _has_no_stop(settings: RenderSettings) -> bool:
 
 
 def _target_is_open(stage: StageSettings, settings: RenderSettings) -> bool:
-    """A target is a number of its own metric: one that the user gives another metric for means something else."""
+    """Return whether the stage's target applies.
+
+    A target is a number in its own metric: with the user's choice of another metric it would mean something else.
+    """
     metric, asked = settings.error_metric, stage.of("error_metric")
     is_of_metric = metric is None or metric is (replace(settings, error_metric=asked).metric)
     return _has_no_stop(settings) and is_of_metric
@@ -89,7 +92,7 @@ def _metric_is_open(stage: StageSettings, settings: RenderSettings) -> bool:
 
 
 def _width_is_open(stage: StageSettings, settings: RenderSettings) -> bool:
-    """A width is one of its own filter."""
+    """Return whether the stage's width applies, which belongs to the stage's filter."""
     return settings.filter is None and settings.filter_width is None
 
 

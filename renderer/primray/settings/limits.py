@@ -1,4 +1,4 @@
-"""What is taken where nothing is asked for, what may be asked for at most, and how a request beyond that is refused."""
+"""Defaults and limits of settings, and the refusal of requests beyond them."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ import math
 
 from ..errors import LimitError, SettingsError
 
-# Pixels that an edge of a diced subdivision surface may cover.
+# Longest edge of diced subdivision surfaces, in pixels.
 DEFAULT_DICING_RATE = 4.0
-# Pixels by which what moves may be off, between the times at which its place is known.
+# Largest error of motion paths between time samples, in pixels.
 DEFAULT_MOTION_ERROR = 0.02
 
-# Beyond these a request is a mistake or an attack, not a picture.
-MAX_RESOLUTION = 2**17  # a side: in floats a pixel beyond is known to less than its 128th part
+# Requests beyond these limits are taken for mistakes or attacks.
+MAX_RESOLUTION = 2**17  # per side: beyond, floats resolve less than 1 / 128 of a pixel
 MAX_PIXELS = 2**28
 MAX_SPP = 2**24
 DEFAULT_SPP = 64
-QUICK_LOOK = 4  # samples; renders of fewer start at once
-# Samples a pixel that stand together: each replicate takes one of them. Ranges of samples begin and end between blocks.
+QUICK_LOOK = 4  # samples; renders of fewer skip the pilot
+# Samples per pixel in a block, one for each replicate. Ranges of samples begin and end between blocks.
 SAMPLE_BLOCK = 2
 MAX_THREADS = 1024
-MAX_STOPS = 100.0  # of an exposure, each way: beyond, floats overflow
+MAX_STOPS = 100.0  # of exposure, up or down: beyond, floats overflow
 
 
 def limit_pixels(width: int, height: int, where: str = "") -> None:
-    """LimitError if an image of this size is too large; `where`: who asks for it."""
+    """Raise LimitError if an image of this size is too large; `where`: the setting that requests it."""
     fits = max(width, height) <= MAX_RESOLUTION and width * height <= MAX_PIXELS
     limit(fits, f"{width} x {height} pixels: {MAX_RESOLUTION} a side and {MAX_PIXELS} in all are allowed", where)
 
 
 def check_stops(stops: float | str, where: str) -> float:
-    """Return the exposure, a number of stops; SettingsError where no picture could be brightened so."""
+    """Return the exposure in stops; SettingsError if it is not a number within the limits."""
     try:
         number = float(stops)
     except (TypeError, ValueError):

@@ -1,4 +1,7 @@
-"""What a user asks of a render, checked when made. Values that the scene decides are None here and resolved by translation."""
+"""RenderSettings: everything that a user requests of a render, validated on construction.
+
+Values that the scene decides are None here and are resolved by translation.
+"""
 
 from __future__ import annotations
 
@@ -32,15 +35,15 @@ from .written import DIFFUSION, READERS, SettingsValues
 if TYPE_CHECKING:
     from ..camera import Camera
 
-SHADOW_SHARE = 0.3  # of a time limit, for the shadow on a ground
+SHADOW_SHARE = 0.3  # share of a time limit for the shadow on a ground
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """What is asked of a render. Enums may be given as strings, tuples as lists; what is kept is as typed here.
+    """Settings of a render. Enums may be given as strings and tuples as lists; they are stored with the types below.
 
-    SettingsError, whose `where` is the field's name, or LimitError, if no render could follow it.
+    Raises SettingsError, with the field's name as `where`, or LimitError for values that no render could follow.
 
     >>> settings = primray.RenderSettings(resolution=[640, 0], filter="gaussian", spp=16)
     >>> settings.resolution, settings.filter
@@ -57,77 +60,77 @@ class RenderSettings:
     (0.0, 0.0, 1.0, 5.0)
     """
 
-    # Prim path, or the name of a camera if only one has it; a Camera; or a matrix. None: the stage's, else one that sees all.
+    # Prim path, or the name of a camera if only one has it; a Camera; or a matrix. None: the stage's, else one that frames all.
     camera: str | Camera | Matrix | None = None
-    # Where nothing of that is there. usdrecord: its first camera or its framing, whatever viewport the layer remembers.
+    # The camera of a stage that has none. usdrecord: its first camera or framing, whatever viewport the layer stores.
     auto_camera: AutoCamera = AutoCamera.THREE_QUARTER
-    render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
-    render_pass: str | None = None  # path of the RenderPass that changes the scene, and names the render settings
-    product: str | None = None  # path or name of one of their RenderProducts; None: the first
-    joint_products: tuple[str, ...] | None = None  # paths of further ones whose outputs the same render makes
-    resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
-    resolution_scale: float = 1.0  # of the resolution, whoever chose it
+    render_settings: str | None = None  # prim path; None: the prim that the stage's metadata name, else its only RenderSettings
+    render_pass: str | None = None  # path of a RenderPass, which edits the scene and names the render settings
+    product: str | None = None  # path or name of one of the render settings' products; None: the first
+    joint_products: tuple[str, ...] | None = None  # paths of further products whose outputs the same render makes
+    resolution: tuple[int, int] | None = None  # width, height; a 0 is computed from the camera's aspect ratio
+    resolution_scale: float = 1.0  # factor on the resolution, whoever chose it
     time_code: float | None = None  # None: the stage's default time
-    # At most so many samples a pixel; None: as the stage asks, else 64, or no limit where an error or a time is asked for.
+    # Most samples per pixel; None: the stage's number, else 64, or no limit if there is a target error or a time limit.
     spp: int | None = None
-    # Stop when the error's estimate is not above this, or after so many seconds of sampling, whichever comes first.
+    # Stop when the estimated error is at most target_error, or after time_limit_s of sampling, whichever comes first.
     target_error: float | None = None
     error_metric: Metric | None = None  # None: the stage's, else relmse
     time_limit_s: float | None = None
-    denoise: bool | None = None  # a denoised picture beside the record, with its error; None: as the stage asks, else not
-    stop_at: StopAt = StopAt.PICTURE  # whose error the target is of; a denoised picture's makes one
-    adaptive: bool | None = None  # more samples where the error is; None: wherever an error is asked for
-    sample_range: tuple[int, int] | None = None  # only these of each pixel's samples, to be merged with others
-    max_depth: int | None = None  # surface scatterings, 1 = direct light only
-    # A stated bias: of each sample, light of two scatterings and more is scaled so that its largest channel is no more than
-    # this, in the picture's values.
+    denoise: bool | None = None  # add a denoised picture, with its error; None: as the stage requests, else no
+    stop_at: StopAt = StopAt.PICTURE  # the picture whose error meets the target; DENOISED implies denoising
+    adaptive: bool | None = None  # more samples where the error is large; None: if there is a target error
+    sample_range: tuple[int, int] | None = None  # render only these samples of each pixel, to be merged with others
+    max_depth: int | None = None  # most scatterings at surfaces; 1: direct light only; None: no limit
+    # Clamp (biased): each sample's light after two or more scatterings is scaled so that its largest channel is at most this,
+    # in the picture's values.
     clamp_indirect: float | None = None
-    caustics: bool = True  # False: light that reaches a diffuse surface over specular ones is left out, a stated bias
+    caustics: bool = True  # False (biased): light that reaches a diffuse surface by specular paths is left out
     filter: Filter | None = None  # None: the stage's, else box
     filter_width: float | None = None
-    threads: int | None = None  # None: every core this process may use
+    threads: int | None = None  # None: all cores available to the process
     seed: int = 0
-    default_light: bool = True  # False: as studio_light off
-    # A light that the camera does not see. auto: where nothing of the stage lights most of what is seen; on: beside its lights.
+    default_light: bool = True  # False: the same as studio_light off
+    # A light that the camera does not see. auto: if nothing in the stage lights most of what is visible; on: with its lights.
     studio_light: StudioLight = StudioLight.AUTO
-    # Beside the stage: a lat-long image that lights it, in place of its own domes. The next two are of that dome, or of the
-    # stage's where none is given: degrees that it is turned about the up axis, and whether the camera sees it.
+    # A lat-long image that lights the stage in place of its own domes. The next two apply to that dome, or to the stage's if
+    # there is none: its rotation about the up axis in degrees, and whether the camera sees it.
     dome: str | None = None
     dome_rotation: float = 0.0
     dome_visible: bool = True  # to the camera
-    ground: Ground | None = None  # below all that is drawn
-    background: str | None = None  # behind all that is drawn: transparent, a colour (#rrggbb or r,g,b as displayed), or a file
-    orbit_deg: float = 0.0  # the camera is turned so far around the middle of what is drawn, about the up axis
+    ground: Ground | None = None  # below the scene
+    background: str | None = None  # transparent, a colour (#rrggbb or r,g,b as displayed), or an image file
+    orbit_deg: float = 0.0  # rotation of the camera around the scene's centre, about the up axis
     default_wrap: DefaultWrap = DefaultWrap.BLACK
-    render_context: RenderContext = RenderContext.MTLX  # of a material's outputs, which is taken first
+    render_context: RenderContext = RenderContext.MTLX  # the preferred output of materials
     translated_shaders: bool = True  # False: materials that carry only other renderers' shaders show displayColor
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
-    aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
-    aov_errors: bool = False  # standard errors beside those that are means of samples
-    # Diagnostics that refuse the stage, as in Refusal: all that change the picture, or those of some codes; not allowed ones.
+    aovs: tuple[str, ...] | None = None  # names or sources (aov_names.AOVS); None: those of the stage's product
+    aov_errors: bool = False  # add standard errors of AOVs that are means of samples
+    # Diagnostics that fail the render, as in Refusal: all that change the picture, or some codes; `allow` exempts codes.
     strict: bool = False
     fail_on: tuple[str, ...] = ()
     allow: tuple[str, ...] = ()
     max_memory_bytes: int | None = None
-    dicing_rate: float = DEFAULT_DICING_RATE  # pixels: the longest that edges of subdivision surfaces may be
-    motion_blur: bool = True  # False: a still at the frame, whatever the shutter
-    shutter: tuple[float, float] | None = None  # opens and closes, in time codes from the frame on; None: as the camera says
-    # Pixels: how far paths may be from the stage's between the times they are given at; None: as the stage asks, else 0.02.
+    dicing_rate: float = DEFAULT_DICING_RATE  # longest edge of diced surfaces, in pixels
+    motion_blur: bool = True  # False: ignore the shutter and render the scene at the frame's time
+    shutter: tuple[float, float] | None = None  # open and close, in time codes relative to the frame; None: the camera's
+    # Largest error of motion paths between time samples, in pixels; None: as the stage requests, else 0.02.
     motion_error: float | None = None
-    # What the lens diffuses, as in Diffusion; each None: as the camera says. A diffusion of 0 is off.
+    # Diffusion of the lens, as in Diffusion; None: the camera's value. A diffusion of 0 is off.
     diffusion: float | None = None
     diffusion_glare: float | None = None
     diffusion_bloom_width: float | None = None
     diffusion_starburst: float | None = None
     diffusion_starburst_width: float | None = None
-    eye: Eye | None = None  # of the stereo pair that the camera is of; None: the camera itself
-    # Of the camera's lens, in place of its own: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS,
+    eye: Eye | None = None  # one camera of the chosen camera's stereo pair; None: the camera itself
+    # Imperfections of the lens, in place of the camera's: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS,
     # lateral-chromatic=R,G,B and longitudinal-chromatic=R,G,B; see Camera.
     lens_flaws: tuple[str, ...] = ()
-    # Only this part of the picture: left, bottom, right and top in 0 to 1, as dataWindowNDC, which it takes the place of.
+    # Rendered part of the picture: left, bottom, right, top in 0 to 1, like dataWindowNDC, which it overrides.
     region: tuple[float, float, float, float] | None = None
-    # How the stage is composed; meaning as in Composition. All frames of one command share it.
+    # Composition of the stage, as in Composition. All frames of one command share it.
     variants: tuple[str, ...] = ()
     load: tuple[str, ...] | None = None
     mask: tuple[str, ...] | None = None
@@ -139,7 +142,7 @@ class RenderSettings:
 
     @property
     def most_samples(self) -> int:
-        """A pixel's samples at the end, if nothing stops the render before."""
+        """Samples per pixel at the end, if nothing stops the render earlier."""
         if self.sample_range is not None:
             return self.sample_range[1]
         if self.spp is not None:
@@ -148,13 +151,15 @@ class RenderSettings:
 
     @property
     def is_quick_look(self) -> bool:
-        """So few samples are asked for that no pilot could pay for itself: paths are neither split nor guided."""
+        """Whether so few samples are requested that a pilot cannot pay off: no splitting and no path guiding."""
         return self.sample_range is None and not self.stops_early and self.most_samples < QUICK_LOOK
 
     @property
     def screen_block(self) -> int:
-        """Samples of each replicate and pixel that one sequence over the whole screen gives to a quick look: errors of
-        neighbours make up for each other then. 0 where any number of samples may follow: each pixel has its own."""
+        """Samples of each replicate and pixel in a quick look's screen-space sequence; 0: each pixel has its own sequence.
+
+        One sequence over the whole screen makes errors of neighbouring pixels cancel, but fixes the number of samples.
+        """
         return (0, 1, 1, 2)[self.most_samples] if self.is_quick_look else 0
 
     @property
@@ -163,12 +168,12 @@ class RenderSettings:
 
     @property
     def sampling_time_s(self) -> float | None:
-        """Seconds of the time limit that are the picture's own."""
+        """Seconds of the time limit for the picture itself."""
         return None if self.time_limit_s is None else self.time_limit_s - (self.shadow_time_s or 0.0)
 
     @property
     def shadow_time_s(self) -> float | None:
-        """Seconds of the time limit in which the shadow on a ground is found; None: no limit, or no such shadow."""
+        """Seconds of the time limit for the shadow on a ground; None: no limit, or no such shadow."""
         if self.time_limit_s is None or self.ground is not Ground.SHADOW:
             return None
         return self.time_limit_s * SHADOW_SHARE
@@ -185,17 +190,17 @@ class RenderSettings:
 
     @property
     def metric(self) -> Metric:
-        """The measure of the error, asked for or the default."""
+        """The metric of the error, requested or default."""
         return self.error_metric or Metric.RELMSE
 
     @property
     def pixel_filter(self) -> Filter:
-        """The pixel filter, asked for or the default."""
+        """The pixel filter, requested or default."""
         return self.filter or Filter.BOX
 
     @property
     def most_motion_error(self) -> float:
-        """Pixels that paths of what moves may be off, asked for or the default."""
+        """Largest error of motion paths in pixels, requested or default."""
         return DEFAULT_MOTION_ERROR if self.motion_error is None else self.motion_error
 
     @property
@@ -204,12 +209,12 @@ class RenderSettings:
 
     @property
     def studio(self) -> StudioLight:
-        """When there is a studio light, by both settings that say so."""
+        """When to add the studio light, from both settings that control it."""
         return self.studio_light if self.default_light else StudioLight.OFF
 
     @property
     def composition(self) -> Composition:
-        """What is given by its path is populated whatever the mask."""
+        """Composition of the stage; prims that settings name by path are added to the population mask."""
         mask = self.mask
         if mask:
             asked = (self.camera, self.render_settings, self.render_pass, self.product, *(self.joint_products or ()))
@@ -217,7 +222,7 @@ class RenderSettings:
         return Composition(self.variants, self.load, mask, self.session_layer)
 
     def __post_init__(self) -> None:
-        """SettingsError or LimitError if no render could follow these."""
+        """Raise SettingsError or LimitError if no render could follow these settings."""
         for name, read in READERS.items():
             object.__setattr__(self, name, read(name, getattr(self, name)))
         if self.resolution is not None:
@@ -335,7 +340,7 @@ def _check_light_paths(names: tuple[str, ...]) -> None:
 _SIZE = "the size in pixels is resolution=(width, height)"
 _SAMPLES = "samples a pixel are spp"
 _FILE = "a render returns an image, and image.save(path) writes it"
-# Names that other renderers and libraries have for settings, or for what is none; spelling does not lead from one to the other.
+# Names from other renderers and libraries whose spelling is too different for a suggestion, with the setting to use instead.
 CALLED_OTHERWISE = {
     **dict.fromkeys(("width", "height", "size", "image_size", "imageWidth", "res"), _SIZE),
     **dict.fromkeys(("samples", "num_samples", "sample_count", "samples_per_pixel", "spp_max"), _SAMPLES),
@@ -352,7 +357,7 @@ CALLED_OTHERWISE = {
 
 
 def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
-    """The settings with some fields replaced; SettingsError for names that there are not."""
+    """Return the settings with some fields replaced; SettingsError for unknown names."""
     if not isinstance(settings, RenderSettings):
         hint = "fields go by name: render(stage, spp=64)"
         raise SettingsError(f"settings must be primray.RenderSettings, not {type(settings).__name__}; {hint}", where="settings")

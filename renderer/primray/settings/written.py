@@ -1,4 +1,4 @@
-"""What may be written for each setting, and what reads it."""
+"""The forms that each setting may be given in, and their readers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, Rende
 if TYPE_CHECKING:
     from ..camera import Camera
 
-# The settings that say what a lens diffuses, and the members of Diffusion that they are for.
+# Settings of the lens's diffusion, with the fields of Diffusion that they set.
 DIFFUSION = {
     "diffusion": "strength",
     "diffusion_glare": "glare",
@@ -21,11 +21,11 @@ DIFFUSION = {
     "diffusion_starburst": "starburst",
     "diffusion_starburst_width": "starburst_width",
 }
-# Settings that files and reports name only where they are given.
+# Settings that files and reports include only if they are set.
 SELDOM = (*DIFFUSION, "eye", "region", "joint_products")
 
 
-# What is added beside the stage, and the values that add nothing: files and reports name only others.
+# Additions to the stage, with the values that add nothing, which files and reports leave out.
 STAGING: Mapping[str, object] = {
     "studio_light": StudioLight.AUTO,
     "dome": None,
@@ -37,12 +37,12 @@ STAGING: Mapping[str, object] = {
 }
 
 
-# What leaves sampled light out of the picture, and the values that leave out none: files and reports name only others.
+# Settings that remove sampled light from the picture, with the values that remove none, which files and reports leave out.
 BIAS: Mapping[str, object] = {"clamp_indirect": None, "caustics": True}
 
 
 class SettingsValues(TypedDict, total=False):
-    """What may be written for the fields of RenderSettings, by the same names."""
+    """The types accepted for the fields of RenderSettings, by the same names."""
 
     camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
     auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]

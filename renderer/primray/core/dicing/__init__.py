@@ -1,1 +1,1 @@
-"""What the core is given to dice with, beside cages."""
+"""Upload of displacement for dicing, beside the cages themselves."""

@@ -1,4 +1,4 @@
-"""What displaces cages, handed to the core: textures, patterns and primvars, as surfaces read them, for dicing alone."""
+"""Upload of displacement to the core, for dicing only: textures, patterns and primvars, as surfaces read them."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from ...description.shading import DISPLACEMENTS
 from ...refine.dice import Warnings, numbered, primvars_of
 from ..surface_upload import SurfaceUpload, Textures, channels_of
 
-# In the order of the core's enumerations (displacer.hpp, mover.hpp).
+# Enumerators in the order of the core's (displacer.hpp, mover.hpp).
 _KINDS = (Interpolation.CONSTANT, Interpolation.FACE, Interpolation.POINT, Interpolation.VARYING, Interpolation.CORNER)
 _PLACES = (None, Interpolation.POINT, Interpolation.VARYING, Interpolation.CORNER)
-_STILL = 0  # the core's first surface: of what is not displaced
+_STILL = 0  # the core's first surface: not displaced
 _NO_PRIMVAR = ""
 _TANGENTS = "st"
-_CARRIER = "emissive_color"  # an input of three numbers of any size, in whose place the displacement is handed over
+_CARRIER = "emissive_color"  # an input of three unbounded numbers, whose slot carries the displacement
 
 
 def displacements(core: Any, description: SceneDescription, textures: Textures) -> Displacements | None:
-    """Of all shapes that are displaced; None where there are none."""
+    """Return the displacement of all displaced shapes; None if there are none."""
     if not any(isinstance(shape, DisplacedMesh) for shape in description.shapes):
         return None
     return Displacements(core, description, textures)
@@ -52,7 +52,7 @@ class Displacements:
         )
         taken = self._upload.add_surfaces([Surface(""), *(_carrying(surfaces[i], textures) for i in moving)])
         self._upload.add_images()
-        self._numbers = np.zeros(max(len(surfaces), 1) + 1, np.int32)  # the last one: of faces that are not drawn
+        self._numbers = np.zeros(max(len(surfaces), 1) + 1, np.int32)  # the last one: faces that are not drawn
         directions = [_STILL]
         for number, i in enumerate(moving, start=1):
             found = surfaces[i].displacement
@@ -70,7 +70,7 @@ class Displacements:
         self.warnings.append(("displacement", path, f"{why}. The surface is rendered where its mesh is."))
 
     def of(self, number: int, shape: DisplacedMesh) -> dict[str, Any]:
-        """What the core's dice() reads of it, of the description's shape of that number."""
+        """Return what the core's dice() reads for the displaced shape with index `number` in the description."""
         matrix = self._places.get(number)
         numbers = np.atleast_1d(self._numbers[np.asarray(shape.surface)])
         if matrix is None:
@@ -99,7 +99,7 @@ class Displacements:
 
 
 def _carrying(surface: Surface, textures: Textures) -> Surface:
-    """A surface that has its displacement and nothing else."""
+    """Return a surface with this surface's displacement and nothing else."""
     assert surface.displacement is not None
     value: Input = surface.displacement[1]
     if isinstance(value, TextureInput) and not textures.get(value.file):
@@ -109,7 +109,7 @@ def _carrying(surface: Surface, textures: Textures) -> Surface:
 
 
 def _places(description: SceneDescription) -> dict[int, Doubles]:
-    """By shape, where it stands, of those that stand once."""
+    """Return the matrices, by shape index, of shapes that are placed exactly once."""
     inside = {placed.shape for prototype in description.prototypes for placed in prototype.shapes}
     found: dict[int, Doubles] = {}
     for placed in description.static:
@@ -135,6 +135,6 @@ def _cage_primvar(primvar: Primvar, at: int, name: int) -> dict[str, Any]:
 
 
 def _place(primvar: Primvar, at: int) -> tuple[int, int]:
-    """The core's ValuePlace; tangents need a primvar that varies over faces."""
+    """Return the core's ValuePlace; tangents need a primvar that varies over faces."""
     kind = primvar.interpolation
     return (_PLACES.index(kind), at) if kind in _PLACES else (0, 0)

@@ -1,1 +1,1 @@
-"""What the core is handed for light path expressions."""
+"""Upload of light path expressions to the core."""

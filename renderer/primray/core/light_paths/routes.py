@@ -1,4 +1,4 @@
-"""Light path expressions of a scene's outputs, for the core."""
+"""Light path expressions of a scene's outputs, as tables of a finite automaton for the core."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     from ...light_paths.tables import Tables
 
 
-# Light that reaches a diffuse surface, or a medium, over specular scatterings alone: mirrored, glossy or refracted, however
-# rough. Cycles and Arnold leave out the same where caustics are off.
+# Light that reaches a diffuse surface or a medium through specular scattering alone (mirror, glossy or refracted, of any
+# roughness). Cycles and Arnold remove the same paths where caustics are off.
 CAUSTICS = "C.*[DV][GS]+[LO]"
 
 
 @dataclass(frozen=True)
 class Routes:
-    """`expressions` are the film's, in its order."""
+    """Light path expressions, in the film's order, compiled for the core."""
 
     expressions: tuple[str, ...]
-    members: tuple[int, ...]  # sets of expressions, as bits, that some light may match together
+    members: tuple[int, ...]  # sets of expressions, as bit masks, that one light path may match together
     tables: Any  # the core's RouteTables
 
 
 def routes_of(requests: Sequence[AovRequest], groups: LightGroups) -> Routes | None:
-    """None where no output is an expression."""
+    """Return the compiled expressions of the requested outputs; None if no output is an expression."""
     expressions = light_paths_of(requests)
     if not expressions:
         return None
@@ -45,7 +45,7 @@ def routes_of(requests: Sequence[AovRequest], groups: LightGroups) -> Routes | N
 
 
 def tables_without_caustics(expressions: Sequence[str], groups: LightGroups) -> Any:
-    """Return the core's tables of these expressions, whose light and the picture's is all but caustics."""
+    """Return the core's tables of these expressions, with caustics removed from them and from the picture."""
     from ...light_paths.tables import tables_of
 
     made = tables_of((*expressions, CAUSTICS), groups.names)
@@ -56,7 +56,7 @@ def tables_without_caustics(expressions: Sequence[str], groups: LightGroups) -> 
 
 
 def _tables(made: Tables, leaves_out: int = -1) -> Any:
-    """Return the core's tables; light that matches expression `leaves_out` is no part of the picture."""
+    """Return the core's tables; light that matches expression `leaves_out` is not part of the picture."""
     return module().RouteTables(
         next=made.next,
         class_of=made.class_of,
@@ -68,7 +68,7 @@ def _tables(made: Tables, leaves_out: int = -1) -> Any:
 
 
 def missing_groups(routes: Routes, groups: LightGroups) -> list[tuple[str, str, str]]:
-    """A warning for each group that an expression names and no light is in."""
+    """Return a warning for each light group that an expression names and no light belongs to."""
     from ...light_paths.grammar import parse
 
     named = {label: text for text in routes.expressions for label in sorted(parse(text).labels) if label not in groups.names}

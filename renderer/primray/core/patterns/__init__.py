@@ -1,5 +1,6 @@
-"""Patterns of a description to the core's tapes (renderer/core/pattern).
+"""Compiler of shading graphs (patterns) to the core's tapes, straight-line programs of a virtual machine
+(renderer/core/pattern).
 
-program.py holds what is computed, without repetition; nodes.py finds what a node computes in the files named after families of
-nodes; compiling.py goes through a graph; registers.py gives values their registers.
+program.py holds operations, each computed once; nodes.py finds the function of a node in the files named after families of
+nodes; compiling.py walks a graph; registers.py allocates registers.
 """

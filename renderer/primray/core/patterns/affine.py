@@ -1,6 +1,6 @@
-"""Coordinates that are a primvar's two numbers moved, turned and scaled by constants.
+"""Recognition of texture coordinates that are an affine function of a primvar.
 
-For these it is known before rendering how finely an image can be seen.
+For these the texture resolution that can be seen is known before rendering.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from .program import Operation, Program, Value
 
 @dataclass(frozen=True)
 class Form:
-    """s x + t y + 1 z, of a primvar's s and t; a constant has no primvar."""
+    """s x + t y + 1 z, for a primvar's s and t; a constant has no primvar."""
 
     primvar: int | None
     row: tuple[float, float, float]
@@ -21,19 +21,24 @@ class Form:
 
 @dataclass(frozen=True)
 class Affine:
+    """An affine map of a primvar's two numbers: a constant offset, rotation and scale."""
+
     primvar: int
-    transform: tuple[float, ...]  # 2 x 3, by rows
+    transform: tuple[float, ...]  # 2 x 3, row-major
 
 
 class AffineForms:
-    """By operation of a program, what its components are; None: something else. Operations stand after what they read."""
+    """Affine forms of the components of each operation; None where a component is not affine.
+
+    Operands precede the operations that read them.
+    """
 
     def __init__(self, program: Program) -> None:
         self._program = program
         self._forms: list[list[Form | None]] = []
 
     def of(self, at: Value) -> Affine | None:
-        """None where the coordinates are anything else."""
+        """Return the affine map that these coordinates are, or None."""
         operations = self._program.operations
         while len(self._forms) <= at.operation:
             self._forms.append(self._made(operations[len(self._forms)]))

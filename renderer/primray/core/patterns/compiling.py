@@ -1,4 +1,4 @@
-"""A surface's pattern to a tape: what the wanted outputs need of the graph, in order, and of that nothing twice."""
+"""Compilation of a surface's graph: the nodes that wanted outputs depend on, in order, none compiled twice."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from .program import Program, Value
 
 
 class UnknownNodeError(Exception):
-    """A node that computes nothing here, and why."""
+    """A node that cannot be computed here, with the reason."""
 
 
 @dataclass
 class Graph:
-    """A pattern while it is compiled: by node and shift, the values of its outputs."""
+    """A pattern during compilation: values of each node's outputs, by node and shift."""
 
     pattern: Pattern
     around: Surroundings
@@ -32,7 +32,7 @@ class Graph:
         return made[source.output] if isinstance(made, dict) else made
 
     def _missing(self, node: int, shift: int) -> list[int]:
-        """It and what it reads, as far as they have no value yet, in order."""
+        """Return the node and the nodes it depends on that have no value yet, dependencies first."""
         found: set[int] = set()
         left = [node]
         while left:

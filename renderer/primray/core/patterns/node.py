@@ -1,4 +1,4 @@
-"""A node of a pattern as the functions of nodes see it: its inputs as values, and where the primvars and files are."""
+"""A node of a pattern as node functions see it: its inputs as values, with access to primvars and files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Protocol
 from ...description import PatternNode, TextureFile
 from .program import Program, Value
 
-# Numbers of a type.
+# Components of each type.
 WIDTHS = {
     "float": 1, "integer": 1, "boolean": 1, "vector2": 2, "vector3": 3, "color3": 3, "vector4": 4, "color4": 4,
     "matrix33": 9, "matrix44": 16,
@@ -17,17 +17,17 @@ WIDTHS = {
 SHIFT_RANGE = 8  # as the core's kShiftRange
 NO_SHIFT, FOOTPRINT_SHIFTS, SLOPE_SHIFTS = 0, (1, 2), (3, 4)
 
-Outputs = Value | dict[str, Value]  # one, whatever it is called, or by name
+Outputs = Value | dict[str, Value]  # a single output of any name, or outputs by name
 
 
 class Surroundings(Protocol):
-    """What is outside of the graph."""
+    """Access of nodes to what is outside the graph."""
 
-    object_space: bool  # set where it is asked for
+    object_space: bool  # set where a node reads object space
 
     def primvar(self, name: str) -> int: ...
     def image(self, file: TextureFile, width: int, node: Node) -> int | None:
-        """Its number among the tape's images, as the node reads it; None where the file cannot be read."""
+        """Return the file's number among the tape's images, as the node reads it; None where it cannot be read."""
 
     def frame(self) -> float: ...
 
@@ -36,9 +36,9 @@ class Surroundings(Protocol):
 class Node:
     program: Program
     own: PatternNode
-    shift: int  # 0: here
+    shift: int  # 0: the shaded point; else a point nearby, for differences
     around: Surroundings
-    read: Callable[[str, int], Value]  # an input, at a shift
+    read: Callable[[str, int], Value]  # the value of an input at a shift
 
     def __getitem__(self, name: str) -> Value:
         return self.read(name, self.shift)
@@ -59,7 +59,7 @@ class Node:
         return value if isinstance(value, str) else otherwise
 
     def whole(self, name: str, otherwise: int = 0) -> int:
-        """A constant number."""
+        """Return a constant integer input."""
         value = dict(self.own.inputs).get(name)
         return int(value[0]) if isinstance(value, tuple) and value else otherwise
 
@@ -68,5 +68,5 @@ class Node:
         return value if isinstance(value, TextureFile) else None
 
     def shifted(self, number: int) -> int:
-        """Data of an operation that may be shifted."""
+        """Return the data of an operation that reads at the node's shift."""
         return number * SHIFT_RANGE + self.shift

@@ -1,4 +1,4 @@
-"""Every primitive node of MaterialX's libraries: the function that writes what it computes, or why it computes nothing here."""
+"""Table of MaterialX's primitive nodes: the function that compiles each, or the reason that it cannot be computed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NODES: dict[str, Callable[[Node], Outputs]] = {name: f for family in FAMILIES fo
 
 _CLOSURE = "says how light scatters or shines: a surface, not a number"
 _TEXT = "is a text, known before rendering"
-# By type of a node's first output.
+# Reasons by type of a node's first output.
 NO_MEANING = {
     "BSDF": _CLOSURE, "EDF": _CLOSURE, "VDF": _CLOSURE, "surfaceshader": _CLOSURE, "volumeshader": _CLOSURE,
     "lightshader": _CLOSURE, "material": _CLOSURE, "displacementshader": "moves points, before there are any to shade",

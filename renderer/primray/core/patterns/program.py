@@ -1,6 +1,6 @@
-"""What a tape computes, as values that are each computed once: the same operation of the same operands is one value.
+"""Operations of a tape in single-assignment form: the same operation on the same operands is one value.
 
-A value is some numbers in a row; one of a single number stands for all where more are wanted. Operators write programs.
+A value is a row of numbers; a single number is broadcast where more are needed. Operators on values append operations.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 Numbers = tuple[float, ...]
 Operand = tuple[int, int, int]  # an operation, the component of its result that is first, and 1 or 0: it advances, or stays
 
-# What may be known while compiling: of constants, by component.
+# Operations that are folded where all operands are constants.
 FOLDED: dict[str, Callable[..., float]] = {
     "add": lambda a, b: a + b,
     "subtract": lambda a, b: a - b,
@@ -24,20 +24,20 @@ FOLDED: dict[str, Callable[..., float]] = {
     "sin": math.sin,
     "cos": math.cos,
 }
-# What jumps from value to value: a little way off it counts as it is here, else differences would be of jumps.
+# Step functions. At shifted points they keep the value of the shaded point: finite differences must not see jumps.
 STEPS = {"floor", "less", "not_above", "equal", "cell2", "cell3", "flake"}
 
 
 class Operation(NamedTuple):
-    name: str  # of the core's pattern_operations, or "pack": operands side by side
+    name: str  # one of the core's pattern_operations, or "pack": concatenated operands
     width: int
     operands: tuple[Operand, ...]
-    data: int | Numbers = 0  # numbers: of constants
+    data: int | Numbers = 0  # numbers: those of a constant
 
 
 @dataclass(slots=True, eq=False)
 class Value:
-    """`width` numbers from `first` on of an operation's result."""
+    """A row of `width` numbers, from index `first` on, of an operation's result."""
 
     program: Program
     operation: int
@@ -56,7 +56,7 @@ class Value:
 
     @property
     def constant(self) -> Numbers | None:
-        """Its numbers, where they are known."""
+        """The numbers, if they are known at compile time."""
         operation = self.program.operations[self.operation]
         return operation.data[self.first : self.first + self.width] if isinstance(operation.data, tuple) else None
 
@@ -92,14 +92,14 @@ class Program:
     def __init__(self) -> None:
         self.operations: list[Operation] = []
         self._numbers: dict[Operation, int] = {}
-        self.steps: list[Value] = []  # of the node that is being written, as they came
-        self.steps_here: Iterator[Value] | None = None  # a little way off: those of the same node here
+        self.steps: list[Value] = []  # step values of the node that is being compiled, in order
+        self.steps_here: Iterator[Value] | None = None  # at a shifted point: those of the same node, unshifted
 
     def constant(self, *numbers: float) -> Value:
         return self._value(Operation("constant", len(numbers), (), tuple(map(float, numbers))))
 
     def apply(self, name: str, *operands: Value | float, width: int = 0, data: int = 0) -> Value:
-        """By component, or of `width` components whatever the operands have."""
+        """Append an operation: by component, or with a result of `width` components."""
         is_step = name in STEPS
         if is_step and self.steps_here is not None:
             return next(self.steps_here)
@@ -114,7 +114,7 @@ class Program:
         return value
 
     def pack(self, parts: Sequence[Value]) -> Value:
-        """All their numbers in a row."""
+        """Concatenate the components of values."""
         numbers = [v for part in parts for v in part.components]
         if all(v.constant is not None for v in numbers):
             return self.constant(*(n for v in numbers for n in v.constant or ()))
@@ -124,7 +124,7 @@ class Program:
         return self._value(Operation("pack", len(numbers), tuple((v.operation, v.first, 0) for v in numbers)))
 
     def wide(self, value: Value, width: int) -> Value:
-        """One number as `width` of them."""
+        """Broadcast one number to `width` components."""
         return value if value.width == width else self.pack([value] * width)
 
     def _folded(self, name: str, values: Sequence[Value], width: int) -> list[float] | None:
@@ -173,5 +173,5 @@ class Program:
         return self.apply("cross", a, b, width=3)
 
     def normalize(self, x: Value) -> Value:
-        """0 where it has no direction."""
+        """Return the vector scaled to unit length; 0 for the zero vector."""
         return x / self.sqrt(self.dot(x, x))

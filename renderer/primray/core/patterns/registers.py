@@ -1,4 +1,4 @@
-"""Registers for a program's values: each has some in a row until it was read for the last time."""
+"""Register allocation for tapes: each value has consecutive registers until its last use."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .program import Operation, Value
 
 
 class Registers:
-    """Those that are free, by how many in a row; new ones where none are."""
+    """Free registers by length of their run; further ones are allocated where none fit."""
 
     def __init__(self) -> None:
         self.used = 0
@@ -25,7 +25,7 @@ class Registers:
 
 
 def read_by(operations: Sequence[Operation], outputs: Sequence[Value]) -> dict[int, int]:
-    """By operation that some output needs: the number of the last one that reads it, or one beyond all."""
+    """Return the last reader of each operation that some output depends on; outputs count as read at the end."""
     last = {v.operation: len(operations) for v in outputs}
     for number in range(len(operations) - 1, -1, -1):
         if number in last:
@@ -37,12 +37,12 @@ def read_by(operations: Sequence[Operation], outputs: Sequence[Value]) -> dict[i
 def assemble(
     operations: Sequence[Operation], outputs: Sequence[Value], numbers: Mapping[str, int]
 ) -> tuple[list[list[int]], list[float], list[list[int]], int]:
-    """The core's code, constants and outputs, and how many registers it takes. `numbers`: of operations."""
+    """Return the core's code, constants and outputs, and the number of registers. `numbers`: the core's opcodes."""
     last = read_by(operations, outputs)
     registers, at = Registers(), dict[int, int]()
     code: list[list[int]] = []
     constants: list[float] = []
-    made: dict[int, int] = {}  # by operation, how much code has made it
+    made: dict[int, int] = {}  # length of the code once each operation is computed
     for number in sorted(last):
         operation = operations[number]
         at[number] = registers.take(operation.width)

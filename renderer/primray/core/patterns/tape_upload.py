@@ -1,4 +1,4 @@
-"""Hands the tapes of surfaces with patterns to the core's builder."""
+"""Upload of the tapes of surfaces with patterns to the core's scene builder."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from .node import NO_SHIFT, Node
 from .program import Value
 from .registers import assemble
 
-# Inputs that are asked for alone, by cut-outs and by lights: first on the tape, so that nothing else is run for them.
+# Inputs that are evaluated alone, by cut-outs and by lights: first on the tape, so that nothing else runs for them.
 FIRST = ("opacity", "emissive_color")
-_COORDINATES = {"image": "texcoord", UV_TEXTURE: "st"}  # by category, of images that are seen as they are
+_COORDINATES = {"image": "texcoord", UV_TEXTURE: "st"}  # the coordinate input of image nodes, by category
 _WRAP_INPUTS = ("uaddressmode", "vaddressmode", "wrapS", "wrapT")
 WRAPS = {"constant": "CLAMP", "clamp": "CLAMP", "periodic": "REPEAT", "mirror": "MIRROR"}
 
 
 class TooLargeError(Exception):
-    """A pattern takes more registers than there are."""
+    """A pattern that needs more registers than the core has."""
 
 
 @dataclass(frozen=True)
 class Outside:
-    """What a tape shares with the other surfaces' inputs."""
+    """Numbering of primvars and textures that a tape shares with the other inputs of surfaces."""
 
     core: Any
-    primvar: Callable[[str], int]  # numbers of names
-    texture: Callable[[TextureFile, str], int | None]  # numbers of textures, by channels; None where a file cannot be read
-    wrap: Callable[[TextureFile, Wrap, int], str]  # what a wrap of UsdUVTexture is for a file, along s (0) or t (1), by name
+    primvar: Callable[[str], int]  # a name's number
+    texture: Callable[[TextureFile, str], int | None]  # a texture's number, by channels; None where the file cannot be read
+    wrap: Callable[[TextureFile, Wrap, int], str]  # the name of a file's wrap along s (0) or t (1)
     frame: float
 
 
@@ -84,15 +84,15 @@ class TapeSurroundings:
 
 
 def pattern_inputs(surface: Surface) -> list[tuple[str, PatternInput]]:
-    """Those that read the surface's pattern, as they stand on its tape."""
+    """Return the inputs that read the surface's pattern, in their order on its tape."""
     found = [(name, reads) for name, reads in surface.inputs if isinstance(reads, PatternInput)]
     return sorted(found, key=lambda item: FIRST.index(item[0]) if item[0] in FIRST else len(FIRST))
 
 
 def tape_of(surface: Surface, outside: Outside) -> tuple[Any, dict[str, int]]:
-    """A core's Tape of the surface's pattern, and by input the number of its output.
+    """Return the core's Tape for the surface's pattern, and the output number of each input.
 
-    Raises UnknownNodeError and TooLargeError.
+    Raise UnknownNodeError or TooLargeError.
     """
     assert surface.pattern is not None
     around = TapeSurroundings(outside)
@@ -115,7 +115,7 @@ def tape_of(surface: Surface, outside: Outside) -> tuple[Any, dict[str, int]]:
 
 
 def _three_or_one(value: Value) -> Value:
-    """What inputs take: a colour, or one number."""
+    """Return what inputs take: a colour, or one number."""
     return value.part(0, 3) if value.width >= 3 else value[0]
 
 

@@ -1,1 +1,1 @@
-"""What nodes compute, a file a family: functions from a Node to its outputs, and NODES, by their names in MaterialX."""
+"""Node functions by family, from a Node to its outputs; NODES maps MaterialX's names to them."""

@@ -35,7 +35,7 @@ def _hue(p: Program, c: Value, most: Value, delta: Value) -> Value:
 
 
 def rgbtohsv(n: Node) -> Value:
-    """Foley and van Dam's hexcone."""
+    """Convert RGB to HSV by Foley and van Dam's hexcone model."""
     p, c = n.program, n["in"].part(0, 3)
     r, g, b = c.components
     most, least = p.apply("max", r, p.apply("max", g, b)), p.apply("min", r, p.apply("min", g, b))

@@ -1,4 +1,4 @@
-"""Nodes of numbers: sums, powers, angles, roundings, lengths."""
+"""Nodes of arithmetic: sums, powers, angles, rounding, lengths."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def subtract(n: Node) -> Value:
 
 
 def modulo(n: Node) -> Value:
-    """The remainder of rounding down, of the divisor's sign."""
+    """Return the remainder of flooring division, with the sign of the divisor."""
     a, b = n["in1"], n["in2"]
     return a - b * n.program.floor(a / b)
 
@@ -48,7 +48,7 @@ def ceil(n: Node) -> Value:
 
 
 def round_(n: Node) -> Value:
-    """Halves upwards."""
+    """Round halves up."""
     return n.program.floor(n["in"] + 0.5)
 
 
@@ -121,7 +121,7 @@ def crossproduct(n: Node) -> Value:
 
 
 def rotate2d(n: Node) -> Value:
-    """Clockwise, in degrees."""
+    """Rotate clockwise by degrees."""
     p, v = n.program, n["in"]
     angle = n["amount"] * math.radians(1)
     s, c = p.apply("sin", angle), p.apply("cos", angle)
@@ -129,7 +129,7 @@ def rotate2d(n: Node) -> Value:
 
 
 def rotate3d(n: Node) -> Value:
-    """By Rodrigues' formula, of row vectors; in degrees."""
+    """Rotate row vectors by degrees about an axis (Rodrigues' formula)."""
     p, v = n.program, n["in"]
     axis = p.normalize(n["axis"])
     angle = n["amount"] * math.radians(1)

@@ -1,15 +1,15 @@
-"""Nodes that make normals of maps and of heights."""
+"""Nodes that compute normals from normal maps and from heights."""
 
 from __future__ import annotations
 
 from ..node import NO_SHIFT, SLOPE_SHIFTS, Node
 from ..program import Value
 
-SOBEL = 1 / 16  # heights count as a Sobel filter over texels would have them: MaterialX's library
+SOBEL = 1 / 16  # the scale of MaterialX's Sobel filter over texels
 
 
 def normalmap(n: Node) -> Value:
-    """In the space of its tangents, which is the world's by default. All 0 is no map."""
+    """Decode a normal map in the space of its tangents, which is the world's by default. A texel of 0 is no map."""
     p, coded = n.program, n["in"]
     none = p.apply("equal", p.dot(coded, coded), 0.0)
     x, y, z = p.select(none, p.constant(0.0, 0.0, 1.0), coded * 2.0 - 1.0).components
@@ -18,7 +18,7 @@ def normalmap(n: Node) -> Value:
 
 
 def heighttonormal(n: Node) -> Value:
-    """Coded as normal maps are, by how the height changes with the coordinates."""
+    """Return the encoded normal of a height field, by finite differences over texture coordinates."""
     p = n.program
     h = [(n.read("in", s) - n.read("in", NO_SHIFT)) * n.read("scale", NO_SHIFT) * SOBEL for s in SLOPE_SHIFTS]
     (u1, v1), (u2, v2) = ((n.read("texcoord", s) - n.read("texcoord", NO_SHIFT)).components for s in SLOPE_SHIFTS)

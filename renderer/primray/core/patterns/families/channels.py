@@ -1,4 +1,4 @@
-"""Nodes that choose: by conditions, among channels, between types. Truth values are 1 and 0."""
+"""Nodes of selection: conditions, channels, type conversion. Booleans are 1 and 0."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def ifequal(n: Node) -> Value:
 
 
 def _chosen(n: Node, condition: Value) -> Value:
-    """One of two inputs; the condition itself, where the node has none."""
+    """Return one of two inputs; the condition itself where the node has none."""
     return n.program.select(condition, n["in1"], n["in2"]) if n.has("in1") else condition
 
 
@@ -36,7 +36,7 @@ def not_(n: Node) -> Value:
 
 
 def same(n: Node) -> Value:
-    """Of another type at most, or of none but its name."""
+    """Return the input: converted in type at most, or not at all."""
     return n["in"]
 
 
@@ -49,7 +49,7 @@ def combine(n: Node) -> Value:
 
 
 def extract(n: Node) -> Value:
-    """A number of a vector, or a row of a matrix; the last, or the first, where the index is beyond."""
+    """Return a component of a vector or a row of a matrix; indices out of range are clamped."""
     p, v = n.program, n["in"]
     count, width = (v.width, 1) if v.width <= 4 else ((3, 3) if v.width == 9 else (4, 4))
     parts = [v.part(i * width, width) for i in range(count)]

@@ -1,11 +1,11 @@
-"""Nodes that put one colour over another; what has an alpha is premultiplied."""
+"""Nodes that composite colours; RGBA is premultiplied."""
 
 from __future__ import annotations
 
 from ..node import Node
 from ..program import Value
 
-SMALL = 1e-8  # a divisor below it is none
+SMALL = 1e-8  # divisors below it count as 0
 
 
 def _mixed(n: Node, result: Value) -> Value:

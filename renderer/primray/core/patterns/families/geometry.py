@@ -1,4 +1,4 @@
-"""Nodes of the place that is shaded: position, normal, tangents, primvars, spaces; and of time."""
+"""Nodes of the shaded point: position, normal, tangents, primvars, coordinate spaces; and of time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TRANSFORMS = ("point_object", "point_world", "vector_object", "vector_world", "n
 
 
 def _in_space(n: Node, kind: str, value: Value, source: str, target: str) -> Value:
-    """From a space to another; names of others than the shape's own mean the world."""
+    """Transform a value between spaces; any name but the object's own means world space."""
     if (source in OBJECT) == (target in OBJECT):
         return value
     n.around.object_space = True

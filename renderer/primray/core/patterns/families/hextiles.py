@@ -1,4 +1,4 @@
-"""Nodes that hide an image's repetition: three hexagonal tiles around each point, each turned, scaled and moved at random.
+"""Nodes that hide an image's repetition: three hexagonal tiles around each point, rotated, scaled and offset at random.
 
 Mikkelsen 2022, "Practical Real-Time Hex-Tiling" (JCGT 11 (3)), with the hash and the constants of MaterialX's library.
 """
@@ -33,7 +33,7 @@ def _pair(p: Program, x: Value, y: Value) -> Value:
 
 
 def _random(p: Program, cell: Value) -> Value:
-    """Two numbers in [0, 1) of a cell, by products of its coordinates."""
+    """Return two numbers in [0, 1) for a cell, a hash of its coordinates."""
     at = cell + SEED
     q = p.fract(p.pack([at[0] * 0.1031, at[1] * 0.1030, at[0] * 0.0973]))
     q = q + p.dot(q, p.pack([q[1], q[2], q[0]]) + 33.33)
@@ -76,13 +76,13 @@ def _tile(n: Node, at: Value, off: Sequence[Value], cell: Value, weight: Value) 
 
 
 def _gained(p: Program, x: Value, gain: Value) -> Value:
-    """Schlick 1994, "Fast Alternatives to Perlin's Bias and Gain Functions"."""
+    """Apply the gain function of Schlick 1994, "Fast Alternatives to Perlin's Bias and Gain Functions"."""
     a = (1.0 / p.clamp(gain, 0.001, 0.999) - 2.0) * (1.0 - 2.0 * x)
     return p.select(p.less(x, 0.5), x / (a + 1.0), (a - x) / (a - 1.0))
 
 
 def weights(n: Node, of: Sequence[Tile], brightness: Value) -> Value:
-    """Three that add up to 1."""
+    """Return the blending weights of three tiles, which add up to 1."""
     p, one = n.program, n.program.constant(1.0, 1.0, 1.0)
     t = p.pack([tile.weight for tile in of])
     w = brightness * (t * t * t * t * t * t * t)
@@ -115,7 +115,10 @@ def _blended(values: Sequence[Value], w: Value) -> Value:
 
 
 def hextilednormalmap(n: Node) -> Value:
-    """Normals are blended by their gradients: Mikkelsen 2020, "Surface Gradient-Based Bump Mapping Framework" (JCGT 9 (3))."""
+    """Blend normal maps by surface gradients.
+
+    Mikkelsen 2020, "Surface Gradient-Based Bump Mapping Framework" (JCGT 9 (3)).
+    """
     p, file, normal = n.program, n.file("file"), n["normal"]
     number = None if file is None else n.around.image(file, 3, n)
     of = tiles(n)
@@ -133,7 +136,7 @@ def hextilednormalmap(n: Node) -> Value:
 
 
 def _bent(n: Node, coded: Value, angle: Value) -> Value:
-    """A normal map's texel in the tangents, turned about the normal with the tile."""
+    """Return the normal of a normal map's texel, with the tangents rotated about the normal as the tile is."""
     p, normal = n.program, n["normal"]
     green = p.select(n["flip_g"], 1.0 - coded[1], coded[1])
     x, y, z = (p.pack([coded[0], green, coded[2]]) * 2.0 - 1.0).components

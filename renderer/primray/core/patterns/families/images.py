@@ -1,4 +1,4 @@
-"""Nodes that read images. (0, 0) is an image's lower left corner; cubic filters are linear ones."""
+"""Nodes that read images. (0, 0) is an image's lower left corner; cubic filters are replaced by linear ones."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ..program import Value
 
 
 def offsets(n: Node) -> list[Value]:
-    """How the coordinates differ over the footprint, in two directions."""
+    """Return the differences of the coordinates over the pixel's footprint, in two directions."""
     return [n.read("texcoord", shift) - n.read("texcoord", NO_SHIFT) for shift in FOOTPRINT_SHIFTS]
 
 
 def texel(n: Node, image: int, at: Value, off: Sequence[Value], width: int, default: Value) -> Value:
-    """Averaged over what the offsets span."""
+    """Return the image's value at coordinates, filtered over the footprint that the offsets span."""
     return n.program.apply("image", at, at + off[0], at + off[1], default, width=width, data=image)
 
 

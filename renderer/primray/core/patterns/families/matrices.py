@@ -1,4 +1,4 @@
-"""Nodes of matrices, which are stored by rows; vectors are rows and stand before them."""
+"""Nodes of matrices, which are stored row-major; vectors are rows on the left."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def rows(matrix: Value) -> list[Value]:
 
 
 def row_times(p: Program, row: Value, matrix: Value) -> Value:
-    """A row vector, no longer than the matrix is high, times its first rows."""
+    """Multiply a row vector by the first rows of a matrix."""
     of = rows(matrix)
     result = of[0] * row[0]
     for i in range(1, row.width):
@@ -32,14 +32,14 @@ def determinant_of(p: Program, m: Value) -> Value:
 
 
 def _cofactor(p: Program, r: list[Value], row: int, column: int) -> Value:
-    """Of a matrix of four rows."""
+    """Return a cofactor of a 4 x 4 matrix."""
     left = [p.pack([v[c] for c in range(4) if c != column]) for i, v in enumerate(r) if i != row]
     minor = p.dot(left[0], p.cross(left[1], left[2]))
     return minor if (row + column) % 2 == 0 else 0.0 - minor
 
 
 def inverse(p: Program, m: Value) -> Value:
-    """By cofactors; 0 where there is none."""
+    """Return the inverse by cofactors; 0 for a singular matrix."""
     r = rows(m)
     n = len(r)
     if n == 3:
@@ -82,7 +82,7 @@ def creatematrix(n: Node) -> Value:
 
 
 def transformmatrix(n: Node) -> Value:
-    """A vector that is a number shorter than the matrix is a point."""
+    """Transform a vector; one that is a number shorter than the matrix is a point."""
     p, v, m = n.program, n["in"], n["mat"]
     if v.width == len(rows(m)):
         return row_times(p, v, m)

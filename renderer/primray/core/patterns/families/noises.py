@@ -7,10 +7,10 @@ import math
 from ..node import Node
 from ..program import Numbers, Value
 
-# Where the second noise is read, of nodes that need one: MaterialX's library.
+# Offset of the second noise of nodes that need one, from MaterialX's library.
 NOISE_ASIDE: dict[int, Numbers] = {2: (19, 73), 3: (19, 73, 29)}
 FRACTAL_ASIDE: dict[int, Numbers] = {2: (19, 193), 3: (19, 193, 17)}
-# A curve through how densely flakes lie: MaterialX's library, mx_flake.
+# Rational fit of the density of flakes, from MaterialX's library (mx_flake).
 FLAKE_ABOVE = (-26.19771808, 26.39663835)
 FLAKE_BELOW = (85.53857017, -102.35069432, -101.42634862, 118.45082288)
 
@@ -47,7 +47,7 @@ def cellnoise(n: Node) -> Value:
 
 
 def worleynoise(n: Node) -> Value:
-    """Style 1 is the value of the nearest point's cell, any other the distances."""
+    """Compute Worley noise: style 1 is the value of the nearest point's cell, any other the distances."""
     p, at, style = n.program, _place(n), n["style"]
     name = f"worley{at.width}"
     if (known := style.constant) is not None:
@@ -63,7 +63,7 @@ def _probability(coverage: Value) -> Value:
 
 
 def flake(n: Node) -> dict[str, Value]:
-    """Cubes turned at random, with normals by GGX's distribution of the roughness."""
+    """Compute flakes: randomly rotated cubes, with normals distributed by GGX for the roughness."""
     p, at = n.program, _place(n)
     place = at if at.width == 3 else p.pack([at, p.constant(0.0)])
     found = p.apply("flake", place / n["size"], _probability(p.clamp(n["coverage"], 0.0, 1.0)), width=4)

@@ -1,4 +1,4 @@
-"""Nodes of MaterialX's PBR library that are plain functions: of roughness, of metals' colours, of temperature, of hair."""
+"""Nodes of MaterialX's PBR library that are plain functions: roughness, metal colours, black-body colour, hair."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from ..program import Program, Value
 
 SMALL = 1e-8
 COLDEST, HOTTEST = 800.0, 25000.0
-# Chromaticity x by 1000 K / T below 4000 K and above; y by x below 2222 K, below 4000 K and above. Kang et al. 2002, "Design of
-# Advanced Color Temperature Control System for HDTV Applications".
+# Chromaticity x from 1000 K / T below 4000 K and above; y from x below 2222 K, below 4000 K and above. Kang et al. 2002,
+# "Design of Advanced Color Temperature Control System for HDTV Applications".
 X_OF_COLD, X_OF_HOT = (-0.2661239, -0.2343580, 0.8776956, 0.179910), (-3.0258469, 2.1070379, 0.2226347, 0.240390)
 Y_BELOW_2222 = (-1.1063814, -1.34811020, 2.18555832, -0.20219683)
 Y_BELOW_4000 = (-0.9549476, -1.37418593, 2.09137015, -0.16748867)
@@ -21,7 +21,7 @@ ABSORPTION = (0.245, 5.574, -10.73, 2.532, -0.215, 5.969)
 
 
 def _polynomial(x: Value, coefficients: Sequence[float]) -> Value:
-    """The highest power first."""
+    """Evaluate a polynomial by Horner's rule; the highest power's coefficient is first."""
     result = x * coefficients[0] + coefficients[1]
     for c in coefficients[2:]:
         result = result * x + c
@@ -49,7 +49,7 @@ def roughness_dual(n: Node) -> Value:
 
 
 def artistic_ior(n: Node) -> dict[str, Value]:
-    """Gulbrandsen 2014, "Artist Friendly Metallic Fresnel" (JCGT 3 (4))."""
+    """Compute a metal's IOR by Gulbrandsen 2014, "Artist Friendly Metallic Fresnel" (JCGT 3 (4))."""
     p = n.program
     r = p.clamp(n["reflectivity"], 0.0, 0.99)
     root = p.sqrt(r)
@@ -96,7 +96,7 @@ def hair_absorption_of_color(n: Node) -> Value:
 
 
 def hair_absorption_of_melanin(n: Node) -> Value:
-    """d'Eon et al. 2011, "An Energy-Conserving Hair Reflectance Model"."""
+    """Compute absorption by d'Eon et al. 2011, "An Energy-Conserving Hair Reflectance Model"."""
     p, red = n.program, n["melanin_redness"]
     melanin = 0.0 - _ln(p, p.apply("max", 1.0 - n["melanin_concentration"], 0.0001))
     dark, light = melanin * (1.0 - red), melanin * red

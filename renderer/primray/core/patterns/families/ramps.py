@@ -1,4 +1,4 @@
-"""Nodes that go from one value to another over texture coordinates; (0, 0) is below on the left."""
+"""Nodes that blend from one value to another over texture coordinates; (0, 0) is the lower left corner."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def ramptb(n: Node) -> Value:
 
 
 def splitlr(n: Node) -> Value:
-    """Sharp: samples smooth its edge, as any other's."""
+    """Switch values at a sharp edge, which pixel samples antialias."""
     return n.program.select(n.program.not_above(n["center"], n["texcoord"][0]), n["valuer"], n["valuel"])
 
 

@@ -1,4 +1,4 @@
-"""USD's own nodes: UsdUVTexture and UsdTransform2d, as UsdPreviewSurface's specification has them."""
+"""USD's own nodes, UsdUVTexture and UsdTransform2d, by the UsdPreviewSurface specification."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .images import texel
 
 
 def uv_texture(n: Node) -> Value:
-    """Some channels of the texels times scale plus bias. The fallback is neither scaled nor shifted."""
+    """Return channels of the texels, times scale plus bias. The fallback is neither scaled nor biased."""
     channels, file = n.text("channels"), n.file("file")
     scale, bias, fallback = (
         n.program.pack([n[name]["rgba".index(c)] for c in channels]) for name in ("scale", "bias", "fallback")
@@ -21,12 +21,12 @@ def uv_texture(n: Node) -> Value:
         return fallback
     at = n["st"]
     off = [n.read("st", shift) - n.read("st", NO_SHIFT) for shift in FOOTPRINT_SHIFTS]
-    missing = (fallback - bias) / scale if all(scale.constant or (0.0,)) else fallback  # of a set's tile
+    missing = (fallback - bias) / scale if all(scale.constant or (0.0,)) else fallback  # for missing tiles of a UDIM set
     return texel(n, number, at, off, n.width, missing) * scale + bias
 
 
 def transform_2d(n: Node) -> Value:
-    """Scaled, turned counter-clockwise by degrees, moved."""
+    """Scale, rotate counter-clockwise by degrees, and translate."""
     p, scaled, angle = n.program, n["in"] * n["scale"], n["rotation"] * math.radians(1)
     sine, cosine = p.apply("sin", angle), p.apply("cos", angle)
     x, y = scaled.components
