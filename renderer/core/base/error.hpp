@@ -1,4 +1,4 @@
-// What the core throws while a scene is built; never while rendering.
+// Exception that the core throws while a scene is built; never while rendering.
 #pragma once
 
 #include <stdexcept>

@@ -1,5 +1,5 @@
-// What the core is built with: all, unless PRIMRAY_WITHOUT (CMakeLists.txt) leaves features out, to measure what their code
-// costs scenes that do not use them (tests/bench/features_off.py). A scene that asks for one of those is refused.
+// Features of the core that are compiled in: all, unless PRIMRAY_WITHOUT (CMakeLists.txt) leaves some out, to measure the cost
+// of their code in scenes that do not use them (tests/bench/features_off.py). A scene that needs one of these is refused.
 #pragma once
 
 // CMakeLists.txt defines those that are left out, as 0.
@@ -69,14 +69,14 @@ constexpr bool kTextures = PRIMRAY_HAS_TEXTURES;
 constexpr bool kThin = PRIMRAY_HAS_THIN;
 }  // namespace built
 
-// A fact of a scene that spares work where it is false; so does a build without the feature.
+// Fact of a scene that saves work if it is false; constantly false in a build without the feature.
 template <bool kBuilt>
 class Fact {
  public:
   constexpr Fact(bool value) : value_(value) {}
   constexpr operator bool() const { return kBuilt && value_; }
   Fact& operator|=(bool value) { return value_ |= value, *this; }
-  // The scene has what this build lacks.
+  // Whether the scene needs what this build lacks.
   bool is_left_out() const { return !kBuilt && value_; }
 
  private:

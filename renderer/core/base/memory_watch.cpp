@@ -1,8 +1,8 @@
-// See memory_watch.hpp.
+// Thread of memory_watch.hpp.
 //
-// A thread reads what is resident, the more often the less room there is: estimates before a step refuse what does not fit, and
-// this is for what they miss. An allocator's limit would count address space, which threads and allocators reserve and leave
-// untouched.
+// It reads the resident size, more often the less room is left: estimates before each step refuse what does not fit, and this
+// is for what they miss. A limit in the allocator would count address space, which threads and allocators reserve but do not
+// touch.
 #include "base/memory_watch.hpp"
 
 #include <fcntl.h>
@@ -18,11 +18,11 @@
 namespace primray {
 namespace {
 
-// A process ends with this much room left, which it may take while the thread sleeps.
+// The process ends when this much room is left, which it may use up while the thread sleeps.
 constexpr int64_t kMargin = 24 << 20;
-// Room that a process is assumed to take no faster than, bytes a microsecond: pages of two cores being touched.
+// Assumed maximum rate at which a process takes memory, in bytes per microsecond: two cores that touch new pages.
 constexpr int64_t kFastest = 6000;
-constexpr int64_t kShortest = 500, kLongest = 20'000;  // microseconds between two looks
+constexpr int64_t kShortest = 500, kLongest = 20'000;  // microseconds between two checks
 
 std::mutex mutex;
 std::condition_variable changed;
@@ -30,7 +30,7 @@ int64_t most = 0;
 MemoryVerdict verdict;
 bool is_running = false;
 
-// Bytes resident by proc(5), 0 where they cannot be read.
+// Resident bytes according to proc(5), 0 if they cannot be read.
 int64_t resident(int statm) {
   char text[128];
   const ssize_t count = pread(statm, text, sizeof text - 1, 0);

@@ -1,4 +1,4 @@
-// Ends the process before it holds more memory than it may, for commands that have a process of their own.
+// Ends the process before it exceeds its memory limit, for commands that run in a process of their own.
 #pragma once
 
 #include <cstdint>
@@ -6,14 +6,14 @@
 
 namespace primray {
 
-// What a watch prints, around the number of MiB held then, and with which exit code the process ends.
+// Messages that a watch prints, around the number of MiB in use, and the exit code of the process.
 struct MemoryVerdict {
   std::string before, after;            // on stderr
-  std::string json_before, json_after;  // on stdout, where they are not empty
+  std::string json_before, json_after;  // on stdout, if not empty
   int exit_code;
 };
 
-// Watch what is resident against `bytes`, in place of an earlier watch; 0: no more.
+// Watches the resident size against the limit `bytes`, in place of an earlier watch; 0: stops watching.
 void watch_memory(int64_t bytes, MemoryVerdict verdict);
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// See arrays.hpp.
+// Definitions for arrays.hpp.
 #include "bindings/arrays.hpp"
 
 #include "base/error.hpp"

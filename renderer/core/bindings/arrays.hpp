@@ -1,4 +1,4 @@
-// Numpy arrays in and out, checked; the only other place than the bindings themselves that knows nanobind.
+// Checked numpy arrays as arguments and results; the only file besides the bindings themselves that uses nanobind.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -21,10 +21,10 @@ std::span<const T> span_of(const InArray<T>& a) {
   return {a.data(), a.size()};
 }
 
-// A (4, 4) or (3, 4) float64 matrix in column-vector convention.
+// Converts a (4, 4) or (3, 4) float64 matrix in column-vector convention.
 daffine affine_of(const InArray<double>& m);
 
-// A new numpy array that owns `data`.
+// Returns a new numpy array that owns `data`.
 template <class T>
 nb::object to_numpy(std::vector<T> data, std::initializer_list<size_t> shape) {
   auto* owned = new std::vector<T>(std::move(data));
@@ -35,14 +35,14 @@ nb::object to_numpy(std::vector<T> data, std::initializer_list<size_t> shape) {
 struct ImageInput;
 class SceneBuilder;
 
-// (H, W, C) floats as an image; no pixels: none.
+// Views (H, W, C) floats as an image; no pixels: no image.
 ImageInput image_input(const InArray<float>& pixels);
 
 void bind_facts(nb::module_& m);
 void bind_settings(nb::module_& m);
 void bind_scene(nb::module_& m);
-void bind_surface(nb::module_& m);                                    // of it
-void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder);  // likewise, and those below
+void bind_surface(nb::module_& m);                                    // of the module
+void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder);  // of the module and the builder; likewise those below
 void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder);
 void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder);
 void bind_film(nb::module_& m);
@@ -51,8 +51,8 @@ void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
 void bind_testing(nb::module_& m);
 void bind_caustics(nb::module_& m, nb::module_& testing);
-void bind_math(nb::module_& m);       // of it
-void bind_hierarchy(nb::module_& m);  // likewise
-void bind_replay(nb::module_& m);     // likewise
+void bind_math(nb::module_& m);       // submodule testing
+void bind_hierarchy(nb::module_& m);  // submodule testing
+void bind_replay(nb::module_& m);     // submodule testing
 
 }  // namespace primray

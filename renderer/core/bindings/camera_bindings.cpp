@@ -1,4 +1,4 @@
-// The camera for Python, with the film's window and filter.
+// Python bindings of the camera, with the film's window and filter.
 #include "bindings/inputs.hpp"
 #include "build/builder.hpp"
 
@@ -17,7 +17,7 @@ struct HeldCamera : CameraInput {
   InArray<double> held_matrices, held_numbers;
 };
 
-// x, y, width, height.
+// Sets x, y, width, height.
 void set_pixels(HeldCamera& c, nb::handle window) {
   const auto side = [&](int i) { return nb::cast<int>(window[i]); };
   c.pixels = {side(0), side(1), side(2), side(3)};

@@ -1,4 +1,4 @@
-// The guide into caustics for Python, and for the tests its densities and samples at points.
+// Python bindings of the caustic guide, and for the tests its densities and samples at points.
 #include "bindings/arrays.hpp"
 #include "pilot/learn_caustics.hpp"
 #include "render/render.hpp"
@@ -9,8 +9,8 @@ namespace {
 
 constexpr int W = 4;
 
-// For each of `p` (N, 3; world) and `u` (N, 3): (share of the rays that are guided, sampled direction, its density, that of the
-// directions `wi`).
+// Returns for each of `p` (N, 3; world space) and `u` (N, 3): (share of the rays that are guided, sampled direction, its
+// density, density of the directions `wi`).
 nb::tuple caustic_lobes(const Scene& scene, const CausticGuide& caustics, InArray<double> p_, InArray<float> u_,
                         InArray<float> wi_) {
   const size_t n = p_.size() / 3;

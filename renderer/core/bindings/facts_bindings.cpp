@@ -1,4 +1,4 @@
-// Facts of the core that Python needs as they are here: enumerations by name, sizes.
+// Python bindings of the core's constants: enumerations by name, sizes.
 #include "bindings/arrays.hpp"
 #include "bsdf/surface_inputs.hpp"
 #include "film/film.hpp"

@@ -1,4 +1,4 @@
-// Film for Python: pictures out of it, and its state in and out, whole, for checkpoints and merging.
+// Python bindings of the film: its images, and its whole state for checkpoints and merging.
 #include "base/error.hpp"
 #include "bindings/arrays.hpp"
 #include "film/film.hpp"
@@ -14,7 +14,7 @@
 namespace primray {
 namespace {
 
-// Names of the arrays that hold parts and bins of each Removal.
+// Names of the arrays with sums and bins of each Removal.
 constexpr const char* kRemovalNames[kRemovals][2] = {{"clamped", "clamped_bins"}, {"caustics", "caustics_bins"}};
 
 nb::dict state_of(const Film& f) {
@@ -66,7 +66,8 @@ std::unique_ptr<Film> film_from(int width, int height, const nb::dict& state) {
   return f;
 }
 
-// (H, W, 4) colours with coverage and (H, W, 3) standard errors; infinite where a pixel has samples of one replicate only.
+// Returns (H, W, 4) colours with coverage and (H, W, 3) standard errors; infinite where a pixel has samples of one replicate
+// only.
 nb::tuple image(const Film& f, double exposure) {
   std::vector<float> pixels(f.pixels() * 4), errors(f.pixels() * Film::kColors);
   {
@@ -84,7 +85,7 @@ nb::tuple image(const Film& f, double exposure) {
   return nb::make_tuple(to_numpy(std::move(pixels), {h, w, 4}), to_numpy(std::move(errors), {h, w, size_t(Film::kColors)}));
 }
 
-// Of each light path expression: means (E, H, W, 3), and their errors as of image().
+// Returns for each light path expression its means (E, H, W, 3), and their errors as in image().
 nb::tuple routed_image(const Film& f, double exposure) {
   const size_t n = size_t(f.expressions), values = f.pixels() * Film::kColors;
   std::vector<double> means(n * values);
@@ -106,8 +107,8 @@ nb::tuple routed_image(const Film& f, double exposure) {
                         to_numpy(std::move(errors), {n, h, w, size_t(Film::kColors)}));
 }
 
-// Light that is left out, of rows [first, end): means (rows, W, 3) and differences of both replicates (rows, W, 3), each
-// distributed as the mean's error; NaN where a pixel has samples of one replicate only.
+// Returns the removed light of rows [first, end): means (rows, W, 3) and differences of both replicates (rows, W, 3), each
+// distributed like the mean's error; NaN where a pixel has samples of one replicate only.
 nb::tuple removed_rows(const Film& f, int why, double exposure, int first, int end) {
   if (why < 0 || why >= kRemovals || !f.removed[size_t(why)].any()) throw Error("invariant", "the film counts no such light");
   if (first < 0 || end < first || end > f.height) throw Error("invariant", "the film has no such rows");
@@ -144,7 +145,7 @@ nb::dict error_of(const Film& f, double exposure, int64_t most_pixels, int threa
   return sums;
 }
 
-// Sums (R, H, W, 4) of R, G, B and coverage.
+// Returns sums (R, H, W, 4) of R, G, B and coverage.
 nb::object replicates(const Film& f) {
   std::vector<double> sums(f.counts.size() * 4);
   for (size_t p = 0; p < f.counts.size(); ++p) {
@@ -154,7 +155,7 @@ nb::object replicates(const Film& f) {
   return to_numpy(std::move(sums), {size_t(kReplicates), size_t(f.height), size_t(f.width), 4});
 }
 
-// Sums of groups of floats, `group` at a time, added up: (high, low, bin, value).
+// Returns sums of groups of floats, `group` at a time, added up: (high, low, bin, value).
 nb::tuple sum_of(const InArray<float>& terms, int group) {
   ExactSum sum;
   for (size_t i = 0; i < terms.size(); i += size_t(group))

@@ -1,5 +1,5 @@
-// First hits for Python: planes that are made once, filled by bands of rows (signals are looked after in between), and taken
-// out.
+// Python bindings of first hits: planes that are allocated once, filled by bands of rows (with signal checks in between), and
+// moved out.
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ struct FirstHits {
   FirstHitPlanes planes;
 };
 
-// `names`: the planes that are wanted; `primvars`: (name, its wider twin, width) of each; `replicate` as in FirstHitPlanes.
+// `names`: planes to fill; `primvars`: (name, its wider alternative, width) of each; `replicate`: see FirstHitPlanes.
 void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars, uint32_t replicate,
           float occlusion_distance) {
   new (self) FirstHits{scene, {}};
@@ -52,7 +52,7 @@ void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars
   }
 }
 
-// `first` and `end`: (R, tiles), the film's samples; `first_link` as Round has it.
+// `first` and `end`: (R, tiles), the film's sample ranges; `first_link`: see Round.
 void want_coverage(FirstHits& self, uint32_t seed, int screen_block, int first_link, const InArray<uint32_t>& first,
                    const InArray<uint32_t>& end) {
   CoveragePlanes& planes = self.planes.coverage;
@@ -67,7 +67,8 @@ void want_coverage(FirstHits& self, uint32_t seed, int screen_block, int first_l
   planes.by_pixel.resize(size_t(pixels.width) * pixels.height);
 }
 
-// How many surfaces cover each pixel (H, W); of all of them (N, 4) shape, surface, instance and outer instance, and shares (N).
+// Returns the number of surfaces that cover each pixel (H, W), and for all of them (N, 4) shape, surface, instance and outer
+// instance, and shares (N).
 nb::tuple take_coverage(FirstHits& self) {
   const auto& by_pixel = self.planes.coverage.by_pixel;
   std::vector<uint32_t> counts;
@@ -85,7 +86,7 @@ nb::tuple take_coverage(FirstHits& self) {
                         to_numpy(std::move(shares), {n}));
 }
 
-// The planes, which are gone afterwards.
+// Moves the planes out.
 nb::dict take(FirstHits& self) {
   FirstHitPlanes& p = self.planes;
   const size_t h = size_t(self.scene.camera.pixels.height), w = size_t(self.scene.camera.pixels.width);

@@ -1,4 +1,4 @@
-// The builder's inputs as Python classes: a field an attribute. Arrays stay alive with the input that shows them.
+// Python classes of the builder's inputs: an attribute per field. Arrays stay alive with the input that refers to them.
 #pragma once
 
 #include "bindings/arrays.hpp"
@@ -9,7 +9,7 @@ namespace primray {
 inline vec3 vec3_of(const nb::handle& h) { return {nb::cast<float>(h[0]), nb::cast<float>(h[1]), nb::cast<float>(h[2])}; }
 inline dvec3 dvec3_of(const nb::handle& h) { return {nb::cast<double>(h[0]), nb::cast<double>(h[1]), nb::cast<double>(h[2])}; }
 
-// Each is set by Python and read by the builder alone.
+// Attributes are set by Python and read by the builder alone.
 template <class Class, class Owner>
 void def_vec3(nb::class_<Class>& c, const char* name, vec3 Owner::* field) {
   c.def_prop_rw(name, nullptr, [field](Class& s, nb::handle v) { s.*field = vec3_of(v); });

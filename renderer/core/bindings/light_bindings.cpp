@@ -1,4 +1,4 @@
-// Lights for Python, with their shaping, portals and images.
+// Python bindings of lights, with their shaping, portals and images.
 #include <nanobind/stl/optional.h>
 
 #include "base/error.hpp"
@@ -14,14 +14,14 @@ struct HeldLight : LightInput {
   std::vector<std::pair<InArray<float>, InArray<double>>> held_portals;
 };
 
-// A dome's, (H, W, 3).
+// Sets the image of a dome, (H, W, 3).
 void set_texture(HeldLight& l, InArray<float> pixels) {
   l.held_texels = std::move(pixels);
   const ImageInput image = image_input(l.held_texels);
   l.texture_width = image.width, l.texture_height = image.height, l.texels = image.pixels;
 }
 
-// Rows of a matrix and two sizes, (N, 14).
+// Sets portals: rows of a matrix and two sizes, (N, 14).
 void set_portals(HeldLight& l, InArray<double> rows) {
   l.portals.clear();
   for (size_t i = 0; i + 14 <= rows.size(); i += 14) {
@@ -30,7 +30,7 @@ void set_portals(HeldLight& l, InArray<double> rows) {
   }
 }
 
-// Portal number `i` of those, as a light has `times` and `stances`.
+// Sets the motion of portal number `i`, like `times` and `stances` of a light.
 void move_portal(HeldLight& l, int i, InArray<float> times, InArray<double> stances) {
   PortalInput& portal = l.portals.at(size_t(i));
   portal.times = span_of(times), portal.stances = span_of(stances);
@@ -94,7 +94,7 @@ void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   def_vec3(light, "shadow_color", &HeldLight::shadow_color);
   builder.def("add_ies_profile", &add_ies_profile)
       .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
-      // `image`: a rectangle's texture, or -1.
+      // `image`: texture of a rectangle light, or -1.
       .def("add_light", [](SceneBuilder& b, const HeldLight& l, int image) { b.add_light(l, image); })
       .def("add_geometry_light", [](SceneBuilder& b, const HeldLight& l) { return b.add_geometry_light(l); })
       .def("set_light_of_shape", [](SceneBuilder& b, int light_number, InArray<double> matrix) {

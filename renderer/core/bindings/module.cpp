@@ -1,4 +1,4 @@
-// The extension module: one for each ISA class, same contents.
+// The extension module: one for each ISA class, with the same contents.
 #include "base/error.hpp"
 #include "base/memory_watch.hpp"
 #include "bindings/arrays.hpp"
@@ -29,7 +29,7 @@ NB_MODULE(PRIMRAY_MODULE, m) {
          int exit_code) { watch_memory(bytes, {before, after, json_before, json_after, exit_code}); },
       nb::arg("bytes"), nb::arg("before") = "", nb::arg("after") = "", nb::arg("json_before") = "", nb::arg("json_after") = "",
       nb::arg("exit_code") = 4, "End the process, saying so, before it holds so many bytes; 0: no more.");
-  // Core errors carry a code; Python makes them into the classes of primray.errors.
+  // Core errors carry a code; Python converts them to the classes of primray.errors.
   static PyObject* core_error = nb::exception<Error>(m, "CoreError").release().ptr();
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
     try {

@@ -1,4 +1,4 @@
-// A render's rays on one thread, kept in order.
+// Rays of a render on one thread, recorded in order.
 #pragma once
 
 #include "path/rays/ray_recorder.hpp"

@@ -1,4 +1,5 @@
-// render_pass() for Python. The GIL is free while threads render; signals and progress are looked after in between.
+// Python binding of render_pass(). The GIL is released while threads render; signals are checked and progress is reported in
+// between.
 #include <nanobind/stl/pair.h>
 
 #include "bindings/arrays.hpp"
@@ -18,7 +19,7 @@ PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& end
   const Progress poll = [&](double fraction) {
     const nb::gil_scoped_acquire gil;
     if (PyErr_CheckSignals() != 0) {
-      // Only a keyboard interrupt is an answer that leaves a picture; it is told through `interrupted`.
+      // Only a keyboard interrupt ends the pass with a valid image; it is reported through `interrupted`.
       if (!PyErr_ExceptionMatches(PyExc_KeyboardInterrupt)) PyErr_WriteUnraisable(nullptr);
       PyErr_Clear();
       return false;
@@ -35,7 +36,7 @@ PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& end
       try {
         return poll(fraction);
       } catch (...) {
-        // What the callback raised goes on after the threads have ended.
+        // Exceptions of the callback are rethrown after the threads have ended.
         error = std::current_exception();
         return false;
       }
@@ -46,7 +47,7 @@ PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& end
   return statistics;
 }
 
-// `settings`: of these the depth and the seed.
+// Only depth and seed of `settings` are used.
 void record(Recording* self, const Scene& scene, int samples, const IntegratorSettings& asked, int lanes) {
   new (self) Recording{scene, lanes, {}};
   Film film(scene.camera.pixels.width, scene.camera.pixels.height);
@@ -64,7 +65,7 @@ void record(Recording* self, const Scene& scene, int samples, const IntegratorSe
   render_pass(scene, settings, lanes, ends, film, {}, &self->rays);
 }
 
-// (is it a shadow ray, its time) of every ray, in order: (N,) and (N,).
+// Returns (whether it is a shadow ray, its time) for every ray, in order: (N,) and (N,).
 nb::tuple times_of(const Recording& r) {
   std::vector<uint8_t> shadow;
   std::vector<float> times;

@@ -1,4 +1,4 @@
-// SceneBuilder and Scene for Python: arrays in, as description.py has them.
+// Python bindings of SceneBuilder and Scene: arrays as in description.py.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -13,7 +13,7 @@ void set_texture_image(SceneBuilder& b, int texture, int tile, InArray<float> pi
   b.set_texture_image(texture, tile, {span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0))});
 }
 
-// Size, kept levels, bytes a channel and bytes of every image, in order.
+// Returns size, kept levels, bytes per channel and bytes of every image, in order.
 nb::list texture_images(const Scene& scene) {
   nb::list r;
   for (const Texture& t : scene.textures) {
@@ -29,7 +29,8 @@ nb::list texture_images(const Scene& scene) {
   return r;
 }
 
-// By placement: its group, its first instance, and the group that it stands in (0: the world); then the number of instances.
+// Returns by placement: its group, its first instance, and the group that contains it (0: the world); then the number of
+// instances.
 nb::tuple placements_of(const Scene& scene) {
   const size_t count = scene.placement_group.size();
   std::vector<int32_t> parent(count);

@@ -1,4 +1,4 @@
-// What a user may ask of the integrator, for Python. Guides are those of the scene's owner, who keeps them.
+// Python bindings of the integrator's settings. Guides are kept by the owner of the scene.
 #include "base/error.hpp"
 #include "base/integrator_settings.hpp"
 #include "bindings/arrays.hpp"
@@ -9,7 +9,7 @@
 namespace primray {
 namespace {
 
-// (S, events), (S, ends) and a mask a class, as renderer/primray/light_paths makes them.
+// Converts (S, events), (S, ends) and a mask per class, as renderer/primray/light_paths creates them.
 RouteTables tables_of(const InArray<uint8_t>& next, const InArray<uint8_t>& class_of, const InArray<uint32_t>& members,
                       int expressions, bool counts_straight, int leaves_out) {
   RouteTables t;

@@ -1,4 +1,4 @@
-// Meshes, curved shapes and their primvars for Python, and the boxes of arrays of points.
+// Python bindings of meshes, curved shapes and their primvars, and bounding boxes of arrays of points.
 #include <algorithm>
 
 #include "bindings/inputs.hpp"
@@ -12,12 +12,12 @@ struct HeldMesh : MeshInput {
   InArray<int32_t> held_triangles, held_surfaces;
 };
 
-// (N, 2, 3): the least and greatest coordinates of every array of points; zeros where there are none.
+// Returns (N, 2, 3): the smallest and largest coordinates of every array of points; zeros for empty arrays.
 nb::object boxes(nb::list arrays) {
   std::vector<double> out;
   out.reserve(6 * arrays.size());
   for (nb::handle each : arrays) {
-    const InArray<float> array = nb::cast<InArray<float>>(each);  // a copy of its own where the array is not contiguous
+    const InArray<float> array = nb::cast<InArray<float>>(each);  // a copy if the array is not contiguous
     const std::span<const float> p = span_of(array);
     float low[3] = {0, 0, 0}, high[3] = {0, 0, 0};
     for (size_t i = 0; i < p.size(); ++i) {

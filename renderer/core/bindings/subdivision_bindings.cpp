@@ -1,4 +1,5 @@
-// dice() for Python: a cage's arrays in, as description.py has them, and a dictionary of arrays out; and what displaces it.
+// Python binding of dice(): a cage's arrays as in description.py, and a dictionary of arrays as the result; and its
+// displacement.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -89,7 +90,7 @@ DisplacedShape shape_of(nb::handle d, const DiceInput& in) {
   return shape;
 }
 
-// Of a cage that `dice` is given under this name, or None.
+// Sets the displacement of a cage that `dice` has under this name, or None.
 void set_displacing(nb::handle d, DiceInput& in) {
   if (d.is_none()) return;
   Displacing& how = in.displacing.emplace();
@@ -129,7 +130,7 @@ nb::dict as_dict(Diced d, const DiceInput& in) {
   return out;
 }
 
-// None where the result would have more than max_triangles.
+// Returns None if the result would have more than max_triangles.
 nb::object dice_cage(nb::dict arrays) {
   DiceInput in = input_of(arrays);
   set_displacing(arrays["displacement"], in);

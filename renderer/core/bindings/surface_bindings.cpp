@@ -1,4 +1,4 @@
-// Surfaces for Python: their constants, and where the inputs that vary come from.
+// Python bindings of surfaces: their constants, and the sources of varying inputs.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -12,7 +12,7 @@ namespace primray {
 
 namespace {
 
-// One row an instruction: operation, width, steps, result, four operands, data.
+// One row per instruction: operation, width, steps, result, four operands, data.
 constexpr size_t kCodeColumns = 9;
 
 std::vector<Instruction> code_of(std::span<const int32_t> rows) {
@@ -63,7 +63,7 @@ void bind_tape(nb::module_& m) {
       .def_rw("asks_object_space", &Tape::asks_object_space);
 }
 
-// A colour or a number of the inputs that `member` finds.
+// Binds a colour or a number of the inputs that `member` finds.
 template <class Inputs, class Member>
 void def_input(nb::class_<Inputs>& c, const char* name, Member member) {
   using Value = std::remove_cvref_t<decltype(member(std::declval<Inputs&>()))>;

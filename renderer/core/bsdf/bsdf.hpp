@@ -1,13 +1,13 @@
-// UsdPreviewSurface's diffuse, specular, clearcoat and transmission lobes, and plain Lambert; OpenPBR's lobes are beside them
-// in bsdf_with_open_pbr.hpp.
+// Lobes of UsdPreviewSurface (diffuse, specular, clearcoat and transmission) and of plain Lambert surfaces; OpenPBR's lobes are
+// added in bsdf_with_open_pbr.hpp.
 //
-// In a local frame whose +z is the shading normal on the side of wo (unit, away from the surface; so is wi). f_cos = f |cos
-// theta_i|. Base layer as the specification has it: diffuse albedo / pi (1 - F(wo.h)) plus GGX with F = lerp(F0, F90, (1 -
-// wo.h)^5). That sum reflects more than it receives at grazing angles, so the diffuse lobe is multiplied by k(wo) k(wi), k =
-// min(1, (1 - E) / D) with E and D the albedos of both lobes: 1 where the specification conserves energy, reciprocal, and never
-// above it (docs/decisions/surfaces). The clearcoat takes from the base what it reflects: (1 - c Ec(wo)) (1 - c Ec(wi)). What
-// is not opaque passes without roughness: refracted if the geometry is closed, else straight on. Radiance along refracted paths
-// is kept as L / n^2, so no factor appears.
+// Directions are in a local frame whose +z is the shading normal on the side of wo (unit, away from the surface; so is wi).
+// f_cos = f |cos theta_i|. Base layer according to the specification: diffuse albedo / pi (1 - F(wo.h)) plus GGX with F =
+// lerp(F0, F90, (1 - wo.h)^5). That sum reflects more than it receives at grazing angles, so the diffuse lobe is multiplied by
+// k(wo) k(wi), k = min(1, (1 - E) / D) with E and D the albedos of both lobes: 1 where the specification conserves energy,
+// reciprocal, and never above it (docs/decisions/surfaces). The clearcoat attenuates the base by what it reflects: (1 - c
+// Ec(wo)) (1 - c Ec(wi)). Light that is not absorbed by opacity passes without roughness: refracted if the geometry is closed,
+// otherwise straight. Radiance along refracted paths is kept as L / n^2, so no factor appears.
 #pragma once
 
 #include "bsdf/basics/albedo.hpp"
@@ -32,22 +32,22 @@ PRIMRAY_INLINE vvec3<W> divide(const vvec3<W>& a, const vvec3<W>& b) {
 
 template <int W>
 struct Bsdf {
-  static constexpr bool kInMedium = false;     // no surface
-  static constexpr bool kAmongBodies = false;  // path/interiors may follow bodies there
-  static constexpr bool kFibres = false;       // some may be hair
+  static constexpr bool kInMedium = false;     // not a surface
+  static constexpr bool kAmongBodies = false;  // media are followed at these vertices (path/interiors)
+  static constexpr bool kFibres = false;       // some lanes may be hair
 
-  vbool<W> preview;  // else Lambert
+  vbool<W> preview;  // otherwise Lambert
   bool any_preview;
   vvec3<W> diffuse;
-  // Used where `preview`:
+  // Valid where `preview`:
   vvec3<W> f0, f90, k_out, transmission;
-  vfloat<W> alpha, roughness, presence, eta;  // eta: index of refraction on wi's side of a refraction over that on wo's
+  vfloat<W> alpha, roughness, presence, eta;  // eta: index of refraction on wi's side of a refraction over that on wo's side
   vfloat<W> coat, coat_alpha, coat_roughness, coat_f0, coat_keep;  // coat_keep = 1 - c Ec(wo)
-  vfloat<W> p_diffuse, p_specular, p_coat;  // chances of the lobes, the rest transmits; all given presence
+  vfloat<W> p_diffuse, p_specular, p_coat;  // probabilities of the lobes, given presence; the rest transmits
   vbool<W> thin, mirror;
   bool any_coat, any_transmission, any_presence;
 
-  // Surfaces `field`, seen along wo (local) from the geometry's front or back.
+  // Lobes of the surfaces in rows `field`, seen along wo (local) from the geometry's front or back.
   PRIMRAY_INLINE Bsdf(const SurfaceTable& table, vint<W> surface, vbool<W> active, const vvec3<W>& wo, vbool<W> front)
       : Bsdf(SurfaceRows<W>(table, surface), active, wo, front) {}
   PRIMRAY_INLINE Bsdf(const SurfaceRows<W>& field, vbool<W> active, const vvec3<W>& wo, vbool<W> front) {
@@ -72,7 +72,8 @@ struct Bsdf {
     const vbool<W> to_rarer = preview & !thin & (pass > vfloat<W>(0.0f)) & (eta < vfloat<W>(1.0f));
     vbool<W> reflects_all(false);
     if (any(to_rarer)) {
-      // From the denser side, Schlick's term takes the angle on the other, and all is reflected beyond the critical one.
+      // From the denser side, Schlick's term takes the angle on the other side, and all light is reflected beyond the critical
+      // angle.
       const vfloat<W> sin2 = (1.0f - cos_out * cos_out) / (eta * eta);
       const vfloat<W> rarer = safe_sqrt(1.0f - sin2), s = pow5(1.0f - rarer);
       reflects_all = to_rarer & (sin2 >= vfloat<W>(1.0f));
@@ -81,7 +82,7 @@ struct Bsdf {
     }
     const vvec3<W> e = specular_albedo(cos_out);
     k_out = keep_diffuse(cos_out, e);
-    // A rough lobe's albedo stays below 1 even where all is reflected: nothing passes there all the same.
+    // A rough lobe's albedo stays below 1 even under total reflection: nothing is transmitted there all the same.
     transmission = select(reflects_all, vvec3<W>(vfloat<W>(0.0f)), (vvec3<W>(vfloat<W>(1.0f)) - min(e, 1.0f)) * pass);
     coat = field(kClearcoat);
     any_coat = any(preview & (coat > vfloat<W>(0.0f)));
@@ -100,7 +101,7 @@ struct Bsdf {
     p_specular = w_specular * scale, p_coat = w_coat * scale;
   }
 
-  // Lanes in which directions below the surface get light that no delta lobe brings.
+  // Returns the lanes in which directions below the surface receive light by non-delta lobes.
   static vbool<W> lets_through() { return vbool<W>(false); }
 
   PRIMRAY_INLINE vvec3<W> specular_albedo(vfloat<W> cos_theta) const {
@@ -112,7 +113,7 @@ struct Bsdf {
     const LobeAlbedo<W> a = ggx_albedo(cos_theta, coat_roughness);
     return coat_f0 * a.f0 + a.f90;
   }
-  // k: how much of the specified diffuse lobe is left at this angle, given the specular albedo there.
+  // k: share of the specified diffuse lobe at this angle, given the specular albedo there.
   PRIMRAY_INLINE vvec3<W> keep_diffuse(vfloat<W> cos_theta, const vvec3<W>& e) const {
     const vfloat<W> loss = diffuse_fresnel_loss(cos_theta);
     const vvec3<W> one(vfloat<W>(1.0f));
@@ -121,7 +122,7 @@ struct Bsdf {
     return min(k, 1.0f);
   }
 
-  // All but the delta lobes.
+  // Evaluates all but the delta lobes.
   PRIMRAY_INLINE BsdfEval<W> eval(const vvec3<W>& wo, const vvec3<W>& wi) const {
     const vbool<W> reflects = (wi.z > vfloat<W>(0.0f)) & (wo.z > vfloat<W>(0.0f));
     const vfloat<W> cos_in = select(reflects, wi.z, vfloat<W>(0.0f));
@@ -161,7 +162,8 @@ struct Bsdf {
   PRIMRAY_INLINE BsdfSample<W> sample(const vvec3<W>& wo, vfloat<W> lobe, vfloat<W> u, vfloat<W> v) const {
     const vbool<W> never(false);
     const vfloat<W> zero(0.0f);
-    // Cosine-weighted direction for the diffuse lobe; Malley's method on the polar map, whose strata stay compact enough here.
+    // Cosine-weighted direction for the diffuse lobe: Malley's method on the polar map, whose strata remain compact enough
+    // here.
     const vfloat<W> r = sqrt(u);
     const SinCos<W> phi = sincos_turns(v);
     vvec3<W> wi{r * phi.cos, r * phi.sin, sqrt(1.0f - u)};
@@ -185,7 +187,7 @@ struct Bsdf {
     wi = select(is_mirror, vvec3<W>(-wo.x, -wo.y, wo.z), wi);
     vbool<W> straight = gone;
     if (any_transmission) {
-      // Snell's law about +z; where all is reflected, transmission is 0.
+      // Snell's law about +z; under total reflection, transmission is 0.
       const vfloat<W> ratio = 1.0f / eta;
       const vfloat<W> cos_in = safe_sqrt(1.0f - ratio * ratio * (1.0f - wo.z * wo.z));
       wi = select(passes, select(thin, -wo, vvec3<W>(-wo.x * ratio, -wo.y * ratio, -cos_in)), wi);
@@ -197,7 +199,7 @@ struct Bsdf {
     const BsdfEval<W> e = eval(wo, wi);
     vvec3<W> weight = (e.diffuse + e.specular) * (1.0f / max(e.pdf, 1e-30f));
     weight = select(e.pdf > zero, weight, vvec3<W>(zero));
-    // Exactly what the early return above gives, or a lane's bits would depend on its neighbours.
+    // Must equal the early return above exactly, or a lane's bits would depend on its neighbours.
     weight = select(preview, weight, diffuse);
     const vfloat<W> keep = any_coat ? coat_keep : vfloat<W>(1.0f);
     const vvec3<W> f = lerp(f0, f90, pow5(1.0f - wo.z));
@@ -211,7 +213,7 @@ struct Bsdf {
   }
 };
 
-// What a straight shadow ray keeps when it crosses a surface: its gap in presence, and what passes if it is thin.
+// Straight transmittance of a shadow ray that crosses a surface: where the surface is absent, and what passes if it is thin.
 template <int W>
 PRIMRAY_INLINE vvec3<W> straight_transmittance(const Bsdf<W>& b) {
   const vvec3<W> zero(vfloat<W>(0.0f));

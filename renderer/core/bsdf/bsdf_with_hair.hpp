@@ -1,5 +1,5 @@
-// Surfaces of scenes that have hair: those lanes by its own lobes (hair/hair.hpp), the others as in scenes without, which have
-// nothing to do with this file.
+// Lobes in scenes with hair: lanes on hair use its lobes (hair/hair.hpp), the others those of scenes without hair, which do not
+// include this file.
 #pragma once
 
 #include <optional>
@@ -18,7 +18,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
 
   vbool<W> is_hair;
   bool all_hair = false;
-  std::optional<Hair<W>> hair;  // where any is
+  std::optional<Hair<W>> hair;  // if any lane is hair
 
   BsdfWithHair(const SurfaceTable& table, vint<W> surface, vbool<W> active, const V& wo, vbool<W> front)
       : BsdfWithHair(SurfaceRows<W>(table, surface), active, wo, front) {}
@@ -53,7 +53,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
     all_hair = !any(active & !is_hair);
     const vint<W> row = select(is_hair, truncate(field(kOpenPbrRow)), vint<W>(0));
     hair.emplace(HairRows<W>{field.hair, row * vint<W>(kHairFields)}, wo);
-    // What passes has been through the fibre already where it meets the far wall from within.
+    // Where light hits the far wall from within, it has already passed through the fibre.
     const vbool<W> within = is_hair & !front;
     this->presence = select(within, 0.0f, this->presence);
     this->any_presence |= any(within);
@@ -68,7 +68,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
   }
 };
 
-// What a straight shadow ray keeps when it crosses surfaces of such scenes.
+// Straight transmittance of a shadow ray through surfaces of such scenes.
 template <int W>
 PRIMRAY_INLINE vvec3<W> straight_through_hair(const SurfaceRows<W>& field, vbool<W> active, vbool<W> front,
                                               const vvec3<W>& other) {
@@ -76,7 +76,7 @@ PRIMRAY_INLINE vvec3<W> straight_through_hair(const SurfaceRows<W>& field, vbool
   return select(is_hair, vvec3<W>(select(front, 1.0f - field(kPresence), 1.0f)), other);
 }
 
-// Turns frames of hair in lanes `m` about their normals, until +x lies along the fibre.
+// Rotates the frames of hair in lanes `m` about their normals, until +x points along the fibre.
 template <int W>
 PRIMRAY_RARE void align_fibre(const SurfaceRows<W>& field, vbool<W> m, const vvec3<W>& along, Frame<vfloat<W>>& frame) {
   m &= (truncate(field(kFlags)) & vint<W>(kHair)) != vint<W>(0);

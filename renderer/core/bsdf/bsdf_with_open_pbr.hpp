@@ -1,5 +1,5 @@
-// Surfaces of scenes that have OpenPBR ones: those lanes by their own lobes (open_pbr/open_pbr.hpp), the others as in scenes
-// without, which have nothing to do with this file.
+// Lobes in scenes with OpenPBR surfaces: lanes on these use its lobes (open_pbr/open_pbr.hpp), the others those of scenes
+// without, which do not include this file.
 #pragma once
 
 #include <optional>
@@ -22,11 +22,11 @@ struct BsdfWithOpenPbr : Bsdf<W> {
 
   vbool<W> is_open_pbr;
   bool all_open_pbr = false;
-  std::optional<OpenPbr<W>> open_pbr;  // where any is
+  std::optional<OpenPbr<W>> open_pbr;  // if any lane is OpenPBR
 
   BsdfWithOpenPbr(const SurfaceTable& table, vint<W> surface, vbool<W> active, const V& wo, vbool<W> front)
       : BsdfWithOpenPbr(SurfaceRows<W>(table, surface), active, wo, front) {}
-  // `beside` and `deep` as of OpenPbr.
+  // `beside` and `deep`: see OpenPbr.
   BsdfWithOpenPbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front, F beside = F(1.0f),
                   vbool<W> deep = vbool<W>(false))
       : Bsdf<W>(field, active, wo, front), is_open_pbr(false) {
@@ -65,7 +65,7 @@ struct BsdfWithOpenPbr : Bsdf<W> {
   }
 
  private:
-  // Also what others ask of any surface.
+  // Also sets the members that are read for any surface.
   __attribute__((noinline)) void set_open_pbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front,
                                               F beside, vbool<W> deep) {
     const vbool<W> m = is_open_pbr;
@@ -78,7 +78,7 @@ struct BsdfWithOpenPbr : Bsdf<W> {
     this->mirror = select(m, o.mirror, this->mirror);
     this->transmission = select(m, o.straight_transmittance(wo), this->transmission);
     this->coat_keep = select(m, F(1.0f), this->coat_keep);
-    this->thin = this->thin | (m & o.matched);  // light goes straight on
+    this->thin = this->thin | (m & o.matched);  // light continues straight
   }
   BsdfSample<W> sample_open_pbr(const V& wo, F lobe, F u, F v) const {
     if (!this->any_presence) return open_pbr->sample(wo, lobe, u, v);
@@ -90,7 +90,7 @@ struct BsdfWithOpenPbr : Bsdf<W> {
   }
 };
 
-// Turns frames of OpenPBR surfaces in lanes `m` about their normals, until +x lies along what is left of the tangent.
+// Rotates the frames of OpenPBR surfaces in lanes `m` about their normals, until +x points along the projected tangent.
 template <int W>
 PRIMRAY_RARE void align_tangent(const SurfaceRows<W>& field, vbool<W> m, Frame<vfloat<W>>& frame) {
   const vint<W> flags = truncate(field(kFlags));

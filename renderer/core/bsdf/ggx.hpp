@@ -1,12 +1,12 @@
-// The GGX microfacet distribution in a local frame (normal = +z): density, Smith shadowing, sampling of visible normals.
+// GGX microfacet distribution in a local frame (normal = +z): density, Smith shadowing, sampling of visible normals.
 #pragma once
 
 #include "math/transcendental.hpp"
 
 namespace primray {
 
-// D(h), Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", eq. 33, written in h's components so
-// that a narrow peak keeps its digits.
+// D(h), Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", eq. 33, expressed by h's components,
+// which keeps a narrow peak precise.
 template <int W>
 PRIMRAY_INLINE vfloat<W> ggx_density(const vvec3<W>& h, vfloat<W> alpha) {
   const vfloat<W> a2 = alpha * alpha, q = h.x * h.x + h.y * h.y + a2 * h.z * h.z;
@@ -20,17 +20,16 @@ PRIMRAY_INLINE vfloat<W> ggx_lambda(const vvec3<W>& w, vfloat<W> alpha) {
   return 0.5f * (sqrt(1.0f + alpha * alpha * tan2) - 1.0f);
 }
 
-// What a reflection's normals are drawn from: the part of the visible ones, as a cap of the sphere, beyond which wo would be
-// reflected below the surface; Eto and Tokuyoshi 2023, "Bounded VNDF Sampling for Smith-GGX Reflections", their k for alpha
-// <= 1.
+// Bound of the sampled cap of visible normals, beyond which wo would be reflected below the surface; Eto and Tokuyoshi 2023,
+// "Bounded VNDF Sampling for Smith-GGX Reflections", their k for alpha <= 1.
 template <int W>
 PRIMRAY_INLINE vfloat<W> ggx_cap(const vvec3<W>& wo, vfloat<W> alpha) {
   const vfloat<W> s = 1.0f + safe_sqrt(wo.x * wo.x + wo.y * wo.y), s2 = s * s, a2 = alpha * alpha;
   return (1.0f - a2) * s2 / (s2 + a2 * wo.z * wo.z);
 }
 
-// A normal h about which to reflect wo (wo.z > 0, alpha from 0 to 1): Dupuy and Benyoub 2023, "Sampling Visible GGX Normals
-// with Spherical Caps", on the bounded cap.
+// Samples a normal h about which to reflect wo (wo.z > 0, alpha from 0 to 1): Dupuy and Benyoub 2023, "Sampling Visible GGX
+// Normals with Spherical Caps", on the bounded cap.
 template <int W>
 PRIMRAY_INLINE vvec3<W> ggx_sample_normal(const vvec3<W>& wo, vfloat<W> alpha, vfloat<W> u, vfloat<W> v) {
   const vvec3<W> std = normalize(vvec3<W>(wo.x * alpha, wo.y * alpha, wo.z));
@@ -41,7 +40,7 @@ PRIMRAY_INLINE vvec3<W> ggx_sample_normal(const vvec3<W>& wo, vfloat<W> alpha, v
   return normalize(vvec3<W>(h.x * alpha, h.y * alpha, h.z));
 }
 
-// The density of wi = reflect(wo, h) per solid angle, over D(h).
+// Density of wi = reflect(wo, h) per solid angle, over D(h).
 template <int W>
 PRIMRAY_INLINE vfloat<W> ggx_reflection_density(const vvec3<W>& wo, vfloat<W> alpha) {
   const vfloat<W> side2 = wo.x * wo.x + wo.y * wo.y;

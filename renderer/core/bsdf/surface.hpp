@@ -1,6 +1,6 @@
-// Surfaces as a table of floats, one row each, reduced from UsdPreviewSurface's inputs to what the BSDF evaluates. An OpenPBR
-// surface has a row of its own beside (open_pbr/row.hpp), and so has hair (hair/row.hpp); the row here says what others ask of
-// any surface.
+// Surface table: one row of floats per surface, reduced from UsdPreviewSurface's inputs to what the BSDF evaluates. An OpenPBR
+// surface has another row beside it (open_pbr/row.hpp), and so has hair (hair/row.hpp); the row here has the properties that
+// are read for any surface.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace primray {
 
-// Inputs, as UsdPreviewSurface names them (scene description, not lanes).
+// Inputs with the names of UsdPreviewSurface (scene description, not lanes).
 struct SurfaceInput : VaryingInputs<vec3, float> {
   SurfaceInput()
       : VaryingInputs{.diffuse_color{0.18f, 0.18f, 0.18f},
@@ -30,8 +30,8 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   bool lambert = true;
   bool use_specular_workflow = false;
   bool presence = false, thin = false;
-  float opacity_threshold = 0;    // above 0: a cut-out, whole where it is at all
-  float dielectric_priority = 0;  // of bodies that overlap the higher one is there
+  float opacity_threshold = 0;    // above 0: a cutout, opaque where present
+  float dielectric_priority = 0;  // where objects overlap the higher one prevails
   CameraSight camera = CameraSight::kSeen;
   std::optional<OpenPbrInput> open_pbr;
   std::optional<HairInput> hair;
@@ -46,19 +46,19 @@ enum SurfaceField : int {
   kEmission = kF90 + 3,    // radiance
   kAlpha = kEmission + 3,  // GGX width; 0: mirror
   kRoughness,              // sqrt(alpha), the albedo table's axis
-  kTransmission,           // fraction of what is not reflected that passes through
-  kPresence,               // probability that the surface is there at all
+  kTransmission,           // transmitted share of the light that is not reflected
+  kPresence,               // probability that the surface is present
   kIor,
   kClearcoat,
   kClearcoatAlpha,
   kClearcoatRoughness,
   kClearcoatF0,
-  kOpenPbrRow,  // of an OpenPBR surface, or of hair, in its own table
+  kOpenPbrRow,  // row of an OpenPBR surface, or of hair, in its own table
   kSurfaceFields
 };
 enum SurfaceFlag : int32_t { kPreview = 1, kEmits = 2, kThin = 4, kOpenPbr = 8, kHair = 16 };
 
-// The same on lanes, all of one surface.
+// Inputs in lanes, all of one surface.
 template <int W>
 struct SurfaceValues : VaryingInputs<vvec3<W>, vfloat<W>> {
   PRIMRAY_INLINE explicit SurfaceValues(const SurfaceInput& s) {
@@ -67,7 +67,7 @@ struct SurfaceValues : VaryingInputs<vvec3<W>, vfloat<W>> {
       value = std::remove_reference_t<decltype(value)>(member(s));
     });
   }
-  // A value that varies: the first number of `x`, or all three; NaN becomes the lower bound.
+  // Sets a value that varies: the first component of `x`, or all three; NaN becomes the lower bound.
   PRIMRAY_INLINE void set(InputField field, const vvec3<W>& x) {
     for_each_input([&](InputField own, const char*, InputRange range, auto member) {
       if (own != field) return;
@@ -81,8 +81,8 @@ struct SurfaceValues : VaryingInputs<vvec3<W>, vfloat<W>> {
   }
 };
 
-// Columns of W rows of the surface `s`, whose constants `v` may vary. What is not opaque with an opacity threshold is not
-// there at all, so what is there is opaque.
+// Computes the columns of W rows of the surface `s`, whose constants `v` may vary. With an opacity threshold, a surface is
+// either absent or opaque.
 template <int W>
 PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, vfloat<W> (&row)[kSurfaceFields]) {
   using F = vfloat<W>;
@@ -91,7 +91,7 @@ PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>
   const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
   for (F& f : row) f = zero;
   const vbool<W> emits = max_component(v.emissive_color) > zero;
-  // A Lambert surface that may be there in part only: a preview surface that reflects nothing specularly, F0 = F90 = 0.
+  // A Lambert surface that may be present only in part: a preview surface without specular reflection, F0 = F90 = 0.
   const bool preview = !s.lambert || s.presence;
   row[kFlags] = F(float((preview ? kPreview : 0) | (s.thin ? kThin : 0))) + select(emits, F(float(kEmits)), zero);
   put(kEmission, v.emissive_color);
@@ -127,7 +127,7 @@ PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>
   row[kClearcoatF0] = f0;
 }
 
-// The same of an OpenPBR surface, whose row is number `at`, in about the words of the other model.
+// Computes the columns of an OpenPBR surface with row number `at`, approximated in terms of the preview surface.
 template <int W>
 PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, const OpenPbrValues<W>& o,
                                  const vfloat<W> (&open)[kOpenPbrFields], vfloat<W> at, vfloat<W> (&row)[kSurfaceFields]) {
@@ -153,8 +153,8 @@ PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& 
   row[kOpenPbrRow] = at;
 }
 
-// The same of hair, whose row is number `at`: to others it is about as a diffuse surface of the colour that light has after a
-// mean way through, pi / 2 radii.
+// Computes the columns of hair with row number `at`: approximated by a diffuse surface with the colour of light after a mean
+// distance through the fibre, pi / 2 radii.
 template <int W>
 PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, const HairValues<W>& hair, vfloat<W> at,
                                  vfloat<W> (&row)[kSurfaceFields]) {
@@ -172,7 +172,7 @@ PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& 
 }
 
 struct SurfaceTable {
-  std::vector<float> rows;      // kSurfaceFields floats a surface; kFlags holds the flags as a float (exact)
+  std::vector<float> rows;      // kSurfaceFields floats per surface; kFlags holds the flags as a float (exact)
   std::vector<float> open_pbr;  // kOpenPbrFields floats each
   std::vector<float> hair;      // kHairFields floats each
   int32_t add(const SurfaceInput& s) {
@@ -197,7 +197,7 @@ struct SurfaceTable {
   }
 };
 
-// Where the rows of W lanes stand: in the table, or where evaluate_inputs() has written them.
+// Rows of W lanes: in the table, or where evaluate_inputs() has written them.
 template <int W>
 struct SurfaceRows {
   const float* rows;
@@ -212,7 +212,7 @@ struct SurfaceRows {
         open_pbr(table.open_pbr.data()),
         hair(table.hair.data()) {}
   PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
-  // Three of these in one; no color is a row's last.
+  // Reads three columns at once; no colour is the last of a row.
   PRIMRAY_INLINE vvec3<W> color(int field) const {
     const FourLanes<float, W> c = gather_four<W>(rows + field, base);
     return {c.x, c.y, c.z};

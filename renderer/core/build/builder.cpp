@@ -1,4 +1,4 @@
-// Filling the scene; lights are in builder_lights.cpp.
+// Construction of the scene; lights are in builder_lights.cpp.
 #include "build/builder.hpp"
 
 #include <algorithm>
@@ -53,7 +53,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   const std::span<const float> first_points = moves ? mesh.step_points : mesh.points;
   s.positions.resize(s.positions.size() + 3 * points);
   place_points(first_points.first(3 * points), group_from_object, s.positions.data() + 3 * size_t(first_vertex));
-  // A mirrored mesh keeps its outside by turning its triangles around; attributes by corner turn with them.
+  // A mirrored mesh keeps its outside by reversing its triangles; attributes by corner are reordered with them.
   const bool mirrored = group_from_object.determinant() < 0;
   const int order[3] = {0, mirrored ? 2 : 1, mirrored ? 1 : 2};
   const uint32_t base = uint32_t(first_vertex) - group.vertex_base;
@@ -80,7 +80,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
 
   last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored, last_is_curved_ = false;
-  // One row for each surface that the mesh wears; most wear one.
+  // One row for each surface of the mesh; most meshes have one.
   std::unordered_map<int32_t, int32_t> row_of_surface;
   for (size_t t = 0; t < triangles; ++t) {
     const int32_t surface = mesh.surfaces[mesh.surfaces.size() == 1 ? 0 : t];
@@ -232,14 +232,14 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   if (s.motion.any_points) s.meshes.normal_stride.resize(s.meshes.surface.size(), 0);
   s.curves.shrink();
   s.positions.insert(s.positions.end(), 4, 0.0f);  // Embree reads 16 bytes of the last vertex
-  s.indices.push_back(0);                          // as the core does of the last triangle
+  s.indices.push_back(0);                          // the core does so for the last triangle
   for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
     const float* row = &s.surfaces.rows[i];
     const int flags = int(row[kFlags]);
     s.has_emission |= (flags & kEmits) != 0;
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1 || (flags & kHair);
   }
-  // Rays of the camera go on from what they do not see as through what is see-through.
+  // Camera rays pass through hidden surfaces as if these were transmissive.
   s.has_thin |= s.camera_sights.any();
   note_inputs(s);
   note_bodies(s);

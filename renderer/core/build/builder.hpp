@@ -1,5 +1,5 @@
-// From double-precision input in scene units to the Scene's flat float arrays, relative to an origin and scaled by a power of
-// two.
+// Builder of the Scene's flat float arrays from double-precision input in scene units, relative to an origin and scaled by a
+// power of two.
 #pragma once
 
 #include <memory>
@@ -17,28 +17,28 @@ namespace primray {
 
 class SceneBuilder {
  public:
-  // world point -> (world - origin) * scale; scale is a power of two, so that nothing is rounded by it.
+  // world point -> (world - origin) * scale; scale is a power of two, so that it causes no rounding.
   SceneBuilder(dvec3 origin, double scale);
   SceneBuilder(const SceneBuilder&) = delete;
-  // Opens a finished scene again (build/builder_again.cpp): its shapes, placements and textures stay, and all else is to be
-  // given anew, as many surfaces and textures as before among it. What moves, and shapes that are lights, it must not have.
+  // Reopens a finished scene (build/builder_again.cpp): its shapes, placements and textures are kept, everything else must be
+  // given again, with the same numbers of surfaces and textures. It must have neither motion nor shapes that are lights.
   explicit SceneBuilder(std::unique_ptr<Scene> scene);
 
-  // How many names of primvars the surfaces' inputs read; before any shape.
+  // Number of primvar names that the surfaces' inputs read; must be set before any shape.
   void set_primvar_names(int count) { scene_->primvars.names = count; }
-  // Inputs that vary, beside the surface's constants; textures by their number.
+  // Adds a surface with constants and varying inputs; textures by their number.
   int32_t add_surface(const SurfaceInput& constants, std::vector<InputSource> varying = {}, int tape = -1);
-  // What inputs may read outputs of; its number. Before the surfaces.
+  // Adds a tape whose outputs inputs may read; returns its number. Must precede the surfaces.
   int add_tape(Tape tape);
-  // A texture without its images yet: `channels` 1 or 3; `finest_only` for those that cut-outs read.
+  // Adds a texture without images yet: `channels` 1 or 3; `finest_only` for those that cutouts read.
   int add_texture(int channels, bool udim, bool finest_only);
-  // Until the next begin_prototype, shapes go to the current group: the static one at first.
+  // Begins a prototype: until the next begin_prototype() shapes are added to it; before the first, to the static group.
   // Prototype space is recentred and scaled as well; `center` and `scale` are in its own units.
   int begin_prototype(dvec3 center, double scale);
-  // A group's cut-outs come after its other meshes.
+  // Adds a mesh. A group's cutouts come after its other meshes.
   void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
-  // A curved shape of a kind (scene/curved), of what its `make` takes; those of one kind follow each other in a group. False
-  // where there is no such shape, as with a matrix that has no inverse.
+  // Adds a curved shape of kind K (scene/curved) from the input of K::make; shapes of one kind must be consecutive in a group.
+  // Returns false if there is no such shape, for example with a singular matrix.
   template <class K, class Input>
   bool add_curved(const Input& input, int32_t surface, const daffine& group_from_object) {
     last_curved_taken_ = false, last_is_curved_ = true, last_curved_rows_ = scene_->curved.rows();
@@ -50,54 +50,55 @@ class SceneBuilder {
     records.push_back(*record);
     return true;
   }
-  // Curves that move come after a group's others.
+  // Adds curves. Those that move come after a group's others.
   void add_curves(const CurvesInput& curves, const daffine& group_from_object);
-  // `width` numbers a row, of the shape that was added last.
+  // Adds a primvar of the last shape, `width` numbers per row.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
   void add_curved_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
-  // How many rows of meshes, curved shapes and placements there are so far: for those who keep tables beside them.
+  // Numbers of rows of meshes, curved shapes and placements so far, for callers that keep tables beside them.
   size_t mesh_rows() const { return scene_->meshes.surface.size(); }
   size_t curved_rows() const { return scene_->curved.rows(); }
   size_t placement_rows() const { return scene_->placement_group.size(); }
-  // Of a scene that is opened again: what add_mesh would make of the mesh with this matrix, in place of what it made with the
-  // other one, from that row on. False, and nothing is done, where it would be more than points and normals.
+  // For a reopened scene: replaces what add_mesh() made of the mesh with matrix `before` by what it makes with the new one,
+  // from that row on. Returns false, and changes nothing, if more than points and normals would change.
   bool restand_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object);
-  // Of a scene that is opened again, after its camera: whether its textures have the levels that a new one's would have.
+  // For a reopened scene, after its camera: whether its textures have the levels that those of a new scene would have.
   bool keeps_levels();
-  // Room for all meshes, as for instances.
+  // Reserves memory for all meshes.
   void reserve_triangles(size_t points, size_t triangles);
-  // Room for all instances of all placements: appending would else take twice their memory for a moment.
+  // Reserves memory for all instances of all placements: appending would temporarily take twice as much.
   void reserve_instances(size_t count);
-  // Between the two come its instances. `parent` is 0 or a prototype without shapes, which is then placed by user geometry;
-  // placements of one parent follow each other.
+  // Begins and ends a placement; its instances are added in between. `parent` is 0 or a prototype without shapes, which is then
+  // placed by user geometry; placements of one parent are consecutive.
   void begin_placement(int parent, int prototype);
-  // `rows`: 12 doubles an instance, parent from prototype. Singular or non-finite ones are left out; the result names them.
+  // `rows`: 12 doubles per instance, parent from prototype. Singular or non-finite ones are skipped; returns their indices.
   std::vector<int64_t> add_instances(std::span<const double> rows);
   void end_placement();
-  // In place of add_instances, once for the placement: `rows` are 12 doubles for each time and, within it, instance.
+  // Used in place of add_instances(), once per placement: `rows` are 12 doubles for each time and, within it, instance.
   std::vector<int64_t> add_moving_instances(std::span<const float> times, bool turns, std::span<const double> rows);
-  // Rays' times: the shutter's part of the span that all times are of, and the frame's time.
+  // Sets rays' times: the shutter's part of the span that all times refer to, and the frame's time.
   void set_exposure(double opens, double closes, double frame);
-  // How much later the shutter opens for each column and row of the frame, in parts of the span: set_exposure is of the first.
+  // Sets the rolling shutter: the delay per column and row of the frame, in parts of the span, relative to set_exposure().
   void set_rolling(double per_column, double per_row);
-  // A row for every instance that was not left out of the last placement.
+  // Adds a primvar of the last placement, a row for every instance that was not skipped.
   void add_placement_primvar(int name, int width, std::span<const float> values);
-  // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
+  // Sets membership[row][collection] flags, (rows) (collections), before shapes and lights; collection 0 has all rows.
   void set_links(int rows, int collections, std::span<const uint8_t> members);
-  // Of the shapes that follow.
+  // Sets the link row of the shapes that follow.
   void set_link_row(int row) { link_row_ = row; }
-  // Its number, for ShapingInput.
+  // Adds an IES profile and returns its index, for ShapingInput.
   int add_ies_profile(const IesInput& profile);
-  // An image for rectangle lights; its number.
+  // Adds an image for rectangle lights and returns its index.
   int add_light_image(const ImageInput& image);
-  // `image`: of a rectangle, or -1.
+  // `image`: of a rectangle light, or -1.
   void add_light(const LightInput& light, int image = -1);
-  // A light that shapes wear; its number.
+  // Adds a light to which shapes may belong, and returns its index.
   int add_geometry_light(const LightInput& light);
-  // The shape that was added last is a part of that light.
+  // Makes the last shape part of that light.
   void set_light_of_shape(int light, const daffine& group_from_object);
   void set_camera(const CameraInput& camera);
-  // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
+  // Sets an image after all shapes, placements and the camera, which determine the levels that are kept. `tile`: 0, or 1001 to
+  // 1100.
   void set_texture_image(int texture, int tile, const ImageInput& image);
   // Builds the acceleration structures; the builder is empty afterwards.
   std::unique_ptr<Scene> finish();
@@ -110,13 +111,13 @@ class SceneBuilder {
   void place_controls(std::span<const float> points, std::span<const int32_t> segments, bool closed,
                       const daffine& group_from_object, float* to) const;
   void add_curve_steps(const CurvesInput& curves, const daffine& group_from_object);
-  // The current group's vertices move by the clock of these times.
+  // Sets the motion samples of the current group's vertices.
   void take_clock(std::span<const float> times);
   int32_t append_primvar(std::span<const float> values);
-  // The shape's own space, of a row whose surface asks for it.
+  // Stores the object space of a shape's row, if its surface reads it.
   void note_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object);
   void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);
-  // The later times of the current group's moving vertices, after all of its vertices.
+  // Appends the later times of the current group's moving vertices, after all of its vertices.
   void end_group();
   void set_camera_path(const CameraInput& camera);
   void set_distortion(const DistortionInput& distortion);
@@ -124,22 +125,22 @@ class SceneBuilder {
 
   std::unique_ptr<Scene> scene_;
   std::vector<std::vector<float>> later_points_;    // of the current group, by time from the second on
-  std::vector<std::vector<float>> later_controls_;  // likewise of curves
-  // Of the current group.
+  std::vector<std::vector<float>> later_controls_;  // of the current group's curves, by time from the second on
+  // Recentring of the current group.
   dvec3 group_origin_;
   double group_scale_;
-  // By group: undoes its recentring, and does it.
+  // By group: inverse of its recentring, and the recentring.
   std::vector<daffine> outside_from_group_, group_from_outside_;
-  // Of the placement that is being filled.
+  // Placement under construction.
   int parent_ = 0;
   daffine undo_, redo_;
-  // Of the shape and the placement that were added last.
+  // Last shape and placement.
   size_t last_mesh_rows_ = 0;    // first row of the mesh
-  size_t last_curved_rows_ = 0;  // of the curved shape
+  size_t last_curved_rows_ = 0;  // first row of the curved shape
   bool last_is_curved_ = false;
   bool last_mirrored_ = false, last_curved_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
-  // Of a scene that is opened again.
+  // Reopened scene.
   bool is_again_ = false, keeps_accel_ = false;
   int textures_met_ = 0;
   int32_t link_row_ = 0;

@@ -1,5 +1,5 @@
-// The part of SceneBuilder that opens finished scenes again. Embree, and user geometry, point to the Scene and into its arrays:
-// these stay where they are.
+// Part of SceneBuilder that reopens finished scenes. Embree, and user geometry, point to the Scene and into its arrays: these
+// stay in place.
 #include "base/error.hpp"
 #include "build/builder.hpp"
 #include "build/inputs/placed_normals.hpp"
@@ -11,7 +11,7 @@ SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scen
   Scene& s = *scene_;
   if (s.moves() || s.geometry_lights.any()) throw Error("internal", "what moves, or is a light, is not opened again");
   group_origin_ = s.origin, group_scale_ = s.scale;
-  s.positions.resize(s.positions.size() - 4), s.indices.pop_back();  // what finish() adds; their memory stays
+  s.positions.resize(s.positions.size() - 4), s.indices.pop_back();  // what finish() added; their memory stays
   s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();
   LinkTable links = std::move(s.lights.links);
   s.lights = {}, s.lights.links = std::move(links);

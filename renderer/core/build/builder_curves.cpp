@@ -1,4 +1,4 @@
-// The part of SceneBuilder that takes curves: their control points, segments, and what closes them.
+// Part of SceneBuilder that adds curves: their control points, segments, and ends.
 #include <algorithm>
 #include <cmath>
 #include <unordered_map>
@@ -14,7 +14,7 @@ constexpr size_t kMostNumbers = size_t(1) << 31;
 // Sine of the angle from which on two segments have a joint between them.
 constexpr double kLeastBend = 1e-4;
 
-// What makes a segment longer by kBeyond where another one is before or after it: Ramshaw 1989, "Blossoms are polar forms".
+// Extends a segment by kBeyond where another one precedes or follows it: Ramshaw 1989, "Blossoms are polar forms".
 struct Longer {
   double of[4][4];
 
@@ -33,7 +33,7 @@ struct Longer {
   }
 };
 
-// The control points of one curve, as given.
+// Control points of one curve, as given.
 struct Points {
   const float* p;
   uint32_t last;
@@ -48,7 +48,7 @@ struct Points {
     const dvec3 d{double(b[0]) - a[0], double(b[1]) - a[1], double(b[2]) - a[2]};
     return d * (1 / length(d));
   }
-  // The nearest point from `i` on towards `to` that is elsewhere; `i` where there is none.
+  // Nearest distinct point from `i` towards `to`; `i` if there is none.
   uint32_t beyond(uint32_t i, uint32_t to) const {
     for (uint32_t k = i; k != to;) {
       k = to > i ? k + 1 : k - 1;
@@ -65,19 +65,19 @@ struct Points {
     const dvec3 a = way(before, before_from), b = way(at, after);
     return length(cross(a, b)) > kLeastBend || dot(a, b) < 0;
   }
-  // Where point `i` is among those of the longer segments.
+  // Index of point `i` among those of the extended segments.
   uint32_t placed(uint32_t i) const { return i == last ? last / 3 * 4 - 1 : i / 3 * 4 + i % 3; }
 };
 
-// The ends of one curve, whose drawn segments are [first, end) of the scene's; its longer ones begin at point `base` of the
-// group.
+// Adds the ends of one curve, whose drawn segments are [first, end) of the scene; its extended segments begin at point `base`
+// of the group.
 void add_ends(CurveTable& table, const CurvesInput& input, const Points& points, uint32_t base, size_t first, size_t end) {
   const auto put = [&](size_t segment, CurveEndKind kind, uint32_t at, uint32_t before, uint32_t after) {
     if (points.at(at)[3] > 0 || !input.times.empty())
       table.ends.push_back(
           {int32_t(segment), kind, base + points.placed(at), base + points.placed(before), base + points.placed(after)});
   };
-  // A segment that begins at `at`; the one before ends at `from`.
+  // Adds the joint of a segment that begins at `at`, while the one before ends at `from`.
   const auto join = [&](size_t segment, uint32_t at, uint32_t from) {
     const uint32_t before = points.beyond(from, 0), after = points.beyond(at, points.last);
     if (points.same(at, from) && before != from && after != at && points.bends(from, before, at, after))
@@ -166,8 +166,7 @@ void SceneBuilder::place_controls(std::span<const float> points, std::span<const
       const Longer& longer = variants[closed || s > 0][closed || s + 1 < count];
       dvec3 own[4];
       for (int k = 0; k < 4; ++k) own[k] = to_group(group_from_object.point({p[4 * k], p[4 * k + 1], p[4 * k + 2]}));
-      // Radii between the ends may be controlled by negative values; else 0 is only passed where the segment is longer than
-      // given.
+      // Radii between the ends may have negative control values; otherwise 0 is only passed where the segment is extended.
       const bool dips = std::min(p[7], p[11]) < 0;
       for (int k = 0; k < 4; ++k, to += 4) {
         const double* m = longer.of[k];

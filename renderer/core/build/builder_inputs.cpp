@@ -1,4 +1,4 @@
-// The part of SceneBuilder that takes what surfaces' inputs read: primvars, sources, textures.
+// Part of SceneBuilder that adds what surface inputs read: primvars, sources, textures.
 #include "build/builder.hpp"
 
 #include <algorithm>
@@ -50,7 +50,7 @@ void SceneBuilder::add_mesh_primvar(int name, PrimvarKind kind, int width, std::
   if (last_mesh_rows_ == s.meshes.surface.size()) return;  // without triangles
   const int32_t at = append_primvar(values);
   if (kind == PrimvarKind::kCorner && last_mirrored_) {
-    // Mirrored triangles run the other way around: their second and third corner have changed places.
+    // Mirrored triangles are reversed: their second and third corners are swapped.
     float* v = &s.primvars.values[at];
     for (size_t i = 0; i + 3 * width <= values.size(); i += 3 * width)
       std::swap_ranges(v + i + width, v + i + 2 * width, v + i + 2 * width);

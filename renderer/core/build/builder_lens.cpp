@@ -1,4 +1,4 @@
-// The part of SceneBuilder that takes a lens which distorts.
+// Part of SceneBuilder that sets a distorting lens.
 #include <algorithm>
 #include <array>
 #include <string_view>

@@ -1,4 +1,4 @@
-// The part of SceneBuilder that takes lights: those of their own, and those that shapes are.
+// Part of SceneBuilder that adds lights, including those that are shapes.
 #include "base/error.hpp"
 #include "build/builder.hpp"
 #include "build/lights/light_paths.hpp"

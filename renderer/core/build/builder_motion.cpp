@@ -1,4 +1,4 @@
-// The part of SceneBuilder that takes what moves: steps of meshes, matrices of instances, the camera's path.
+// Part of SceneBuilder that adds motion: steps of meshes, matrices of instances, the camera's path.
 #include <algorithm>
 
 #include "base/error.hpp"

@@ -1,6 +1,6 @@
-// A ray's cone only gets wider along its path, and no path to a point is shorter than the straight one: at a distance d from
-// the camera every ray, mirrored, refracted or scattered, is at least as wide as a camera ray there. That bounds the footprint
-// on every triangle from below, seen or not, without knowing which rays will find it.
+// Lower bounds of texture footprints. A ray cone only gets wider along its path, and no path to a point is shorter than the
+// straight one: at distance d from the camera every ray, whether mirrored, refracted or scattered, is at least as wide as a
+// camera ray. That bounds the footprint on every triangle from below, visible or not, without knowing which rays will hit it.
 #include "build/texture_levels.hpp"
 
 #include <algorithm>
@@ -16,19 +16,19 @@ dvec3 position(const Scene& s, uint32_t vertex) {
   return {p[0], p[1], p[2]};
 }
 
-// Least width of a cone at a distance of `d` or more from the camera's centre.
+// Smallest width of a cone at a distance of `d` or more from the camera's centre.
 double cone_at(const Camera& c, double d) {
   return c.cone_width() + double(c.cone_spread()) * std::max(d - c.lens_radius, double(c.near));
 }
 
-// A bound of the largest stretch of a matrix: the root of the largest row sum of |M^T M|.
+// Upper bound of a matrix's largest stretch: the square root of the largest row sum of |M^T M|.
 double largest_stretch(const dvec3 (&m)[3]) {
   double most = 0;
   for (const dvec3& a : m) most = std::max(most, std::fabs(dot(a, m[0])) + std::fabs(dot(a, m[1])) + std::fabs(dot(a, m[2])));
   return std::sqrt(most);
 }
 
-// Least width of any cone on the instances of a group, in the group's own lengths; infinite without instances.
+// Smallest width of any cone on the instances of a group, in the group's own lengths; infinite without instances.
 std::vector<double> widths_on_instances(const Scene& s) {
   const dvec3 camera(s.camera.world_from_camera.o);
   std::vector<double> least(s.groups.size(), INFINITY);
@@ -49,7 +49,7 @@ std::vector<double> widths_on_instances(const Scene& s) {
   for (size_t p = 0; p < s.placement_group.size(); ++p) {
     const size_t end = p + 1 < s.placement_instance.size() ? size_t(s.placement_instance[p + 1]) : instances;
     const int g = s.placement_group[p];
-    // Of two levels of instances the inner ones may stand anywhere.
+    // With two levels of instances the inner ones may be anywhere.
     if (p - s.groups[0].placement_base >= s.groups[0].placement_count) least[g] = 0;
     for (size_t i = s.placement_instance[p]; i < end; ++i) {
       const daffine m = affine_from_columns(&s.world_from_group[12 * i]);
@@ -62,7 +62,7 @@ std::vector<double> widths_on_instances(const Scene& s) {
   return least;
 }
 
-// A texture that a surface reads: the primvar that gives its st (-1: what else), and what becomes of it.
+// A texture that a surface reads: the primvar that gives its st (-1: none), and its transform.
 struct TextureRead {
   int texture, primvar;
   const float* st_transform;
@@ -78,7 +78,7 @@ void for_reads(const Scene& s, const SurfaceInputs& inputs, const F& f) {
       if (texture >= 0) f(TextureRead{texture, image.primvar, image.st_transform});
 }
 
-// One triangle that wears a texture; `width`: of the narrowest cone on it, in its own lengths.
+// Accounts for one triangle with the texture; `width`: of the narrowest cone on it, in its own lengths.
 void wear(const Scene& s, const TextureRead& source, Texture& texture, uint32_t mesh, size_t triangle, const uint32_t* corner,
           double area2, double width) {
   const PrimvarTable& t = s.primvars;
@@ -100,7 +100,7 @@ void wear(const Scene& s, const TextureRead& source, Texture& texture, uint32_t 
   const double stretch = double(m[0]) * m[4] - double(m[1]) * m[3];
   if (!(width > 0)) texture.least_footprint = 0;
   const double st_area = std::fabs(st_area2 * stretch);
-  // A triangle that shows a line or a point of the texture has no level of its own: those of the others do.
+  // A triangle that shows a line or a point of the texture requires no level: those of the others do.
   if (!(st_area > 0)) return;
   texture.least_footprint = std::min(texture.least_footprint, float(st_area / area2 * width * width));
 }
@@ -108,7 +108,7 @@ void wear(const Scene& s, const TextureRead& source, Texture& texture, uint32_t 
 }  // namespace
 
 void measure_footprints(Scene& s) {
-  if (s.moves()) {  // nearer than at any one time it may come
+  if (s.moves()) {  // between samples it may come nearer than at any of them
     for (Texture& t : s.textures) t.least_footprint = 0;
     return;
   }
@@ -127,7 +127,7 @@ void measure_footprints(Scene& s) {
       const dvec3 n = cross(e1, e2), to = p - camera;
       const double area2 = length(n);
       if (!(area2 > 0)) continue;
-      // A triangle is no nearer than its plane, nor than a sphere about its corner that holds it.
+      // A triangle is no nearer than its plane, nor than a sphere about its corner that contains it.
       const double distance = std::max(std::fabs(dot(n, to)) / area2, length(to) - std::max(length(e1), length(e2)));
       const double width = g == 0 ? cone_at(s.camera, distance) : on_instances[g];
       for_reads(s, s.surface_inputs[inputs], [&](const TextureRead& read) {
@@ -135,7 +135,7 @@ void measure_footprints(Scene& s) {
       });
     }
   }
-  // Curved shapes have one st for all of them; an instance's primvar stands for st as well.
+  // Curved shapes share one st; an instance's primvar may serve as st as well.
   for (const int32_t surface : s.curved.surface) {
     const int32_t inputs = s.surface_inputs_of[surface];
     if (inputs < 0) continue;
@@ -153,7 +153,7 @@ void measure_footprints(Scene& s) {
 
 int finest_level(const Texture& texture, int width, int height) {
   if (texture.finest_only || !(texture.least_footprint > 0)) return 0;
-  // A twentieth of a level for coarse_log2 and the rounding of single precision.
+  // A twentieth of a level covers coarse_log2 and the rounding of single precision.
   const double level = 0.5 * std::log2(double(texture.least_footprint) * width * height) - 0.05;
   return int(std::clamp(std::floor(level), 0.0, double(last_level_of(width, height))));
 }

@@ -1,4 +1,4 @@
-// What moves in a scene, by clock: instances, and the vertices of groups. Empty where nothing does.
+// Motion of a scene, by set of motion samples (clock): instances, and the vertices of groups. Empty if nothing moves.
 #pragma once
 
 #include <algorithm>
@@ -12,36 +12,36 @@
 
 namespace primray {
 
-// The instances of one placement, that move by one clock.
+// Moving instances of one placement, with one clock.
 struct MovingInstances {
-  int32_t first, count;  // rows of Scene::world_from_group, where they stand as they do in the middle of the span
+  int32_t first, count;  // rows of Scene::world_from_group, which have their matrices in the middle of the span
   int32_t clock;
   bool turns;
-  size_t base;          // in MotionTable::linear (12 floats a matrix) or ::turning, by instance and time
-  daffine undo_center;  // of those that turn: undoes the recentring of what they place
+  size_t base;          // in MotionTable::linear (12 floats per matrix) or ::turning, by instance and time
+  daffine undo_center;  // of rotating ones: inverse of the recentring of what they place
 };
 
 struct MotionTable {
   std::vector<MotionClock> clocks;
   std::vector<float> linear;
   std::vector<Turning> turning;
-  std::vector<MovingInstances> instances;  // by their first
-  // Rays' times: the shutter's part of the span that the clocks are of.
+  std::vector<MovingInstances> instances;  // ordered by their first
+  // Rays' times: the shutter's part of the span that the clocks cover.
   float opens = 0, length = 0;
-  float frame = 0;  // the frame's time
-  // A shutter that rolls opens later for each column and row of the frame; `opens` is of the first.
+  float frame = 0;  // time of the frame
+  // With a rolling shutter each column and row of the frame opens later; `opens` belongs to the first.
   bool rolls = false;
   float per_column = 0, per_row = 0;
   Fact<built::kMotion> any_instances = false, any_points = false;
 
-  // The number of this clock, which may be there already.
+  // Returns the index of this clock, added unless it exists.
   int32_t clock_of(const MotionClock& clock) {
     for (size_t i = 0; i < clocks.size(); ++i)
       if (clocks[i].times == clock.times) return int32_t(i);
     clocks.push_back(clock);
     return int32_t(clocks.size()) - 1;
   }
-  // The moving instances among which `instance` is; null if it stands still.
+  // Returns the moving instances that contain `instance`; null if it is static.
   const MovingInstances* find(int32_t instance) const {
     const auto after = std::upper_bound(instances.begin(), instances.end(), instance,
                                         [](int32_t i, const MovingInstances& m) { return i < m.first; });
@@ -49,7 +49,7 @@ struct MotionTable {
     const MovingInstances& m = after[-1];
     return instance - m.first < m.count ? &m : nullptr;
   }
-  // How instance `i` of `m` stands, counted among them.
+  // Returns the matrix of instance `i` of `m`, counted among them, at a time.
   daffine at(const MovingInstances& m, uint32_t i, float time) const {
     const MotionClock& clock = clocks[size_t(m.clock)];
     const Moment now = clock.at(time);

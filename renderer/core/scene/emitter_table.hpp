@@ -1,6 +1,6 @@
-// Geometry that emits, sampled as lights: which shapes (meshes that lie among each other are one), how their triangles are
-// chosen, and which rows of the LightTable are theirs. A shape in a prototype has a row for every instance. Shapes that are
-// lights by themselves give what geometry_light_table.hpp says.
+// Emissive geometry that is sampled as lights: its shapes (interpenetrating meshes are one), the choice among their triangles,
+// and their rows of the LightTable. A shape in a prototype has a row for every instance. Geometry lights have further data in
+// geometry_light_table.hpp.
 #pragma once
 
 #include <cstdint>
@@ -11,39 +11,40 @@
 
 namespace primray {
 
-// More emitting instances than this are met by rays alone: a row each would cost more memory than the noise is worth.
+// Maximum number of emissive instances that are sampled; more are found by rays alone, since a row each would cost more memory
+// than the noise is worth.
 constexpr int32_t kMaxEmitterRows = 1 << 18;
 
 struct EmitterTable {
-  // One a shape, the shapes of a group together: its first triangle (of the scene) and their number, its group's first vertex;
-  // a sphere has no triangles, and its row of the CurvedTable in `first`.
+  // By shape, with the shapes of a group together: its first triangle (of the scene), their number, and its group's first
+  // vertex; a sphere has no triangles, and its row of the CurvedTable in `first`.
   std::vector<int32_t> first, count, vertex_base;
-  std::vector<int32_t> corners;  // ShapeHalves::corners
-  // The clock of its vertices and from one time's to the next's, in vertices; -1: they do not move.
+  std::vector<int32_t> corners;  // see ShapeHalves::corners
+  // Motion samples of its vertices and the stride between times, in vertices; -1: no motion.
   std::vector<int32_t> clock, stride;
-  // How triangles are chosen where a row is no rectangle (emitter_triangles.hpp): in runs of 2^run_shift, 0 as a rule, by the
-  // tree from `root`, which stands in the space of the shape's group; its leaves are runs, counted in the shape, whose places
-  // begin at place_base.
-  LightTable by_place;  // a tree and nothing else
+  // Choice among triangles where a row is not a rectangle (emitter_triangles.hpp): by runs of 2^run_shift triangles, usually 1,
+  // from the tree with root `root`, in the space of the shape's group; its leaves are runs, counted in the shape, whose
+  // positions begin at place_base.
+  LightTable by_place;  // holds a tree only
   std::vector<int32_t> root, place_base, run_shift;
-  // In runs of several by area and luminance: count + 1 numbers from 0 to kWhole a shape, beginning at cdf_base. They are whole
-  // numbers, so that the probability of a choice is known exactly for meshes of any size.
+  // Choice within runs of several triangles by area and luminance: count + 1 integers from 0 to kWhole per shape, beginning at
+  // cdf_base. They are integers, so that the probability of a choice is exact for meshes of any size.
   std::vector<int32_t> cdf, cdf_base;
   static constexpr int32_t kWhole = 1 << 30;
 
-  // Of what emits in instances that move: by light row, the instance's row of Scene::world_from_group, -1 where it stands
-  // still; by shape, the frame of its light in its group (a sphere's: that of the unit sphere). Empty where nothing moves.
+  // Moving emitters: by light row, the instance's row of Scene::world_from_group, -1 if static; by shape, the frame of its
+  // light in its group (of a sphere: that of the unit sphere). Empty if nothing moves.
   std::vector<int32_t> moving_instance;
   std::vector<daffine> frames;
 
-  // A shape's number in its group, by row of the MeshTable and of the CurvedTable; -1: it does not emit.
+  // Index of a shape in its group, by row of the MeshTable and of the CurvedTable; -1: it does not emit.
   std::vector<int32_t> of_mesh, of_curved;
-  // First light row and rows an instance, of what is static and of each placement; -1: none, or not sampled.
+  // First light row and rows per instance, of static geometry and of each placement; -1: none, or not sampled.
   int32_t static_light = -1;
   std::vector<int32_t> placement_light, placement_rows;
-  int64_t shapes = 0;                       // of the scene that emit; several meshes may be one shape here
+  int64_t shapes = 0;                       // emissive shapes of the scene; several meshes may be one shape here
   bool rectangles = false, others = false;  // rows of meshes that are rectangles, and that are not
-  int64_t unsampled = 0;                    // emitting instances beyond kMaxEmitterRows
+  int64_t unsampled = 0;                    // emissive instances beyond kMaxEmitterRows
 
   bool any() const { return built::kEmission && !first.empty(); }
   bool any_moving() const { return built::kEmission && built::kMotion && !moving_instance.empty(); }

@@ -1,8 +1,8 @@
-// Geometry that is a light of its own (UsdLux LightAPI and MeshLightAPI on a shape), beside what its material emits.
+// Geometry with UsdLux LightAPI or MeshLightAPI, beside the emission of its material.
 //
-// Light that it gives (light samples, and scattered rays that meet it) is its material's glow times `radiance`, or `radiance`
-// alone (`own`); bodies of light (camera rays, and those after mirrors or refraction) are the glow as the material has it, or,
-// where `shown`, what it gives. With `normalize` all of that is divided by the area of the shape where it stands.
+// The light that it emits (to light samples, and to scattered rays that hit it) is its material's emission times `radiance`, or
+// `radiance` alone (`own`); as a body (to camera rays, and those after mirrors or refraction) it shows the material's emission,
+// or, if `shown`, the light that it emits. With `normalize` all of that is divided by the world-space area of the shape.
 #pragma once
 
 #include <cstdint>
@@ -21,20 +21,21 @@ struct GeometryLight {
   bool own = false, shown = false, normalize = false;
   LightRules rules;
   daffine group_from_object{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
-  std::vector<float> row;  // a light row with what any light has: lobe factors
+  std::vector<float> row;  // light row with the fields of any light: lobe factors
   std::optional<ShapingInput> shaping;
-  // Its parts in its group: triangles [first, end), counted over the scene, or a curved shape.
+  // Its parts in its group: triangles [first, end), by index over the scene, or a curved shape.
   std::vector<std::pair<size_t, size_t>> triangles;
   int32_t curved = -1;  // its row of the CurvedTable
 };
 
 struct GeometryLights {
   std::vector<GeometryLight> all;
-  std::vector<int32_t> of_mesh, of_curved;  // by row of the MeshTable and of the CurvedTable: which, or -1; may end early
-  // By light, for rays that meet it: kOwn and kShown; lobe factors; `radiance`, with the area of the first place it stands in.
+  std::vector<int32_t> of_mesh, of_curved;  // index of the light by row of the MeshTable and of the CurvedTable, or -1; may be
+                                            // shorter than these
+  // By light, for rays that hit it: kOwn and kShown; lobe factors; `radiance`, with the area in its first placement.
   std::vector<int32_t> flags;
-  std::vector<int32_t> link;  // the collection that it reaches
-  std::vector<int32_t> ends;  // as LightTable::ends
+  std::vector<int32_t> link;  // collection that it illuminates
+  std::vector<int32_t> ends;  // see LightTable::ends
   std::vector<float> diffuse, specular, radiance;
   enum : int32_t { kOwn = 1, kShown = 2 };
 

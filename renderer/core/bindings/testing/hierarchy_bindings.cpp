@@ -1,4 +1,4 @@
-// Rays through the world's TriangleBvh in one stream, as a render's pools have them, for the tests.
+// Test bindings that trace rays through the world's TriangleBvh in one stream, as a render's pools do.
 #include "bindings/arrays.hpp"
 #include "bindings/testing/rows.hpp"
 #include "bvh/interleaved.hpp"

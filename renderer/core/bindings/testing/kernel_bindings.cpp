@@ -1,6 +1,6 @@
-// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through their templates.
-// Points, distances, directions: in world space and scene units; local ones of BSDFs: about the shading normal. `lanes`: 1, or
-// 0 for the most there are.
+// Test bindings with array versions of the kernels: N rows in, N rows out, W at a time through their templates. Points,
+// distances and directions are in world space and scene units; local directions of BSDFs are about the shading normal. `lanes`:
+// 1, or 0 for the maximum.
 #include <optional>
 
 #include "accel/build.hpp"
@@ -17,7 +17,7 @@
 namespace primray {
 namespace {
 
-// The lobes of a table's first surface, as renders of its scene have them.
+// Calls f with the lobes of a table's first surface, as renders of its scene have them.
 template <int W, class F>
 auto with_lobes(const SurfaceTable& table, const vvec3<W>& wo, vint<W> front, const F& f) {
   const vbool<W> all(true), in_front = front != vint<W>(0);
@@ -59,7 +59,7 @@ nb::tuple bsdf_sample(const SurfaceInput& surface, InFloats wo_, InInts front_, 
   return nb::make_tuple(wi.array(), weight.array(), pdf.array(), is_delta.array(), transmits.array());
 }
 
-// Chances of the lobes, the rest transmits; and what a straight shadow ray keeps.
+// Returns the probabilities of the lobes (the rest transmits), and the straight transmittance of a shadow ray.
 nb::tuple bsdf_lobes(const SurfaceInput& surface, InFloats wo_, InInts front_, int lanes) {
   SurfaceTable table;
   table.add(surface);
@@ -79,7 +79,7 @@ nb::tuple bsdf_lobes(const SurfaceInput& surface, InFloats wo_, InInts front_, i
   return nb::make_tuple(chances.array(), straight.array());
 }
 
-// Numbers of the sampled light in the table: its order of addition, leaving out domes that are not sampled.
+// Checks the index of a sampled light in the table: its order of addition, excluding domes that are not sampled.
 void check_light(const Scene& scene, int light) {
   if (light < 0 || light >= scene.lights.count) throw Error("internal", "no sampled light of this number");
 }
@@ -97,7 +97,7 @@ nb::tuple light_sample_rows(const Scene& scene, int light, InArray<double> p_, I
   return nb::make_tuple(wi.array(), t.array(), pdf.array(), L.array());
 }
 
-// Where rays meet a light: distance, density and radiance.
+// Hits of rays on a light: distance, density and radiance.
 struct MetRows {
   Column<float> t, pdf, L;
   MetRows(const Scene& scene, int light, const InArray<double>& p_, const InFloats& wi_, int lanes)
@@ -123,8 +123,8 @@ nb::object light_radiance_rows(const Scene& scene, int light, InArray<double> p,
   return MetRows(scene, light, p, wi, lanes).L.array();
 }
 
-// Light samples of dome number `dome` through its portals and by its image; u (N, 3), the last the choice. And the density that
-// rays find of given directions.
+// Returns light samples of dome number `dome` through its portals and by its image, for u (N, 3), whose last component is the
+// choice; and the density that rays find for given directions.
 nb::tuple portal_sample_rows(const Scene& scene, int dome, InArray<double> p_, InFloats u_, int lanes) {
   const CorePoints p(scene, p_);
   const Input<float> u(u_, p.n, 3);
@@ -158,7 +158,7 @@ nb::object dome_pdf_rows(const Scene& scene, int dome, InArray<double> p_, InFlo
   return r.array();
 }
 
-// Shaping of a light for rays along wi that meet it.
+// Returns the shaping of a light for rays along wi that hit it.
 nb::object light_shaping_rows(const Scene& scene, int light, InFloats wi_, int lanes) {
   check_light(scene, light);
   const size_t n = wi_.shape(0);
@@ -181,7 +181,7 @@ nb::tuple dome_eval_rows(const Scene& scene, int dome, InFloats w_, int lanes) {
   return nb::make_tuple(pdf.array(), L.array());
 }
 
-// Probability of every sampled light at each point, (N, lights).
+// Returns the probability of every sampled light at each point, (N, lights).
 nb::object light_probabilities(const Scene& scene, InArray<double> p_, InFloats n_, int lanes) {
   const CorePoints p(scene, p_);
   const Input<float> n(n_, p.n, 3);
@@ -208,8 +208,8 @@ nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats n_, InF
   return nb::make_tuple(light.array(), probability.array());
 }
 
-// Rows of `key`: pixel x, pixel y, replicate, index, bounce (or link), purpose. Pairs (N, 2), and singles (N,). screen_block:
-// 0, or the points of each pixel in one sequence over the screen.
+// Rows of `key`: pixel x, pixel y, replicate, index, bounce (or link), purpose. Returns pairs (N, 2), and singles (N,).
+// screen_block: 0, or the number of points of each pixel in one sequence over the screen.
 nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes, int screen_block) {
   const size_t n = key_.shape(0);
   const Input<int32_t> key(key_, n, 6);
@@ -218,7 +218,7 @@ nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes, int screen_bloc
     const auto number = [&](int c) { return key.number<W>(at, c); };
     const vuint<W> replicate = bit_cast<vuint<W>>(number(2)), index = bit_cast<vuint<W>>(number(3));
     const auto all = Sampler<W>::of(seed, number(0), number(1), replicate, index, screen_block);
-    // A purpose is the same for all lanes in the kernels: ask for each and keep what each lane wants.
+    // In the kernels all lanes have the same purpose: query each and keep the value of the lanes that want it.
     for (uint32_t purpose = 0; purpose < uint32_t(Purpose::kCount); ++purpose) {
       const bool chain = Purpose(purpose) == Purpose::kChain;
       const Pair<W> pair = chain ? all.link(number(4)) : all.pair(number(4), Purpose(purpose));
@@ -233,7 +233,7 @@ nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes, int screen_bloc
   return nb::make_tuple(pairs.array(), singles.array());
 }
 
-// Rays through pixels (N, 2) with film numbers (N, 2) and lens numbers (N, 2).
+// Returns rays through pixels (N, 2) with film samples (N, 2) and lens samples (N, 2).
 nb::tuple camera_rays(const Scene& scene, InInts pixel_, InFloats film_, InFloats lens_, int lanes) {
   const size_t n = pixel_.shape(0);
   const Input<int32_t> pixel(pixel_, n, 2);
@@ -246,11 +246,11 @@ nb::tuple camera_rays(const Scene& scene, InInts pixel_, InFloats film_, InFloat
                             lens.number<W>(at, 0), lens.number<W>(at, 1), vfloat<W>(scene.motion.frame));
     o.put(at, r.o * vfloat<W>(unit)), d.put(at, r.d), tnear.put(at, r.tnear * unit), tfar.put(at, r.tfar * unit);
   });
-  // Origins relative to Scene.origin, whose digits float32 could not hold.
+  // Origins are relative to Scene.origin, whose digits float32 could not hold.
   return nb::make_tuple(o.array(), d.array(), tnear.array(), tfar.array());
 }
 
-// Where the camera's lens looks from film points (N, 2), in double; NaN where it sees nothing.
+// Returns directions of the camera's lens for film points (N, 2), in double; NaN outside its field of view.
 nb::object lens_directions(const Scene& scene, InArray<double> film) {
   const size_t n = film.shape(0);
   std::vector<double> directions(3 * n, std::numeric_limits<double>::quiet_NaN());
@@ -298,7 +298,8 @@ nb::dict intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_, int
   return r;
 }
 
-// What an image of (height, width, 1 or 3) gives at `st` (N, 2), averaged over 2^level texels; `first_level`: the finest kept.
+// Returns values of an image of (height, width, 1 or 3) at `st` (N, 2), averaged over 2^level texels; `first_level`: the finest
+// level kept.
 nb::object texture_lookup(InFloats pixels, int wrap_s, int wrap_t, int first_level, InFloats st_, InFloats level_, int lanes) {
   const int channels = int(pixels.shape(2));
   const TextureImage image =
@@ -317,7 +318,7 @@ nb::object texture_lookup(InFloats pixels, int wrap_s, int wrap_t, int first_lev
   return r.array();
 }
 
-// Emission at barycentrics (N, 2) of triangles, counted over the scene, of instance rows of placements (-1: none).
+// Returns emission at barycentrics (N, 2) of triangles, by index over the scene, in instance rows of placements (-1: none).
 nb::object triangle_emission_rows(const Scene& scene, InInts triangle_, InInts placement_, InInts row_, InFloats uv_,
                                   int lanes) {
   const size_t n = triangle_.shape(0);

@@ -1,4 +1,4 @@
-// Functions of math/ and lobes for the tests, on arrays.
+// Test bindings with array versions of functions of math/ and of lobes.
 #include "bindings/testing/rows.hpp"
 #include "bsdf/bsdf.hpp"
 #include "light/light.hpp"

@@ -1,4 +1,4 @@
-// Moving rays through the scene and through Embree alone, for the benchmark and its test.
+// Test bindings that replay moving rays in the scene and in Embree alone, for the benchmark and its test.
 #include "bindings/arrays.hpp"
 #include "bindings/recording.hpp"
 #include "render/moving_replay.hpp"
@@ -9,7 +9,7 @@ namespace primray {
 void bind_replay(nb::module_& m) {
   const auto recording = nb::arg("recording"), shadow = nb::arg("shadow"), entry = nb::arg("entry");
   nb::class_<BareWorld>(m, "BareWorld").def(nb::init<const Scene&>(), nb::arg("scene"), nb::keep_alive<1, 2>());
-  // CPU seconds: the scene's, the bare world's.
+  // Returns CPU seconds of the scene and of the bare world.
   m.def(
       "replay_by_turns",
       [](const Recording& r, const BareWorld& world, bool shadow, int entry) {
@@ -17,7 +17,7 @@ void bind_replay(nb::module_& m) {
         return nb::make_tuple(found.scene, found.bare);
       },
       recording, nb::arg("world"), shadow, entry);
-  // How many rays, and how many find other things.
+  // Returns the number of rays, and of those with different results.
   m.def(
       "replay_agreement",
       [](const Recording& r, const BareWorld& world, bool shadow) {

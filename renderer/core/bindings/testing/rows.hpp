@@ -1,4 +1,4 @@
-// Arrays of the tests' bindings: N rows in, N rows out, W at a time through the kernels' templates.
+// Arrays of the test bindings: N rows in, N rows out, W at a time through the kernels' templates.
 #pragma once
 
 #include <algorithm>
@@ -53,7 +53,7 @@ void for_rows(size_t n, int lanes, F&& f) {
   }
 }
 
-// One input, rows of `width` numbers; lanes past the last row read the last.
+// One input of rows of `width` numbers; lanes past the last row read the last.
 template <class T>
 class Input {
  public:

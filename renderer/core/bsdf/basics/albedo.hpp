@@ -1,4 +1,4 @@
-// Directional albedos by table (albedo_table.hpp), interpolated on lanes.
+// Directional albedos from a table (albedo_table.hpp), interpolated in lanes.
 #pragma once
 
 #include "bsdf/basics/albedo_table.hpp"
@@ -6,7 +6,7 @@
 
 namespace primray {
 
-// Of one minus a cosine, in Schlick's term.
+// Fifth power of one minus a cosine, Schlick's term.
 template <int W>
 PRIMRAY_INLINE vfloat<W> pow5(vfloat<W> x) {
   const vfloat<W> x2 = x * x;

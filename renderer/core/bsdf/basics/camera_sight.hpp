@@ -1,5 +1,5 @@
-// What the camera sees of surfaces, straight or through what is see-through: render passes hide shapes from it, or hold them
-// out.
+// Visibility of surfaces to the camera, directly or through transmissive surfaces: render passes hide shapes from it, or make
+// them mattes (holdouts).
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,12 @@ namespace primray {
 
 enum class CameraSight : int32_t { kSeen, kHidden, kMatte };
 
-// By surface; empty where all are seen.
+// By surface; empty if all are visible.
 struct CameraSights {
   std::vector<int32_t> of_surface;
 
   bool any() const { return !of_surface.empty(); }
-  // Of the next surface.
+  // Adds the next surface.
   void add(size_t surface, CameraSight sight) {
     if (sight != CameraSight::kSeen) of_surface.resize(surface, 0);
     if (sight != CameraSight::kSeen || any()) of_surface.push_back(int32_t(sight));

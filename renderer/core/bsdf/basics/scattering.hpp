@@ -1,4 +1,4 @@
-// What a surface says of one direction, and of one that it has drawn.
+// Results of evaluating and of sampling a surface's BSDF.
 #pragma once
 
 #include "math/vec3.hpp"
@@ -7,7 +7,7 @@ namespace primray {
 
 template <int W>
 struct BsdfEval {
-  vvec3<W> diffuse, specular;  // f_cos, by lobe because lights may weigh them apart
+  vvec3<W> diffuse, specular;  // f_cos by kind of lobe, because lights may weight them separately
   vfloat<W> pdf;
 };
 
@@ -17,7 +17,7 @@ struct BsdfSample {
   vfloat<W> pdf;        // per solid angle; 0 for a delta lobe
   vbool<W> is_delta, transmits, straight;
   vvec3<W> diffuse_share;             // of f_cos; 0 for a delta lobe
-  vbool<W> enters = vbool<W>(false);  // below an opaque surface, where it scatters until it comes out
+  vbool<W> enters = vbool<W>(false);  // into an opaque surface, below which the path scatters until it leaves
 };
 
 }  // namespace primray

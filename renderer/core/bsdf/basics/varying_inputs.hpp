@@ -1,4 +1,4 @@
-// The inputs of a surface that may vary over it: one list, for constants, for lanes and for Python.
+// Inputs of a surface that may vary over it: one list, for constants, for lanes and for Python.
 #pragma once
 
 #include <cstdint>
@@ -17,24 +17,24 @@ enum class InputField : int32_t {
   kClearcoatRoughness,
   kOpacity,
   kIor,
-  kNormal,   // no value: it bends the shading normal
-  kOpenPbr,  // the first of an OpenPBR surface's own (open_pbr/inputs.hpp)
+  kNormal,   // has no value: it bends the shading normal
+  kOpenPbr,  // the first of an OpenPBR surface's own inputs (open_pbr/inputs.hpp)
 };
 
-// What a value from outside is kept in, as far as the model means anything there.
+// Range to which an input is clamped, where the model is defined.
 struct InputRange {
   float low = 0, high = 1;
 };
 constexpr InputRange kNotNegative{0, 1e30f}, kIors{0.01f, 100.0f};
 
-// As UsdPreviewSurface names them.
+// Names as in UsdPreviewSurface.
 template <class Color, class Number>
 struct VaryingInputs {
   Color diffuse_color, emissive_color, specular_color;
   Number metallic, roughness, clearcoat, clearcoat_roughness, opacity, ior;
 };
 
-// Calls f(field, name, range, member), where member(inputs) is that input of some VaryingInputs.
+// Calls f(field, name, range, member), where member(inputs) is that input of a VaryingInputs.
 template <class F>
 PRIMRAY_INLINE void for_each_input(const F& f) {
   constexpr InputRange unit;

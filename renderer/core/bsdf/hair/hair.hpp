@@ -1,10 +1,11 @@
-// Fibres of hair: Chiang, Bitterli, Tappan and Burley 2016, "A Practical and Controllable Hair and Fur Model for Production
-// Path Tracing", after Marschner et al. 2003 and d'Eon et al. 2011.
+// Hair fibres: Chiang, Bitterli, Tappan and Burley 2016, "A Practical and Controllable Hair and Fur Model for Production Path
+// Tracing", after Marschner et al. 2003 and d'Eon et al. 2011.
 //
-// In a local frame whose +x is the fibre's direction and +z the normal of the tube where it was met, on the side of wo. A lobe
-// is what was reflected p - 1 times within: the product of how it spreads along the fibre (d'Eon's), what is left of it, and
-// how it spreads about the fibre (a logistic function, cut off at half a turn). The sum of all is f cos: it integrates to what
-// is left. Where about the fibre it was met is seen by the normal, so the azimuths are near-field.
+// Directions are in a local frame whose +x is the fibre's direction and +z the normal of the tube at the hit, on the side of
+// wo. A lobe is light that was internally reflected p - 1 times: the product of its longitudinal distribution (d'Eon's), its
+// attenuation, and its azimuthal distribution (a logistic function, cut off at half a turn). The sum of all is f cos: it
+// integrates to the total attenuation. The offset of the hit across the fibre follows from the normal, so azimuths are
+// near-field.
 #pragma once
 
 #include "bsdf/basics/scattering.hpp"
@@ -37,17 +38,17 @@ struct Hair {
   using F = vfloat<W>;
   using V = vvec3<W>;
 
-  V left[kHairLobes];                                          // of white light, by lobe
-  F chance[kHairLobes];                                        // of sampling each
-  F sin_tilted[kHairLobes], cos_tilted[kHairLobes];            // of wo's inclination, as the scales tilt it
-  F variance[kHairLobes], scale[kHairLobes], cut[kHairLobes];  // cut: what the logistic has within half a turn
-  F turned[kHairLobes];                                        // azimuth from wo's on, where the lobe is highest
-  F gamma;                                                     // azimuth of wo from the normal
+  V left[kHairLobes];                                          // attenuation of white light, by lobe
+  F chance[kHairLobes];                                        // probability of sampling each
+  F sin_tilted[kHairLobes], cos_tilted[kHairLobes];            // inclination of wo, tilted by the scales
+  F variance[kHairLobes], scale[kHairLobes], cut[kHairLobes];  // cut: integral of the logistic within half a turn
+  F turned[kHairLobes];                                        // azimuth relative to wo at which the lobe peaks
+  F gamma;                                                     // azimuth of wo relative to the normal
 
   PRIMRAY_INLINE Hair(const HairRows<W>& row, const V& wo) {
     const F one(1.0f), sin_out = clamp(wo.x, -1.0f, 1.0f), cos_out = safe_sqrt(1.0f - sin_out * sin_out);
     gamma = atan2(wo.y, wo.z);
-    // A section that is not square to the fibre meets light as if by a higher index (d'Eon et al. 2011).
+    // An inclined section refracts light like a higher index (d'Eon et al. 2011).
     const F ior = row(kHairIor), sin_in = sin_out / ior, cos_in = safe_sqrt(1.0f - sin_in * sin_in);
     const F h = clamp(wo.y / max(cos_out, 1e-6f), -1.0f, 1.0f);
     const F bent = safe_sqrt(ior * ior - sin_out * sin_out) / max(cos_out, 1e-6f);
@@ -94,7 +95,7 @@ struct Hair {
     return r;
   }
 
-  // `lobe` chooses one, and what is left of it is a third number.
+  // `lobe` chooses one, and its remainder is a third random number.
   PRIMRAY_INLINE BsdfSample<W> sample(F lobe, F u, F v) const {
     using B = vbool<W>;
     F below(0.0f), within = lobe, sin_o(0.0f), cos_o(1.0f), var(1.0f), s(1.0f), c(1.0f), to(0.0f);
@@ -110,13 +111,13 @@ struct Hair {
       sum += chance[p];
     }
     within = clamp(within, 0.0f, 0x1.fffffep-1f);
-    // Along: 1 - cos theta' = -v log(u + (1 - u) e^(-2 / v)) about the mirrored inclination (d'Eon et al. 2013).
+    // Longitudinal: 1 - cos theta' = -v log(u + (1 - u) e^(-2 / v)) about the mirrored inclination (d'Eon et al. 2013).
     const F drawn = max(u, 1e-12f) + (1.0f - u) * exp_minus<W>(2.0f / var);
     const F lost = clamp(var * -0.693147181f * log2<W>(max(drawn, 1e-30f)), 0.0f, 2.0f);
     const F cos_theta = 1.0f - lost, sin_theta = sqrt(max(lost * (2.0f - lost), 0.0f));
     const F sin_in = clamp(sin_theta * sincos_turns(within).cos * cos_o - cos_theta * sin_o, -1.0f, 1.0f);
     const F cos_in = safe_sqrt(1.0f - sin_in * sin_in);
-    // About: the logistic's inverse, whose ends are half a turn away.
+    // Azimuthal: inverse of the logistic, whose ends are half a turn away.
     const F least = 0.5f * (1.0f - c), q = clamp(v * c + least, 1e-7f, 1.0f - 1e-7f);
     const F logit = 0.693147181f * (log2<W>(q) - log2<W>(1.0f - q));
     const F turn = select(even, v * (2 * kPi), to + clamp(s * logit, -kPi, kPi));
@@ -128,8 +129,8 @@ struct Hair {
   }
 
  private:
-  // Along the fibre: e^(-(sin sin) / v) I0(cos cos / v) / (2 v sinh(1 / v)), with the exponent as a distance so that narrow
-  // lobes keep their digits.
+  // Longitudinal distribution e^(-(sin sin) / v) I0(cos cos / v) / (2 v sinh(1 / v)), with the exponent as a difference, which
+  // keeps narrow lobes precise.
   PRIMRAY_INLINE F along(int p, F sin_in, F cos_in) const {
     const F v = variance[p], inverse = 1.0f / v;
     const F x = cos_in - cos_tilted[p], y = sin_in + sin_tilted[p];

@@ -1,4 +1,4 @@
-// The inputs of a fibre of hair: one list, for constants, for lanes and for Python.
+// Inputs of a hair fibre: one list, for constants, for lanes and for Python.
 #pragma once
 
 #include <string>
@@ -9,11 +9,11 @@
 
 namespace primray {
 
-// Of light that is reflected (r), that passes (tt), and that is reflected once within (trt), as MaterialX's chiang_hair_bsdf
-// has them: tints, and how wide each goes. Variances are of angles along the fibre, scales of the logistic about it.
+// Tints and widths of light that is reflected (r), transmitted (tt), and internally reflected once (trt), as in MaterialX's
+// chiang_hair_bsdf. Variances are of longitudinal angles, scales of the azimuthal logistic.
 template <class Color, class Number>
 struct HairInputs {
-  Color absorption;  // over a way of the fibre's radius
+  Color absorption;  // over the distance of the fibre's radius
   Color tint_r, tint_tt, tint_trt;
   Number variance_r, variance_tt, variance_trt;
   Number scale_r, scale_tt, scale_trt;
@@ -21,7 +21,7 @@ struct HairInputs {
   Number cuticle_tilt;  // radians
 };
 
-// Those of a black fibre of Chiang et al. 2016 with both roughnesses 0.3 and scales tilted by 2 degrees.
+// Defaults: a black fibre of Chiang et al. 2016 with both roughnesses 0.3 and scales tilted by 2 degrees.
 struct HairInput : HairInputs<vec3, float> {
   HairInput()
       : HairInputs{.absorption{0, 0, 0},
@@ -38,10 +38,10 @@ struct HairInput : HairInputs<vec3, float> {
                    .cuticle_tilt = 0.0349f} {}
 };
 
-// Calls f(name, range, member), where member(inputs) is that input of some HairInputs.
+// Calls f(name, range, member), where member(inputs) is that input of a HairInputs.
 template <class F>
 PRIMRAY_INLINE void for_each_hair_input(const F& f) {
-  // Narrower lobes than these have no digits left in unit vectors of floats; wider ones are even all around.
+  // Narrower lobes are below the precision of unit vectors in float; wider ones are uniform.
   constexpr InputRange unit, variances{1e-6f, 100}, scales{1e-3f, 100}, tilts{-1.5f, 1.5f}, iors{1, 100};
 #define PRIMRAY_INPUT(name, range) f(#name, range, [](auto& v) -> auto& { return v.name; })
   PRIMRAY_INPUT(absorption, kNotNegative);
@@ -64,7 +64,7 @@ inline std::string hair_name(std::string_view name) { return "hair_" + std::stri
 constexpr int32_t kFirstHairField = int32_t(InputField::kOpenPbr) + 64;
 constexpr InputField hair_field(int k) { return InputField(kFirstHairField + k); }
 
-// The same on lanes, all of one surface.
+// Inputs in lanes, all of one surface.
 template <int W>
 struct HairValues : HairInputs<vvec3<W>, vfloat<W>> {
   PRIMRAY_INLINE explicit HairValues(const HairInput& s) {
@@ -74,7 +74,7 @@ struct HairValues : HairInputs<vvec3<W>, vfloat<W>> {
       keep(range, value);
     });
   }
-  // A value that varies: the first number of `x`, or all three; NaN becomes the lower bound.
+  // Sets a value that varies: the first component of `x`, or all three; NaN becomes the lower bound.
   PRIMRAY_INLINE void set(InputField field, const vvec3<W>& x) {
     int k = 0;
     for_each_hair_input([&](const char*, InputRange range, auto member) {

@@ -1,4 +1,4 @@
-// A fibre of hair as a row of numbers that its lobes are made of.
+// Row of lobe parameters of a hair fibre.
 #pragma once
 
 #include "bsdf/basics/lobe_rows.hpp"
@@ -8,21 +8,22 @@
 
 namespace primray {
 
-constexpr int kHairLobes = 4;  // reflected; passing; after one reflection within; after more
+constexpr int kHairLobes = 4;  // reflected; transmitted; internally reflected once; more often
 
-// Columns of a row; colours have three, and none is a row's last.
+// Columns of a row; colours have three, and none is the last.
 enum HairField : int {
   kHairAbsorption,
-  kHairTint = kHairAbsorption + 3,  // of three lobes; the last has the third's
-  kHairVariance = kHairTint + 9,    // likewise, as are scales
+  kHairTint = kHairAbsorption + 3,  // of three lobes; the last uses the third's
+  kHairVariance = kHairTint + 9,    // of three lobes, as are scales
   kHairScale = kHairVariance + 3,
   kHairIor = kHairScale + 3,
-  kHairTilt,  // sine and cosine of each lobe's, the last having none
+  kHairTilt,  // sine and cosine for each lobe but the last
   kHairFields = kHairTilt + 2 * 3
 };
 
-// Columns of W rows of one surface whose inputs are `v`. Scales tilt what is reflected by 2 alpha towards the root (-x), what
-// passes by alpha and what is reflected within by 4 alpha towards the tip (Marschner et al. 2003, Chiang et al. 2016).
+// Computes the columns of W rows of one surface with inputs `v`. Scales tilt reflected light by 2 alpha towards the root (-x),
+// transmitted light by alpha and internally reflected light by 4 alpha towards the tip (Marschner et al. 2003, Chiang et al.
+// 2016).
 template <int W>
 PRIMRAY_INLINE void reduce_hair(const HairValues<W>& v, vfloat<W> (&row)[kHairFields]) {
   const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };

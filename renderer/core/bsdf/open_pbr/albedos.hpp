@@ -1,4 +1,4 @@
-// What lobes send on of light from one direction: tables.hpp, interpolated on lanes.
+// Albedos of OpenPBR's lobes from tables (tables.hpp), interpolated in lanes.
 #pragma once
 
 #include "bsdf/basics/albedo.hpp"
@@ -6,7 +6,7 @@
 
 namespace primray {
 
-// A place between nodes of an axis with `count` of them, x counting nodes.
+// Position between the nodes of an axis with `count` nodes, x counting nodes.
 template <int W>
 struct NodePlace {
   vint<W> first;
@@ -22,10 +22,10 @@ PRIMRAY_INLINE vfloat<W> between(vfloat<W> a, vfloat<W> b, vfloat<W> part) {
   return a + (b - a) * part;
 }
 
-// The axes of make_tables.py.
+// Axes of make_tables.py.
 template <int W>
 struct AlbedoAxes {
-  vfloat<W> mu, roughness, alpha, x;  // x: 0 at grazing angles, 1 head-on
+  vfloat<W> mu, roughness, alpha, x;  // x: 0 at grazing angles, 1 at normal incidence
   PRIMRAY_INLINE AlbedoAxes(vfloat<W> cosine, vfloat<W> r)
       : mu(clamp(cosine, 0.0f, 1.0f)), roughness(clamp(r, kAlbedoSmoothest, 1.0f)), alpha(roughness * roughness) {
     x = sqrt(min(mu * (1.0f + 3.0f * alpha) / (mu + 3.0f * alpha), 1.0f));
@@ -36,7 +36,7 @@ struct AlbedoAxes {
   PRIMRAY_INLINE NodePlace<W> column(int count) const { return {x * float(count - 1), count}; }
 };
 
-// Of a table by (outer, roughness, cosine).
+// Interpolates a table by (outer, roughness, cosine).
 template <int W>
 PRIMRAY_INLINE vfloat<W> read_albedo(const float* table, const NodePlace<W>& outer, const NodePlace<W>& row,
                                      const NodePlace<W>& column, int rows, int columns) {
@@ -49,14 +49,15 @@ PRIMRAY_INLINE vfloat<W> read_albedo(const float* table, const NodePlace<W>& out
   return between(plane(outer.first), plane(outer.first + vint<W>(1)), outer.part);
 }
 
-// What an isotropic lobe of F = 1 reflects.
+// Albedo of an isotropic reflection lobe with F = 1.
 template <int W>
 PRIMRAY_INLINE vfloat<W> whole_albedo(vfloat<W> cosine, vfloat<W> roughness) {
   const LobeAlbedo<W> a = ggx_albedo(cosine, roughness);
   return a.f0 + a.f90;
 }
 
-// The cosine at which a smooth interface reflects what the rough one does on the whole, over whole_albedo(); `eta` at least 1.
+// Cosine at which a smooth interface reflects as much as the rough one in total, divided by whole_albedo(); `eta` is at least
+// 1.
 template <int W>
 PRIMRAY_INLINE vfloat<W> fresnel_cosine(vfloat<W> cosine, vfloat<W> roughness, vfloat<W> eta) {
   const AlbedoAxes<W> axes(cosine, roughness);
@@ -67,7 +68,7 @@ PRIMRAY_INLINE vfloat<W> fresnel_cosine(vfloat<W> cosine, vfloat<W> roughness, v
   return clamp(axes.mu + excess * axes.alpha / (axes.roughness + 0.05f), 0.0f, 1.0f);
 }
 
-// What an isotropic dielectric's single scattering reflects and transmits together.
+// Sum of reflection and transmission of an isotropic dielectric's single scattering.
 template <int W>
 PRIMRAY_INLINE vfloat<W> passing_albedo(vfloat<W> cosine, vfloat<W> roughness, vfloat<W> eta) {
   const AlbedoAxes<W> axes(cosine, roughness);
@@ -76,7 +77,7 @@ PRIMRAY_INLINE vfloat<W> passing_albedo(vfloat<W> cosine, vfloat<W> roughness, v
                                 kPassingRoughnesses, kPassingCosines);
 }
 
-// What an anisotropic lobe of F = 1 reflects, over what the isotropic one does.
+// Albedo of an anisotropic lobe with F = 1, relative to the isotropic one.
 template <int W>
 PRIMRAY_INLINE vfloat<W> brushed_ratio(const vvec3<W>& wo, vfloat<W> roughness, vfloat<W> anisotropy) {
   const AlbedoAxes<W> axes(wo.z, roughness);
@@ -86,7 +87,7 @@ PRIMRAY_INLINE vfloat<W> brushed_ratio(const vvec3<W>& wo, vfloat<W> roughness, 
   const NodePlace<W> outer((1.0f - root) * (float(kBrushedAnisotropies - 1) / (1 - kLeastRoot)), kBrushedAnisotropies);
   const NodePlace<W> row = axes.row(kBrushedRoughnesses), column = axes.column(kBrushedCosines);
   const NodePlace<W> azimuth(cos2 * float(kBrushedAzimuths - 1), kBrushedAzimuths);
-  // Azimuths are one more axis within the cosines'.
+  // Azimuths are a further axis within that of the cosines.
   const auto at_cosine = [&](vint<W> of, vint<W> r, vint<W> c) {
     const vint<W> at =
         ((of * vint<W>(kBrushedRoughnesses) + r) * vint<W>(kBrushedCosines) + c) * vint<W>(kBrushedAzimuths) + azimuth.first;

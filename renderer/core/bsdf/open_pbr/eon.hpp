@@ -1,5 +1,5 @@
-// The diffuse lobe: energy-preserving Oren-Nayar; Portsmouth, Kutz and Hill 2025, "EON: A Practical Energy-Preserving Rough
-// Diffuse BRDF", with the exact albedo of its single scattering.
+// Diffuse lobe: energy-preserving Oren-Nayar; Portsmouth, Kutz and Hill 2025, "EON: A Practical Energy-Preserving Rough Diffuse
+// BRDF", with the exact albedo of its single scattering.
 #pragma once
 
 #include "math/transcendental.hpp"
@@ -8,7 +8,7 @@ namespace primray {
 
 template <int W>
 struct Eon {
-  vfloat<W> roughness, scale;  // scale: A of the text
+  vfloat<W> roughness, scale;  // scale: A in the paper
   vfloat<W> lost_out, lost_mean;
 
   PRIMRAY_INLINE Eon() = default;
@@ -17,7 +17,7 @@ struct Eon {
     lost_out = lost(cos_out);
     lost_mean = 1.0f - scale * (1.0f + (2.0f / 3.0f - 28.0f / (15.0f * kPi)) * sigma);
   }
-  // What single scattering does not send on at all, of a white one.
+  // Share of light that single scattering loses on a white surface.
   PRIMRAY_INLINE vfloat<W> lost(vfloat<W> cosine) const {
     const vfloat<W> c = clamp(cosine, 0.0f, 1.0f), s = safe_sqrt(1.0f - c * c);
     const vfloat<W> g = s * (acos(c) - s * c) + (2.0f / 3.0f) * (s * c * (1.0f + s + s * s) / (1.0f + s) - s);

@@ -1,11 +1,11 @@
-// What interfaces reflect of unpolarized light, by the cosine with the (micro)normal.
+// Fresnel reflectance of interfaces for unpolarized light, by the cosine with the (micro)normal.
 #pragma once
 
 #include "bsdf/basics/albedo.hpp"
 
 namespace primray {
 
-// Of a dielectric, `eta` being the index beyond over the one before: 1 where all is reflected.
+// Dielectric, `eta` being the index beyond the interface over that before it: 1 under total reflection.
 template <int W>
 PRIMRAY_INLINE vfloat<W> dielectric_fresnel(vfloat<W> cosine, vfloat<W> eta) {
   const vfloat<W> c = clamp(cosine, 0.0f, 1.0f), inverse = 1.0f / eta, sin2 = (1.0f - c * c) * inverse * inverse;
@@ -14,14 +14,14 @@ PRIMRAY_INLINE vfloat<W> dielectric_fresnel(vfloat<W> cosine, vfloat<W> eta) {
   return select(sin2 >= vfloat<W>(1.0f), vfloat<W>(1.0f), 0.5f * (s * s + p * p));
 }
 
-// E_F: the hemispherical mean of that for eta from 1 to 5, within 8e-4 of quadrature.
+// E_F: hemispherical mean of that for eta from 1 to 5, within 8e-4 of quadrature.
 template <int W>
 PRIMRAY_INLINE vfloat<W> mean_fresnel(vfloat<W> eta) {
   const vfloat<W> e = (eta - 1.0f) / (eta + 1.0f);
   return e * (0.56522418f + e * (-1.19131499f + e * (4.22872656f + e * (-5.11220986f + e * 2.64015372f))));
 }
 
-// The part of the light within a coat of relative index `eta` that its surface sends back (OpenPBR 1.1.1, "Darkening", K_r).
+// Internal reflectance of the surface of a coat with relative index `eta` (OpenPBR 1.1.1, "Darkening", K_r).
 template <int W>
 PRIMRAY_INLINE vfloat<W> internal_reflection(vfloat<W> eta) {
   const vbool<W> denser = eta >= vfloat<W>(1.0f);
@@ -29,11 +29,10 @@ PRIMRAY_INLINE vfloat<W> internal_reflection(vfloat<W> eta) {
   return select(denser, 1.0f - (1.0f - mean) / (eta * eta), mean);
 }
 
-// Kutz et al. 2021, "Novel Aspects of the Adobe Standard Material": Schlick's curve from `f0` up, tinted where the cosine is
-// 1/7.
+// Kutz et al. 2021, "Novel Aspects of the Adobe Standard Material": Schlick's curve from `f0`, tinted where the cosine is 1/7.
 template <int W>
 struct MetalFresnel {
-  vvec3<W> f0, dip;  // dip: what the tint takes away there, over mu (1 - mu)^6
+  vvec3<W> f0, dip;  // dip: reduction by the tint there, over mu (1 - mu)^6
 
   PRIMRAY_INLINE MetalFresnel() = default;
   PRIMRAY_INLINE MetalFresnel(const vvec3<W>& reflected, const vvec3<W>& tint) : f0(reflected) {

@@ -1,5 +1,5 @@
-// The fuzz lobe: Zeltner, Burley and Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines"
-// (fuzz_table.cpp has their figures).
+// Fuzz lobe: Zeltner, Burley and Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines" (their
+// coefficients are in fuzz_table.cpp).
 #pragma once
 
 #include "bsdf/open_pbr/tables.hpp"
@@ -9,8 +9,8 @@ namespace primray {
 
 template <int W>
 struct Fuzz {
-  vfloat<W> a, b;       // of the inverse transformation (x, y, z) -> (a x + b z, a y, z), in the plane of the view
-  vfloat<W> reflected;  // of all light, by a white one
+  vfloat<W> a, b;       // coefficients of the inverse transformation (x, y, z) -> (a x + b z, a y, z), in the plane of the view
+  vfloat<W> reflected;  // albedo of a white lobe
   vfloat<W> cos_phi, sin_phi;
 
   PRIMRAY_INLINE Fuzz() = default;
@@ -27,13 +27,13 @@ struct Fuzz {
       const vfloat<W> low = p + (q - p) * fx, high = r + (s - r) * fx;
       return low + (high - low) * fy;
     };
-    // A smooth one reflects nothing, and its figures say nothing of where.
+    // A smooth lobe reflects nothing, and its coefficients are undefined.
     a = max(read(0), 1e-3f), b = read(1), reflected = read(2);
     const vfloat<W> side2 = wo.x * wo.x + wo.y * wo.y, scale = 1.0f / sqrt(max(side2, 1e-12f));
     const vbool<W> aside = side2 > vfloat<W>(1e-12f);
     cos_phi = select(aside, wo.x * scale, 1.0f), sin_phi = select(aside, wo.y * scale, 0.0f);
   }
-  // Of directions wi above the surface, per solid angle; also the lobe's own shape, with the cosine in it.
+  // Density per solid angle of directions wi above the surface; also the shape of the lobe, including the cosine.
   PRIMRAY_INLINE vfloat<W> density(const vvec3<W>& wi) const {
     const vfloat<W> x = cos_phi * wi.x + sin_phi * wi.y, y = cos_phi * wi.y - sin_phi * wi.x;
     const vfloat<W> u = a * x + b * wi.z, v = a * y, z = max(wi.z, 0.0f), q = u * u + v * v + z * z;

@@ -1,9 +1,9 @@
-// The inputs of an OpenPBR surface, by the names of its text (OpenPBR 1.1.1): one list, for constants, for lanes and for
+// Inputs of an OpenPBR surface, with the names of its specification (OpenPBR 1.1.1): one list, for constants, for lanes and for
 // Python.
 //
-// Lengths are in world units. Beside these a surface has its emission, below coat and fuzz, its opacity, its normal and whether
-// it is thin-walled, which all surfaces have. `coat_roughening` is our own: how much of the coat's roughness the base takes on
-// (the text: all of it).
+// Lengths are in world units. A surface also has its emission (below coat and fuzz), its opacity, its normal and whether it is
+// thin-walled, like all surfaces. `coat_roughening` is an extension: the share of the coat's roughness that the base takes on
+// (specification: all of it).
 #pragma once
 
 #include <string>
@@ -23,7 +23,7 @@ struct OpenPbrInputs {
   Color specular_color;
   Number specular_roughness, specular_roughness_anisotropy, specular_ior;
   Number transmission_weight;
-  Color transmission_color;  // of one pass, or of a way of transmission_depth through the interior
+  Color transmission_color;  // of one pass, or over the distance transmission_depth through the interior
   Number transmission_depth;
   Color transmission_scatter;
   Number transmission_scatter_anisotropy;
@@ -43,7 +43,7 @@ struct OpenPbrInputs {
   Color tangent;                                                // in world space; 0: any
 };
 
-// The text's defaults.
+// Defaults of the specification.
 struct OpenPbrInput : OpenPbrInputs<vec3, float> {
   OpenPbrInput()
       : OpenPbrInputs{.base_weight = 1,
@@ -83,7 +83,7 @@ struct OpenPbrInput : OpenPbrInputs<vec3, float> {
                       .tangent{0, 0, 0}} {}
 };
 
-// Calls f(name, range, member), where member(inputs) is that input of some OpenPbrInputs.
+// Calls f(name, range, member), where member(inputs) is that input of an OpenPbrInputs.
 template <class F>
 PRIMRAY_INLINE void for_each_open_pbr_input(const F& f) {
   constexpr InputRange unit, any{-1e30f, 1e30f}, weights{0, 100}, signed_unit{-1, 1}, films{0, 1000};
@@ -126,14 +126,14 @@ PRIMRAY_INLINE void for_each_open_pbr_input(const F& f) {
 #undef PRIMRAY_INPUT
 }
 
-// What Python calls the field of an input of that list: the tangent is one beside the normal.
+// Python's name for an input of that list: the tangent is a field beside the normal.
 inline std::string open_pbr_name(std::string_view name) {
   return name == "tangent" ? std::string(name) : "open_pbr_" + std::string(name);
 }
-// The field of the k-th input of that list, as inputs that vary name what they give.
+// Field of the k-th input of that list, by which varying inputs name their target.
 constexpr InputField open_pbr_field(int k) { return InputField(int32_t(InputField::kOpenPbr) + k); }
 
-// The same on lanes, all of one surface.
+// Inputs in lanes, all of one surface.
 template <int W>
 struct OpenPbrValues : OpenPbrInputs<vvec3<W>, vfloat<W>> {
   PRIMRAY_INLINE explicit OpenPbrValues(const OpenPbrInput& s) {
@@ -143,7 +143,7 @@ struct OpenPbrValues : OpenPbrInputs<vvec3<W>, vfloat<W>> {
       set(range, value, value);
     });
   }
-  // A value that varies: the first number of `x`, or all three; NaN becomes the lower bound.
+  // Sets a value that varies: the first component of `x`, or all three; NaN becomes the lower bound.
   PRIMRAY_INLINE void set(InputField field, const vvec3<W>& x) {
     int k = 0;
     for_each_open_pbr_input([&](const char*, InputRange range, auto member) {

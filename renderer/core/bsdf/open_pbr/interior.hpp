@@ -1,4 +1,4 @@
-// What is inside closed bodies of an OpenPBR material: coefficients of a homogeneous medium from the inputs.
+// Interior of closed objects with an OpenPBR material: coefficients of a homogeneous medium from the inputs.
 #pragma once
 
 #include "bsdf/open_pbr/inputs.hpp"
@@ -6,22 +6,22 @@
 
 namespace primray {
 
-// Per world unit of length.
+// Coefficients per world unit of length.
 template <int W>
 struct Interior {
   vvec3<W> extinction{vfloat<W>(0.0f)};
-  vvec3<W> scattering{vfloat<W>(0.0f)};  // of what scatters below an opaque surface: over the extinction
-  vfloat<W> phase{0.0f};                 // mean cosine of a scattering (Henyey and Greenstein)
+  vvec3<W> scattering{vfloat<W>(0.0f)};  // below an opaque surface: as a share of the extinction
+  vfloat<W> phase{0.0f};                 // mean cosine of the phase function (Henyey and Greenstein)
   PRIMRAY_INLINE vbool<W> exists() const { return max_component(extinction) > vfloat<W>(0.0f); }
 };
 
 // Beyond this the phase function is a peak that nothing resolves.
 constexpr float kMostPhase = 0.98f;
-// Nothing is denser: a mean free path of this many world units is as good as none.
+// Limits of the density: a mean free path of this many world units is treated as zero.
 constexpr float kLeastPath = 1e-12f, kDensest = 1e12f;
 
-// "Translucent base": transmission_color is what white light keeps after transmission_depth; scattering that would be more
-// than the extinction shifts absorption by as much gray as it takes. A channel of 0 keeps e^-85 of the light.
+// "Translucent base": transmission_color is the transmittance of white light over transmission_depth; scattering that would
+// exceed the extinction raises absorption by as much gray as needed. A channel of 0 keeps e^-85 of the light.
 template <int W>
 PRIMRAY_INLINE Interior<W> transmission_interior(const OpenPbrValues<W>& v) {
   using F = vfloat<W>;
@@ -38,9 +38,8 @@ PRIMRAY_INLINE Interior<W> transmission_interior(const OpenPbrValues<W>& v) {
   return {absorption + scattering, scattering, clamp(v.transmission_scatter_anisotropy, -kMostPhase, kMostPhase)};
 }
 
-// "Subsurface": mean free paths of subsurface_radius times its scale, and the albedo of one scattering with which a half-space
-// has subsurface_color, by van de Hulst's formula; exact where light comes from all around, as it does below a diffuse
-// boundary.
+// "Subsurface": mean free paths of subsurface_radius times its scale, and the single-scattering albedo with which a half-space
+// has subsurface_color, by van de Hulst's formula; exact for uniform illumination, as below a diffuse boundary.
 template <int W>
 PRIMRAY_INLINE Interior<W> subsurface_interior(const OpenPbrValues<W>& v) {
   using F = vfloat<W>;

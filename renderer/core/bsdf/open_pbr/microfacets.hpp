@@ -1,11 +1,11 @@
-// Anisotropic GGX in the local frame of normal +z and tangent +x: density, Smith's shadowing, sampling of visible normals.
+// Anisotropic GGX in the local frame with normal +z and tangent +x: density, Smith's shadowing, sampling of visible normals.
 #pragma once
 
 #include "math/transcendental.hpp"
 
 namespace primray {
 
-// The two widths of roughness r and anisotropy a: OpenPBR 1.1.1, "Microfacet model".
+// Widths along both axes for roughness r and anisotropy a: OpenPBR 1.1.1, "Microfacet model".
 template <int W>
 struct Widths {
   vfloat<W> t, b;
@@ -21,8 +21,8 @@ struct Facets {
   vfloat<W> alpha_t, alpha_b;
   vvec3<W> wo;
   vfloat<W> lambda_out;
-  vvec3<W> stretched;  // wo in the space where facets are a hemisphere's, unit
-  vfloat<W> length;    // that it had
+  vvec3<W> stretched;  // wo in the space where the microfacets form a hemisphere, unit
+  vfloat<W> length;    // its length before normalization
 
   PRIMRAY_INLINE Facets() = default;
   PRIMRAY_INLINE Facets(vfloat<W> t, vfloat<W> b, const vvec3<W>& out) : alpha_t(t), alpha_b(b), wo(out) {
@@ -45,24 +45,24 @@ struct Facets {
   PRIMRAY_INLINE vfloat<W> seen_both_ways(const vvec3<W>& h, const vvec3<W>& wi) const {
     return distribution(h) / (max(wo.z, 1e-9f) * (1.0f + lambda_out + lambda(wi)));
   }
-  // The part of the visible normals, as a cap, beyond which wo would be reflected below the surface: Eto and Tokuyoshi 2023.
+  // Bound of the cap of visible normals, beyond which wo would be reflected below the surface: Eto and Tokuyoshi 2023.
   PRIMRAY_INLINE vfloat<W> cap() const {
     const vfloat<W> a = min(min(alpha_t, alpha_b), 1.0f), s = 1.0f + safe_sqrt(wo.x * wo.x + wo.y * wo.y), s2 = s * s,
                     a2 = a * a;
     return (1.0f - a2) * s2 / (s2 + a2 * wo.z * wo.z);
   }
-  // A normal: Dupuy and Benyoub 2023, over the whole of the visible ones (`part` 1) or the cap.
+  // Samples a normal: Dupuy and Benyoub 2023, over all visible normals (`part` 1) or the cap.
   PRIMRAY_INLINE vvec3<W> sample(vfloat<W> part, vfloat<W> u, vfloat<W> v) const {
     const vfloat<W> lowest = part * stretched.z, z = (1.0f - v) * (1.0f + lowest) - lowest, s = safe_sqrt(1.0f - z * z);
     const SinCos<W> phi = sincos_turns(u);
     const vvec3<W> h{s * phi.cos + stretched.x, s * phi.sin + stretched.y, z + stretched.z};
     return normalize(vvec3<W>(h.x * alpha_t, h.y * alpha_b, max(h.z, 1e-9f)));
   }
-  // The density of reflections, per solid angle, of normals of the cap.
+  // Density of reflections, per solid angle, for normals of the cap.
   PRIMRAY_INLINE vfloat<W> reflection_density(const vvec3<W>& h) const {
     return 0.5f * distribution(h) / max(cap() * wo.z + length, 1e-20f);
   }
-  // The density of normals of all that are visible.
+  // Density among all visible normals.
   PRIMRAY_INLINE vfloat<W> normal_density(const vvec3<W>& h) const {
     return 2.0f * distribution(h) * max(dot(wo, h), 0.0f) / max(wo.z + length, 1e-20f);
   }

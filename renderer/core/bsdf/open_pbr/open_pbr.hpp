@@ -1,9 +1,9 @@
-// The OpenPBR surface (OpenPBR 1.1.1) as a mixture of lobes on lanes: fuzz over coat over a base that is metal, glass and what
-// is opaque in parts, as the text's "Reduction to a mixture of lobes" has it, by albedos of the view alone.
+// OpenPBR surface (OpenPBR 1.1.1) as a mixture of lobes in lanes: fuzz over coat over a base of metal, glass and opaque parts,
+// following the specification's "Reduction to a mixture of lobes", with albedos that depend on the view direction alone.
 //
-// In a local frame whose +z is the shading normal on the side of wo, +x the tangent. f_cos = f |cos theta_i|; radiance along
-// refracted paths is kept as L / n^2. Closed bodies that let light in are seen from within as well: coat and fuzz only absorb
-// there. Choices that the text leaves open are in docs/decisions/surfaces/open-pbr.md.
+// Directions are in a local frame whose +z is the shading normal on the side of wo, +x the tangent. f_cos = f |cos theta_i|;
+// radiance along refracted paths is kept as L / n^2. Closed objects that let light in are seen from within as well: coat and
+// fuzz only absorb there. Choices that the specification leaves open are in docs/decisions/surfaces/open-pbr.md.
 #pragma once
 
 #include "bsdf/basics/scattering.hpp"
@@ -22,30 +22,30 @@ struct OpenPbr {
   using B = vbool<W>;
   using V = vvec3<W>;
 
-  B thin, within;  // within: seen from inside a closed body that lets light in
-  // The base: parts of it, each with what the layers above and its own weights leave of it along wo.
+  B thin, within;  // within: seen from inside a closed object that lets light in
+  // Parts of the base, each multiplied by the transmittance of the layers above and its own weights along wo.
   V diffuse, behind, metal_gain, specular_color, tint;
   F diffuse_part, opaque_part, glass_part, metal_part, glass_gain, eta, dispersion;
   Eon<W> eon;
   Facets<W> facets;
   MetalFresnel<W> metal;
   V metal_edge;
-  B mirror, clear;  // clear: what is refracted is not blurred
+  B mirror, clear;  // clear: refraction is not blurred
   F film, film_thickness, film_ior, above;
   // Layers.
-  F fuzz_left, coat, coat_left, coat_eta, coat_inverse;  // coat_inverse: 1 / cosine of the view within the coat
+  F fuzz_left, coat, coat_left, coat_eta, coat_inverse;  // coat_inverse: 1 / cosine of the view direction within the coat
   V fuzz_color, coat_log, darkening;
   Fuzz<W> fuzz;
   Facets<W> coat_facets;
-  // Chances of the lobes, and which lobes there are in some lane.
+  // Probabilities of the lobes, and which lobes exist in some lane.
   F p_diffuse, p_behind, p_fuzz, p_specular, p_coat, p_transmit, p_enter;
-  V enters;   // what of the light enters below an opaque surface (interior.hpp)
-  B matched;  // boundaries of interiors that do not reflect: light goes straight on
+  V enters;   // share of the light that enters below an opaque surface (interior.hpp)
+  B matched;  // boundaries of interiors that do not reflect: light continues straight
   bool any_enters, any_rough_diffuse, any_behind, any_fuzz, any_rough, any_coat, any_glass, any_metal, any_film, any_dispersion,
       any_thin;
 
-  // Surfaces `row`, seen along wo (local) from the geometry's front or back, in lanes `m`. `beside`: index of what is outside
-  // of them; `deep`: where an opaque surface may be entered.
+  // Surfaces in rows `row`, seen along wo (local) from the geometry's front or back, in lanes `m`. `beside`: index of
+  // refraction outside of them; `deep`: lanes in which an opaque surface may be entered.
   OpenPbr(const OpenPbrRows<W>& row, B m, B thin_walls, const V& wo, B front, F beside = F(1.0f), B deep = B(false))
       : thin(thin_walls) {
     const F one(1.0f), zero(0.0f);
@@ -71,7 +71,7 @@ struct OpenPbr {
     if (any_film) film_thickness = row(kOpenFilmThickness), film_ior = row(kOpenFilmIor);
     set_layers(row, m, wo);
 
-    // Albedos of the base's reflection. From below the surface an opaque part is as from above.
+    // Albedos of the base's reflection. From below the surface an opaque part looks as from above.
     denser = select(outer < one, 1.0f / outer, outer);
     F whole(one), cosine = wo.z, brushed(one), along = roughness;
     if (any_rough) {
@@ -97,7 +97,7 @@ struct OpenPbr {
       tint = row.color(kOpenTint), dispersion = row(kOpenDispersion);
       any_dispersion = has(dispersion);
       if (any_rough) {
-        // Of brushed facets as of those that are as rough all around as these are along the view.
+        // Anisotropic facets are approximated by isotropic ones with their roughness along the view direction.
         F lost = one - passing_albedo(wo.z, along, eta);
         if (has(anisotropy)) lost *= select(brushed == one, one, (one - whole) / max(one - whole_albedo(wo.z, along), 1e-4f));
         const F kept = one - lost;
@@ -141,13 +141,13 @@ struct OpenPbr {
     const F w_specular = luminance(shiny * select(within, white, below));
     const V through = select(thin, pane_transmits(dielectric(cosine, outer, above), tint), (white - glass_reflects) * tint);
     F w_transmit = any_glass ? luminance(through * below) * glass_part : zero;
-    // Rough glass: albedos are only about what there is, and each lobe must be found.
+    // Rough glass: albedos are approximate, and each lobe must be sampled.
     w_transmit = max(w_transmit, select(mirror, zero, 0.05f * luminance(tint * below) * glass_part));
     const F w_coat = any_coat ? coat_weight_ : zero, w_fuzz = any_fuzz ? luminance(fuzz_color) : zero;
     F w_enter(zero);
     enters = V(zero);
     if (any_enters) {
-      // Light that enters crosses the coat here, and where it comes out: there as if under a cosine of 2/3.
+      // Light that enters crosses the coat here, and again where it leaves, approximated by a cosine of 2/3.
       const V across = any_coat ? layers(coat_inverse + inverse_within(F(2.0f / 3))) : below;
       enters = diffuse_left * across * (below_weight * opaque_part);
       w_enter = luminance(row.color(kOpenBelowColor) * enters);
@@ -159,7 +159,7 @@ struct OpenPbr {
     p_enter = w_enter * scale;
   }
 
-  // All but the delta lobes.
+  // Evaluates all but the delta lobes.
   BsdfEval<W> eval(const V& wo, const V& wi) const {
     const F one(1.0f), zero(0.0f);
     const B seen = wo.z > zero, up = seen & (wi.z > zero), down = seen & (wi.z < zero);
@@ -225,7 +225,7 @@ struct OpenPbr {
       wi = select(is_coat, h * (2.0f * dot(wo, h)) - wo, wi);
     }
     const B is_mirror = is_specular & mirror, is_clear = passes & clear;
-    V channels(one);  // what of each is refracted along wi
+    V channels(one);  // share of each channel that is refracted along wi
     if (any_glass && any(passes)) {
       F index = eta;
       if (any_dispersion) {
@@ -240,14 +240,14 @@ struct OpenPbr {
       if (any_rough) h = select(is_clear, h, facets.sample(one, u, v));
       const F cosine = dot(wo, h), ratio = 1.0f / index, cos2 = one - ratio * ratio * (one - cosine * cosine);
       const V w = h * (cosine * ratio - safe_sqrt(cos2)) - wo * ratio;
-      const B gone = cos2 <= zero;  // all is reflected: to the horizon, where nothing comes from
+      const B gone = cos2 <= zero;  // total reflection: towards the horizon, from where no light comes
       wi = select(passes & !thin, select(gone, V(one, zero, zero), w), wi);
       channels = select(gone & !thin, V(zero), channels);
       wi = select(is_clear & thin, -wo, wi);
     }
     wi = select(is_mirror, V(-wo.x, -wo.y, wo.z), wi);
     BsdfEval<W> e = eval(wo, wi);
-    // About a steep facet light may go to the side where its lobe has no density: it is lost.
+    // At a steep facet light may leave on the side where its lobe has no density: it is lost.
     const B down = passes | is_behind | is_enter, lost = (down & (wi.z >= zero)) | ((!down) & (wi.z <= zero));
     e.pdf = select(lost, zero, e.pdf);
     const V sum = e.diffuse + e.specular, tiny(F(1e-30f));
@@ -272,14 +272,14 @@ struct OpenPbr {
     return made;
   }
 
-  // What thin walls that are not rough, and boundaries without reflection, let straight through.
+  // Straight transmittance of thin walls without roughness, and of boundaries without reflection.
   PRIMRAY_INLINE V straight_transmittance(const V& wo) const {
     const V zero(F(0.0f));
     if (!any_glass || !(any_thin || any(matched))) return zero;
     return select((thin & mirror) | matched, clear_transmission(wo, -wo), zero);
   }
 
-  // Lanes in which directions below the surface get light that no delta lobe brings.
+  // Returns the lanes in which directions below the surface receive light by non-delta lobes.
   PRIMRAY_INLINE B lets_through() const {
     B r(false);
     if (any_behind) r |= p_behind > F(0.0f);
@@ -296,21 +296,21 @@ struct OpenPbr {
     const V lambert = albedo * F(kInvPi);
     return any_rough_diffuse ? select(eon.roughness > F(0.0f), eon(albedo, wo, wi), lambert) : lambert;
   }
-  // Facets lean towards the viewer as far as they are rough along the view.
+  // Roughness along the view direction, in which facets lean towards the viewer.
   PRIMRAY_INLINE static F roughness_along(const Facets<W>& f, F anisotropy, F roughness) {
     const F side2 = f.wo.x * f.wo.x + f.wo.y * f.wo.y, x = f.alpha_t * f.wo.x, y = f.alpha_b * f.wo.y;
     const F along = sqrt(sqrt((x * x + y * y) / max(side2, 1e-12f)));
     return select((anisotropy > F(0.0f)) & (side2 > F(1e-12f)), along, roughness);
   }
-  // fresnel_cosine() of facets that lean aside by more or less than along the view. The factor is a fit: what is reflected is
-  // right to 0.01 up to an anisotropy of 0.8, without it to 0.04.
+  // fresnel_cosine() for facets that lean sideways by more or less than along the view direction. The factor is a fit:
+  // reflectance is exact to 0.01 up to an anisotropy of 0.8, without it to 0.04.
   PRIMRAY_INLINE static F brushed_cosine(const Facets<W>& f, F anisotropy, F along, F index) {
     const F found = fresnel_cosine(f.wo.z, along, index), along2 = along * along * along * along;
     const F aside2 = f.alpha_t * f.alpha_t + f.alpha_b * f.alpha_b - along2;
     const F factor = sqrt((1.0f + 0.7f * along2) / (1.0f + 0.7f * max(aside2, 0.0f)));
     return select(anisotropy > F(0.0f), min(found * factor, 1.0f), found);
   }
-  // Normals that stand for all that are seen.
+  // Number of normals that represent all visible ones.
   static constexpr int kProbes = 8;
   PRIMRAY_INLINE F probe(const V& wo, int k) const {
     constexpr float kOther[kProbes] = {0.0625f, 0.5625f, 0.3125f, 0.8125f, 0.1875f, 0.6875f, 0.4375f, 0.9375f};
@@ -321,7 +321,7 @@ struct OpenPbr {
     for (int k = 0; k < kProbes; ++k) sum += dielectric_fresnel(probe(wo, k), index);
     return sum * (1.0f / kProbes);
   }
-  // What the dielectric reflects with its film, over what it does without.
+  // Reflectance of the dielectric with its film, relative to that without.
   __attribute__((noinline)) V film_ratio(const V& wo) const {
     V with(F(0.0f));
     F without(0.0f);
@@ -369,23 +369,23 @@ struct OpenPbr {
   PRIMRAY_INLINE F inverse_within(F cosine) const {
     return 1.0f / sqrt(max(1.0f - (1.0f - cosine * cosine) / (coat_eta * coat_eta), 2.5e-3f));
   }
-  // What fuzz and coat leave of the base's light that comes along a direction with that cosine.
+  // Transmittance of fuzz and coat for light of the base along a direction with that cosine.
   PRIMRAY_INLINE V above_base(F cosine) const {
     return any_coat ? layers(coat_inverse + inverse_within(cosine)) : V(fuzz_left);
   }
-  // Of a path through the coat of `inverse` times its thickness.
+  // Transmittance of a path through the coat, `inverse` times its thickness long.
   PRIMRAY_INLINE V layers(F inverse) const {
     const F one(1.0f);
     const auto left = [&](F log, F dark) { return fuzz_left * dark * (one + (exp2(log * inverse) * coat_left - one) * coat); };
     return {left(coat_log.x, darkening.x), left(coat_log.y, darkening.y), left(coat_log.z, darkening.z)};
   }
-  // Light that passes the base crosses the coat once, on its outer side.
+  // Light that passes through the base crosses the coat once, on its outer side.
   PRIMRAY_INLINE V above_passing(F cosine) const {
     if (!any_coat) return V(fuzz_left);
     return layers(select(within, inverse_within(cosine), coat_inverse));
   }
 
-  // Fresnel's term of the dielectric from a medium of index `before`, with its film.
+  // Fresnel reflectance of the dielectric from a medium of index `before`, with its film.
   PRIMRAY_INLINE V dielectric(F cosine, F index, F before) const {
     V f(dielectric_fresnel(cosine, index));
     if (!any_film) return f;
@@ -393,7 +393,7 @@ struct OpenPbr {
     const V with = layer.reflectance(cosine, Complex<W>{before * index, F(0.0f)});
     return f + (with - f) * film;
   }
-  // The same of the base as it is seen, each channel with its own index.
+  // Fresnel reflectance of the visible base, each channel with its own index.
   PRIMRAY_INLINE V of_channels(F cosine) const {
     const V f = dielectric(cosine, eta, select(within, above / eta, above));
     if (!any_dispersion) return f;
@@ -408,7 +408,7 @@ struct OpenPbr {
     const V with{channel(metal.f0.x, metal_edge.x).x, channel(metal.f0.y, metal_edge.y).y, channel(metal.f0.z, metal_edge.z).z};
     return f + (with - f) * film;
   }
-  // A pane of two interfaces that each reflect f, what is between them keeping t of each pass.
+  // Reflectance of a pane of two interfaces that each reflect f, with transmittance t between them.
   PRIMRAY_INLINE static V pane_reflects(const V& f, const V& t) {
     const auto channel = [](F r, F a) { return r + (1.0f - r) * (1.0f - r) * a * a * r / max(1.0f - a * a * r * r, 1e-6f); };
     return {channel(f.x, t.x), channel(f.y, t.y), channel(f.z, t.z)};
@@ -418,7 +418,7 @@ struct OpenPbr {
     return {channel(f.x, t.x), channel(f.y, t.y), channel(f.z, t.z)};
   }
 
-  // What all of the base reflects about a microfacet, over D G2 / (4 wo.z).
+  // Reflectance of the whole base about a microfacet, over D G2 / (4 wo.z).
   PRIMRAY_INLINE V reflects(F cosine) const {
     const V f = of_channels(cosine);
     V r = (two_sided ? select(within, dielectric(cosine, denser, above), f) : f) * opaque_part;
@@ -427,20 +427,20 @@ struct OpenPbr {
     if (any_metal) r += metal_reflects(cosine) * metal_gain * metal_part;
     return r;
   }
-  // What is refracted about the normal itself, or goes through thin walls, towards wi.
+  // Refraction about the shading normal itself, or transmission through thin walls, towards wi.
   PRIMRAY_INLINE V clear_transmission(const V& wo, const V& wi) const {
     const V white(F(1.0f)), f = of_channels(wo.z);
     const V through = any_thin ? select(thin, pane_transmits(f, tint), (white - f) * tint) : (white - f) * tint;
     return through * above_passing(abs(wi.z)) * glass_part;
   }
 
-  // The index for a channel's wavelength.
+  // Index of refraction for a channel's wavelength.
   PRIMRAY_INLINE F index_of(F square) const {
     const F n = dispersed_index(select(within, 1.0f / eta, eta), dispersion, square);
     return select(within, 1.0f / n, n);
   }
 
-  // Rough transmission towards wi below the surface in lanes `m`; `h`: of wi's mirror image above it.
+  // Adds rough transmission towards wi below the surface in lanes `m`; `h`: half vector of wi's mirror image above it.
   __attribute__((noinline)) void add_transmission(const V& wo, const V& wi, B m, const V& h, BsdfEval<W>& r) const {
     const F zero(0.0f);
     m &= glass_part > zero;
@@ -474,7 +474,7 @@ struct OpenPbr {
     r.specular = select(m, f * over * (glass_part * glass_gain), r.specular);
     r.pdf += select(m, p_transmit * pdf, zero);
   }
-  // f_cos of refraction by microfacets (Walter et al. 2007, eq. 21, of L / n^2), and its density.
+  // f_cos of refraction by microfacets (Walter et al. 2007, eq. 21, for L / n^2), and its density.
   PRIMRAY_INLINE V refracted(const V& wo, const V& wi, F index, F& pdf) const {
     const F zero(0.0f);
     V h = wo + wi * index;

@@ -1,4 +1,4 @@
-// An OpenPBR surface as a row of numbers that its lobes are made of.
+// Row of lobe parameters of an OpenPBR surface.
 #pragma once
 
 #include "bsdf/basics/lobe_rows.hpp"
@@ -10,7 +10,8 @@
 
 namespace primray {
 
-// Below this width the float half vector is too coarse for the lobe's peak (alpha 1e-4 is roughness 0.01): a mirror.
+// Smallest width that is not a mirror: below it the float half vector is too coarse for the lobe's peak (alpha 1e-4 is
+// roughness 0.01).
 constexpr float kMinAlpha = 1e-4f;
 
 // Columns of a row; colours have three.
@@ -19,18 +20,18 @@ enum OpenPbrField : int {
   kOpenBehind = kOpenDiffuse + 3,       // of the diffuse transmission of thin walls
   kOpenMetal = kOpenBehind + 3,         // F0 of the metal
   kOpenSpecularColor = kOpenMetal + 3,  // of the dielectric's reflection, and edge tint of the metal's
-  kOpenTint = kOpenSpecularColor + 3,   // what passes once through a translucent base keeps
+  kOpenTint = kOpenSpecularColor + 3,   // transmittance of one pass through a translucent base
   kOpenFuzzColor = kOpenTint + 3,       //
-  kOpenCoatLog = kOpenFuzzColor + 3,    // log2 of what passes a coat once, head-on
-  kOpenBaseAlbedo = kOpenCoatLog + 3,   // of what is below the coat, head-on
+  kOpenCoatLog = kOpenFuzzColor + 3,    // log2 of the transmittance of one pass through the coat at normal incidence
+  kOpenBaseAlbedo = kOpenCoatLog + 3,   // albedo below the coat at normal incidence
   kOpenTangent = kOpenBaseAlbedo + 3,   // 0: any
-  // The interior of a closed body, per world unit of length (interior.hpp): of what is transmitted, and of what scatters below
+  // Interior of a closed object, per world unit of length (interior.hpp): of transmission, and of subsurface scattering below
   // an opaque surface.
   kOpenExtinction = kOpenTangent + 3,
   kOpenScattering = kOpenExtinction + 3,
   kOpenBelowExtinction = kOpenScattering + 3,
-  kOpenBelowAlbedo = kOpenBelowExtinction + 3,  // of one scattering
-  kOpenBelowColor = kOpenBelowAlbedo + 3,       // of all that comes out
+  kOpenBelowAlbedo = kOpenBelowExtinction + 3,  // single-scattering albedo
+  kOpenBelowColor = kOpenBelowAlbedo + 3,       // of all that leaves
   kOpenAside = kOpenBelowColor + 3,             // albedo of the diffuse reflection beside that
   kOpenDiffuseWeight = kOpenAside + 3,          // with kOpenDiffuse
   kOpenDiffuseRoughness,                        //
@@ -53,19 +54,19 @@ enum OpenPbrField : int {
   kOpenCoatAnisotropy,  //
   kOpenCoatDarkening,   // weight of it
   kOpenCoatInside,      // K_r
-  kOpenBaseRoughness,   // r_b of the text
+  kOpenBaseRoughness,   // r_b of the specification
   kOpenFilm,
   kOpenFilmThickness,
   kOpenFilmIor,  //
   kOpenAbove,    // index of what is above the base
-  kOpenPhase,    // mean cosine of scatterings in the interior
-  kOpenBelow,    // weight of what scatters below an opaque surface; 0 where that is thin-walled or has no depth
+  kOpenPhase,    // mean cosine of the phase function in the interior
+  kOpenBelow,    // weight of subsurface scattering; 0 if the surface is thin-walled or has no depth
   kOpenBelowPhase,
   kOpenAsideWeight,
   kOpenPbrFields
 };
 
-// Columns of W rows of one surface whose inputs are `v`.
+// Computes the columns of W rows of one surface with inputs `v`.
 template <int W>
 PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat<W> (&row)[kOpenPbrFields]) {
   using F = vfloat<W>;
@@ -74,9 +75,9 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   const auto lerp = [](auto a, auto b, F t) { return a + (b - a) * t; };
   const auto put = [&](int field, const V& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
   const F s = v.subsurface_weight, g = v.subsurface_scatter_anisotropy;
-  // Where light does not enter (interior.hpp), what scatters below comes out where it went in, in its colour.
+  // Where light does not enter (interior.hpp), subsurface light leaves where it entered, with its colour.
   const V base = v.base_color, below = v.subsurface_color * (thin ? 0.5f * (1.0f - g) : one);
-  // The weight is apart, as the text has it, where that alone is diffuse.
+  // The weight is separate, as in the specification, where only that part is diffuse.
   const vbool<W> mixed = s > zero;
   put(kOpenDiffuse, select(mixed, lerp(base * v.base_weight, below, s), base));
   row[kOpenDiffuseWeight] = select(mixed, one, v.base_weight);
@@ -97,13 +98,13 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   const F abbe = max(v.transmission_dispersion_abbe_number, 1.0f);
   row[kOpenDispersion] = thin ? zero : v.transmission_dispersion_scale / abbe;
 
-  // "Coat", the base's index against it, inverted where all would be reflected; "Dielectric base", its weight.
+  // "Coat": index of the base relative to it, inverted where all light would be reflected; "Dielectric base": its weight.
   const F c = v.coat_weight, beside = v.specular_ior / v.coat_ior;
   const F ratio = lerp(v.specular_ior, select(beside < one, 1.0f / beside, beside), c);
   const F f = (ratio - 1.0f) / (ratio + 1.0f), f0 = min(v.specular_weight * f * f, 0.98f);
   const F e = copysign(sqrt(f0), f);
   const F eta = (1.0f + e) / (1.0f - e);
-  // What lets nothing in reflects as much as if it was the denser one, but nothing totally.
+  // An opaque dielectric reflects as if it were the denser side, without total reflection.
   row[kOpenEta] = select((eta < one) & !(v.transmission_weight > zero), 1.0f / eta, eta);
   row[kOpenAbove] = lerp(one, v.coat_ior, c);
 

@@ -1,8 +1,8 @@
-// Interference in a thin film: Airy's series with each channel's mean over wavelengths taken in Fourier space, after Belcour
+// Interference in a thin film: Airy's series with each channel's mean over wavelengths computed in Fourier space, after Belcour
 // and Barla 2017, "A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence". Amplitudes are complex
 // numbers here, so one formula serves dielectrics, metals and total reflection. A channel's response is their fit of the CIE's
-// observer (their supplemental code's figures) in linear Rec.709, divided by its own value at no retardation, so that a film of
-// no thickness is none.
+// observer (from their supplemental code) in linear Rec.709, divided by its own value at zero retardation, so that a film of
+// zero thickness has no effect.
 #pragma once
 
 #include "math/transcendental.hpp"
@@ -27,14 +27,14 @@ template <int W>
 PRIMRAY_INLINE vfloat<W> square_of(const Complex<W>& a) {
   return a.re * a.re + a.im * a.im;
 }
-// The root in the first quadrant, of numbers whose imaginary part is not negative.
+// Square root in the first quadrant, of numbers with a non-negative imaginary part.
 template <int W>
 PRIMRAY_INLINE Complex<W> root_of(const Complex<W>& a) {
   const vfloat<W> size = sqrt(square_of(a));
   return {safe_sqrt(0.5f * (size + a.re)), safe_sqrt(0.5f * (size - a.re))};
 }
 
-// Amplitudes that an interface reflects: `c1` and `c2` are n cos(theta) before and beyond it, `n1` and `n2` the indices.
+// Reflected amplitudes at an interface: `c1` and `c2` are n cos(theta) before and beyond it, `n1` and `n2` the indices.
 template <int W>
 struct Amplitudes {
   Complex<W> s, p;
@@ -48,7 +48,7 @@ struct Amplitudes {
 // Responses of the three channels to cos(retardation + shift); `path` in nanometres.
 template <int W>
 PRIMRAY_INLINE vvec3<W> film_response(vfloat<W> path, vfloat<W> shift) {
-  // Height, place and squared width of Gaussians over wave numbers, the last one X's second.
+  // Height, position and squared width of Gaussians over wave numbers; the last one is the second lobe of X.
   constexpr float kHeight[4] = {5.4856e-13f, 4.4201e-13f, 5.2481e-13f, 9.7470e-14f};
   constexpr float kPlace[4] = {1.6810e6f, 1.7953e6f, 2.2084e6f, 2.2399e6f};
   constexpr float kWidth[4] = {4.3278e9f, 9.3046e9f, 6.6121e9f, 4.5282e9f};
@@ -70,13 +70,13 @@ PRIMRAY_INLINE vvec3<W> film_response(vfloat<W> path, vfloat<W> shift) {
   return {channel(kFromXyz[0]), channel(kFromXyz[1]), channel(kFromXyz[2])};
 }
 
-// One channel's reflectances of both polarizations are `first` + sum over k of `wave`^k-weighted responses; a film between
+// Reflectance of one channel in both polarizations: `first` + sum over k of responses weighted by `wave`^k; for a film between
 // index `n1` and the complex index `n3`, seen from n1 at that cosine. `thickness` in micrometres.
 template <int W>
 struct ThinFilm {
   vfloat<W> n1, n2, thickness;
 
-  // Reflectance by the three channels, of a body that has the same index in all of them.
+  // Reflectance of the three channels, for an object with the same index in all of them.
   PRIMRAY_INLINE vvec3<W> reflectance(vfloat<W> cosine, const Complex<W>& n3) const {
     using F = vfloat<W>;
     const F zero(0.0f), c = clamp(cosine, 1e-4f, 1.0f), side = n1 * n1 * (1.0f - c * c);
@@ -84,7 +84,7 @@ struct ThinFilm {
     const Complex<W> c1{n1 * c, zero}, c2 = root_of(Complex<W>{n2 * n2 - side, zero});
     const Complex<W> c3 = root_of(n3 * n3 - Complex<W>{side, zero});
     const Amplitudes<W> top(outer, c1, film, c2), bottom(film, c2, n3, c3);
-    // What comes through the film once more is retarded by 2 n2 d cos(theta_2); none goes in where the film reflects all.
+    // Each further pass through the film is retarded by 2 n2 d cos(theta_2); no light enters under total reflection.
     const F path = 2000.0f * thickness * c2.re;
     const vvec3<W> both = airy(top.s, bottom.s, path) + airy(top.p, bottom.p, path);
     return {clamp(0.5f * both.x, 0.0f, 1.0f), clamp(0.5f * both.y, 0.0f, 1.0f), clamp(0.5f * both.z, 0.0f, 1.0f)};
@@ -94,7 +94,7 @@ struct ThinFilm {
   PRIMRAY_INLINE static vvec3<W> airy(const Complex<W>& top, const Complex<W>& bottom, vfloat<W> path) {
     using F = vfloat<W>;
     const F r12 = min(square_of(top), 1.0f), r23 = min(square_of(bottom), 1.0f), through = 1.0f - r12;
-    // Light that goes to and fro: reflected at the top from within, which turns the sign, and at the bottom.
+    // Factor of one round trip: reflected internally at the top, which changes the sign, and at the bottom.
     const Complex<W> loop = bottom * Complex<W>{-top.re, -top.im};
     const F turn = atan2(loop.im, loop.re), each = sqrt(r12 * r23);
     const F mean = through * through * r23 / max(1.0f - r12 * r23, 1e-6f);
@@ -108,8 +108,8 @@ struct ThinFilm {
   }
 };
 
-// The complex index, over that of what is above it, of a metal that reflects `f0` head-on and has that edge tint: Gulbrandsen
-// 2014, "Artist Friendly Metallic Fresnel".
+// Complex index, relative to that of the medium above it, of a metal with reflectance `f0` at normal incidence and that edge
+// tint: Gulbrandsen 2014, "Artist Friendly Metallic Fresnel".
 template <int W>
 PRIMRAY_INLINE Complex<W> metal_index(vfloat<W> f0, vfloat<W> edge) {
   const vfloat<W> r = clamp(f0, 0.0f, 0.999f), root = sqrt(r), g = clamp(edge, 0.0f, 1.0f);

@@ -1,4 +1,4 @@
-// See emitter_rectangles.hpp.
+// Detection of emissive rectangles.
 #include "build/emitters/emitter_rectangles.hpp"
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 namespace primray {
 namespace {
 
-// What may be off, over the size: densities are as exact as that.
+// Tolerance relative to the size: densities are only as exact as that.
 constexpr double kClose = 1e-5;
 
-// The corner of `t` that is none of `other`; -1 where not all others are.
+// Returns the corner of `t` that is not in `other`; -1 unless all others are.
 int own_corner(const std::array<uint32_t, 3>& t, const std::array<uint32_t, 3>& other) {
   int own = -1, shared = 0;
   for (int k = 0; k < 3; ++k) {
@@ -31,7 +31,7 @@ ShapeHalves find_halves(const ShapeTriangles& shape, const std::vector<double>& 
   if (shape.later > 0 || shape.count != 2 || !(powers[0] > 0) || !(powers[1] > 0)) return {};
   const auto i = shape.indices(0), j = shape.indices(1);
   const int k = own_corner(i, j), l = own_corner(j, i);
-  // Both turn the same way: what follows the own corner in one comes before it in the other.
+  // Both have the same orientation: the corner after the own corner in one comes before it in the other.
   if (k < 0 || l < 0 || i[size_t(k + 1) % 3] != j[size_t(l + 2) % 3]) return {};
   const auto p = shape.corners(0), q = shape.corners(1);
   const dvec3 corner = p[size_t(k)], x = p[size_t(k + 1) % 3] - corner, y = p[size_t(k + 2) % 3] - corner;

@@ -1,4 +1,4 @@
-// See emitter_shapes.hpp.
+// Construction of the EmitterTable's shapes.
 #include "build/emitters/emitter_shapes.hpp"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ std::vector<double> powers_of(const Scene& s, const ShapeTriangles& shape) {
   std::vector<double> powers;
   for (size_t t = 0; t < shape.count; ++t) {
     const double L = luminance(dvec3(average_radiance_of_mesh(s, s.triangle_mesh[shape.first + t])));
-    double area = 0;  // the largest: it must not be 0 where it is not so at all times
+    double area = 0;  // the largest over time: it must not be 0 unless it is so at all times
     for (size_t step = 0; step <= shape.later; ++step) {
       const auto p = shape.corners(t, step);
       area = std::max(area, 0.5 * length(cross(p[1] - p[0], p[2] - p[0])));

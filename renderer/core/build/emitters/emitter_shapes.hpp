@@ -1,4 +1,4 @@
-// The shapes of the EmitterTable: meshes that emit, some of them taken together, and what selection weighs of them.
+// Shapes of the EmitterTable: emissive meshes, some of them merged, and their weights in light selection.
 #pragma once
 
 #include <vector>
@@ -9,11 +9,11 @@
 
 namespace primray {
 
-// What a surface lights with on average, before its area: `light` is its number in Scene::geometry_lights, or -1.
+// Mean emitted radiance of a surface, before the division by its area: `light` is its index in Scene::geometry_lights, or -1.
 vec3 average_radiance(const Scene& s, int32_t surface, int32_t light);
 vec3 average_radiance_of_mesh(const Scene& s, size_t row);
 
-// What selection weighs of a shape, in its group's space.
+// Weight of a shape in light selection, in its group's space.
 struct ShapeWeight {
   double power = 0;  // area times luminance
   DoubleBox box;
@@ -29,8 +29,8 @@ struct EmittingMesh {
   size_t first, end, row, next;
 };
 
-// The meshes of a group that emit, made into shapes: those that follow each other and lie among each other are one, since as
-// balls they could not be told apart. Lights of their own, rectangles, and what would be too large for a tree stay alone.
+// Converts the emissive meshes of a group to shapes: consecutive meshes that interpenetrate are merged, since their bounding
+// spheres could not be distinguished. Geometry lights, rectangles, and shapes too large for a tree stay separate.
 class ShapeMaker {
  public:
   ShapeMaker(Scene& s, const Group& group, std::vector<ShapeWeight>& weights)
@@ -49,7 +49,7 @@ class ShapeMaker {
   std::vector<ShapeWeight>& weights_;
   const size_t group_first_;
   std::vector<EmittingMesh> meshes_;
-  ShapeWeight weight_;  // of them together
+  ShapeWeight weight_;  // of the merged meshes
 };
 
 }  // namespace primray

@@ -1,5 +1,5 @@
-// See emitter_triangles.hpp. A tree costs some 150 bytes a leaf, so that the triangles of large shapes share leaves: runs of
-// them as they follow each other, which as a rule lie beside each other.
+// Construction of emitter_triangles.hpp. A tree needs about 150 bytes per leaf, so the triangles of large shapes share leaves:
+// runs of consecutive triangles, which are usually adjacent.
 #include "build/emitters/emitter_triangles.hpp"
 
 #include <algorithm>
@@ -13,21 +13,21 @@
 namespace primray {
 namespace {
 
-// Where an emitting shape is closed, what is seen of a triangle from its back is as a rule behind the shape's front: it is
-// chosen as if it shone with this part at most. Inside such a shape all triangles are seen so, and none is preferred.
+// Weight of back faces of closed emissive shapes: a triangle seen from its back is usually behind the shape's front. Inside
+// such a shape all triangles are seen from the back, and none is preferred.
 constexpr float kBackFloor = 0.1f;
-// All of them at a cosine of -1 and more: none is beyond its cone.
+// Cosine limit that includes all directions.
 constexpr float kAllSides = -1.01f;
-// Runs so much weaker than the strongest one are chosen as if they were stronger, so that none is lost to underflow.
+// Lower limit of a run's weight relative to the strongest, so that none is lost to underflow.
 constexpr double kWeakest = 1e-20;
 
-// 1 or -1 where every edge is shared by two triangles that pass it in opposite directions, by whether their normals look out of
-// the volume or into it; else 0.
+// Returns 1 or -1 if every edge is shared by two triangles that pass it in opposite directions, depending on whether their
+// normals point out of the volume or into it; otherwise 0.
 int outward(const ShapeTriangles& shape) {
   std::vector<uint64_t> edges, opposite;
   edges.reserve(3 * shape.count), opposite.reserve(3 * shape.count);
   double volume = 0;
-  const dvec3 middle = shape.corners(0)[0];  // digits go to the shape, not to where it is
+  const dvec3 middle = shape.corners(0)[0];  // precision goes to the shape, not to its position
   for (size_t t = 0; t < shape.count; ++t) {
     const auto i = shape.indices(t);
     for (size_t k = 0; k < 3; ++k) {

@@ -1,4 +1,5 @@
-// Every emitting mesh and sphere becomes a light row where it stands; instances share the choice among their triangles.
+// Construction of emitters: every placement of an emissive mesh or sphere becomes a light row; instances share the choice among
+// their triangles.
 #include "build/emitters/emitters.hpp"
 
 #include <algorithm>
@@ -16,7 +17,7 @@ namespace {
 
 daffine instance_matrix(const Scene& s, size_t instance) { return affine_from_columns(&s.world_from_group[12 * instance]); }
 
-// What a shape's own light brings to its row, where its group stands so: kGlow, and what any light has.
+// Writes the fields of a geometry light to its row, for a placement of its group: kGlow, and those of any light.
 void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
   row[kGlow] = row[kGlow + 1] = row[kGlow + 2] = 1;
   if (number < 0) return;
@@ -28,26 +29,26 @@ void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_grou
   if (light.shaping) add_shaping(*light.shaping, world_from_group * light.group_from_object, row, s.lights);
 }
 
-// What dividing by the area has left of its radiance.
+// Share of its radiance after the division by the area.
 double share_of(const GeometryLight& light, const float* row) {
   const double whole = luminance(dvec3(light.radiance));
   return whole > 0 ? luminance(dvec3{row[kGlow], row[kGlow + 1], row[kGlow + 2]}) / whole : 0.0;
 }
 
-// A ball about all that a part of a moving instance's group passes through, and the largest that the part is then.
+// Bounding sphere of the path of a part of a moving instance's group, and the part's largest size on it.
 struct PassingBall {
   DoubleBox centers;
-  double radius = 0;  // of a ball about the part alone
-  double area = 0;    // squared size: by what an area of the group's space grows, over its directions
+  double radius = 0;  // radius of the part's own bounding sphere
+  double area = 0;    // squared size: factor of areas in the group's space, averaged over directions
   dvec3 center() const { return (centers.low + centers.high) * 0.5; }
   double reach() const { return 0.5 * length(centers.high - centers.low) * 1.1 + radius; }
 };
 
-// `center`, `own_radius`: of a ball about the part, in the group's space; `part`: a frame in it whose unit sphere is asked for.
+// `center`, `own_radius`: bounding sphere of the part, in the group's space; `part`: frame in it whose unit sphere is queried.
 PassingBall passing_ball(const Scene& s, size_t instance, const dvec3& center, double own_radius, const daffine& part) {
   const MovingInstances& moving = *s.motion.find(int32_t(instance));
   const MotionClock& clock = s.motion.clocks[size_t(moving.clock)];
-  constexpr int kProbes = 8;  // of a segment
+  constexpr int kProbes = 8;  // per segment
   PassingBall ball;
   for (int k = 0; k <= clock.segments() * kProbes; ++k) {
     const int segment = std::min(k / kProbes, clock.segments() - 1);
@@ -65,7 +66,7 @@ PassingBall passing_ball(const Scene& s, size_t instance, const dvec3& center, d
 
 const daffine kHere{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
 
-// Notes that the light row that comes next moves with an instance, its shape `k` having this frame in its group.
+// Records that the next light row moves with an instance; `frame`: of its shape `k` in the group.
 void note_moving(Scene& s, size_t instance, int32_t k, const daffine& frame) {
   EmitterTable& table = s.emitters;
   table.moving_instance.resize(size_t(s.lights.count) + 1, -1);
@@ -74,7 +75,7 @@ void note_moving(Scene& s, size_t instance, int32_t k, const daffine& frame) {
   table.frames[size_t(k)] = frame;
 }
 
-// A ball about all that a shape passes through in an instance that moves, in place of its own.
+// Writes the bounding sphere of a shape's path in a moving instance, in place of its own.
 void put_passing_ball(const Scene& s, const ShapeWeight& w, size_t instance, float* row) {
   const PassingBall ball = passing_ball(s, instance, w.center(), w.radius(), kHere);
   double uneven = 1;
@@ -115,12 +116,12 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
 }
 
-// Of the row that came last: a sphere that only glows is an object.
+// Sets the end of the last row for light path expressions: a sphere that is merely emissive is an object.
 void note_end(Scene& s, int32_t number) {
   if (number < 0) s.lights.ends.resize(size_t(s.lights.count) - 1, int32_t(kEndObject));
 }
 
-// What a sphere lights with where its group stands so.
+// Radiance of a sphere in a placement of its group.
 vec3 sphere_radiance(const Scene& s, int32_t curved_row, int32_t number, const daffine& world_from_group) {
   const vec3 average = average_radiance(s, s.curved.surface[curved_row], number);
   if (number < 0) return average;
@@ -140,8 +141,8 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
   const bool hit_test = s.lights.needs_hit_test;
   const int before = s.lights.count;
   add_light_rows(light, dvec3(0.0), 1.0, s.lights);
-  s.lights.needs_hit_test = hit_test;  // rays meet it as geometry
-  // Every shape of a group has its row, whatever becomes of it.
+  s.lights.needs_hit_test = hit_test;  // rays hit it as geometry
+  // Every shape of a group has its row, even if it emits nothing.
   if (s.lights.count == before) s.lights.rows.resize(s.lights.rows.size() + kLightFields, 0.0f), ++s.lights.count;
   float* row = &s.lights.rows[size_t(s.lights.count - 1) * kLightFields];
   row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
@@ -150,7 +151,7 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
   note_end(s, number);
 }
 
-// The row of shape `k`, a sphere in an instance that moves: a ball about its way, of which the sphere is a part.
+// Adds the row of shape `k`, a sphere in a moving instance: the bounding sphere of its path, of which the sphere is a part.
 void add_passing_sphere_row(Scene& s, const Group& group, int32_t k, const daffine& world_from_group, size_t instance) {
   const int32_t curved_row = s.emitters.first[size_t(k)], number = s.geometry_lights.curved(curved_row);
   const uint32_t record = group.curved.of<SphereShape>().record_of(curved_row);
@@ -178,7 +179,7 @@ void add_passing_sphere_row(Scene& s, const Group& group, int32_t k, const daffi
   note_end(s, number);
 }
 
-// By geometry light: a place where its group stands.
+// By geometry light: one placement of its group.
 std::vector<daffine> first_places(const Scene& s) {
   std::vector<daffine> of_group(s.groups.size(), kHere);
   std::vector<char> known(s.groups.size(), 0);
@@ -217,7 +218,7 @@ void build_emitters(Scene& s) {
     group_first[g] = int32_t(table.first.size());
     ShapeMaker shapes(s, group, weights);
     const size_t end = group.triangle_base + group.all_triangles();
-    // Rows with the same first triangle are one mesh's.
+    // Rows with the same first triangle belong to one mesh.
     while (row < meshes.surface.size() && size_t(meshes.triangle_base[row]) < end) {
       size_t next = row;
       bool emits = false;
@@ -230,7 +231,7 @@ void build_emitters(Scene& s) {
       row = next;
     }
     shapes.finish();
-    // Of the curved shapes, spheres can be sampled; others are found by rays alone.
+    // Among curved shapes, spheres can be sampled; others are found by rays alone.
     const CurvedRange& spheres = group.curved.of<SphereShape>();
     for (uint32_t i = 0; i < spheres.count; ++i) {
       const uint32_t of = spheres.first_row + i;
@@ -269,7 +270,7 @@ void build_emitters(Scene& s) {
                  end = p + 1 < s.placement_group.size() ? s.placement_instance[p + 1] : s.world_from_group.size() / 12;
     const int64_t rows = group_first[group + 1] - group_first[group], wanted = rows * int64_t(end - first);
     if (rows == 0) continue;
-    // Of two levels of instances the inner ones stand in as many places as there are outer ones: no row holds those.
+    // With two levels of instances the inner ones are repeated for each outer one: no row holds those.
     const bool in_world = p - s.groups[0].placement_base < s.groups[0].placement_count;
     if (!in_world || s.lights.count - first_row + wanted > kMaxEmitterRows) {
       table.unsampled += wanted;

@@ -1,11 +1,11 @@
-// Fills the scene's EmitterTable.
+// Construction of the scene's EmitterTable.
 #pragma once
 
 namespace primray {
 
 struct Scene;
 
-// Finds what emits and adds its rows to the scene's lights; after the last shape and placement.
+// Finds emissive geometry and adds its rows to the scene's lights; after the last shape and placement.
 void build_emitters(Scene& scene);
 
 }  // namespace primray

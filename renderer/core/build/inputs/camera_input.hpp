@@ -1,4 +1,4 @@
-// The camera as it comes from outside, with the film's window and filter.
+// Input of the camera, with the film's window and filter.
 #pragma once
 
 #include <span>
@@ -9,14 +9,14 @@
 
 namespace primray {
 
-// A lens's distortion: its model by name, or "".
+// Input of a lens's distortion: its model by name, or "".
 struct DistortionInput {
   std::string model;
   std::span<const double> coefficients;
   double most_angle = 0;        // radians
   double table_window[4] = {};  // left, right, bottom, top
   int table_columns = 0, table_rows = 0;
-  std::span<const float> directions;  // 3 a texel
+  std::span<const float> directions;  // 3 per texel
 };
 
 struct CameraInput {
@@ -28,11 +28,11 @@ struct CameraInput {
   PixelWindow pixels{0, 0, 1, 1};
   int blades = 0;
   double blade_rotation_deg = 0;
-  // Where it moves: the times of S + 1 poses, their matrices (12 numbers each), and of each window, near, far, lens radius and
+  // Motion: the times of S + 1 poses, their matrices (12 numbers each), and for each pose window, near, far, lens radius and
   // focus distance.
   std::span<const float> times;
   std::span<const double> pose_matrices, pose_numbers;
-  std::span<const double> clipping_planes;  // 4 a plane
+  std::span<const double> clipping_planes;  // 4 per plane
   DistortionInput distortion;
   bool natural_vignetting = false;
   double rim_distance = 0, rim_radius = 0;  // before the lens; radius 0: none

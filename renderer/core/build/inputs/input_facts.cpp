@@ -1,4 +1,4 @@
-// See input_facts.hpp.
+// Computation of input_facts.hpp.
 #include "build/inputs/input_facts.hpp"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace primray {
 namespace {
 
-// The least that a source's first channel can be; 0 where that is not known.
+// Lower bound of a source's first channel; 0 if it is unknown.
 float lower_bound(const Scene& scene, const InputSource& source) {
   if (source.texture < 0) return 0;
   const Texture& texture = scene.textures[source.texture];
@@ -77,7 +77,7 @@ vec3 average_emission(const Scene& scene, int32_t surface) {
 
 namespace {
 
-// The inputs of a surface that varies, all with their means.
+// Inputs of a surface with varying inputs, all at their means.
 struct MeanInputs {
   const SurfaceInput& constants;
   SurfaceValues<1> values;

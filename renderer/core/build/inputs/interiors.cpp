@@ -1,4 +1,4 @@
-// See interiors.hpp.
+// Detection of media and of the ones around the camera.
 #include "build/inputs/interiors.hpp"
 
 #include <algorithm>
@@ -13,12 +13,12 @@
 namespace primray {
 namespace {
 
-// Boundaries that a ray is followed through, and lights that are looked at one by one.
+// Limits of the boundaries that a ray is traced through, and of the lights that are tested one by one.
 constexpr int kMostBoundaries = 256, kMostLights = 4096;
 
 bool has(const float* row, int color) { return std::max({row[color], row[color + 1], row[color + 2]}) > 0; }
 
-// Bodies of meshes that wear several surfaces, by the first of those.
+// Joins the surfaces of each mesh that has several, represented by the first of them.
 void join_bodies(const Scene& scene, Interiors& interiors) {
   const MeshTable& meshes = scene.meshes;
   std::vector<int32_t> first(interiors.is_body.size());
@@ -40,7 +40,7 @@ void join_bodies(const Scene& scene, Interiors& interiors) {
   interiors.bodies = std::move(first);
 }
 
-// The surface of a body that `p` is in, as a ray finds it, and how far its boundary is.
+// Surface of an object that contains `p`, found by a ray, and the distance to its boundary.
 struct Found {
   float distance;
   int32_t surface;
@@ -73,7 +73,7 @@ std::vector<Found> bodies_along(const Scene& scene, const vec3& p, const vec3& d
   return found;
 }
 
-// Those that two of three rays find: one may slip past an edge, or out of an open mesh. The innermost first.
+// Surfaces that two of three rays find: one may slip past an edge, or through an open mesh. The innermost first.
 std::vector<Found> bodies_at(const Scene& scene, const vec3& p) {
   const vec3 directions[3] = {{0.4621f, 0.7214f, 0.5158f}, {-0.8037f, 0.2113f, 0.5562f}, {0.1873f, -0.5229f, -0.8316f}};
   std::map<int32_t, std::vector<float>> seen;

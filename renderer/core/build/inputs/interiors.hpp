@@ -1,14 +1,14 @@
-// Which bodies paths must follow, and which of them are about the camera.
+// Detection of the objects with media that paths must follow, and of those that contain the camera.
 #pragma once
 
 #include "scene/scene.hpp"
 
 namespace primray {
 
-// Before the scene's rays can be traced: what surfaces bound, and has_thin for boundaries that let light straight through.
-// Interiors whose inputs vary have their means.
+// Marks the surfaces that bound media, and has_thin for boundaries that let light pass straight; before the scene's rays can be
+// traced. Varying inputs of interiors have their means.
 void note_bodies(Scene& scene);
-// After that: the bodies about the camera, and whether lights stand in any.
+// Finds, after that, the objects that contain the camera, and whether any contain lights.
 void find_bodies(Scene& scene);
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// Lights as they come from outside, with their images, portals and profiles.
+// Input of lights, with their images, portals and profiles.
 #pragma once
 
 #include <optional>
@@ -12,23 +12,22 @@
 
 namespace primray {
 
-// An image as it comes from outside: (height, width, channels) linear floats, finite, first row at the top.
+// Image as given: (height, width, channels) linear floats, finite, first row at the top.
 struct ImageInput {
   std::span<const float> pixels;
   int width = 0, height = 0;
 };
 
-// A rectangle that a dome is sampled through.
+// Rectangle through which a dome is sampled.
 struct PortalInput {
   daffine world_from_portal;
   double width = 1, height = 1;
-  // Where it moves: as LightInput has them.
+  // Motion, as in LightInput.
   std::span<const float> times{};
   std::span<const double> stances{};
 };
 
-// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See
-// light/shaping/ies.hpp.
+// IES profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/shaping/ies.hpp.
 struct IesInput {
   std::span<const float> vertical_deg, horizontal_deg, candela;
   bool horizontal_pole = false;
@@ -40,14 +39,14 @@ struct LightInput : LightRules, LightSize {
   vec3 emission;
   float diffuse = 1, specular = 1;
   int texture_width = 0, texture_height = 0;
-  std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top
+  std::span<const float> texels;  // image of a dome: 3 (width) (height), first row at the top
   DomeFormat format = DomeFormat::kLatLong;
   std::vector<PortalInput> portals;  // of a dome
   std::optional<ShapingInput> shaping;
-  // Where it moves: times, and world_from_light at each (12 numbers), rigid.
+  // Motion: times, and world_from_light at each (12 numbers), rigid.
   std::span<const float> times;
   std::span<const double> stances;
-  // Of geometry: see GeometryLight.
+  // For geometry: see GeometryLight.
   bool own = false, shown = false, normalize = false;
 };
 

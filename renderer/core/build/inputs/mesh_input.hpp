@@ -1,4 +1,4 @@
-// A mesh as it comes from outside.
+// Input of a mesh.
 #pragma once
 
 #include <span>
@@ -7,16 +7,16 @@
 
 namespace primray {
 
-// One mesh's arrays as they come from outside; all indices have been checked to be in range.
+// Arrays of one mesh as given; all indices have been checked to be in range.
 struct MeshInput {
   std::span<const float> points;       // 3 N
   std::span<const int32_t> triangles;  // 3 T
   std::span<const float> normals;      // empty, 3 N or 9 T
   std::span<const float> colors;       // empty, 3 T, 3 N or 9 T
   Attribute normal_kind = Attribute::kNone, color_kind = Attribute::kNone;
-  std::span<const int32_t> surfaces;  // one, or one a triangle
+  std::span<const int32_t> surfaces;  // one, or one per triangle
   bool cutout = false;                // all of its surfaces have an opacity threshold, or none
-  // Where it moves: the times of S + 1 steps, their points (3 N each) and, unless they are held, normals.
+  // Motion: the times of S + 1 steps, their points (3 N each) and, unless they are constant, normals.
   std::span<const float> times, step_points, step_normals;
 };
 

@@ -1,4 +1,4 @@
-// See pattern_means.hpp.
+// Estimation of pattern_means.hpp.
 #include "build/inputs/pattern_means.hpp"
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 namespace primray {
 namespace {
 
-constexpr size_t kTries = 64;  // of a surface
+constexpr size_t kTries = 64;  // per surface
 
-// Triangles that wear a surface with a tape: up to kTries, one in so many.
+// Triangles with a surface that has a tape: up to kTries, evenly selected.
 struct Worn {
   size_t count = 0;
   std::vector<size_t> tried;
@@ -45,7 +45,7 @@ int first_placement(const Scene& s, size_t group) {
   return found == s.placement_group.end() ? -1 : int(found - s.placement_group.begin());
 }
 
-// Adds the outputs at one point of a triangle, the k-th that is tried; what is not between 0 and 1e30 counts as that.
+// Adds the outputs at one point of a triangle, the k-th try; values are clamped to [0, 1e30].
 void add_outputs(const Scene& s, const Tape& tape, size_t triangle, size_t k, double (&sum)[kMostOutputs][3]) {
   const auto part = [&](double step) { return float(double(k + 1) * step - std::floor(double(k + 1) * step)); };
   float u = part(0.7548776662466927), v = part(0.5698402909980532);  // Roberts's sequence

@@ -1,12 +1,11 @@
-// What patterns are on average, by trying them on the shapes that wear them: what chooses among emitters, and photons, go by
-// it.
+// Mean values of patterns, estimated on the shapes that use them: the choice among emitters, and photons, rely on these.
 #pragma once
 
 #include "scene/scene.hpp"
 
 namespace primray {
 
-// Sets `fallback` of the inputs that read a tape, of surfaces that some triangles wear; others keep theirs.
+// Sets `fallback` of inputs that read a tape, for surfaces that some triangles have; others keep theirs.
 void note_pattern_means(Scene& scene);
 
 }  // namespace primray

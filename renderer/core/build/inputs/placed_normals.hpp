@@ -1,4 +1,4 @@
-// Normals of a mesh where it stands.
+// Normals of a mesh in world space.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// All by one factor and not each to length 1: normals are interpolated as the object has them, here as in instances.
+// Scales all by one factor rather than normalizing each: normals are interpolated as the object has them, here as in instances.
 class PlacedNormals {
  public:
   explicit PlacedNormals(const daffine& m) : x_(cross(m.y, m.z)), y_(cross(m.z, m.x)), z_(cross(m.x, m.y)) {

@@ -1,4 +1,4 @@
-// See geometry_lights.hpp.
+// Radiance and lookup tables of geometry lights.
 #include "build/lights/geometry_lights.hpp"
 
 #include <algorithm>

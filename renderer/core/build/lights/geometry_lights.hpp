@@ -1,4 +1,4 @@
-// Shapes that are lights of their own: their radiance where they stand, and what rays read of them.
+// Shapes with UsdLux LightAPI: their radiance in each placement, and the tables that rays read.
 #pragma once
 
 #include <vector>
@@ -9,11 +9,11 @@ namespace primray {
 
 struct Scene;
 
-// The area of a light's shape in the world, in scene units, where its group stands so.
+// World-space area of a light's shape, in scene units, for a placement of its group.
 double world_area(const Scene& scene, const GeometryLight& light, const daffine& world_from_group);
-// Its radiance there.
+// Its radiance in that placement.
 vec3 placed_radiance(const Scene& scene, const GeometryLight& light, const daffine& world_from_group);
-// Fills what rays read; `first_place`: by light, a matrix of its group. After the last shape and placement.
+// Fills the tables that rays read; `first_place`: by light, a matrix of its group. Called after the last shape and placement.
 void finish_geometry_lights(Scene& scene, const std::vector<daffine>& first_place);
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// See light_bounds.hpp.
+// Computation of light_bounds.hpp.
 #include "build/lights/light_bounds.hpp"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace primray {
 namespace {
 
-// Squares of distances must stay floats.
+// Squares of distances must remain floats.
 constexpr float kLeast2 = 1e-24f;
 void put_far(LightBounds& b, const dvec3& direction, double reach) {
   put(b.center, 0, direction);
@@ -31,7 +31,7 @@ LightBox light_box(const float* row) {
   return box;
 }
 
-// Of a light that moves: all that it passes, sending light all around.
+// Bounds of a light that moves: its whole path, emitting in all directions.
 static LightBounds passing_bounds(const LightPath& path, LightBounds b) {
   if (!(path.radius > 0)) {
     put_far(b, dvec3{0, 0, 1}, 2.0);
@@ -68,7 +68,7 @@ LightBounds light_bounds(const LightTable& table, const float* row) {
     const float* shaped = table.shaping.row(shaping);
     b.exact = true;
     const double reach = std::min(shaped[kReach] + 2e-3, std::numbers::pi);
-    // Its mean over all directions, taken together where it reaches.
+    // Its mean over all directions, concentrated on the part that it reaches.
     intensity *= shaped[kMean] / std::max(0.5 * (1 - std::cos(reach)), 1e-6);
     if (reach < 3.1 && !b.directed()) {
       put(b.axis, 0, light_vector(shaped, kShapedAxis));

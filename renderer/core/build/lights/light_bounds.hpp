@@ -1,13 +1,13 @@
-// What is known of where a light's row lies and looks: boxes for rays that may meet it, and what a tree chooses it by.
+// Bounds of a light's position and direction: boxes for rays that may hit it, and its bounds in a light tree.
 #pragma once
 
 #include "light/light.hpp"
 
 namespace primray {
 
-// What holds a light that rays can meet, a little larger than rounding needs.
+// Box around a light that rays can hit, slightly larger than rounding requires.
 LightBox light_box(const float* row);
-// The same with all that a tree needs to know of any light; its intensity in the units of light_importance.
+// The same box with all that a tree needs of any light; its intensity is in the units of light_importance().
 LightBounds light_bounds(const LightTable& table, const float* row);
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// See light_choice.hpp.
+// Construction of light trees.
 #include "build/lights/light_choice.hpp"
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 namespace primray {
 namespace {
 
-// Lights so much weaker than the strongest one are chosen as if they were stronger, so that none is lost to underflow.
+// Lower limit of a light's weight relative to the strongest, so that none is lost to underflow.
 constexpr double kWeakest = 1e-20;
 
-// One tree for each set of lights that a row of the LinkTable is reached by; none where they would be too large.
+// Builds one tree for each set of lights that illuminate a row of the LinkTable; none if they would be too large.
 void build_linked_lights(LightTable& table, const std::vector<LightBounds>& bounds) {
   LinkedLights linked;
   std::map<std::vector<int32_t>, int> known;  // by the row's bits
@@ -36,7 +36,7 @@ void build_linked_lights(LightTable& table, const std::vector<LightBounds>& boun
     linked.lights.insert(linked.lights.end(), lights.begin(), lights.end());
     linked.places.insert(linked.places.end(), places.begin(), places.end());
   }
-  linked.lights.push_back(0);  // lanes without a light read here
+  linked.lights.push_back(0);  // lanes without a light read this entry
   table.linked = std::move(linked);
 }
 

@@ -1,4 +1,4 @@
-// The trees by which lights are chosen where there are too many of them to weigh each at every vertex.
+// Light trees for scenes with too many lights to weigh each at every vertex.
 #pragma once
 
 #include "light/light.hpp"

@@ -1,4 +1,5 @@
-// Outlines are walked in steps of a fraction of a pixel, and each step's pixel is taken if nothing hides the light there.
+// Detection of pixels with light outlines: outlines are walked in steps of a fraction of a pixel, and each step's pixel is
+// recorded if nothing hides the light there.
 #include "build/lights/light_outlines.hpp"
 
 #include <algorithm>
@@ -15,23 +16,23 @@
 namespace primray {
 namespace {
 
-// Steps a pixel, and of one line or circle. Beyond the most, pixels are left to be sampled as all others. Pixels beside a step
-// are taken as well: between two steps the outline may cut their corners.
+// Steps per pixel, and the maximum for one line or circle. Beyond it, pixels are sampled like all others. Pixels beside a step
+// are recorded as well: between two steps the outline may cut their corners.
 constexpr double kStepsPerPixel = 4, kBeside = 0.5 / kStepsPerPixel + 0.01;
 constexpr int kFewest = 8, kMost = 8192;
-// Of more lights, looking for their outlines would take longer than it is worth; a pixel where more of them end is sampled as
-// all others, since each light has rays of its own there.
+// Maximum number of lights whose outlines are searched, beyond which it would cost more than it gains; and of outlines in a
+// pixel, beyond which it is sampled like all others, since each light has its own rays there.
 constexpr int kMostLights = 1 << 14;
 constexpr ptrdiff_t kMostInPixel = 6;
-// Pixels around what was computed of a light's place on the film, more than is rounded anywhere.
+// Margin around the computed position of a light on the film, in pixels, more than any rounding.
 constexpr double kMargin = 1e-3;
 
-// A range of film positions along one axis.
+// Range of film positions along one axis.
 struct Extent {
   double low, high;
 };
 
-// The numbers for which the filter looks at offsets from the pixel's middle that lie in [low, high], or at a few more.
+// Film sample values for which the filter's offsets from the pixel's centre are in [low, high], slightly extended.
 Extent numbers_of(const PixelFilter& filter, const Extent& offsets) {
   const std::vector<float>& table = filter.inverse_cdf;
   if (table.empty()) {
@@ -58,7 +59,7 @@ class Walk {
     reach_ = std::clamp(int(std::ceil((widest - 1) / 2)), 0, 2);
   }
 
-  // Notes the pixels where light number `i` ends, in `found`.
+  // Appends the pixels with the outline of light number `i` to `found`.
   void light(int i, std::vector<Pixel>& found) {
     light_ = i, found_ = &found;
     const float* row = scene_.lights.row(i);
@@ -67,7 +68,7 @@ class Walk {
     });
   }
 
-  // Light number `i` lies within these columns and rows of the film; none if it reaches behind the camera.
+  // Columns and rows of the film that contain light number `i`; none if it extends behind the camera.
   std::optional<std::array<Extent, 2>> bounds(int i) const {
     const LightBox box = light_box(scene_.lights.row(i));
     std::array<Extent, 2> b{{{1e30, -1e30}, {1e30, -1e30}}};
@@ -80,7 +81,7 @@ class Walk {
     }
     const float* row = scene_.lights.row(i);
     if (LightType(int(row[kType])) == LightType::kSphere && !(int(row[kLightFlags]) & kSheared)) {
-      // Closer: by the planes through the camera that touch it.
+      // Refine by the planes through the camera that touch it.
       const dvec3 c = to_camera(light_vector(row, kOrigin));
       const auto touching = [&](double along, double sign) {
         return std::tan(std::atan2(along, -c.z) + sign * std::asin(std::min(row[kSize0] / std::hypot(along, c.z), 1.0)));
@@ -93,7 +94,7 @@ class Walk {
     return b;
   }
 
-  // What a light's edges are made of, in the world; eye(): where the camera stands.
+  // Edges of a light in world space; eye(): position of the camera.
   dvec3 eye() const { return dvec3(camera_.world_from_camera.o); }
   void line(const dvec3& a, const dvec3& b) {
     const int n = steps((a + b) * 0.5, length(b - a));
@@ -106,7 +107,7 @@ class Walk {
       step(center + u * std::cos(phi) + v * std::sin(phi));
     }
   }
-  // As the camera sees it: the circle where its rays touch.
+  // As the camera sees it: the circle of tangent points.
   void sphere(const dvec3& center, double radius) {
     const dvec3 to = eye() - center;
     const double d2 = dot(to, to), r2 = radius * radius;
@@ -118,7 +119,7 @@ class Walk {
   }
 
  private:
-  // In the camera's axes, from it.
+  // In the camera's axes, relative to it.
   dvec3 to_camera(const dvec3& p) const {
     const Affine<float>& m = camera_.world_from_camera;
     const dvec3 d = p - eye();
@@ -155,7 +156,7 @@ class Walk {
   }
   const Scene& scene_;
   const Camera& camera_;
-  int reach_;  // pixels that the filter looks beyond its own
+  int reach_;  // pixels by which the filter extends beyond its own
   int light_ = 0;
   std::vector<Pixel>* found_ = nullptr;
   Pixel first_{-9, -9, -9}, last_ = first_;  // those of the last step that counted
@@ -166,12 +167,12 @@ class Walk {
 LightOutlines find_light_outlines(const Scene& scene) {
   LightOutlines made;
   const Camera& camera = scene.camera;
-  // Out of focus nothing has an outline. Through a pane lights are seen as bodies by the paths alone.
+  // Defocused lights have no outline. Through a pane only paths see lights as bodies.
   if (!scene.lights.needs_hit_test || camera.orthographic || camera.lens_radius > 0 || scene.has_thin) return made;
   if (scene.interiors.around_camera()) return made;
-  // Where what moves ends there is no one place.
+  // Moving lights have no fixed outline.
   if (camera.moves || scene.lights.motion.any()) return made;
-  if (camera.distortion || camera.flawed) return made;  // its pixels are not where a pinhole's are, or as bright
+  if (camera.distortion || camera.flawed) return made;  // its pixels are not those of a pinhole, or not as bright
   if (scene.lights.analytic_count > kMostLights) return made;
   std::vector<Pixel> found;
   Walk walk(scene);

@@ -1,4 +1,4 @@
-// Finds where in the frame lights end.
+// Search for the outlines of lights in the frame.
 #pragma once
 
 #include "scene/light_outline_table.hpp"
@@ -7,7 +7,7 @@ namespace primray {
 
 struct Scene;
 
-// Needs the finished scene, as it asks what hides a light.
+// Requires the finished scene, as it tests visibility of the lights.
 LightOutlines find_light_outlines(const Scene& scene);
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// See light_paths.hpp.
+// Construction of light paths.
 #include "build/lights/light_paths.hpp"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace primray {
 namespace {
 
-// The rotation alone of a matrix with perpendicular columns of any lengths.
+// Rotation of a matrix with perpendicular columns of any lengths.
 daffine unit_axes(const daffine& m) {
   daffine r{normalize(m.x), normalize(m.y), normalize(m.z), dvec3(0.0)};
   if (r.determinant() < 0) r.x = r.x * -1.0, r.y = r.y * -1.0, r.z = r.z * -1.0;
@@ -21,7 +21,7 @@ daffine transposed(const daffine& r) {
   return {{r.x.x, r.y.x, r.z.x}, {r.x.y, r.y.y, r.z.y}, {r.x.z, r.y.z, r.z.z}, dvec3(0.0)};
 }
 
-// From the nearest rotation of the first matrix to that of the second: of lights, whose motion is rigid, M2 M1^-1.
+// Rotation from the nearest rotation of the first matrix to that of the second: for lights, whose motion is rigid, M2 M1^-1.
 daffine rotation_between(const daffine& from, const daffine& to) {
   const daffine linear_from{from.x, from.y, from.z, dvec3(0.0)}, linear_to{to.x, to.y, to.z, dvec3(0.0)};
   if (is_regular(linear_from)) return linear_to * inverse(linear_from);
@@ -50,7 +50,7 @@ void add_light_path(const LightInput& light, const dvec3& origin, double scale, 
   for (int i = first_row; i < table.count; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
     if (type == LightType::kDistant || type == LightType::kDome) continue;
-    // About where it turns, it reaches as far as its box does from there.
+    // Extent about the centre of rotation, given by its box.
     const LightBox box = light_box(table.row(i));
     double reach = 0;
     for (int a = 0; a < 3; ++a) {

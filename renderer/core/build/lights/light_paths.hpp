@@ -1,4 +1,4 @@
-// The path of a light that moves, and the ball about all that it passes.
+// Path of a light that moves, and the bounding sphere of that path.
 #pragma once
 
 #include "build/inputs/light_input.hpp"
@@ -6,7 +6,8 @@
 
 namespace primray {
 
-// Notes that what `light` added to the table moves: rows from `first_row` on, and domes from `first_dome` on.
+// Records that the rows and domes that `light` added to the table move: rows from `first_row` on, and domes from `first_dome`
+// on.
 void add_light_path(const LightInput& light, const dvec3& origin, double scale, int first_row, size_t first_dome,
                     LightTable& table);
 

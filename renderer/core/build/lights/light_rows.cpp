@@ -1,4 +1,5 @@
-// Sizes go from the matrix into the light where its axes stay perpendicular, so that only a true shear is left to handle.
+// Construction of light rows. Scale is moved from the matrix to the light's size if its axes stay perpendicular, so that only
+// true shear remains.
 #include "build/lights/light_rows.hpp"
 
 #include <algorithm>
@@ -15,10 +16,10 @@
 namespace primray {
 namespace {
 
-// A light's frame: perpendicular unit axes with sizes beside them, or the matrix without its mean size where that cannot be.
+// Frame of a light: perpendicular unit axes with separate sizes, or the matrix divided by its mean size if that is impossible.
 struct LightFrame {
   daffine world_from_light;
-  dvec3 sizes{1.0, 1.0, 1.0};  // what went out of the matrix
+  dvec3 sizes{1.0, 1.0, 1.0};  // sizes removed from the matrix
   bool sheared = false;
 };
 
@@ -28,7 +29,7 @@ LightFrame light_frame(const LightInput& light) {
   const double x = length(m.x), y = length(m.y), z = length(m.z);
   bool round = true, flat = false;
   LightTypes::with(light.type, [&]<class T>(T) { round = T::is_round(m), flat = T::kFlat; });
-  // Flat lights need no depth: any normal to their plane does, on the side where -z goes.
+  // Flat lights need no depth: any normal to their plane serves, on the side of -z.
   if (flat) {
     const dvec3 n = cross(m.x, m.y);
     const double side = dot(n, m.z) < 0 ? -1 : 1, area = length(n);
@@ -36,8 +37,8 @@ LightFrame light_frame(const LightInput& light) {
   }
   if (!round) {
     f.sheared = true;
-    // The mean size goes out of the matrix all the same, so that lengths of the frame are about those of the world: what
-    // selection weighs is estimated by them.
+    // The mean size is removed all the same, so that lengths in the frame are about those of the world: the importance in light
+    // selection is estimated with them.
     const double size = flat ? std::sqrt(length(cross(m.x, m.y))) : std::cbrt(std::fabs(m.determinant()));
     if (size > 0) {
       f.sizes = {size, size, size};
@@ -51,12 +52,12 @@ LightFrame light_frame(const LightInput& light) {
   return f;
 }
 
-// Only directions matter of a distant light or a dome: an orthonormal frame about its z (distant) or all its axes (dome).
+// Only directions matter for a distant light or a dome: an orthonormal frame about its z (distant) or all its axes (dome).
 Affine<float> rotation_of(const daffine& m) {
   return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
 }
 
-// Whether it is to be sampled.
+// Returns whether the dome is sampled.
 bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row) {
   Dome d;
   d.world_from_light = rotation_of(light.world_from_light);
@@ -80,7 +81,7 @@ bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
       add_light_path(rect, origin, scale, row, 0, portals);
     }
     finish_light_rows(portals);
-    // Of the light that comes through them about a hemisphere's half, for choosing among lights.
+    // Half of the hemispherical mean through portals, for choosing among lights.
     if (portals.count > 0) d.irradiance += d.mean * 0.5 * std::numbers::pi;
   }
   const bool sampled = d.sampled || portals.count > 0;
@@ -97,7 +98,7 @@ bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   return sampled;
 }
 
-// What a light's row is made of on the way: its frame, emission and flags.
+// Intermediate values of a light's row: its frame, emission and flags.
 struct RowFrame {
   daffine m;
   dvec3 emission;
@@ -108,20 +109,20 @@ void put_distant(const LightInput& light, LightTable& table, float* row, RowFram
   const Frame<double> frame(normalize(f.m.z));
   f.m = {frame.s, frame.t, frame.n, dvec3(0.0)};
   const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (std::numbers::pi / 360);
-  // 1 - cos t = 2 sin^2 (t / 2) keeps its digits for the smallest suns.
+  // 1 - cos t = 2 sin^2 (t / 2) is precise for the smallest suns.
   const double s = std::sin(0.5 * half), spread = 2 * s * s;
   row[kSize0] = float(spread);
   row[kImportance] = float(luminance(f.emission) * (spread > 0 ? 2 * std::numbers::pi * std::min(spread, 0.5) : 1.0));
   table.needs_hit_test |= row[kSize0] > 0;
 }
 
-// Of lights that stand somewhere: their axes, sizes and what that makes of their emission.
+// Writes axes, sizes and emission of lights with a position.
 void put_placed(const LightInput& light, double scale, float* row, RowFrame& f) {
   const LightFrame frame = light_frame(light);
   f.m = frame.world_from_light;
   if (frame.sheared) f.flags |= kSheared;
   LightTypes::with(light.type, [&]<class T>(T) {
-    double size[2] = {1, 1}, kept[2] = {1, 1};  // where a type has none
+    double size[2] = {1, 1}, kept[2] = {1, 1};  // for types without sizes
     if constexpr (requires { T::sizes(light, frame.sizes, scale, size); }) {
       T::sizes(light, frame.sizes, scale, size);
       kept[0] = std::max(size[0], kSmallestLight), kept[1] = std::max(size[1], kSmallestLight);
@@ -132,7 +133,7 @@ void put_placed(const LightInput& light, double scale, float* row, RowFrame& f) 
   });
 }
 
-// Of those, where they stand: what rays and selection ask of their surface.
+// Writes what ray hits and light selection need of their surface.
 void put_surface(const LightInput& light, int image, LightTable& table, float* row, const RowFrame& f) {
   table.needs_hit_test |= can_be_met(light.type);
   LightTypes::with(light.type, [&]<class T>(T) {
@@ -191,7 +192,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   const daffine& m = f.m;
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
   const double det = m.determinant();
-  if (det == 0 && light.type != LightType::kDome) return;  // a light without size; translation has said so
+  if (det == 0 && light.type != LightType::kDome) return;  // a light without size; translation has reported it
   const daffine whole{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
   const daffine inv = inverse(light.type == LightType::kDome ? whole : m);
   put(row, kInverseX, inv.x), put(row, kInverseY, inv.y), put(row, kInverseZ, inv.z);

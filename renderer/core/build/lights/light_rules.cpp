@@ -1,4 +1,4 @@
-// See light_rules.hpp.
+// Construction of light rules.
 #include "build/lights/light_rules.hpp"
 
 #include <cmath>
@@ -29,7 +29,7 @@ void add_light_rules(const LightRules& light, double scale, LightTable& table) {
   shadow[kShadowColor + 2] = light.shadow_color.z;
   const bool ends = light.shadow_distance >= 0;
   shadow[kShadowEnd] = ends ? float(light.shadow_distance * scale) : INFINITY;
-  // The zone lies within the distance (ShadowAPI), and means nothing without one.
+  // The fading zone lies within the distance (ShadowAPI), and has no meaning without one.
   const double fade = std::min(light.shadow_falloff, light.shadow_distance);
   shadow[kShadowFade] = ends && fade > 0 ? float(fade * scale) : 0.0f;
   shadow[kShadowGamma] = float(light.shadow_gamma);

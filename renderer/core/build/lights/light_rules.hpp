@@ -1,6 +1,6 @@
-// What belongs to a light beside its emission: whom it reaches, who casts its shadows and how, whether the camera sees it.
+// Rules of a light beside its emission: the surfaces it illuminates, its shadow casters, and its visibility to the camera.
 //
-// A light that is geometry (build/emitters/emitters.hpp) has them as well: add_light_rules after its row was added.
+// Geometry lights (build/emitters/emitters.hpp) have rules as well: call add_light_rules() after the row was added.
 #pragma once
 
 #include "light/light.hpp"
@@ -8,11 +8,11 @@
 
 namespace primray {
 
-// Whether its shadows differ from what the geometry casts.
+// Whether its shadows differ from those of the geometry.
 bool is_special(const LightRules& light);
-// Of the row that was added last.
+// Adds the rules of the last row.
 void add_light_rules(const LightRules& light, double scale, LightTable& table);
-// After the last row.
+// Called after the last row.
 void finish_light_rules(LightTable& table);
 
 }  // namespace primray

@@ -1,4 +1,5 @@
-// Beside the formula's own numbers, a row says how far off its axis a light reaches at all, for the choice of lights.
+// Construction of shaping rows. Beside the formula's own parameters, a row has the largest angle off its axis at which the
+// light emits, for light selection.
 #include "build/lights/shaping_rows.hpp"
 
 #include <algorithm>
@@ -11,7 +12,7 @@ namespace primray {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-// Beyond it a factor could not be told from one that divides by 0.
+// A larger factor could not be distinguished from a division by 0.
 constexpr double kSteepest = 1e30;
 
 bool keeps_angles(const daffine& m) {
@@ -20,7 +21,7 @@ bool keeps_angles(const daffine& m) {
          std::fabs(dot(m.y, m.z)) <= low && std::fabs(dot(m.z, m.x)) <= low;
 }
 
-// Of a ball about the light's centre that holds it, more than rounding needs.
+// Radius of the light's bounding sphere, more than rounding requires.
 double reach_radius(const float* row) {
   double r = 0;
   with_light_type(row, [&]<class T>(T) { r = T::ball(row); });
