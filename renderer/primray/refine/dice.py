@@ -101,7 +101,7 @@ def dice(
             (
                 "dicing-limited",
                 "",
-                f"{dicing.max_triangles} triangles are allowed: edges cover up to {pixels:g} pixels, not {dicing.pixels:g}.",
+                f"Edges cover {pixels:g} pixels instead of {dicing.pixels:g}, for at most {dicing.max_triangles} triangles.",
             )
         )
     shapes = list(description.shapes)
@@ -148,10 +148,12 @@ def _warnings(cage: SubdivisionMesh, made: dict[str, Any], dicing: Dicing) -> Wa
         sentence = f"Edges cover more than {dicing.pixels:g} pixels even at level {dicing.max_level}, the finest."
         out.append(("dicing-limited", cage.path, sentence))
     if made["non_manifold_edges"] and getattr(cage, "normals", None) is None:
-        sentence = f"{made['non_manifold_edges']} edges do not join two faces that run the same way round: they are sharp."
+        sentence = f"{made['non_manifold_edges']} edges do not join exactly two faces of the same winding: they are sharp."
         out.append(("cage-topology", cage.path, sentence))
     if made["unknown_creases"]:
-        out.append(("cage-topology", cage.path, f"Creases name {made['unknown_creases']} edges that no face has."))
+        out.append(
+            ("cage-topology", cage.path, f"Creases name {made['unknown_creases']} edges that no face has: they are ignored.")
+        )
     return out
 
 

@@ -23,7 +23,7 @@ Times = tuple[float, ...]
 Warnings = list[tuple[str, str, str]]  # code, prim path, message
 
 MOST_SEGMENTS = 128
-_MANY = "Its points would move in"
+_MANY = "Its points are resampled to"
 FEWER: Doubles = np.linspace(0.0, 1.0, MOST_SEGMENTS + 1)
 
 
@@ -38,7 +38,7 @@ def by_clock(d: SceneDescription, shapes: list[Shape], warnings: Warnings) -> Sc
             assert shape.motion is not None
             shapes[k] = replace(shape, motion=at_times(shape.motion, FEWER))
             warnings.append(
-                ("motion", shape.path, f"{_MANY} {len(_times(shape)) - 1} steps: it has {MOST_SEGMENTS} even ones.")
+                ("motion", shape.path, f"{_MANY} {MOST_SEGMENTS} even steps of motion, from {len(_times(shape)) - 1}.")
             )
     d = _with_even_world(d, shapes)
     prototypes = list(d.prototypes)
@@ -88,7 +88,7 @@ def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape], warnings
     times = np.array(sorted(set().union(*clocks)), np.float64)
     times = times[np.append(np.diff(times.astype(np.float32)) > 0, True)]  # distinct in single precision, as in the core
     if len(times) > len(FEWER):
-        message = f"{_MANY} {len(times) - 1} steps beside others: it has {MOST_SEGMENTS} even ones."
+        message = f"{_MANY} {MOST_SEGMENTS} even steps of motion, from {len(times) - 1} of all shapes placed with it."
         warnings.append(("motion", shapes[moving[0].shape].path, message))
         times = FEWER
     replaced: dict[int, int] = {}

@@ -21,7 +21,7 @@ def with_patches_diced(description: SceneDescription, dicing: Dicing) -> tuple[S
     made, pixels = dice_patches(patches, footprints(description, NurbsPatch), fine, dicing.max_triangles)
     warnings: Warnings = []
     if pixels > dicing.pixels:
-        sentence = f"NURBS patches have edges of up to {pixels:g} pixels, not {dicing.pixels:g}, to have fewer triangles."
+        sentence = f"NURBS patches have edges of {pixels:g} pixels instead of {dicing.pixels:g}, to limit their triangles."
         warnings.append(("dicing-limited", "", sentence))
     shapes = list(description.shapes)
     for k, patch in patches.items():
@@ -31,6 +31,6 @@ def with_patches_diced(description: SceneDescription, dicing: Dicing) -> tuple[S
             sentence = f"Edges cover more than {pixels:g} pixels even at level {dicing.max_level}, the finest."
             warnings.append(("dicing-limited", patch.path, sentence))
         if found.empty_loops:
-            sentence = f"{found.empty_loops} of {len(patch.loops)} trim loops enclose nothing: they trim nothing."
+            sentence = f"{found.empty_loops} of {len(patch.loops)} trim loops enclose no area: they are ignored."
             warnings.append(("nurbs-data", patch.path, sentence))
     return replace(description, shapes=tuple(shapes)), warnings

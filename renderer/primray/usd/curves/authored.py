@@ -38,7 +38,7 @@ def read_curves(prim: ResolvedPrim, ctx: Context) -> AuthoredCurves | None:
         points = path.at(0.0 if ctx.timing.is_open else prim.inherited.blur_scale * ctx.timing.opens)
     counts = np.maximum(counts, 0).astype(np.int64)
     if (total := int(counts.sum())) != len(points):
-        ctx.warn("invalid-curves", prim.path, f"curveVertexCounts ask for {total} points, of which there are {len(points)}.")
+        ctx.warn("invalid-curves", prim.path, f"curveVertexCounts need {total} points, but there are {len(points)}.")
     with np.errstate(invalid="ignore"):
         bad = ~(np.abs(points).max(axis=1) <= LARGEST)
     return AuthoredCurves(counts, points.astype(np.float32, copy=False), path, without(bad, counts))

@@ -131,8 +131,8 @@ def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) ->
     authored, name = read_widths(prim, ctx.when), name_of_widths(prim)
     if authored is None or not len(authored.values):
         width = _thin(points)
-        message = f"Without widths its curves are tubes of {width:.3g}, a {1 / THIN:g}th of what all of them span"
-        ctx.warn("curve-widths", prim.path, f"{message}, and no more than {STORMS_WIDTH:g}.", "widths")
+        message = f"It has no widths: its curves have a width of {width:.3g}, 1/{1 / THIN:g} of their overall extent"
+        ctx.warn("curve-widths", prim.path, f"{message} and at most {STORMS_WIDTH:g}.", "widths")
         return np.full(_controls(curves), width / 2, np.float32)
     fits = fitting(authored, curves)
     if fits is None:
@@ -140,17 +140,19 @@ def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) ->
         width = float(usable.mean()) if len(usable) else 0.0
         wanted = curves.sizes.of(authored.interpolation)
         message = f"{name} ({authored.interpolation}) has {len(authored.values)} values where {wanted} are needed"
-        ctx.warn("curve-widths", prim.path, f"{message}: all curves have their mean, {width:.3g}.", name)
+        ctx.warn("curve-widths", prim.path, f"{message}: their mean, {width:.3g}, is used for all curves.", name)
         return np.full(_controls(curves), width / 2, np.float32)
     if fits.interpolation != authored.interpolation and len(authored.values) != 1:
-        message = f"{name} ({authored.interpolation}) has as many values as {fits.interpolation} needs, and is read so."
+        message = f"{name} ({authored.interpolation}) has as many values as {fits.interpolation} needs, and is read as that."
         ctx.warn("curve-widths", prim.path, message, name)
     fits = _usable(fits, name, curves, prim, ctx)
     halves = _halves(fits, curves)
     assert halves is not None
     found, narrow = _not_negative(halves, curves)
     if narrow:
-        ctx.warn("curve-widths", prim.path, f"{name} make {narrow} segments narrower than 0: they end at 0 there.", name)
+        ctx.warn(
+            "curve-widths", prim.path, f"{name} would be negative on {narrow} segments: they are clamped to 0 there.", name
+        )
     return found
 
 
@@ -159,7 +161,7 @@ def _usable(fits: Primvar, name: str, curves: CurveSet, prim: ResolvedPrim, ctx:
     is_based = fits.interpolation == "vertex" and curves.to_bezier is not EVENLY
     bad = ~np.isfinite(fits.values) if is_based else ~(np.isfinite(fits.values) & (fits.values >= 0))
     if bad.any():
-        message = f"{name} has {int(bad.sum())} values that are {'' if is_based else 'negative or '}not finite: they are 0."
+        message = f"{name} has {int(bad.sum())} values that are {'' if is_based else 'negative or '}not finite: 0 is used."
         ctx.warn("curve-widths", prim.path, message, name)
         fits = replace(fits, values=np.where(bad, np.float32(0), fits.values))
     return fits

@@ -22,16 +22,16 @@ def direction_of(
     """Return the basis with `drawn`, its range (None: all), limited to [knots[order - 1], knots[count]]. `names` are the
     attributes of order and knots. Raises Unfit where they do not make a basis."""
     if order < 2:
-        raise Unfit(f"{names[0]} is {order}, where a surface or curve needs 2.", names[0])
+        raise Unfit(f"{names[0]} is {order}, but must be at least 2.", names[0])
     if count < order:
         raise Unfit(f"{names[0]} is {order}, more than the {count} control points.", names[0])
     if len(knots) != count + order:
         raise Unfit(f"{names[1]} has {len(knots)} knots where {count + order} are needed.", names[1])
     if not np.isfinite(knots).all() or (np.diff(knots) < 0).any():
-        raise Unfit(f"{names[1]} has knots that fall, or that are not finite.", names[1])
+        raise Unfit(f"{names[1]} has knots that decrease or are not finite.", names[1])
     first, last = float(knots[order - 1]), float(knots[count])
     if not first < last:
-        raise Unfit(f"{names[1]} leave nothing between knots {order - 1} and {count}.", names[1])
+        raise Unfit(f"{names[1]} are equal from knot {order - 1} to knot {count}: the range is empty.", names[1])
     low, high = drawn if drawn is not None else (first, last)
     return Direction(count, order, knots, max(low, first), min(high, last))
 

@@ -42,9 +42,9 @@ def _patch(prim: ResolvedPrim, ctx: Context) -> AuthoredPatch:
     count = u.count * v.count
     if points is None or len(points) != count:
         has = "none" if points is None else str(len(points))
-        raise Unfit(f"uVertexCount and vVertexCount ask for {count} points: there are {has}.", "points")
+        raise Unfit(f"uVertexCount and vVertexCount need {count} points, but there are {has}.", "points")
     if not (np.abs(points) <= LARGEST).all():
-        raise Unfit("points has some that are not finite or beyond 1e37.", "points")
+        raise Unfit("points has values that are not finite or beyond 1e37.", "points")
     is_left = "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "") == "leftHanded"
     size = (u.high - u.low, v.high - v.low)
     points = np.ascontiguousarray(points, np.float32)
@@ -64,7 +64,7 @@ def _direction(prim: ResolvedPrim, side: str, ctx: Context) -> Direction:
     cut = direction_of(count, order, knots.astype(np.float64), drawn, (f"{side}Order", name))
     low, high = whole(found)
     if not fits(cut):
-        message = f"{side}Range leaves nothing of [{low:g}, {high:g}]: all of that is drawn."
+        message = f"{side}Range does not overlap [{low:g}, {high:g}], all of which is drawn."
         ctx.warn("nurbs-data", prim.path, message, f"{side}Range")
         return found
     return cut

@@ -51,7 +51,10 @@ def _loops(prim: ResolvedPrim, ctx: Context) -> tuple[TrimLoop, ...]:
     if len(ranges) not in (0, curves):
         raise Unfit(f"{PREFIX}ranges has {len(ranges)} values where {curves} are needed.", PREFIX + "ranges")
     if not np.isfinite(points).all() or (points[:, 2] <= 0).any():
-        raise Unfit(f"{PREFIX}points has points that are not finite, or whose third number is not positive.", PREFIX + "points")
+        raise Unfit(
+            f"{PREFIX}points has points that are not finite, or whose weight (third component) is not positive.",
+            PREFIX + "points",
+        )
     found = [
         TrimCurve(
             direction_of(
@@ -66,7 +69,7 @@ def _loops(prim: ResolvedPrim, ctx: Context) -> tuple[TrimLoop, ...]:
         for k, (at_knots, at_points) in enumerate(zip(_pieces(vertices + orders), _pieces(vertices), strict=True))
     ]
     if not all(fits(curve.basis) for curve in found):
-        raise Unfit(f"{PREFIX}ranges has one with nothing in it.", PREFIX + "ranges")
+        raise Unfit(f"{PREFIX}ranges has a range that is empty.", PREFIX + "ranges")
     return tuple(tuple(found[slice(*loop)]) for loop in _pieces(counts))
 
 

@@ -128,7 +128,7 @@ def mismatch(found: ArrayPath, points: ArrayPath, around: tuple[float, float] | 
         return "their samples are at other times than those of the points"
     rows, start = found.sample(around[0]), points.sample(around[0])
     if rows is None or start is None or len(rows) != len(start):
-        return "they are not as many as the points"
+        return "their number differs from that of the points"
     return ""
 
 

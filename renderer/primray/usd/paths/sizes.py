@@ -47,9 +47,7 @@ class SizePath:
         bent = fractions(self.times, ctx.timing.span, self.blur_scale)
         looked_at = [at(time) for time in (0.0, *(time for time in bent if 0.0 < time < 1.0), 0.5, 1.0)]
         if not all(_is_alike(frame, then) for then in looked_at):
-            ctx.warn(
-                "motion", self.prim.path, "Its size is not blurred: the shape becomes another one, as it passes 0 perhaps."
-            )
+            ctx.warn("motion", self.prim.path, "Its size is not blurred: the topology changes, as when a size passes 0.")
             return None
         count = len(frame.points)
         times = point_steps(lambda fraction: _rows(at(fraction)), count, bent, self.prim.path, ctx, curved=True)

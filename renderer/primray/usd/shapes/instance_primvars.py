@@ -38,7 +38,12 @@ def instance_primvars(prim: ResolvedPrim, count: int, ctx: Context) -> tuple[Pri
             primvar = as_colors(primvar, attribute, prim, ctx)
         short = name.removeprefix("primvars:")
         if primvar.values.shape[1] != _SHOWN.get(short, primvar.values.shape[1]):
-            ctx.warn("instance-primvar", prim.path, f"{name} has {primvar.values.shape[1]} numbers an instance.", name)
+            ctx.warn(
+                "instance-primvar",
+                prim.path,
+                f"{name} has {primvar.values.shape[1]} numbers for each instance, not {_SHOWN[short]}: it is ignored.",
+                name,
+            )
             continue
         values = finite(primvar.flat(), name, prim, ctx)
         if primvar.interpolation == "uniform":  # the whole value applies to each instance

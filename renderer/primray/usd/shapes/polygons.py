@@ -77,4 +77,4 @@ def _note_degenerate(path: str, keep: Flags | None, triangles: Triangles, counts
         return
     lost = wanted - len(np.unique(triangles.faces))
     if lost:
-        ctx.warn("faces-degenerate", path, f"{lost} of {len(counts)} faces have no area.")
+        ctx.warn("faces-degenerate", path, f"{lost} of {len(counts)} faces have no area: they are left out.")

@@ -108,7 +108,7 @@ def _of_three(found: Primvar | None, name: str, path: str, ctx: Context) -> Prim
     if found is None:
         return None
     if found.values.shape[1] != 3:
-        ctx.warn("invalid-primvar", path, f"{name} is not an array of three floats each.", name)
+        ctx.warn("invalid-primvar", path, f"{name} does not have three numbers for each element: it is ignored.", name)
         return None
     return Primvar(found.flat(), found.interpolation)
 
@@ -136,13 +136,18 @@ def read_authored(attribute: Usd.Attribute, when: When) -> AuthoredPrimvar | Non
 def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -> Primvar | None:
     name, interpolation = authored.name, authored.interpolation
     if authored.element_size > 1 and _fits_without_element_size(authored, sizes):
-        message = f"{name} has a value for each element and an elementSize of {authored.element_size}, which is ignored."
+        message = f"{name} has one value for each element but an elementSize of {authored.element_size}, which is ignored."
         ctx.warn("invalid-primvar", path, message, name)
         authored = replace(authored, element_size=1)
     values = as_columns(authored.values, authored.element_size)
     if values is None:
         of_size = f" of elementSize {authored.element_size}" if authored.element_size != 1 else ""
-        ctx.warn("invalid-primvar", path, f"{name}{of_size} is not an array of one to {MAX_COLUMNS} numbers each.", name)
+        ctx.warn(
+            "invalid-primvar",
+            path,
+            f"{name}{of_size} does not have one to {MAX_COLUMNS} numbers for each element: it is ignored.",
+            name,
+        )
         return None
     indices = None
     if authored.indices is not None:

@@ -64,7 +64,9 @@ def make_cage(mesh: AuthoredMesh, authored: AuthoredSubdivision, topology: Topol
     points, usable = usable_faces(topology, path, ctx)
     kept = _kept(topology.faces, usable, mesh.is_left_handed)
     if kept.lost:
-        ctx.warn("faces-degenerate", path, f"{kept.lost} of {sizes.faces} faces have a vertex more than once.")
+        ctx.warn(
+            "faces-degenerate", path, f"{kept.lost} of {sizes.faces} faces have a vertex more than once: they are left out."
+        )
     if len(kept.faces) == 0:
         return None
     creases = _creases(authored, len(points), path, ctx)

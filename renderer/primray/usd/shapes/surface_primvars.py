@@ -92,12 +92,12 @@ def read_primvars(
         primvar = read(name)
         if primvar is None:
             if name not in prim.inherited.per_instance:
-                message = f"A material reads primvars:{name}, which it lacks: the fallback is used."
+                message = f"A material reads primvars:{name}, which the prim does not have: the fallback is used."
                 ctx.warn("primvar-missing", prim.path, message, f"primvars:{name}")
             if name in prim.inherited.hidden:
                 found += _instead_of_instances(prim, name, surfaces, ctx)
         elif primvar.values.shape[1] < width:
-            message = f"primvars:{name} has too few numbers each: {width} are read."
+            message = f"primvars:{name} has too few components, {width} are needed: it is ignored."
             ctx.warn("invalid-primvar", prim.path, message, f"primvars:{name}")
         else:
             values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx)[:, :width])
@@ -118,7 +118,10 @@ def _instead_of_instances(
     fallback = fallbacks.pop() if len(fallbacks) == 1 else None
     if fallback is not None:
         return [(name, Primvar(np.array([fallback], np.float32), "constant"))]
-    message = f"primvars:{name} of no use hides the instances' values, which are shown: its readers differ in their fallbacks."
+    message = (
+        f"primvars:{name} is unusable, but stronger than the instances' values. These are used, "
+        "since the inputs that read it have different fallbacks."
+    )
     ctx.warn("instance-primvar", prim.path, message, f"primvars:{name}")
     return []
 

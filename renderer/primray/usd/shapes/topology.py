@@ -113,7 +113,7 @@ def usable_faces(topology: Topology, path: str, ctx: Context, named: str = "face
     keep = ~too_small
     keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
     if not keep.all():
-        message = f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons.values())}."
+        message = f"{int((~keep).sum())} of {len(counts)} faces are left out: {', '.join(reasons.values())}."
         ctx.warn("faces-dropped", path, message, next(iter(reasons)))
     return points, keep
 
@@ -130,7 +130,12 @@ def hole_indices(mesh: AuthoredMesh, faces: int, ctx: Context) -> Ints | None:
         return None
     inside = holes[(holes >= 0) & (holes < faces)]
     if len(inside) < len(holes):
-        ctx.warn("invalid-primvar", mesh.path, f"holeIndices has indices outside the {faces} faces.", "holeIndices")
+        ctx.warn(
+            "invalid-primvar",
+            mesh.path,
+            f"holeIndices has indices outside the {faces} faces: these are ignored.",
+            "holeIndices",
+        )
     return inside
 
 

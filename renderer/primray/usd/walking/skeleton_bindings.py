@@ -57,10 +57,10 @@ def lacks_animation(binding: SkeletonBinding) -> str:
     """
     if not binding.animation:
         bound = targets(binding.skeleton, "skel:animationSource")
-        return f"its animation {bound[0]} is not there" if bound else ""
+        return f"its animation {bound[0]} does not exist" if bound else ""
     path, query = binding.animation.GetPath(), binding.query
     if not query:
-        return f"its animation {path} is no SkelAnimation"
+        return f"its animation {path} is not a SkelAnimation"
     if query.ComputeBlendShapeWeights(Usd.TimeCode.Default()):
         return ""
     if not query.ComputeJointLocalTransforms(Usd.TimeCode.Default()):

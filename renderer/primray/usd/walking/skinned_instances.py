@@ -142,9 +142,9 @@ def _tell(stage: Usd.Stage, instances: list[Sdf.Path], most: int, diagnostics: D
     for path in instances:
         by_prototype.setdefault(stage.GetPrimAtPath(path).GetPrototype().GetPath(), []).append(path)
     for first, *others in by_prototype.values():
-        message = f"More than {most:,} instances with skinned meshes in poses of their own"
+        message = f"There are more than {most:,} instances with skinned meshes in different poses"
         among = f" ({1 + len(others):,} of this prototype)" if others else ""
-        diagnostics.add("skinning", str(first), f"{message}{among}: they are rendered as they are authored.")
+        diagnostics.add("skinning", str(first), f"{message}{among}: they are rendered in their authored pose.")
 
 
 def _posed_alike(stage: Usd.Stage, instances: list[Sdf.Path], times: Sequence[When]) -> list[list[Sdf.Path]]:

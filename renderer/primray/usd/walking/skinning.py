@@ -117,8 +117,8 @@ def _times_of(
         if times is not None:
             found[path] = times
             if times.steps is not None and times.steps.error > seen.most:
-                left = f"{times.steps.segments} lines between poses leave points up to {times.steps.error:.2g} pixels off."
-                diagnostics.add("motion", path, f"Its pose moves fast: {left}")
+                left = f"with {times.steps.segments} segments of motion, points are up to {times.steps.error:.2g} pixels off."
+                diagnostics.add("motion", path, f"Its pose changes fast: {left}")
     return found
 
 
@@ -143,7 +143,7 @@ def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], posing: _Posing) 
     from pxr import UsdSkel
 
     if any(prim and prim.IsInstanceProxy() for binding in bindings for prim in (binding.skeleton, binding.animation)):
-        return "Its skeleton or animation is in one of very many instances: meshes below are rendered as they are authored."
+        return "Its skeleton or animation is in one of too many instances: meshes below it are rendered in their authored pose."
     stage, when, times = root.GetPrim().GetStage(), posing.when, posing.times.get(str(root.GetPath()))
     with Usd.EditContext(stage, posing.layers.held):
         hold(root.GetPrim(), bindings, posing.layers.held, when, times)
@@ -173,7 +173,7 @@ def _mark_baked(bindings: list[SkeletonBinding]) -> bool:
         reason = lacks_animation(binding)
         for prim in (query.GetPrim() for query in binding.targets):
             if any(_is_written(prim.GetStage().GetSessionLayer(), prim.GetPath().AppendProperty(name)) for name in _BAKED):
-                mark(prim, f"{reason}: the skeleton is at rest" if reason else "")
+                mark(prim, f"{reason}: the skeleton is in its rest pose" if reason else "")
                 is_any_posed = is_any_posed or not reason
     return is_any_posed
 
@@ -195,5 +195,5 @@ def _why_not_baked(prim: Usd.Prim, bound: set[Sdf.Path]) -> str:
     if not prim.HasAPI("SkelBindingAPI"):
         return NOT_APPLIED
     if prim.GetPath() in bound:
-        return "USD does not pose it with these weights, joint indices and points"
+        return "USD's skinning rejects its weights, joint indices or points"
     return "" if any(path.HasPrefix(prim.GetPath()) for path in bound) else UNBOUND  # weights may apply to descendants

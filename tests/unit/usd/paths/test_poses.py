@@ -161,7 +161,7 @@ def test_what_is_too_fast_is_told() -> None:
     assert isinstance(shape, Mesh)
     assert shape.motion is not None
     assert len(shape.motion.times) == 65
-    assert "64 lines between poses" in told[0]
+    assert "64 segments of motion" in told[0]
 
 
 @pytest.mark.parametrize("case", ["joints that slide", "blend shapes"])

@@ -36,8 +36,8 @@ CASES = {
     "an empty animation": (root(BOUND + EMPTY + SKIN), "/char/wave is empty"),
     "an animation of other joints": (root(BOUND + STRANGER + SKIN), "moves none"),
     "an animation that is none": (root(BOUND + 'def Xform "wave"\n{\n}\n' + SKIN), "wave"),
-    "an animation that is not there": (root(BOUND + SKIN), "/char/wave is not there"),
-    "weights of other points": (root(BOUND + WAVE + skin("rel skel:skeleton = </char/bones>", FEW)), "these weights"),
+    "an animation that is not there": (root(BOUND + SKIN), "/char/wave does not exist"),
+    "weights of other points": (root(BOUND + WAVE + skin("rel skel:skeleton = </char/bones>", FEW)), "rejects its weights"),
     "no SkelRoot, weights from above": (
         placed("def Xform", "skin", RIGID + skin("", "").replace('"skin"', '"below"'), header=API),
         "no SkelRoot",

@@ -41,7 +41,7 @@ def basis_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
         return None
     kind, basis, wrap = (_allowed(prim, name, default, allowed, ctx) for name, default, allowed in _TOKENS)
     curves = basis_curves(authored.counts, len(authored.points), authored.good, kind, basis, wrap)
-    why = f"their vertices do not fit {kind} curves of the basis {basis}, {wrap}, or are not finite"
+    why = f"their number of vertices does not fit {wrap} {kind} curves of basis {basis}, or vertices are not finite"
     return _of_set(prim, authored, curves, curves.controls, why, ctx)
 
 
@@ -52,13 +52,13 @@ def hermite_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     tangents = array(read(prim.prim, "tangents", ctx.when), 3, "f")
     if tangents is None or len(tangents) != len(authored.points):
         found = "no" if tangents is None else len(tangents)
-        message = f"There are {found} tangents for {len(authored.points)} points: the curves are missing."
+        message = f"It has {found} tangents for {len(authored.points)} points: its curves are not rendered."
         ctx.warn("invalid-curves", prim.path, message, "tangents")
         return None
     good = authored.good & without(~np.isfinite(tangents).all(axis=1), authored.counts)
     curves = hermite_curves(authored.counts, len(authored.points), good)
     known: Floats = tangents.astype(np.float32, copy=False)
-    why = "their vertices are too few, or not finite"
+    why = "they have too few vertices, or vertices are not finite"
     return _of_set(prim, authored, curves, lambda points: hermite_controls(curves, points, known), why, ctx)
 
 
@@ -75,14 +75,14 @@ def nurbs_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
         ctx.warn("invalid-curves", prim.path, f"{name}: missing, or of the wrong type.", name)
         return None
     if weights is not None and len(weights) != len(authored.points):
-        message = f"There are {len(weights)} pointWeights for {len(authored.points)} points: all weights are 1."
+        message = f"It has {len(weights)} pointWeights for {len(authored.points)} points: weights of 1 are used."
         if len(weights):
             ctx.warn("invalid-primvar", prim.path, message, "pointWeights")
         weights = None
     if ranges is not None and len(ranges) == 0:
         ranges = None
     curves = nurbs_curves(authored.counts, authored.points, authored.good, orders, knots, ranges, weights)
-    why = "their order, knots, range or weights are of no use, or their points are not finite"
+    why = "their order, knots, range or weights are invalid, or their points are not finite"
     return _of_set(prim, authored, curves, curves.controls, why, ctx)
 
 
@@ -113,7 +113,7 @@ def _allowed(prim: ResolvedPrim, name: str, default: str, allowed: tuple[str, ..
     found = token(prim.prim, name, ctx.when, default)
     if found in allowed:
         return found
-    ctx.warn("invalid-curves", prim.path, f"{name} = {found!r} is none of {', '.join(allowed)}: {default} is used.", name)
+    ctx.warn("invalid-curves", prim.path, f"{name} = {found!r} is not one of {', '.join(allowed)}: {default} is used.", name)
     return default
 
 
@@ -125,7 +125,7 @@ def drawn(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Curves |
         return None
     surfaces = {k: undisplaced(make_surface(_colored(parts[k]), lambda: is_tube, prim.path, ctx), prim.path, ctx) for k in worn}
     if is_tube and any(map(emits, surfaces.values())):
-        ctx.warn("curve-lights", prim.path, "Its curves emit light that rays find by chance: expect noise.")
+        ctx.warn("curve-lights", prim.path, "Its curves emit light, but curves are not sampled as lights: expect noise.")
     controls = np.column_stack([geometry.places(geometry.authored.points), geometry.radii])
     segments = curves.segments.astype(np.int32)
     numbers = {k: ctx.surfaces.index_of(surface) for k, surface in surfaces.items()}

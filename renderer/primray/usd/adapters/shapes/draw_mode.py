@@ -188,7 +188,7 @@ def _texture(prim: ResolvedPrim, face: str, ctx: Context) -> str | None:
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
         return None
     if not asset.resolvedPath:
-        message = f"The card's texture {asset.path} is not there: model:drawModeColor is used."
+        message = f"The card's texture {asset.path} is missing: model:drawModeColor is used instead."
         ctx.warn("asset-missing", prim.path, message, f"model:cardTexture{face}")
     return str(asset.resolvedPath)
 

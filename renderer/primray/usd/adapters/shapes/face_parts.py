@@ -34,7 +34,10 @@ def face_parts(prim: ResolvedPrim, faces: int, ctx: Context, tets: Owned | None 
         held = np.array([family == subset.family for family in families])[of_face[indices]]
         if held.any():
             ctx.warn(
-                "subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.", "indices"
+                "subset-overlap",
+                subset.path,
+                f"{int(held.sum())} of its faces are also in another subset of its family: this one is used.",
+                "indices",
             )
         families.append(subset.family)
         of_face[indices] = len(parts)
@@ -51,7 +54,12 @@ def _faces_of(subset: Subset, faces: int, tets: Owned | None, ctx: Context) -> I
     by_tet = subset.element == TETRAHEDRON
     what, count = ("tetrahedra", 0 if tets is None else len(tets.points)) if by_tet else ("faces", faces)
     if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= count)):
-        ctx.warn("subset-ignored", subset.path, f"Its indices are not {what} of the mesh, which has {count}.", "indices")
+        ctx.warn(
+            "subset-ignored",
+            subset.path,
+            f"Its indices are not {what} of the mesh, which has {count}: the subset is ignored.",
+            "indices",
+        )
         return None
     if not by_tet or tets is None:
         return indices
@@ -62,4 +70,6 @@ def _note_incomplete(prim: ResolvedPrim, of_face: Ints, ctx: Context) -> None:
     name = "subsetFamily:materialBind:familyType"
     if name in prim.names and token(prim.prim, name, ctx.when, "") == "partition" and not of_face.all():
         rest = int(np.count_nonzero(of_face == 0))
-        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.", name)
+        ctx.warn(
+            "subset-incomplete", prim.path, f"{rest} faces are in none of its subsets, although {name} is partition.", name
+        )

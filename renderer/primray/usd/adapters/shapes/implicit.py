@@ -54,7 +54,9 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     if _is_left_handed(prim, ctx):
         made, motion = _flipped(made), motion and _flipped_motion(motion)
     if prim.type_name not in ("Cube", "Plane"):
-        ctx.warn("tessellated", prim.path, f"{prim.type_name} is rendered with {tessellate.AROUND} segments around.")
+        ctx.warn(
+            "tessellated", prim.path, f"{prim.type_name} is tessellated with {tessellate.AROUND} segments around its axis."
+        )
     normals = None if made.normals is None else Values(made.normals, "corner")
     surface = undisplaced(make_surface(appearance, lambda: prim.type_name != "Plane", prim.path, ctx), prim.path, ctx)
     primvars = constant_primvars(prim, (surface,), ctx)
@@ -93,7 +95,7 @@ def _turned(normals: Floats) -> Floats:
 def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
     appearance = appearance_of(prim, prim.material, ctx)
     if appearance.varying_color:
-        message = f"primvars:displayColor varies, which a {prim.type_name} cannot show: ignored."
+        message = f"primvars:displayColor is ignored: it varies, which is not supported for {prim.type_name}."
         ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         appearance = replace(appearance, color=FALLBACK_COLOR, varying_color=False)
     return appearance

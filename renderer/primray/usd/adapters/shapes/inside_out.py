@@ -16,7 +16,7 @@ def note_inside_out(points: Floats, triangles: Ints, path: str, ctx: Context) ->
     corners = points[triangles].astype(np.float64) - points[triangles[0, 0]]
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum()
     if volume < 0:
-        message = "Light enters it, but its faces look inwards: what is outside counts as its inside."
+        message = "It transmits light, but its faces point inwards: everything outside counts as its interior."
         ctx.warn("inside-out", path, message, "orientation")
 
 

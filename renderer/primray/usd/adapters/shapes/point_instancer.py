@@ -54,7 +54,9 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointIn
     bad = keep & ~_finite(instances)
     if bad.any():
         ctx.warn(
-            "invalid-transform", prim.path, f"{int(bad.sum())} of {len(proto)} instances have transforms that are not finite."
+            "invalid-transform",
+            prim.path,
+            f"{int(bad.sum())} of {len(proto)} instances are not rendered: their transforms are not finite.",
         )
         keep &= ~bad
     moving = instances if path is None or ctx.timing.is_frame else _moving(instances, path)
@@ -101,12 +103,17 @@ def _shown(
         ctx.warn(
             "invalid-instancer",
             prim.path,
-            f"{int((~keep).sum())} of {len(proto)} protoIndices name no prototype.",
+            f"{int((~keep).sum())} of {len(proto)} protoIndices name no prototype: these instances are not rendered.",
             "protoIndices",
         )
     for k, root in enumerate(roots):
         if not ctx.stage.GetPrimAtPath(root) and (proto == k).any():
-            ctx.warn("invalid-instancer", prim.path, f"The prototype {root} does not exist.", "prototypes")
+            ctx.warn(
+                "invalid-instancer",
+                prim.path,
+                f"The prototype {root} does not exist: its instances are not rendered.",
+                "prototypes",
+            )
             keep &= proto != k
     return keep & ~_masked(prim, len(proto), ctx)
 
@@ -138,7 +145,7 @@ def _inactive(prim: ResolvedPrim, ctx: Context) -> list[int]:
     if isinstance(listed, Sdf.Int64ListOp):
         return list(listed.GetAppliedItems())
     if listed is not None:
-        ctx.warn("wrong-type", prim.path, "inactiveIds is no list of integers: ignored.", "inactiveIds")
+        ctx.warn("wrong-type", prim.path, "inactiveIds is not a list of integers: ignored.", "inactiveIds")
     return []
 
 
@@ -146,7 +153,7 @@ def _ids(prim: ResolvedPrim, name: str, ctx: Context) -> npt.NDArray[Any]:
     raw = read(prim.prim, name, ctx.when)
     found = None if raw is None else array(raw, 1, "i")
     if found is None and raw is not None:
-        ctx.warn("wrong-type", prim.path, f"{name} is no array of integers: ignored.", name)
+        ctx.warn("wrong-type", prim.path, f"{name} is not an array of integers: ignored.", name)
     return np.zeros(0, np.int64) if found is None else found
 
 
@@ -185,4 +192,4 @@ def _per_instance(prim: ResolvedPrim, name: str, columns: int, count: int, ctx: 
 
 
 def _size(raw: Any) -> str:
-    return f"has {len(raw)} values" if isinstance(raw, Sized) else "is no array"
+    return f"has {len(raw)} values" if isinstance(raw, Sized) else "is not an array"

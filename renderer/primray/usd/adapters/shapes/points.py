@@ -46,7 +46,11 @@ def spheres(prim: ResolvedPrim, ctx: Context) -> MatrixInstances:
     widths = _widths(prim, len(points), ctx)
     usable = np.isfinite(points).all(axis=1) & np.isfinite(widths) & (widths > 0)
     if not usable.all():
-        ctx.warn("invalid-primvar", prim.path, f"{int((~usable).sum())} of {len(points)} points have no place or no width.")
+        ctx.warn(
+            "invalid-primvar",
+            prim.path,
+            f"{int((~usable).sum())} of {len(points)} points are left out: they have no finite position or no positive width.",
+        )
     ctx.warn("points", prim.path, f"{int(usable.sum())} points are rendered as spheres.")
     names = Names(prim.path, numbers=np.arange(len(points), dtype=np.int32)) if ctx.names_instances else None
     placed = MatrixInstances(_matrices(points, widths), instance_primvars(prim, len(points), ctx), names)
@@ -94,7 +98,7 @@ def _widths(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.floa
         return np.full(count, DEFAULT_WIDTH)
     widths = np.zeros(0) if authored is None else authored.values[:, 0]
     if authored is not None and len(widths) == count > 1 and authored.interpolation == "constant":
-        message = f"{name} (constant) has as many values as vertex needs, and is read so."
+        message = f"{name} (constant) has one value for each point: it is read as vertex."
         ctx.warn("invalid-primvar", prim.path, message, name)
     if len(widths) == 1:
         return np.full(count, widths[0])

@@ -23,7 +23,7 @@ def segment_parts(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> tuple[l
             continue
         twice = np.array([family == subset.family for family in families])[of_segment[held]]
         if twice.any():
-            message = f"{int(twice.sum())} of its segments are in another subset of its family."
+            message = f"{int(twice.sum())} of its segments are also in another subset of its family: this one is used."
             ctx.warn("subset-overlap", subset.path, message, "indices")
         families.append(subset.family)
         of_segment[held] = len(parts)
@@ -43,6 +43,6 @@ def _segments_of(subset: Subset, curves: CurveSet, ctx: Context) -> Ints | None:
         drawn = at >= 0
         if (pairs[drawn, 1] < curves.segments[at[drawn]]).all():
             return np.asarray(curves.first_segments[at[drawn]] + pairs[drawn, 1])
-    message = f"Its indices are not pairs of a curve, of which there are {len(place)}, and a segment of it."
+    message = f"Its indices are not pairs of a curve ({len(place)} in all) and a segment of it: the subset is ignored."
     ctx.warn("subset-ignored", subset.path, message, "indices")
     return None

@@ -45,11 +45,16 @@ def read_tet_mesh(prim: ResolvedPrim, ctx: Context) -> AuthoredMesh | None:
     from_tets = surface is None or len(surface) == 0
     if from_tets:
         if tets is None or len(tets) == 0:
-            ctx.warn("invalid-mesh", prim.path, f"It has no {SURFACE}, and no {TETS} to take them from.", SURFACE)
+            ctx.warn("invalid-mesh", prim.path, f"It has no {SURFACE}, and no {TETS} to derive them from.", SURFACE)
             return None
         surface = surface_of(tets)
         if len(surface) == 0:
-            ctx.warn("invalid-mesh", prim.path, f"Each face of its {len(tets)} tetrahedra belongs to several of them.", TETS)
+            ctx.warn(
+                "invalid-mesh",
+                prim.path,
+                f"Each face of its {len(tets)} tetrahedra belongs to several of them: it has no surface.",
+                TETS,
+            )
             return None
     assert surface is not None
     raw = read(prim.prim, "points", ctx.when)
@@ -79,5 +84,5 @@ def _indices(prim: ResolvedPrim, name: str, width: int, ctx: Context) -> Ints | 
     raw = read(prim.prim, name, ctx.when)
     values = None if raw is None else array(raw, width, "i")
     if raw is not None and values is None:
-        ctx.warn("wrong-type", prim.path, f"{name} is not an array of {width} integers each: ignored.", name)
+        ctx.warn("wrong-type", prim.path, f"{name} is not an array of type int{width}[]: ignored.", name)
     return values
