@@ -50,8 +50,8 @@ def _refused(sentence: str, where: str = "") -> Iterator[None]:
     try:
         yield
     except (ocio.Exception, ocio.ExceptionMissingFile, RuntimeError, ValueError, IndexError, TypeError) as error:
-        told = "; ".join(line.strip(" ;") for line in str(error).splitlines() if line.strip(" ;"))
-        raise SettingsError(f"{sentence}: {told}", where=where, code="ocio-config") from error
+        reasons = "; ".join(line.strip(" ;") for line in str(error).splitlines() if line.strip(" ;"))
+        raise SettingsError(f"{sentence}: {reasons}", where=where, code="ocio-config") from error
 
 
 @lru_cache(maxsize=4)
@@ -96,7 +96,7 @@ def check_view(view: str | None, display: str | None = None) -> tuple[str, str]:
     chosen = display or config.getDefaultDisplay()
     if not chosen or not views(chosen):
         raise SettingsError(
-            f"{config_name()} has no {'view' if chosen else 'display'}, so no picture can be shown", code="ocio-config"
+            f"{config_name()} has no {'view' if chosen else 'display'}, so no image can be displayed", code="ocio-config"
         )
     if view is not None and view not in views(chosen):
         raise SettingsError(f"no view {view!r} on {chosen!r}; there are: {', '.join(views(chosen))}", code="unknown-view")
@@ -145,7 +145,7 @@ def from_display(shown: Floats, space: ColorSpace = REC709) -> Floats:
     transform = ocio.DisplayViewTransform(
         src=known_as, display=display, view=view, direction=ocio.TransformDirection.TRANSFORM_DIR_INVERSE
     )
-    processor = _processor(lambda config: config.getProcessor(transform), f"be asked what {view!r} of {display!r} shows so")
+    processor = _processor(lambda config: config.getProcessor(transform), f"invert the view {view!r} of {display!r}")
     made = _applied(processor, shown)
     return made if by is None else color_space.transformed(made, np.asarray(np.linalg.inv(by), np.float64))
 
@@ -191,8 +191,8 @@ def assumed_space(space: ColorSpace = REC709) -> str | None:
     if _known_in_config(space) is not None or (role := _find(SCENE_LINEAR)) is None:
         return None
     return (
-        f"{config_name()} has no linear space that is known here: its scene_linear role ({role}) is taken to be {space.name}, "
-        "the space that the picture is rendered in; --rendering-color-space names the one that it is"
+        f"{config_name()} has no known linear space: its scene_linear role ({role}) is assumed to be {space.name}, "
+        "the rendering space; if it is another one, name that with --rendering-color-space"
     )
 
 
@@ -218,7 +218,9 @@ def rendering_space(name: str) -> ColorSpace:
     if isinstance(found, str):
         found = _measured(found)
     if found is None or not is_rendering_space(found):
-        raise SettingsError(f"{name!r} is no linear RGB space, so no light adds up in it", code="unknown-color-space")
+        raise SettingsError(
+            f"{name!r} is not a linear RGB space, so it cannot be the rendering space", code="unknown-color-space"
+        )
     return found
 
 
@@ -260,7 +262,7 @@ def _in_config(space: ColorSpace, *, assumes: bool = False) -> tuple[str, Double
     if role is not None:
         return role, None
     names = ", ".join(CONFIG_NAMES)
-    raise SettingsError(f"{config_name()} has no linear space that is known here (looked for {names})", code="ocio-config")
+    raise SettingsError(f"{config_name()} has no known linear space (looked for {names})", code="ocio-config")
 
 
 def _known_in_config(space: ColorSpace) -> tuple[str, Doubles | None] | None:

@@ -52,14 +52,14 @@ def parse_ies(content: bytes) -> IesFile:
     lines = content.decode("latin-1").splitlines()
     tilt = next((i for i, line in enumerate(lines) if line.strip().upper().startswith("TILT=")), None)
     if tilt is None:
-        raise IesError("no line begins with TILT=: this is no LM-63 file")
+        raise IesError("no line begins with TILT=: this is not an LM-63 file")
     numbers = _Numbers(lines, tilt + 1)
     notes: list[str] = []
     how = lines[tilt].strip()[len("TILT=") :].strip()
     if how.upper() == "INCLUDE":
         _skip_tilt(numbers)
     elif how.upper() != "NONE":
-        notes.append(f"TILT={how}: the lamp's dependence on tilt is not read")
+        notes.append(f"TILT={how}: the lamp's dependence on tilt is ignored")
     is_2019 = any("LM-63-2019" in line.upper() for line in lines[:tilt])
     table = _table(numbers, is_2019, notes)
     rest = numbers.left()
@@ -91,7 +91,7 @@ class _Numbers:
         except ValueError:
             found = math.nan
         if not math.isfinite(found):
-            raise IesError(f"line {line}: {word[:40]!r} is no number ({what})")
+            raise IesError(f"line {line}: {word[:40]!r} is not a number ({what})")
         return found
 
     def count(self, what: str, low: int, high: int) -> int:
@@ -236,7 +236,7 @@ def _type_c_planes(t: _Table, notes: list[str]) -> tuple[Doubles, Doubles]:
     steps = np.diff(horizontal)
     if _is(gap, float(steps[0])) or _is(gap, float(steps[-1])):  # the last plane is missing, as it equals the first
         return _around(np.append(horizontal, first + 360.0), np.concatenate([candela, candela[:1]]))
-    notes.append(f"its planes cover {first:g} to {last:g} degrees only: there is no light in between")
+    notes.append(f"its planes cover {first:g} to {last:g} degrees only: there is no light outside of them")
     return _with_gap(horizontal, candela)
 
 

@@ -28,7 +28,7 @@ def last_error(source: Any) -> str:
     try:
         return "; ".join(map(str.strip, str(source.geterror()).strip().splitlines()))
     except UnicodeDecodeError:
-        return "its header holds bytes that are no text"
+        return "its header contains bytes that are not text"
 
 
 def fault_of_pixels(image: Any, path: str) -> str:

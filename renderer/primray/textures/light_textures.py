@@ -72,13 +72,15 @@ def _settled(dome: Light, image: Texture, diagnostics: Diagnostics) -> Light:
         _note_shape(dome, width, height, diagnostics)
         return dome
     if image.environment == "cube":
-        message = "The file says that it is OpenEXR's cube map, which is not read: it is taken as lat-long."
+        message = "The file is an OpenEXR cube map, which is not supported: it is read as lat-long."
         diagnostics.add("light-input", dome.path, message, FORMAT)
     elif not image.environment:
         if 4 * width == 3 * height:
             return replace(dome, texture_format="cubeMapVerticalCross")
         if width == height > 1:
-            message = "The image is square and does not say what it shows: it is read as lat-long, not mirroredBall or angular."
+            message = (
+                "The image is square and its metadata have no layout: it is read as lat-long, not mirroredBall or angular."
+            )
             diagnostics.add("light-input", dome.path, message, FORMAT)
     return replace(dome, texture_format="latlong")
 
@@ -87,7 +89,5 @@ def _note_shape(dome: Light, width: int, height: int, diagnostics: Diagnostics) 
     shapes = {"mirroredBall": (1, 1), "angular": (1, 1), "cubeMapVerticalCross": (3, 4)}
     across, down = shapes.get(dome.texture_format, (width, height))
     if width * down != height * across:
-        message = (
-            f"The image is {width} x {height}, where {dome.texture_format} is {across} to {down}: it is stretched to that."
-        )
+        message = f"The image is {width} x {height}, but {dome.texture_format} is {across} to {down}: it is stretched to that."
         diagnostics.add("light-input", dome.path, message, FORMAT)

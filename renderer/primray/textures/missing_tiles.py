@@ -53,10 +53,10 @@ def note_missing_tiles(description: SceneDescription, diagnostics: Diagnostics) 
 def _message(file: TextureFile, missing: list[int]) -> str:
     tiles = [str(tile) for tile in missing if tile != _OUTSIDE]
     more = f" and {len(tiles) - _LISTED} more" if len(tiles) > _LISTED else ""
-    parts = [f"{file.path} has no {', '.join(tiles[:_LISTED])}{more}"] if tiles else []
+    parts = [f"{file.path} lacks tiles that texture coordinates use: {', '.join(tiles[:_LISTED])}{more}"] if tiles else []
     if _OUTSIDE in missing:
-        parts.append(f"{'some' if parts else f'{file.path}: some'} coordinates lie outside of all tiles (1001 to 1100)")
-    return f"{'; '.join(parts)}, where texture coordinates are: the fallback is seen there."
+        parts.append(f"{'some' if parts else f'{file.path}: some'} coordinates are outside of all tiles (1001 to 1100)")
+    return f"{'; '.join(parts)}. The fallback is visible there."
 
 
 def _sets_of(surface: Surface) -> dict[TextureFile, list[TextureInput]]:

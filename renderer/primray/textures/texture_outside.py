@@ -34,9 +34,9 @@ def note_textures_outside(description: SceneDescription, textures: Textures, dia
 
 def _sentence(name: str, reads: TextureInput) -> str:
     unsaid = Wrap.USE_METADATA in (reads.wrap_s, reads.wrap_t)
-    why = "no wrap is named, which is black: --default-wrap repeat shows it" if unsaid else "its wraps are black"
+    why = "no wrap mode is set, which means black: use --default-wrap repeat" if unsaid else "its wrap modes are black"
     name = name.removeprefix(PREFIX)
-    return f"{name} is black: all its texture coordinates are outside 0 to 1, where {why}. ({reads.file.path})"
+    return f"{name} is black: all its texture coordinates are outside 0 to 1, and {why}. ({reads.file.path})"
 
 
 def _black_axes(reads: TextureInput, tiles: Sequence[tuple[int, Texture]]) -> list[int]:

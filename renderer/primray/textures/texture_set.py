@@ -84,7 +84,7 @@ def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
             use = uses.setdefault(light.texture, _Use())
             use.channels |= set("rgb")
             use.light = use.light or light.path
-            use.without = "it shines without" if light.type is LightType.RECT else LIGHT_LEFT_OUT
+            use.without = "it shines without its texture" if light.type is LightType.RECT else LIGHT_LEFT_OUT
     for surface in description.surfaces:
         for _, reads in surface.inputs:
             if isinstance(reads, TextureInput) and reads.file.path:
@@ -126,14 +126,14 @@ def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> 
         bright = _texels(texture.stored > BRIGHTEST_TEXEL)
         if bright:
             diagnostics.add(
-                "texture-bad-texels", where, f"{bright} texels are above {BRIGHTEST_TEXEL:g}, and read as that ({path})"
+                "texture-bad-texels", where, f"{bright} texels are above {BRIGHTEST_TEXEL:g} and are clamped to it ({path})"
             )
             texture = replace(texture, stored=np.minimum(texture.stored, np.float32(BRIGHTEST_TEXEL)))
     if bad:
         kind = "negative (or outside the rendering space) or not finite" if use.light is not None else "not finite"
-        diagnostics.add("texture-bad-texels", where, f"{bad} texels are {kind}, and read as 0 ({path})")
+        diagnostics.add("texture-bad-texels", where, f"{bad} texels are {kind} and are read as 0 ({path})")
     if texture.turned:
-        diagnostics.add("texture-turned", where, f"The file asks to be shown turned or mirrored ({path}).")
+        diagnostics.add("texture-turned", where, f"The file's orientation (rotated or mirrored) is ignored ({path}).")
     return texture
 
 

@@ -147,7 +147,7 @@ def test_what_is_not_there_holds_nothing_out(how: str) -> None:
 
 
 def test_a_matte_that_is_there_in_part_is_reported() -> None:
-    with pytest.raises(UnsupportedError, match="holds out all of it"):
+    with pytest.raises(UnsupportedError, match="holds out everything behind it"):
         shot(MATTE, strict=True, there=f"{PRESENCE}\nfloat inputs:opacity = 0.5")
     assert np.all(shot(MATTE, strict=True, there=f"{PRESENCE}\nfloat inputs:opacity = 1").pixels[CARD] == 0)
 

@@ -100,7 +100,7 @@ def test_a_scene_linear_role_is_an_assumption(stage: Path, monkeypatch: pytest.M
     assert run([*command, "--strict"]) == 2
     assert run([*command, "--strict", "--rendering-color-space", "lin_ap1"]) == 0
     assert "view-space-assumed" not in codes()
-    with pytest.raises(SettingsError, match="no linear space"):  # textures are not converted by a guess
+    with pytest.raises(SettingsError, match="no known linear space"):  # textures are not converted by a guess
         color.convert(np.ones((1, 1, 3), np.float32), "graded", REC709)
     with pytest.warns(primray.RenderWarning, match="view-space-assumed"):
         Image(np.full((4, 4, 4), 0.5, np.float32)).save("b.png")

@@ -107,7 +107,7 @@ def test_inputs_are_the_nodes() -> None:
     assert hair.tint_tt == pytest.approx((0.2, 0.4, 0.6), rel=1e-6)
     assert hair.absorption == pytest.approx((0.1, 0.2, 0.4), rel=1e-6)
     assert (hair.ior, hair.cuticle_tilt) == pytest.approx((1.4, 0.02 * np.pi), rel=1e-4)
-    assert told == ["curve_direction has no effect: a fibre has its own."]
+    assert told == ["curve_direction has no effect: hair fibres have their own."]
 
 
 def test_melanin_absorbs() -> None:
@@ -128,7 +128,7 @@ def test_preview_surfaces_color_and_roughness() -> None:
     assert hair.absorption == pytest.approx(hair_absorption((0.5, 0.3, 0.1), 0.3), rel=1e-4)
     for name, value in hair_widths(0.5, 0.3).items():
         assert getattr(hair, name) == pytest.approx(value, rel=1e-5)
-    assert told == ["No effect on hair have: metallic."]
+    assert told == ["Inputs without effect on hair: metallic."]
     without = text(PREVIEW.replace("true", "false"))
     description, _ = translate(stage_of(without), RenderSettings())
     assert all(s.hair is None for s in description.surfaces)

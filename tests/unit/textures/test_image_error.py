@@ -27,7 +27,7 @@ class Says:
 
 def test_a_message_that_is_no_text_is_no_failure() -> None:
     assert last_error(Says(b" no such file\n")) == "no such file"
-    assert last_error(Says(b"bad \xff")) == "its header holds bytes that are no text"
+    assert last_error(Says(b"bad \xff")) == "its header contains bytes that are not text"
 
 
 def test_an_exr_with_a_channel_list_that_is_no_text_is_a_picture_that_cannot_be_read(tmp_path: Path) -> None:
@@ -43,7 +43,7 @@ def test_an_exr_with_a_channel_list_that_is_no_text_is_a_picture_that_cannot_be_
     channel = b"R\0\x01\0\0\0\0\0"
     assert channel in path.read_bytes()
     path.write_bytes(path.read_bytes().replace(channel, b"\x7f\xff\xff\xff\xff\xff\xff\xff"))
-    with pytest.raises(SettingsError, match="no text"):
+    with pytest.raises(SettingsError, match="not text"):
         read_image(path)
 
 

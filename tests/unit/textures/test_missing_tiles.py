@@ -47,7 +47,7 @@ def told(mesh: Any, **more: Any) -> list[str]:
     ],
 )
 def test_tiles_in_use_are_told_by_number(st: Any, numbers: str) -> None:
-    expected = f"t.<UDIM>.exr has no {numbers}, where texture coordinates are: the fallback is seen there."
+    expected = f"t.<UDIM>.exr lacks tiles that texture coordinates use: {numbers}. The fallback is visible there."
     assert told(plate(st)) == ([expected] if numbers else [])
 
 
@@ -95,7 +95,7 @@ def test_cages(kind: Interpolation) -> None:
         primvars=(primvar("st", values, kind),),
     )  # fmt: skip
     [message] = told(cage)
-    assert "has no 1003," in message
+    assert "use: 1003." in message
     assert told(replace(cage, surface=np.array([0, -1], np.int32))) == []
 
 
@@ -130,7 +130,7 @@ def test_it_is_told_where_textures_are_loaded(tmp_path: Path) -> None:
     notes = Diagnostics()
     load_textures(d.description, notes, None)
     assert [(n.code, n.prim_path) for n in notes] == [("texture-unreadable", "/m"), ("tile-missing", "/m")]
-    assert "has no 1002," in list(notes)[1].message
+    assert "use: 1002." in list(notes)[1].message
 
 
 def image_of(*nodes: PatternNode, coordinates: Any) -> Pattern:

@@ -45,7 +45,7 @@ def near(*names: str) -> list[str]:
 
 
 def unused(*names: str) -> list[str]:
-    return [f"No effect yet, or not all of theirs, have: {', '.join(names)}."]
+    return [f"Not supported, or only in part: {', '.join(names)}."]
 
 
 IMAGE = """

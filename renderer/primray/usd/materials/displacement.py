@@ -26,7 +26,7 @@ from .reducing import NO_PRIMVAR, Reducer
 
 _TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # the render context decides which comes first
 ALONG_NORMAL, ALONG_TANGENTS, ALONG_AXES = "displacement", "displacement_tangent", "displacement_object"
-_STAYS = "the surface is rendered where its mesh is"
+_STAYS = "the displacement is ignored"
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def displaced(
     value, pattern = found.value, surface.pattern
     if found.pattern is not None and isinstance(value, PatternInput):
         if reads_view(found.pattern, value.source.node):
-            ctx.warn("displacement", path, f"Its displacement depends on the view: {_STAYS}.")
+            ctx.warn("displacement", path, f"Its displacement depends on the view direction: {_STAYS}.")
             return surface
         pattern, value = appended(surface.pattern, found.pattern, value)
     return replace(surface, inputs=(*surface.inputs, (found.name, value)), pattern=pattern)
@@ -85,7 +85,7 @@ def _of_shader(shader: Node, terminal: str, path: str, ctx: Context) -> _Found |
         product = "ND_multiply_vector3FA" if wide else "ND_multiply_float"
         value = values.expressions.apply(product, in1=_operand(given["displacement"]), in2=_operand(given["scale"]))
     except TooManyNodesError:
-        ctx.warn("displacement", path, f"It is fed by more than {MOST_NODES:,} nodes: {_STAYS}.", terminal)
+        ctx.warn("displacement", path, f"Its displacement has more than {MOST_NODES:,} nodes: {_STAYS}.", terminal)
         return None
     along = ALONG_NORMAL
     if wide:
@@ -102,7 +102,7 @@ def _operand(value: Operand | None) -> Operand:
 
 
 def _note_unknown(shader: Node, terminal: str, path: str, ctx: Context) -> None:
-    message = f"{shader.id or 'A shader without id'} is no displacement that is known: {_STAYS}."
+    message = f"{shader.id or 'A shader without id'} is not a supported displacement shader: {_STAYS}."
     ctx.warn("displacement", path, message, terminal)
 
 

@@ -33,7 +33,7 @@ class FedInputs:
             if name == "normal":
                 return self._normal(value, source)
         except TooManyNodesError:
-            message = f"{name} is fed by more than {MOST_NODES:,} nodes: its default is used."
+            message = f"{name} is connected to more than {MOST_NODES:,} nodes: its default is used."
             self._ctx.warn("shader-ignored", node_path(shader, self._ctx), message, f"inputs:{name}")
             return None
         if isinstance(value, NodeOutput):

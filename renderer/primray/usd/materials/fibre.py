@@ -37,7 +37,7 @@ def hair_bsdf(shader: Node, ctx: Context) -> Node | None:
         return None
     others = sorted(str(n) for n in property_names(shader.prim) if n.startswith("inputs:") and n != "inputs:bsdf")
     if others:
-        ctx.warn("material-input", node_path(shader, ctx), f"No effect on hair have: {', '.join(others)}.", others[0])
+        ctx.warn("material-input", node_path(shader, ctx), f"Inputs without effect on hair: {', '.join(others)}.", others[0])
     return source
 
 
@@ -49,7 +49,7 @@ def hair_surface(bsdf: Node, path: str, ctx: Context) -> Surface | None:
     def read(given: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
         for name in ("normal", "curve_direction"):
             if name in given:
-                message = f"{name} has no effect: a fibre has its own."
+                message = f"{name} has no effect: hair fibres have their own."
                 ctx.warn("material-input", node_path(bsdf, ctx), message, f"inputs:{name}")
         return {**{i.name: i.default for i in found.inputs if i.default is not None}, **given}
 
@@ -68,7 +68,7 @@ def preview_hair(shader: Node, path: str, ctx: Context) -> Surface | None:
     def read(given: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
         used = ("diffuseColor", "roughness", "ior")
         if unused := sorted(name for name in given if name not in used):
-            ctx.warn("material-input", node_path(shader, ctx), f"No effect on hair have: {', '.join(unused)}.")
+            ctx.warn("material-input", node_path(shader, ctx), f"Inputs without effect on hair: {', '.join(unused)}.")
         color, along = given.get("diffuseColor", (0.18,) * 3), given.get("roughness", (0.5,))
         widths = {"longitudinal": along, "azimuthal": _NEUTRAL, "scale_TT": (0.5,), "scale_TRT": (2.0,)}
         colored = {"color": color, "azimuthal_roughness": _NEUTRAL}

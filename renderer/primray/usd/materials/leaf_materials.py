@@ -85,7 +85,7 @@ def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool
     expressed = [any(path.HasPrefix(at) for at in bindings.expressed for path in both) for both in paths]
     if sum(expressed) > MAX_EXPRESSED:
         message = (
-            f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
+            f"Each of {sum(expressed)} instances below it has one material as a whole: members inside instances are ignored."
         )
         for at in bindings.expressed:
             ctx.warn("binding-expression", ctx.shown(str(at)), message)

@@ -62,11 +62,11 @@ def find_source(attribute: Usd.Attribute, ctx: Context) -> Constant | Node | Non
 def _follow(attribute: Usd.Attribute, ctx: Context, passed: tuple[Sdf.Path, ...]) -> Constant | Node | None:
     """Follow connections from an attribute; `passed`: the attributes on the way to it."""
     if passed and attribute.GetPath() in passed:
-        _note(attribute, "The connections lead back to where they began: none counts.", ctx)
+        _note(attribute, "Its connections form a cycle and are ignored.", ctx)
         return None
     sources = connections(attribute)
     if len(sources) > 1:
-        _note(attribute, "It has several connections: only the first counts.", ctx)
+        _note(attribute, "It has several connections: only the first is used.", ctx)
     if sources:
         found = _target(attribute, sources[0], ctx, passed)
         if found is not None:
@@ -118,7 +118,7 @@ def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
         ctx.warn(
             "shader-ignored",
             node_path(node, ctx),
-            f"{name} comes from {source.id or 'a shader without id'}: its default is used.",
+            f"{name} is connected to {source.id or 'a shader without id'}, but must be constant: its default is used.",
             f"inputs:{name}",
         )
         return None
@@ -166,5 +166,7 @@ def text(node: Node, name: str, default: str, ctx: Context) -> str:
         return default
     if isinstance(found.value, str):
         return found.value
-    ctx.warn("wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is no text: {default!r} is used.", f"inputs:{name}")
+    ctx.warn(
+        "wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is not a string: {default!r} is used.", f"inputs:{name}"
+    )
     return default

@@ -63,7 +63,9 @@ class NodeValues:
             if name in beside and wanted is None:
                 continue
             if wanted is None:
-                self.ctx.warn("unknown-input", node_path(node, self.ctx), f"{node.id} has no {name}.", str(full))
+                self.ctx.warn(
+                    "unknown-input", node_path(node, self.ctx), f"{node.id} has no input {name}: it is ignored.", str(full)
+                )
             elif wanted.type not in CLOSURES:
                 value = self._input(node, wanted, found)
                 if value is not None:
@@ -113,13 +115,18 @@ class NodeValues:
         if key in self._made:
             return self._made[key]
         if path in self._above or len(self._above) >= DEEPEST:
-            why = "leads back to itself" if path in self._above else f"comes through more than {DEEPEST} nodes"
+            why = "depends on itself" if path in self._above else f"depends on a chain of more than {DEEPEST} nodes"
             self._note("shader-connection", reader, f"{name} {why}: its default is used.", f"inputs:{name}")
             return None
         found = definition_of(source)
         if found is None or found.type in CLOSURES:
             what = source.id or "a shader without id"
-            self._note("shader-ignored", reader, f"{name} comes from {what}: its default is used.", f"inputs:{name}")
+            self._note(
+                "shader-ignored",
+                reader,
+                f"{name} is connected to {what}, which is not supported: its default is used.",
+                f"inputs:{name}",
+            )
             made = None
         else:
             note_unknown_schemas(source.prim, node_path(source, self.ctx), self.ctx)
@@ -151,7 +158,7 @@ class NodeValues:
         if wanted.type not in WIDTHS:
             if isinstance(source.value, str):
                 return str(source.value)
-            message = f"{wanted.name} = {source.value!r} is no text: its default is used."
+            message = f"{wanted.name} = {source.value!r} is not a string: its default is used."
             self._note("wrong-type", node, message, f"inputs:{wanted.name}")
             return None
         values = as_numbers(_flat(source.value))
@@ -170,19 +177,19 @@ class NodeValues:
         if has == width:
             return value
         if not width or not has:
-            message = f"{name} is fed what is no number, or wants none: its default is used."
+            message = f"{name} or what it is connected to is not numeric: its default is used."
             self._note("connection-type", reader, message, f"inputs:{name}")
             return None
         if has == 1 and width in (2, 3, 4):
             kind = {2: "vector2", 3: "color3", 4: "color4"}[width]
             return self.expressions.apply(f"ND_convert_float_{kind}", **{"in": value})
         if width == 1 and has in (2, 3, 4):
-            self._note("connection-type", reader, f"{name} is fed {has} numbers: the first is used.", f"inputs:{name}")
+            self._note("connection-type", reader, f"{name} is connected to {has} numbers: the first is used.", f"inputs:{name}")
             kind = {2: "vector2", 3: "color3", 4: "color4"}[has]
             return self.expressions.apply(f"ND_extract_{kind}", **{"in": value, "index": (0.0,)})
         if (has, width) in ((4, 3), (3, 4)):
             return self.expressions.apply(f"ND_convert_color{has}_color{width}", **{"in": value})
-        message = f"{name} wants {width} numbers and is fed {has}: its default is used."
+        message = f"{name} takes {width} numbers and is connected to {has}: its default is used."
         self._note("connection-type", reader, message, f"inputs:{name}")
         return None
 

@@ -103,7 +103,7 @@ def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, na
     value = fallback.value if isinstance(fallback, Constant) else None
     shown = value.path if isinstance(value, Sdf.AssetPath) else value
     instead = f"its fallback {shown!r} is used" if shown else "no file is read"
-    message = f"{name} is the value of the primvar {primvar!r}, which is not read for names of files: {instead}."
+    message = f"{name} reads the primvar {primvar!r}, which is not supported for file names: {instead}."
     ctx.warn("shader-ignored", node_path(node, ctx), message, f"inputs:{name}")
 
 
@@ -112,7 +112,7 @@ def _file(node: Node, found: Constant | None, name: str, ctx: Context) -> Textur
     if found is not None and isinstance(asset, str) and asset:  # the fallback of a string reader
         asset = Sdf.AssetPath(asset, resolved(asset, _authoring_layer(found.attribute, ctx)))
     if found is None or not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", f"inputs:{name}")
+        ctx.warn("texture-unset", node_path(node, ctx), "No file is set: the fallback is used.", f"inputs:{name}")
         return TextureFile("", "auto")
     path, layer = asset.path, None
     if names_frame(path):
@@ -141,7 +141,7 @@ def _at_frame(node: Node, path: str, ctx: Context) -> str | None:
     range_text = text(node, "framerange", "", ctx)
     first, last = (frames_of(range_text) if range_text else None) or (None, None)
     if range_text and first is None:
-        message = f"framerange = {range_text!r} is no range of frames: it is ignored."
+        message = f"framerange = {range_text!r} is not a range of frames and is ignored."
         ctx.warn("shader-parameter", node_path(node, ctx), message, "inputs:framerange")
     offset = int(numbers(node, "frameoffset", (0.0,), ctx)[0])
     number = Frames(first, last, offset, text(node, "frameendaction", "constant", ctx)).number(frame_of(node, ctx))
@@ -152,11 +152,11 @@ def frame_of(node: Node, ctx: Context) -> float:
     """Return the time code for time nodes and frame numbers in file names; 0, reported, when no frame is rendered."""
     if ctx.when.is_default:
         ctx.warn(
-            "shader-parameter", node_path(node, ctx), "It depends on the frame, and none is rendered: it is at time code 0."
+            "shader-parameter", node_path(node, ctx), "It depends on the frame, but none is rendered: time code 0 is used."
         )
         return 0.0
     if ctx.timing.is_open:
-        message = "It depends on the time, and the shutter is open: it is at the frame all the while."
+        message = "It depends on time, which is constant during the exposure: the frame's time code is used."
         ctx.warn("material-input", node_path(node, ctx), message)
     return float(ctx.when.time.GetValue())
 
@@ -197,7 +197,7 @@ def _source_color_space(node: Node, ctx: Context) -> str | ColorSpace | None:
         ctx.warn(
             "shader-parameter",
             node_path(node, ctx),
-            f"sourceColorSpace = {name!r} is not known: auto is used.",
+            f"sourceColorSpace = {name!r} is unknown: auto is used.",
             "inputs:sourceColorSpace",
         )
         return "auto"

@@ -83,7 +83,9 @@ def usd_outputs(values: Values, node: Node, width: int, is_color: bool) -> Outpu
     names = frozenset([str(name)[7:] for name in property_names(node.prim) if name.startswith("inputs:")])
     if not names <= found.by_name.keys():
         for name in sorted(names - found.by_name.keys()):
-            values.ctx.warn("unknown-input", node_path(node, values.ctx), f"{node.id} has no {name}.", f"inputs:{name}")
+            values.ctx.warn(
+                "unknown-input", node_path(node, values.ctx), f"{node.id} has no input {name}: it is ignored.", f"inputs:{name}"
+            )
     if found.category == UV_TEXTURE:
         if node.output not in found.output_widths:
             return {}
@@ -136,7 +138,7 @@ def _wrap(values: Values, node: Node, found: Definition, name: str, is_said: boo
     known = _USD_WRAPS if default in _USD_WRAPS else _MATERIALX_WRAPS
     mode = text(node, name, default, values.ctx) if is_said else default
     if mode not in known:
-        message = f"{name} = {mode!r} is not known: {default} is used."
+        message = f"{name} = {mode!r} is unknown: {default} is used."
         values.ctx.warn("shader-parameter", node_path(node, values.ctx), message, f"inputs:{name}")
     return known.get(mode, known[default])
 
@@ -154,7 +156,7 @@ def _read(values: Values, node: Node, found: Definition, width: int, is_color: b
     kind = found.outputs[0][1]
     has = WIDTHS.get(kind, 0)
     if has > 4 or has < width or not has:
-        message = f"{node.id} does not give the {width} numbers that are wanted of it."
+        message = f"{node.id} is connected to an input of {width} numbers, which it cannot provide."
         values.ctx.warn("connection-type", node_path(node, values.ctx), message)
         return None
     wanted = found.by_name["fallback"]
@@ -165,7 +167,7 @@ def _read(values: Values, node: Node, found: Definition, width: int, is_color: b
     name = text(node, "varname", "", values.ctx)
     if not name:
         values.ctx.warn(
-            "primvar-missing", node_path(node, values.ctx), "It names no primvar: its fallback is used.", "inputs:varname"
+            "primvar-missing", node_path(node, values.ctx), "No primvar is named: the fallback is used.", "inputs:varname"
         )
         return fallback
     inputs = {"geomprop": name, "default": fallback}

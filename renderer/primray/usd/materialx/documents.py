@@ -123,7 +123,7 @@ class _Reader:
         if path in above:
             raise _bad("it includes itself", path)
         if len(above) > DEEPEST or self._includes > MOST_INCLUDES:
-            raise _bad(f"it includes more than {MOST_INCLUDES} documents, or through more than {DEEPEST}", path)
+            raise _bad(f"it includes more than {MOST_INCLUDES} documents, or nests them more than {DEEPEST} deep", path)
         text, size, elements = checked_text(path, MOST_BYTES - self._bytes, MOST_ELEMENTS - self._elements)
         self._bytes += size
         self._elements += elements
@@ -182,7 +182,7 @@ def checked_text(path: str, most_bytes: int, most_elements: int) -> tuple[str, i
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise _bad("it is not text in UTF-8", path) from None
+        raise _bad("it is not UTF-8 text", path) from None
     return text, len(raw), _elements(text, path, most_elements)
 
 
@@ -195,16 +195,16 @@ def _elements(text: str, path: str, most: int) -> int:
     while (position := text.find("<", position)) >= 0:
         found = _MARKUP.match(text, position)
         if found is None:
-            raise _bad(f"it is no XML: what begins at character {position} has no end", path)
+            raise _bad(f"it is not XML: the markup at character {position} does not end", path)
         if found["doctype"]:
-            raise _bad("it declares a document type, which MaterialX does not have", path)
+            raise _bad("it declares a document type, which MaterialX does not allow", path)
         if found["name"]:
             count += 1
             depth += 0 if found["single"] else 1
         elif found["end"]:
             depth -= 1
         if depth > DEEPEST or count > most:
-            raise _bad(f"it has more than {MOST_ELEMENTS} elements, or more than {DEEPEST} in one another", path)
+            raise _bad(f"it has more than {MOST_ELEMENTS} elements, or nests them more than {DEEPEST} deep", path)
         position = found.end()
     return count
 

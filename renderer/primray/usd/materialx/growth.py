@@ -22,7 +22,7 @@ def fault(graphs: dict[str, Any], definitions: set[str]) -> str:
                 waiting.pop()
                 above.discard(name)
                 if sizes[name] > MOST:
-                    return f"its graph {name} is more than {MOST:,} nodes with all that it refers to"
+                    return f"its graph {name} has more than {MOST:,} nodes when it is expanded"
             elif other in above:
                 return f"its graph {other} refers to itself"
             else:

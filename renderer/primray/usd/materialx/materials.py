@@ -85,7 +85,7 @@ class _Material:
         back = self._connected(_BACK)
         if back is None or _is_same(back, self._connected("surfaceshader")):
             return
-        message = f"{_BACK} = {back.getName()} is not rendered: the backs of its surfaces are as their fronts."
+        message = f"{_BACK} = {back.getName()} is not supported: back faces are rendered like front faces."
         self._graphs.note(self._path, message)
 
     def _write_shader(self, shader: Any) -> None:

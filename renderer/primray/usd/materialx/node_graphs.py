@@ -222,7 +222,7 @@ class NodeGraphs:
         try:
             return self._units.factor(element, expected)
         except UnitError as error:
-            self.note(of, f"{element.getNamePath()}: {error}. No unit is converted.")
+            self.note(of, f"{element.getNamePath()}: {error}. Its unit is not converted.")
             return 1.0
 
     def note(self, of: Sdf.Path, message: str) -> None:
@@ -316,7 +316,7 @@ class _Nodes:
         if given.hasAttribute("interfacename") and self._container.getNodeDef() is None:
             given = given.getInterfaceInput() or given
         elif not given.getValueString():
-            self._graphs.note(self._path, f"{given.getNamePath()} is taken for the name of a primvar, not of a geompropdef.")
+            self._graphs.note(self._path, f"{given.getNamePath()} is taken as the name of a primvar, not of a geompropdef.")
         name = given.getValueString()
         if not self._graphs.properties.is_own(name):
             return False
@@ -334,7 +334,9 @@ class _Nodes:
         """Return the unit factor for numbers that a node reads from a file, or from a geometric property with a unit."""
         files = [element for element in node.getInputs() if element.getType() == "filename" and element.hasAttribute("unit")]
         if files and node.getType() not in _IN_UNITS:
-            self._graphs.note(self._path, f"{files[0].getNamePath()} has a unit, and its node gives no float or vector.")
+            self._graphs.note(
+                self._path, f"{files[0].getNamePath()} has a unit, but its node does not output a float or vector."
+            )
             return 1.0
         if files:
             return self._graphs.factor(files[0], definition, self._path)

@@ -153,7 +153,7 @@ def _write_document(layer: Sdf.Layer, record: _Record) -> None:
     try:
         record.effects = write_layer(document, layer, record.meters_per_unit)
     except Exception as error:  # inconsistent documents raise exceptions of any class
-        raise AssetError(f"it cannot be made a layer: {error}", where=path, code="materialx-document") from None
+        raise AssetError(f"it cannot be converted to a layer: {error}", where=path, code="materialx-document") from None
     anchor(layer, path)
 
 

@@ -40,11 +40,11 @@ class Units:
         defined_type = expected.getAttribute("unittype") if expected is not None else ""
         unit_type = element.getAttribute("unittype") or defined_type
         if element.getType() not in _TYPES:
-            raise UnitError(f"it has the unit {unit}, and is no float, vector or file")
+            raise UnitError(f"it has the unit {unit}, but is not a float, vector or file")
         if not unit_type:
-            raise UnitError(f"it has the unit {unit}, and neither it nor its definition a unittype")
+            raise UnitError(f"it has the unit {unit}, but neither it nor its definition has a unittype")
         if defined_type and unit_type != defined_type:
-            raise UnitError(f"its unittype is {unit_type}, and its definition's {defined_type}")
+            raise UnitError(f"its unittype is {unit_type}, but its definition's is {defined_type}")
         target = expected.getAttribute("unit") if expected is not None else ""
         own = self._size(unit, unit_type)
         return own / (self._size(target, unit_type) if target else self._scene_unit(unit_type))

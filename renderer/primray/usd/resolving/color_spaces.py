@@ -89,7 +89,7 @@ def authored_space(attribute: Usd.Attribute, scope: ColorScope, ctx: Context) ->
     found = space_named(name, scope, ctx)
     if found is None:
         path = ctx.shown(str(attribute.GetPrim().GetPath()))
-        message = f"No colour space {name!r} is known: the values are taken as linear Rec.709."
+        message = f"Unknown colour space {name!r}: the values are treated as linear Rec.709."
         ctx.warn("color-space", path, message, str(attribute.GetName()))
     return found
 
@@ -145,7 +145,7 @@ def in_rendering_space(
         return color.convert(np.asarray(values), source, ctx.rendering_space)
     except SettingsError as error:
         path = ctx.shown(str(attribute.GetPrim().GetPath()))
-        ctx.warn("color-space", path, f"{error.message}: no conversion.", str(attribute.GetName()))
+        ctx.warn("color-space", path, f"{error.message}: the values are not converted.", str(attribute.GetName()))
         return values
 
 
@@ -180,7 +180,9 @@ def _definition(prim: Usd.Prim, schema: str, ctx: Context) -> ColorSpace | None:
         made = ColorSpace(name, red, green, blue, white, gamma[0], bias[0])
         if is_gamut(made) and made.gamma > 0 and made.bias >= 0 and (made.gamma > 1 or made.bias == 0):
             return made
-    ctx.warn("color-space", ctx.shown(str(prim.GetPath())), f"{prefix[:-1]} defines no colour space by its numbers.")
+    ctx.warn(
+        "color-space", ctx.shown(str(prim.GetPath())), f"{prefix[:-1]} does not define a valid colour space and is ignored."
+    )
     return None
 
 

@@ -65,7 +65,7 @@ CASES: dict[str, tuple[str, str, dict[str, Any], str]] = {
             "specular_roughness": 0.5,
             "specular_ior": 2.25,
         },
-        " Approximated: clearcoat_tint. No effect yet, or not all of theirs, have: clearcoat_transparency.",
+        " Approximated: clearcoat_tint. Not supported, or only in part: clearcoat_transparency.",
     ),
     "OmniGlass": (
         "OmniGlass.mdl",
@@ -77,7 +77,7 @@ CASES: dict[str, tuple[str, str, dict[str, Any], str]] = {
             "specular_ior": 1.4,
             "specular_roughness": 0.0,
         },
-        " No effect yet, or not all of theirs, have: other.",
+        " Not supported, or only in part: other.",
     ),
     "OmniSurface": (
         "https://host/Materials/OmniSurface.mdl",
@@ -157,7 +157,7 @@ def test_opacity() -> None:
 
 def test_a_coat_over_a_normal_map_is_told(image: str) -> None:
     text = f"bool inputs:enable_clearcoat = 1\n asset inputs:normalmap_texture = @{image}@"
-    assert "have: clearcoat_normalmap_texture." in described(stage("OmniPBR_ClearCoat.mdl", text))[1][0]
+    assert "part: clearcoat_normalmap_texture." in described(stage("OmniPBR_ClearCoat.mdl", text))[1][0]
 
 
 def test_textures_are_where_the_material_says(image: str) -> None:
@@ -203,7 +203,7 @@ def test_alpha_of_a_gltf_texture(image: str) -> None:
     blended, _ = surface_of(stage("gltf/pbr.mdl", texels + "int inputs:alpha_mode = 2"))
     assert ("opacity" in blended.varying, blended.presence, blended.opacity_threshold) == (True, True, 0.0)
     assert dict(blended.inputs)["open_pbr_base_color"] == dict(opaque.inputs)["open_pbr_base_color"]
-    assert "have: alpha_mode." in told_of("gltf/pbr.mdl", "int inputs:alpha_mode = 7")
+    assert "part: alpha_mode." in told_of("gltf/pbr.mdl", "int inputs:alpha_mode = 7")
 
 
 def test_a_texture_is_at_the_coordinates_of_its_set(image: str) -> None:
@@ -236,7 +236,7 @@ def test_a_lookup_has_a_set_and_what_else_it_says_is_reported(image: str) -> Non
     made = dict(surface.inputs)["open_pbr_base_color"]
     assert isinstance(made, TextureInput)
     assert made.st.name == "st1"
-    assert "have: base_color_texture.offset, roughness_factor." in told[-1]
+    assert "part: base_color_texture.offset, roughness_factor." in told[-1]
 
 
 @pytest.mark.parametrize(
@@ -251,4 +251,4 @@ def test_a_lookup_has_a_set_and_what_else_it_says_is_reported(image: str) -> Non
     ],
 )
 def test_inputs_without_effect_are_reported_unless_they_are_at_rest(module: str, inputs: str, lost: str) -> None:
-    assert told_of(module, inputs).endswith(f"have: {lost}." if lost else "not interpreted.")
+    assert told_of(module, inputs).endswith(f"part: {lost}." if lost else "not interpreted.")

@@ -111,9 +111,9 @@ def test_looks_are_variants_with_bindings(tmp_path: Path) -> None:
 
 
 BAD = {
-    "no XML": ("<materialx", "no XML"),
+    "not XML": ("<materialx", "not XML"),
     "another document": ("<html></html>", "No root MaterialX element"),
-    "deep": ("<materialx>" + "<nodegraph name='a'>" * 100 + "</nodegraph>" * 100 + "</materialx>", "in one another"),
+    "deep": ("<materialx>" + "<nodegraph name='a'>" * 100 + "</nodegraph>" * 100 + "</materialx>", "deep"),
     "a document type": ('<!DOCTYPE a [<!ENTITY b "c">]><materialx/>', "document type"),
     "binary": ("\0\1\2", ""),
     "includes itself": ('<materialx><xi:include href="looks.mtlx"/></materialx>', "itself"),

@@ -136,7 +136,7 @@ def test_documents_that_cannot_be_read_are_told_and_the_rest_goes_on(tmp_path: P
     diagnostics = Diagnostics()
     stage = open_stage(path, diagnostics)
     assert [d.code for d in diagnostics] == ["materialx-document", "composition-error"]
-    assert next(iter(diagnostics)).message.startswith("bad.mtlx: it is no XML")
+    assert next(iter(diagnostics)).message.startswith("bad.mtlx: it is not XML")
     assert color_at(stage, "/b/Materials/Red") == Gf.Vec3f(1, 0, 0)
 
 

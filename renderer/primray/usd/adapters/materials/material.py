@@ -122,7 +122,7 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
         return made
     if made.surface is None:
         if moves:
-            ctx.warn("displacement", path, "Without a surface that is known nothing is displaced.")
+            ctx.warn("displacement", path, "The surface shader is not supported: its displacement is ignored.")
         return made
     from ...materials.displacement import displaced
 
@@ -147,13 +147,15 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
             if (made := _of_other_model(source, path, ctx)) is not None:
                 _note_unread(outputs, output, path, ctx)
                 return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
-            others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
+            others.append(f"{source.id or module_of(source) or 'a shader without id'} at outputs:{output}")
             foreign.insert(
                 len(foreign) if output in first else 0, (output, source)
             )  # a renderer's own output comes before the universal one
     if foreign and (made := _of_other_renderer(foreign, outputs, path, ctx)) is not None:
         return _with_priority(made, prim, ctx) if PRIORITY in names else made, None
-    reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
+    reason = (
+        f"The surface shader is not supported ({', '.join(others)})" if others else "No surface output is connected to a shader"
+    )
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
     return Material(None), None
 
@@ -188,7 +190,7 @@ def _note_unread(outputs: list[str], used: str, path: str, ctx: Context) -> None
     for output in outputs:
         renderer = output.partition(":")[0]
         if output != used and renderer in RENDERERS:
-            message = f"The output for {renderer} is not read: the material is made from outputs:{used}."
+            message = f"The output for {renderer} is ignored: the material is translated from outputs:{used}."
             ctx.warn("other-renderer", path, message, f"outputs:{output}")
 
 
@@ -272,7 +274,7 @@ def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context)
         if slot.field != "normal":
             found.constants[slot.field] = constant
         elif not any(constant):
-            ctx.warn("material-input", path, "normal has no length and is ignored.", "inputs:normal")
+            ctx.warn("material-input", path, "normal has zero length and is ignored.", "inputs:normal")
         elif constant != slot.default:
             found.varying["normal"] = PrimvarInput(NO_PRIMVAR, constant)
 
@@ -324,7 +326,7 @@ def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None
     note_unknown_schemas(shader.prim, path, ctx)
     unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
     for name in unknown:
-        ctx.warn("unknown-input", path, f"{shader.id} has no {name}.", f"inputs:{name}")
+        ctx.warn("unknown-input", path, f"{shader.id} has no input {name}: it is ignored.", f"inputs:{name}")
 
 
 def _shown(values: tuple[float, ...]) -> str:

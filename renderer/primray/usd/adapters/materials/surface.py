@@ -106,7 +106,7 @@ def _sight_of_gaps(surface: Surface, path: str, ctx: Context) -> CameraSight:
     if surface.opacity == 0 and not varies:
         return CameraSight.HIDDEN
     if surface.opacity < 1 or varies:
-        message = "It is matte and lets a part of what lies behind it through (presence): it holds out all of it."
+        message = "The matte surface is partly transparent (presence), but holds out everything behind it."
         ctx.warn("render-settings-input", path, message, "collection:matte")
     return CameraSight.MATTE
 
@@ -117,7 +117,7 @@ def _made_surface(appearance: Appearance, is_closed: Callable[[], bool], path: s
     surface = appearance.material.surface
     if surface.transmits and not (surface.thin or surface.bends_nothing) and not is_closed():
         if surface.open_pbr is not None and surface.open_pbr.transmission_depth > 0:
-            ctx.warn("open-interior", path, f"{surface.path} has an interior, but the mesh is not closed: its walls are thin.")
+            ctx.warn("open-interior", path, f"{surface.path} has an interior, but the mesh is not closed: it is thin-walled.")
         return replace(surface, thin=True)
     return replace(surface, thin=True) if surface.transmits and surface.bends_nothing else surface
 
@@ -140,7 +140,7 @@ def undisplaced(surface: Surface, path: str, ctx: Context) -> Surface:
     """Return a surface without its displacement, for shapes that have no points to displace; this is reported."""
     if surface.displacement is None:
         return surface
-    ctx.warn("displacement", path, "Only meshes are displaced: the surface is rendered where the shape is.")
+    ctx.warn("displacement", path, "Only meshes can be displaced: the displacement is ignored.")
     return surface.without_displacement()
 
 

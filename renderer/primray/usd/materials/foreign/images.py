@@ -86,9 +86,7 @@ def _space(n: ForeignInputs, path: str, name: str) -> str | ColorSpace:
         return "raw"
     found = space_named(name, _scope(n), n.values.ctx)
     if found is None:
-        n.values.ctx.warn(
-            "shader-parameter", node_path(n.node, n.values.ctx), f"The colour space {name!r} is not known: auto is used."
-        )
+        n.values.ctx.warn("shader-parameter", node_path(n.node, n.values.ctx), f"Unknown colour space {name!r}: auto is used.")
         return _space(n, path, "auto")
     return found
 

@@ -91,7 +91,7 @@ class ForeignValues(NodeValues):
         if key in self._made:
             return self._made[key]
         if source.path in self._above or len(self._above) >= DEEPEST:
-            why = "leads back to itself" if source.path in self._above else f"comes through more than {DEEPEST} nodes"
+            why = "depends on itself" if source.path in self._above else f"depends on a chain of more than {DEEPEST} nodes"
             self._note("shader-connection", reader, f"{name} {why}: its default is used.", f"inputs:{name}")
             return None
         self._above.append(source.path)

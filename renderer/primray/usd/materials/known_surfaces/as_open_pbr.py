@@ -41,7 +41,7 @@ class Told:
 
     def sentences(self) -> str:
         """Return the sentences for a diagnostic; "" where there is nothing to report."""
-        parts = (("Approximated", self.near), ("No effect yet, or not all of theirs, have", self.unused))
+        parts = (("Approximated", self.near), ("Not supported, or only in part", self.unused))
         return " ".join(f"{what}: {', '.join(names)}." for what, names in parts if names)
 
 

@@ -91,7 +91,7 @@ def _names(element: Any, attribute: str, wrong: list[str]) -> list[GeometryName]
     found = geometry_names(text, element.getActiveGeomPrefix()) if text else []
     for name in found:
         if not is_prim_name(name):
-            wrong.append(f"no prim can be named {'/'.join(('', *name.levels))} ({attribute})")
+            wrong.append(f"{'/'.join(('', *name.levels))} is not a valid prim path ({attribute})")
     return [name for name in found if is_prim_name(name)]
 
 
@@ -110,7 +110,7 @@ def bindings(assignments: Sequence[Assignment]) -> list[Bound]:
     for order, share in shares:
         ranked += _ranked(order, share, told_apart, exactly=everywhere)
         if len(ranked) > MOST_PIECES:
-            raise ValueError(f"its assignments are more than {MOST_PIECES:,} when they are taken apart")
+            raise ValueError(f"its assignments have more than {MOST_PIECES:,} parts")
     ranked.sort(key=lambda item: item[0], reverse=True)
     made = []
     for (rank, below, excludes), group in groupby(ranked, key=lambda item: (item[0], item[1], item[2].excludes)):

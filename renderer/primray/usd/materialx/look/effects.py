@@ -50,7 +50,7 @@ def effects_of(looks: Sequence[Any], document: Any, wrong: list[str]) -> Effects
                 if name == "matte" and not target:
                     made.matte.append(Assignment(value == "true", shares_of(element, document, wrong)))
                 elif name not in _KNOWN and not target:
-                    wrong.append(f"property {name} has no meaning here")
+                    wrong.append(f"property {name} is not supported")
     if own := [child.getName() for child in document.getChildren() if child.getCategory() == "geominfo"]:
         wrong.append(f"geometric properties of geominfo {', '.join(own)} are not applied")
     return made
@@ -62,7 +62,7 @@ def _read_visibility(element: Any, document: Any, made: Effects, wrong: list[str
     if kind not in ("", "camera") or viewers:
         if not is_visible:
             what = f"of the type {kind or 'all'}" + (f" to {viewers}" if viewers else "")
-            wrong.append(f"visibility {element.getName()} {what} is not followed")
+            wrong.append(f"visibility {element.getName()} {what} is not supported")
         return
     (made.camera if kind else made.visible).append(Assignment(is_visible, shares_of(element, document, wrong)))
 
@@ -138,7 +138,7 @@ def _opinions(variant: Sdf.PrimSpec, effects: Effects, model: Usd.Prim) -> Itera
         if opinions and _is_in_instance(prim, model):
             said = variant.attributes.get(NOTES)
             lines = list(said.default) if said else []
-            note(variant, [*lines, f"What its look says of {path} has no effect: an instance below the model holds it."])
+            note(variant, [*lines, f"Its look has no effect on {path}, which is in an instance below the model."])
         else:
             yield from opinions
 

@@ -97,7 +97,7 @@ class _Look:
         while name:
             above = looks.get(name)
             if above is None or any(above.getName() == known.getName() for known in found):
-                self.wrong.append(f"it inherits {name}, which is no look, or leads back to itself")
+                self.wrong.append(f"it inherits {name}, which is not a look, or inherits itself")
                 break
             found.append(above)
             name = above.getAttribute("inherit")
@@ -128,7 +128,7 @@ class _Look:
             self.wrong.append(f"materialassign {element.getName()}: there is no material {name}")
             return None
         if element.getAttribute("exclusive") == "false":
-            self.wrong.append(f"materialassign {element.getName()} is not exclusive: it is taken as if it were")
+            self.wrong.append(f"materialassign {element.getName()} is not exclusive: it is treated as exclusive")
         child = define(self._layer, self._unused(self.path.AppendChild("Materials"), name_of(element)))
         note_ui(child, element)
         refer(child, path)
@@ -180,7 +180,7 @@ class _Look:
         included = " + ".join(one.expression(self.path, below=bound.below) for one in bound.names)
         text = " - ".join([included, *(one.expression(self.path) for one in bound.excludes)])
         if not text.isascii():
-            self.wrong.append(f"USD has no expression for {text.replace(str(self.path), '')}, which nothing is bound to")
+            self.wrong.append(f"USD cannot express {text.replace(str(self.path), '')}: nothing is bound to it")
             return
         made = Sdf.AttributeSpec(prim, f"collection:{name}:membershipExpression", _T.PathExpression, Sdf.VariabilityUniform)
         made.default = Sdf.PathExpression(text)

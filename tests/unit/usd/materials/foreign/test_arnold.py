@@ -157,7 +157,7 @@ def test_shaders_that_choose_or_mix_shaders() -> None:
     sides = "token inputs:front.connect = </m/a.outputs:out>\n token inputs:back.connect = </m/b.outputs:out>"
     front, told = surface_of(stage(shader("arnold:two_sided", sides), two))
     assert lobes(front)["base_weight"] == pytest.approx(0.2)
-    assert told["translated"] == [says("two_sided", "lambert", end=" No effect yet, or not all of theirs, have: back.")]
+    assert told["translated"] == [says("two_sided", "lambert", end=" Not supported, or only in part: back.")]
 
 
 def test_a_shader_that_leads_back_to_itself_is_no_surface() -> None:
@@ -264,10 +264,12 @@ def test_what_has_no_effect_is_named_with_its_node() -> None:
     inputs = f'{INPUT} float inputs:bias = 0.75\n string inputs:name = "x"\n int inputs:foreign = 1'
     _, told = emitting(node("n", "arnold:range", inputs))
     assert told["translated"] == [
-        says("standard_surface", "range", end=" No effect yet, or not all of theirs, have: n.bias, n.foreign, n.gain.")
+        says("standard_surface", "range", end=" Not supported, or only in part: n.bias, n.foreign, n.gain.")
     ]
 
 
 def test_a_node_that_nobody_knows_leaves_a_default() -> None:
     _, told = emitting(node("n", "arnold:cell_noise"))
-    assert told["shader-ignored"] == ["emission_color comes from arnold:cell_noise: its default is used."]
+    assert told["shader-ignored"] == [
+        "emission_color is connected to arnold:cell_noise, which is not supported: its default is used."
+    ]

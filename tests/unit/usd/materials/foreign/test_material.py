@@ -40,7 +40,9 @@ def test_untranslated_is_as_before() -> None:
     surface, told = surface_of(stage(LAMBERT), RenderSettings(translated_shaders=False))
     assert surface.lambert
     assert surface.open_pbr is None
-    assert told["shader-ignored"] == ["The surface shader is arnold:lambert (arnold:surface): displayColor is used."]
+    assert told["shader-ignored"] == [
+        "The surface shader is not supported (arnold:lambert at outputs:arnold:surface): displayColor is used."
+    ]
 
 
 def test_what_is_translated_is_told_once_with_the_nodes_that_it_uses() -> None:

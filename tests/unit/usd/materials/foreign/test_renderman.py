@@ -101,7 +101,7 @@ SURFACES: dict[str, tuple[str, str, dict[str, Any], str]] = {
         "color3f inputs:roughSpecularFaceColor = (1, 1, 1)\n float inputs:roughSpecularRoughness = 0.4\n"
         "float inputs:iridescenceFaceGain = 0\n float inputs:fuzzConeAngle = 4",
         {"base_color": (0.18, 0.18, 0.18), "specular_weight": 0.0, "specular_roughness": 0.2},
-        " No effect yet, or not all of theirs, have: roughSpecularFaceColor.",
+        " Not supported, or only in part: roughSpecularFaceColor.",
     ),
     "PxrDisneyBsdf": (
         "PxrDisneyBsdf",

@@ -83,5 +83,5 @@ def test_materialx_comes_before_the_universal_output() -> None:
 
 def test_each_name_is_told_once_and_in_order() -> None:
     found = told(("depth", "a"), ("coat", "a", "base"))
-    assert found.sentences() == "Approximated: base, coat. No effect yet, or not all of theirs, have: a, depth."
+    assert found.sentences() == "Approximated: base, coat. Not supported, or only in part: a, depth."
     assert told((), ()).sentences() == ""
