@@ -1,4 +1,4 @@
-// See displacer.hpp.
+// Evaluation of displacer.hpp.
 #include "displacement/displacer.hpp"
 
 #include <algorithm>
@@ -12,7 +12,7 @@ namespace primray {
 namespace {
 
 constexpr int kLanes = PRIMRAY_MAX_LANES;
-constexpr size_t kSpare = 16;  // what gathers may read beyond the last
+constexpr size_t kSpare = 16;  // padding that gathers may read
 
 int32_t surface_of(const DisplacedShape& shape, int32_t face) {
   return std::max(shape.surfaces[shape.surfaces.size() == 1 ? 0 : size_t(face)], 0);
@@ -44,7 +44,7 @@ int Displacer::add_texture(int channels, bool udim) {
   return int(scene_.textures.size()) - 1;
 }
 
-// All levels: no footprint is known before anything stands where it is drawn.
+// Keeps all levels: no footprint is known before the vertices have their final positions.
 void Displacer::set_texture_image(int texture, int tile, std::span<const float> pixels, int width, int height) {
   Texture& t = scene_.textures.at(size_t(texture));
   if (t.udim) {
@@ -62,7 +62,7 @@ void Displacer::displace(const DisplacedShape& shape, const subdivision::CornerR
   evaluate(shape, rows, out);
 }
 
-// A triangle for each corner, in the space of a group that stands where the shape does, in its directions.
+// Builds a triangle for each corner, in a group placed like the shape, with its orientation.
 void Displacer::stand(const DisplacedShape& shape, const subdivision::CornerRows& rows) {
   const size_t n = rows.faces.size();
   const daffine& m = shape.world_from_object;

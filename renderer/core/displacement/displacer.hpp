@@ -1,8 +1,7 @@
-// What displaces a surface, where it is: textures, primvars and tapes of materials at the corners of a cage that is being
-// diced.
+// Evaluation of displacements: textures, primvars and tapes of materials at the corners of a cage that is being diced.
 //
-// They are read as surfaces read them when they are shaded, from a scene of a few triangles: one for each corner, with that
-// corner first. Its world is where the shape stands if it stands but once, else the shape's own space.
+// They are evaluated like shading inputs, in a scene of a few triangles: one for each corner, with that corner first. World
+// space is that of the shape's placement if it is placed only once, otherwise the shape's object space.
 #pragma once
 
 #include <mutex>
@@ -14,21 +13,21 @@
 
 namespace primray {
 
-// The order of core/dicing/displacement.py's names.
+// Order of the names in core/dicing/displacement.py.
 enum class DisplacedAlong : int32_t { kNothing, kNormal, kTangents, kObjectAxes };
 
-// A primvar of a cage: what its rows belong to, and where the dicer has them.
+// Primvar of a cage: its interpolation, and where the dicer has it.
 struct CagePrimvar {
   enum class Kind { kConstant, kFace, kVertex, kVarying, kFaceVarying };
   int name = 0;
   Kind kind = Kind::kConstant;
-  int at = 0;  // column, or face-varying primvar
+  int at = 0;  // column, or index of the face-varying primvar
   int width = 1, row_width = 1;
-  std::span<const float> values;  // constant ones, and those by face
+  std::span<const float> values;  // constant values, and those by face
 };
 
 struct DisplacedShape {
-  std::span<const int32_t> surfaces;  // one, or one a face; -1: what is not drawn
+  std::span<const int32_t> surfaces;  // one, or one per face; -1: not drawn
   std::vector<CagePrimvar> primvars;
   daffine world_from_object;
 };
@@ -36,7 +35,7 @@ struct DisplacedShape {
 class Displacer {
  public:
   Displacer();
-  // As SceneBuilder's: a surface has the one input that displaces it, or none.
+  // Like SceneBuilder's functions: a surface has the one input that displaces it, or none.
   int add_tape(Tape tape);
   int32_t add_surface(const SurfaceInput& constants, std::vector<InputSource> varying, int tape);
   int add_texture(int channels, bool udim);

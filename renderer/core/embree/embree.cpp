@@ -1,4 +1,4 @@
-// Loading Embree: the library, its entry points, its version, one device for the process.
+// Loading of Embree: the library, its entry points, its version, one device for the process.
 #include "embree/embree.hpp"
 
 #include <dlfcn.h>
@@ -13,7 +13,7 @@
 namespace primray {
 namespace {
 
-// The class this module was compiled for; Embree's own choice by CPU would change bits.
+// ISA class that this module was compiled for; Embree's own choice by CPU would change bits.
 #if defined(__AVX512F__)
 constexpr const char* kConfig = "isa=avx512";
 #elif defined(__AVX2__)
@@ -28,8 +28,8 @@ rtc::Device device = nullptr;
 std::mutex load_mutex;
 std::atomic<int64_t> bytes_now{0}, bytes_peak{0}, bytes_most{std::numeric_limits<int64_t>::max()};
 
-// Embree asks before it allocates (`post` is false) or says that it has. An answer of false makes it end with its error for
-// being out of memory; it frees what it had by then.
+// Called by Embree before it allocates (`post` is false) or after it has. False makes it fail with its out-of-memory error; it
+// frees what it had allocated by then.
 bool count_memory(void*, ptrdiff_t bytes, bool post) {
   const int64_t now = bytes_now += bytes;
   if (bytes > 0 && !post && now > bytes_most.load()) {

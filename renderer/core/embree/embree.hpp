@@ -1,4 +1,4 @@
-// Embree, opened once: its entry points, its device, and owners for its scenes.
+// Embree, loaded once: its entry points, its device, and owners for its scenes.
 #pragma once
 
 #include <memory>
@@ -8,21 +8,21 @@
 
 namespace primray {
 
-// Opens the library at `path` and a device pinned to this module's ISA class. Error("embree", ...) if it is missing, not 4.4.0
-// or of another build. Later calls do nothing.
+// Opens the library at `path` and a device pinned to this module's ISA class. Throws Error("embree", ...) if it is missing, not
+// 4.4.0 or of another build. Later calls do nothing.
 void load_embree(const std::string& path);
 
-// Both need load_embree() first.
+// Both require load_embree().
 const rtc::Api& embree();
 rtc::Device embree_device();
 
-// Bytes that Embree holds now, and the most it held, over all scenes of the process.
+// Current and peak bytes of Embree, over all scenes of the process.
 struct EmbreeMemory {
   int64_t now, peak;
 };
 EmbreeMemory embree_memory();
 
-// Throws Error("embree" or "out-of-memory") for what went wrong on this thread since the last call.
+// Throws Error("embree" or "out-of-memory") for an error on this thread since the last call.
 void check_embree();
 
 struct ReleaseScene {

@@ -1,7 +1,7 @@
-// The part of Embree 4.4's C interface that is used, declared here because the embreex wheel carries the library alone.
+// The part of Embree 4.4's C interface that is used, declared here because the embreex wheel contains the library alone.
 //
-// Names, values and layouts after Embree's public headers, include/embree4/rtcore_*.h, v4.4.0 (Apache-2.0), as built into
-// the wheel: one instance level, instance arrays, no minimum curve width. embree.cpp checks the version when it loads it.
+// Names, values and layouts follow Embree's public headers, include/embree4/rtcore_*.h, v4.4.0 (Apache-2.0), as built into the
+// wheel: one instance level, instance arrays, no minimum curve width. embree.cpp checks the version when it loads it.
 #pragma once
 
 #include <cstddef>
@@ -83,7 +83,7 @@ struct OccludedArguments {
   float* ray;  // Ray<N>
   uint32_t n, geom_id;
 };
-// RTCFilterFunctionNArguments; valid[i] is -1 for the hits that are asked about, 0 where they are refused.
+// RTCFilterFunctionNArguments; valid[i] is -1 for the hits to test, and is set to 0 to reject one.
 struct FilterArguments {
   int* valid;
   void* user;
@@ -100,7 +100,7 @@ struct QueryArguments {
   void* callback = nullptr;
 };
 
-// RTCBuildPrimitive and RTCBuildArguments: hierarchies of our own by Embree's builder.
+// RTCBuildPrimitive and RTCBuildArguments: custom hierarchies by Embree's builder.
 struct alignas(32) BuildPrimitive {
   float lower_x, lower_y, lower_z;
   uint32_t geom_id;
@@ -128,7 +128,7 @@ using IntersectFunction = void (*)(const IntersectArguments*);
 using OccludedFunction = void (*)(const OccludedArguments*);
 using FilterFunction = void (*)(const FilterArguments*);
 
-// The entry points, filled by load_embree().
+// Entry points, filled by load_embree().
 struct Api {
   Device (*rtcNewDevice)(const char*);
   int (*rtcGetDeviceError)(Device);

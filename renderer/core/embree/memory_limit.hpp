@@ -1,11 +1,11 @@
-// A bound on what Embree holds over all scenes of the process.
+// Limit of Embree's memory over all scenes of the process.
 #pragma once
 
 #include <cstdint>
 
 namespace primray {
 
-// Beyond so many bytes, builds end with Error("out-of-memory").
+// Builds that would exceed `bytes` end with Error("out-of-memory").
 void limit_embree_memory(int64_t bytes);
 
 }  // namespace primray

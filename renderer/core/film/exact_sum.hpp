@@ -1,10 +1,11 @@
-// Sums of floats that depend neither on their order nor on how they were grouped: the same bits for any partition of samples.
+// Reproducible sums of floats, independent of order and grouping: the same bits for any partition of samples.
 //
-// A float is cut at fixed places, every kBinBits binary digits; a sum keeps, as integers, the parts in the highest place that
-// any of its terms reaches and in the one below, and drops the rest. What is kept of a term depends on it and on the largest
-// one alone. After Demmel and Nguyen 2015, "Parallel Reproducible Summation", with integers, so that nothing is ever carried.
+// A float is cut at fixed positions, every kBinBits binary digits; a sum keeps, as integers, the parts in the highest bin that
+// any of its terms reaches and in the one below, and drops the rest. The part of a term that is kept depends only on the term
+// and on the largest one. After Demmel and Nguyen 2015, "Parallel Reproducible Summation", with integers, so that nothing is
+// ever carried.
 //
-// A term as large as the largest is kept whole, others to 2^-40 of it at least. 2^23 terms fit.
+// A term as large as the largest is kept entirely, others to at least 2^-40 of it. 2^23 terms fit.
 #pragma once
 
 #include <algorithm>
@@ -15,9 +16,9 @@
 namespace primray {
 
 constexpr int kBinBits = 40;
-constexpr int kLowestBin = -4;  // holds 2^-160 to 2^-120; the largest float lies in bin 3
+constexpr int kLowestBin = -4;  // holds 2^-160 to 2^-120; the largest float is in bin 3
 
-// The bin of a magnitude that is finite and not denormal.
+// Bin of a magnitude that is finite and not denormal.
 inline int bin_of(float magnitude) {
   const int exponent = int(std::bit_cast<uint32_t>(magnitude) >> 23 & 255) - 127;
   return (exponent - kLowestBin * kBinBits) / kBinBits + kLowestBin;
@@ -34,7 +35,7 @@ struct ExactSum {
   int64_t high = 0, low = 0;
   int bin = kLowestBin;
 
-  // Terms of higher bins come: what would stand two bins lower is dropped.
+  // Prepares for terms of higher bins: drops what would be two bins lower.
   void raise(int to) {
     if (to <= bin) return;
     low = to == bin + 1 ? high : 0;
@@ -48,7 +49,7 @@ struct ExactSum {
   double value() const { return double(high) * unit_of(bin) + double(low) * unit_of(bin - 1); }
 };
 
-// Adds what a sum keeps of `term`; `scale` is unit_of(1 - bin) of the sum's bin.
+// Adds the part of `term` that a sum keeps; `scale` is unit_of(1 - bin) of the sum's bin.
 inline void add_cut(float term, double scale, int64_t& high, int64_t& low) {
   constexpr double kBin = double(int64_t(1) << kBinBits);
   const double scaled = double(term) * scale;
@@ -56,9 +57,9 @@ inline void add_cut(float term, double scale, int64_t& high, int64_t& low) {
   high += top, low += int64_t(scaled - double(top) * kBin);
 }
 
-// Of floats that are finite.
+// Sum of finite floats.
 inline ExactSum exact_sum(const float* terms, int count) {
-  uint32_t largest = 0;  // magnitudes are ordered as their bits are
+  uint32_t largest = 0;  // magnitudes are ordered like their bits
   for (int i = 0; i < count; ++i) largest = std::max(largest, std::bit_cast<uint32_t>(terms[i]) & 0x7fffffffu);
   ExactSum sum;
   sum.bin = bin_of(std::bit_cast<float>(largest));

@@ -1,4 +1,4 @@
-// See film.hpp.
+// Estimates and merging of film.hpp.
 #include "film/film.hpp"
 
 #include <algorithm>
@@ -53,7 +53,7 @@ void Film::merge(const Film& other) {
 
 namespace {
 
-// `sum(pixel, color)`: of which sums.
+// `sum(pixel, color)`: selects the sums.
 template <class Sum>
 PixelEstimate estimate(const Film& film, size_t pixel, double exposure, const Sum& sum) {
   const auto mean = [&](size_t p, int color) { return film.counts[p] ? sum(p, color).value() / film.counts[p] : 0.0; };
@@ -62,7 +62,7 @@ PixelEstimate estimate(const Film& film, size_t pixel, double exposure, const Su
   PixelEstimate e{};
   if (total == 0) return e;
   e.measured = n[0] > 0 && n[1] > 0;
-  // Chosen by chance, what passes straight through may outweigh a sample here and there.
+  // Chosen at random, light that passes straight through may exceed a sample now and then.
   e.coverage = std::clamp(double(film.covered[pixel] + film.covered[other]) / double(Film::kCovered) / total, 0.0, 1.0);
   const double w = n[0] / total;
   for (int c = 0; c < Film::kColors; ++c) {

@@ -1,7 +1,8 @@
-// What a render has gathered: exact sums of samples per pixel and replicate with their counts, and how far each tile has come.
+// Film: the accumulated state of a render. Exact sums of samples per pixel and replicate with their counts, and the progress of
+// each tile.
 //
 // Sums are exact (exact_sum.hpp), so tiles can be rendered in any order, in parts, on several machines, and be continued or
-// merged to the same bits. Who writes a tile's pixels holds its lock.
+// merged to the same bits. A thread that writes a tile's pixels holds its lock.
 #pragma once
 
 #include <array>
@@ -14,11 +15,11 @@
 
 namespace primray {
 
-// Independent randomised halves of every pixel's samples, so that the variance of the mean can be measured.
+// Independent randomised halves of every pixel's samples, by which the variance of the mean is measured.
 constexpr int kReplicates = 2;
 constexpr int kTile = 16;  // pixels across
 
-// Exact sums of values in one order: as `Film::parts` and `Film::bins`.
+// Exact sums of values in a fixed order: see `Film::parts` and `Film::bins`.
 struct PixelSums {
   std::vector<int64_t> parts;  // value, (high, low)
   std::vector<int8_t> bins;
@@ -33,35 +34,35 @@ struct PixelSums {
   }
 };
 
-// Light that is sampled and left out of the picture, by why: a clamp of indirect light, or caustics that are off.
+// Light that is sampled but left out of the image, by reason: the clamp of indirect light, or caustics that are off.
 enum Removal : int { kClamped, kCaustics, kRemovals };
 
 struct Film {
   static constexpr int kColors = 3;
-  // Of the arrays by pixel.
+  // Memory of the arrays per pixel.
   static constexpr size_t kPixelBytes =
       kReplicates * (kColors * (2 * sizeof(int64_t) + 1) + sizeof(uint32_t) + sizeof(int64_t));
-  // A sample that is covered as a whole; parts are rounded to these units, so that sums are exact.
+  // Coverage of a fully covered sample; fractions are rounded to these units, so that sums are exact.
   static constexpr int64_t kCovered = 1 << 24;
   int width, height, tiles_x, tiles_y;
   std::vector<int64_t> parts;    // replicate, y, x, color, (high, low)
   std::vector<int8_t> bins;      // replicate, y, x, color
   std::vector<uint32_t> counts;  // replicate, y, x
-  std::vector<int64_t> covered;  // replicate, y, x: of samples, what covers them, in units of 1 / kCovered
-  // Where each tile's sequences stand: the next sample's number; and its rays, as the measure of what it costs.
+  std::vector<int64_t> covered;  // replicate, y, x: coverage of samples, in units of 1 / kCovered
+  // Progress of each tile: the next sample's index; and its number of rays, as a measure of its cost.
   std::vector<uint32_t> next;  // replicate, tile
   std::vector<int64_t> tile_rays;
-  // Of light path expressions (route/): as `parts`, in the same bins, with the expression first, so that those of a partition
+  // Light path expressions (route/): like `parts`, in the same bins, with the expression first, so that those of a partition
   // add up to `parts` to the last digit.
   int expressions = 0;
   std::vector<int64_t> routed;
-  // Light left out of `parts`, by pixel and color as these, where it is counted.
+  // Light left out of `parts`, by pixel and colour as there, where it is counted.
   std::array<PixelSums, kRemovals> removed;
   std::atomic<int64_t> camera_rays{0}, scattered_rays{0}, shadow_rays{0}, invalid_samples{0}, samples{0};
 
   std::array<std::mutex, 64> locks;
 
-  // `removals`: a bit for each Removal that is counted.
+  // `removals`: one bit for each Removal that is counted.
   Film(int w, int h, int expression_count = 0, int removals = 0);
   int tiles() const { return tiles_x * tiles_y; }
   std::mutex& lock_of(int tile) { return locks[size_t(tile) % locks.size()]; }
@@ -85,7 +86,7 @@ struct Film {
     const size_t i = routed_at(expression, pixel, color);
     return {routed[i], routed[i + 1], bins[pixel * kColors + size_t(color)]};
   }
-  // Before the samples themselves are added: what of them matches each expression, in the bin of theirs.
+  // Adds the part of a pixel's samples that matches each expression, in the bin of the samples; before these are added.
   void add_routed(size_t pixel, int color, const ExactSum* terms) {
     for (int e = 0; e < expressions; ++e) {
       const size_t i = routed_at(e, pixel, color);
@@ -97,12 +98,12 @@ struct Film {
   // A replicate's mean, 0 without samples.
   double mean(size_t pixel, int color) const { return counts[pixel] ? sum(pixel, color).value() / counts[pixel] : 0.0; }
 
-  // Adds what another film of the same picture gathered from other samples.
+  // Adds what another film of the same image accumulated from other samples.
   void merge(const Film& other);
 };
 
 // A pixel's colour, the replicates' mean weighted by their samples, and a difference of them, sqrt(w_0 w_1) (a - b), whose
-// square is expected to be the mean's variance if a replicate's variance is proportional to 1 / weight. `exposure` multiplies
+// expected square is the mean's variance if a replicate's variance is proportional to 1 / weight. `exposure` multiplies
 // colours.
 struct PixelEstimate {
   double mean[Film::kColors], difference[Film::kColors];
@@ -110,9 +111,9 @@ struct PixelEstimate {
   bool measured;  // both replicates have samples
 };
 PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure);
-// The same of the light that matches an expression.
+// Estimate of the light that matches an expression.
 PixelEstimate estimate_routed(const Film& film, int expression, size_t pixel, double exposure);
-// Estimates the light that is left out of a pixel.
+// Estimate of the light that is left out of a pixel.
 PixelEstimate estimate_removed(const Film& film, Removal why, size_t pixel, double exposure);
 
 }  // namespace primray

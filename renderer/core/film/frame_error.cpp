@@ -1,17 +1,17 @@
-// Weights from two sides, and what lies between.
+// Error of a frame from two kinds of weights, and their geometric mean.
 //
-// A pixel alone: R is thought to lie anywhere within 1.3 s of I, s = |d|, cut off at 0; the weight is its mean
-// over that range. For a pixel that one rare sample made bright, that says that R is as likely to lie anywhere below I.
-// Pixels alike: non-local means (Buades, Coll and Morel 2005) with the noise-aware distance of Rousselle, Knaus and Zwicker
-// 2012, over a window of 7 x 7, between the 3 x 3 neighbourhoods less their centres, so that a pixel's own error has no say in
-// who is like it; R is the weighted mean, s its standard error, from the d of all that take part.
-// The first is too small where like pixels know better, the second too large where there are none or where they too have
-// missed what is rare. Their geometric mean was the best on seven scenes; how far they are apart says how uncertain it is.
+// Weight of a pixel alone: R is assumed to be uniform within 1.3 s of I, s = |d|, cut off at 0; the weight is its mean over
+// that range. For a pixel that one rare sample made bright, that means that R is as likely to be anywhere below I.
+// Weight of similar pixels: non-local means (Buades, Coll and Morel 2005) with the noise-aware distance of Rousselle, Knaus and
+// Zwicker 2012, over a window of 7 x 7, between the 3 x 3 neighbourhoods without their centres, so that a pixel's own error
+// does not influence which pixels are similar; R is the weighted mean, s its standard error, from the d of all pixels in it.
+// The first estimate is too small where similar pixels know better, the second too large where there are none or where they
+// also miss a rare contribution. Their geometric mean was the best on seven scenes; their ratio shows how uncertain it is.
 //
-// The variance: given the weights, the true sum less the estimated is a sum of w e_a e_b over pixels, with e the replicates'
+// Variance: given the weights, the true sum minus the estimated is a sum of w e_a e_b over pixels, with e the replicates'
 // errors, of variance w^2 4 E[d^2]^2 (colours of a pixel with their covariances). E[d^2]^2 is estimated by d^2 times its mean
-// over 3 x 3 pixels, which a pixel unlike its neighbours makes too small, averaged with d^4 / 3, exact for normal errors;
-// squared errors without weights, which such pixels rule, take the larger of that and d^4 / 3.
+// over 3 x 3 pixels, which is too small for a pixel unlike its neighbours, averaged with d^4 / 3, exact for normal errors;
+// squared errors without weights, which such pixels dominate, take the larger of that and d^4 / 3.
 #include "film/frame_error.hpp"
 
 #include <algorithm>
@@ -24,7 +24,7 @@ namespace {
 
 constexpr int kWindow = 3, kPatch = 1, kPool = 1;  // radii
 constexpr int kHalo = kWindow + kPatch + kPool;
-constexpr int kStrip = kTile;  // rows at a time; a row of tiles, so that each tile is one strip's
+constexpr int kStrip = kTile;  // rows at a time; a row of tiles, so that each tile belongs to one strip
 constexpr int kColors = Film::kColors;
 constexpr float kFloor = 1e-6f;  // a variance too small to matter beside kDarkest
 // Half the range of R in standard errors: chosen with the geometric mean, on seven scenes from 4 to 256 samples.
@@ -36,7 +36,7 @@ int reflected(int i, int n) {
   return std::clamp(i, 0, n - 1);
 }
 
-// Rows [y0 - kHalo, y1 + kHalo) with kHalo columns on either side, reflected at the picture's borders; a plane a colour.
+// Rows [y0 - kHalo, y1 + kHalo) with kHalo columns on either side, reflected at the image's borders; one plane per colour.
 struct Planes {
   int stride, rows;
   std::vector<float> values;
@@ -46,7 +46,7 @@ struct Planes {
   const float* row(int color, int y) const { return const_cast<Planes*>(this)->row(color, y); }
 };
 
-// One strip of the picture, and its share of the sums.
+// One strip of the image, and its share of the sums.
 class Strip {
  public:
   Strip(const Film& film, double exposure, int number)
@@ -88,7 +88,7 @@ class Strip {
     }
   }
 
-  // A pixel's d^2 has one degree of freedom: the mean over 3 x 3 judges better who is like whom.
+  // A pixel's d^2 has one degree of freedom: the mean over 3 x 3 is a better measure of similarity.
   void pool() {
     for (int c = 0; c < kColors; ++c)
       for (int y = -kHalo + kPool; y < height_ + kHalo - kPool; ++y)
@@ -104,7 +104,7 @@ class Strip {
     return sum / float((2 * kPool + 1) * (2 * kPool + 1));
   }
 
-  // Means over the pixels that are alike, and their variances.
+  // Means over similar pixels, and their variances.
   void average() {
     for (int c = 0; c < kColors; ++c)
       for (int y = 0; y < height_; ++y)
@@ -113,7 +113,7 @@ class Strip {
           alike_.row(c, y)[x] = mean_.row(c, y)[x], alike_variance_.row(c, y)[x] = d * d;
         }
     std::fill(total_.begin(), total_.end(), 1.0f);
-    // Distances of single pixels, three rows of them: each pixel's neighbourhood, less its centre, is summed from them.
+    // Distances of single pixels in three rows: each pixel's neighbourhood, without its centre, is summed from them.
     std::vector<float> rows[2 * kPatch + 1];
     for (std::vector<float>& row : rows) row.resize(size_t(width_ + 2 * kPatch));
     for (int dy = -kWindow; dy <= kWindow; ++dy)
@@ -153,7 +153,7 @@ class Strip {
       const float sum =
           above[x - 1] + above[x] + above[x + 1] + same[x - 1] + same[x + 1] + below[x - 1] + below[x] + below[x + 1];
       const float d = std::max(sum * kMean, 0.0f);
-      // exp(-d), near enough; none where a distance is no number.
+      // exp(-d), approximately; 0 where a distance is not a number.
       const float w = 1.0f / (1 + d * (1 + d * (0.5f + d * (1.0f / 6 + d * (1.0f / 24)))));
       weights_[x] = sum < 1e6f ? w : 0.0f;
       total[x] += weights_[x];
@@ -168,7 +168,7 @@ class Strip {
     }
   }
 
-  // The mean of 1 / (R^2 + kDarkest) for R spread evenly within kSpread `s` of `r`, cut off at 0.
+  // Mean of 1 / (R^2 + kDarkest) for R uniform within kSpread `s` of `r`, cut off at 0.
   static double weight(double r, double s) {
     r = std::abs(r);
     const double half = kSpread * s, low = std::max(r - half, 0.0), high = half <= r ? r + half : r * (1 + r / half);

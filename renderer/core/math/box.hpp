@@ -1,4 +1,4 @@
-// Boxes along the axes, empty at first.
+// Axis-aligned bounding boxes, initially empty.
 #pragma once
 
 #include <algorithm>

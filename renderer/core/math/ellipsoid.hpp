@@ -1,4 +1,4 @@
-// Areas of ellipsoids, exact but for rounding, for building a scene.
+// Surface areas of ellipsoids, exact except for rounding, for scene construction.
 #pragma once
 
 #include <algorithm>
@@ -59,7 +59,7 @@ inline void squared_sizes(const daffine& m, double (&r)[3]) {
   for (int i = 0; i < 3; ++i) r[i] = std::max(a[i][i], 0.0);
 }
 
-// The area of what the matrix makes of the unit sphere: DLMF 19.33.1, 4 pi R_G(a^2 b^2, a^2 c^2, b^2 c^2), with 19.21.10.
+// Area of the matrix's image of the unit sphere: DLMF 19.33.1, 4 pi R_G(a^2 b^2, a^2 c^2, b^2 c^2), with 19.21.10.
 inline double ellipsoid_area(const daffine& m) {
   double s[3];
   squared_sizes(m, s);

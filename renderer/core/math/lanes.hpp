@@ -1,8 +1,8 @@
-// W floats, ints or truth values that go through the same arithmetic side by side: vfloat, vint, vuint, vbool, select.
+// SIMD types: W floats, ints or truth values that take the same arithmetic in parallel: vfloat, vint, vuint, vbool, select.
 //
-// Plain arithmetic over the compilers' vector extensions; W = 1 is the scalar formula. Every operation
-// rounds as IEEE says, lane by lane, so the number of lanes never changes a bit of a result (contraction is off). Intrinsics
-// stand only where the compilers miss the one instruction: gathers, square roots and the bits of a mask.
+// Plain arithmetic on the compilers' vector extensions; W = 1 is the scalar formula. Every operation rounds according to IEEE
+// 754, lane by lane, so the number of lanes never changes a bit of a result (contraction is off). Intrinsics are used only
+// where the compilers miss the one instruction: gathers, square roots and the bits of a mask.
 #pragma once
 
 #include <immintrin.h>
@@ -14,7 +14,7 @@
 namespace primray {
 
 #define PRIMRAY_INLINE inline __attribute__((always_inline))
-// What few scenes need: apart, so that it takes no registers and no room in the loop of the others.
+// Code that few scenes need: not inlined, so that it takes no registers and no space in the loop of the others.
 #define PRIMRAY_RARE inline __attribute__((noinline))
 
 template <class T, int W>
@@ -22,7 +22,7 @@ struct RawVector {
   typedef T type __attribute__((vector_size(sizeof(T) * W)));
 };
 
-// A truth value a lane: all bits set or none.
+// One truth value per lane: all bits set or none.
 template <int W>
 struct vbool {
   typename RawVector<int32_t, W>::type v;
@@ -40,7 +40,7 @@ struct vbool {
 };
 
 #if defined(__AVX512F__)
-// A mask register.
+// Mask register.
 template <>
 struct vbool<16> {
   __mmask16 mask;
@@ -85,7 +85,7 @@ PRIMRAY_INLINE bool all(vbool<W> m) {
 
 enum class Order { kLess, kGreater, kNotAbove, kNotBelow, kEqual, kUnequal };
 
-// How a stands to b, lane by lane; a NaN is unequal to all and stands in no other order.
+// Comparison of a and b, lane by lane; a NaN is unequal to all and not ordered.
 template <Order kOrder, class T, int W>
 PRIMRAY_INLINE vbool<W> compare(typename RawVector<T, W>::type a, typename RawVector<T, W>::type b) {
 #if defined(__AVX512F__)
@@ -115,7 +115,7 @@ struct Vector {
 
   Vector() = default;
   PRIMRAY_INLINE Vector(Raw raw) : v(raw) {}
-  PRIMRAY_INLINE Vector(T s) : v(s - Raw{}) {}  // s - 0 keeps every bit of s, also of -0
+  PRIMRAY_INLINE Vector(T s) : v(s - Raw{}) {}  // s - 0 keeps every bit of s, even of -0
   PRIMRAY_INLINE T operator[](int i) const { return v[i]; }
   PRIMRAY_INLINE void set(int i, T s) { v[i] = s; }
 
@@ -185,7 +185,7 @@ PRIMRAY_INLINE vfloat<W> select(vbool<W> m, float a, vfloat<W> b) {
   return select(m, vfloat<W>(a), b);
 }
 
-// -1 in the lanes that are true, else 0.
+// -1 in the lanes that are true, otherwise 0.
 template <int W>
 PRIMRAY_INLINE vint<W> minus_one_where(vbool<W> m) {
 #if defined(__AVX512F__)
@@ -198,7 +198,7 @@ PRIMRAY_INLINE vint<W> minus_one_where(vbool<W> m) {
 
 template <class T, int W>
 PRIMRAY_INLINE Vector<T, W> min(Vector<T, W> a, std::type_identity_t<Vector<T, W>> b) {
-  // The instructions give the second of equal ones, and where one is no number, as the formula does.
+  // The instructions return the second operand if both are equal or if one is NaN, like the formula.
 #if defined(__AVX512F__)
   if constexpr (W == 16 && std::is_same_v<T, float>) return (vfloat<16>::Raw)_mm512_min_ps((__m512)a.v, (__m512)b.v);
 #endif
@@ -222,7 +222,7 @@ PRIMRAY_INLINE vfloat<W> clamp(vfloat<W> x, float lo, float hi) {
   return min(max(x, lo), hi);
 }
 
-// The same bits read as another type.
+// Reinterprets the bits as another type.
 template <class To, class From>
 PRIMRAY_INLINE To bit_cast(From a) {
   return To((typename To::Raw)a.v);
@@ -250,7 +250,7 @@ PRIMRAY_INLINE vfloat<8> sqrt(vfloat<8> a) { return (vfloat<8>::Raw)_mm256_sqrt_
 #endif
 PRIMRAY_INLINE vfloat<4> sqrt(vfloat<4> a) { return (vfloat<4>::Raw)_mm_sqrt_ps((__m128)a.v); }
 
-// a b + c, rounded once where the class of CPU has an instruction for it, for every number of lanes alike.
+// a b + c, rounded once if the ISA class has an instruction for it, for every number of lanes alike.
 template <int W>
 PRIMRAY_INLINE vfloat<W> multiply_add(vfloat<W> a, vfloat<W> b, vfloat<W> c) {
 #if defined(__FMA__)
@@ -267,7 +267,7 @@ PRIMRAY_INLINE vfloat<W> multiply_add(vfloat<W> a, vfloat<W> b, vfloat<W> c) {
 #endif
 }
 
-// sqrt of what rounding may have pushed below zero.
+// Square root of a value that rounding may have made negative.
 template <int W>
 PRIMRAY_INLINE vfloat<W> safe_sqrt(vfloat<W> a) {
   return sqrt(max(a, 0.0f));
@@ -281,12 +281,12 @@ template <int W>
 PRIMRAY_INLINE vfloat<W> to_float(vint<W> a) {
   return vfloat<W>(__builtin_convertvector(a.v, typename vfloat<W>::Raw));
 }
-// A 32-bit fraction as a float in [0, 1).
+// 32-bit fraction as a float in [0, 1).
 template <int W>
 PRIMRAY_INLINE vfloat<W> unit_float(vuint<W> a) {
   return to_float(bit_cast<vint<W>>(a >> 8)) * 0x1p-24f;
 }
-// Rounded down; for |a| < 2^31.
+// Floor; for |a| < 2^31.
 template <int W>
 PRIMRAY_INLINE vint<W> floor_to_int(vfloat<W> a) {
   vint<W> t = truncate(a);
@@ -319,7 +319,7 @@ PRIMRAY_INLINE vint<8> gather8(const int32_t* base, vint<8> index) {
   return (vint<8>::Raw)_mm256_i32gather_epi32(base, (__m256i)index.v, 4);
 }
 #endif
-// base[index] in every lane: indices of all lanes must be in range, also of those not wanted.
+// base[index] in every lane: all lanes' indices must be in range, even of lanes that are not used.
 template <int W, class T>
 PRIMRAY_INLINE Vector<T, W> gather(const T* base, vint<W> index) {
 #if defined(__AVX512F__)
@@ -332,7 +332,7 @@ PRIMRAY_INLINE Vector<T, W> gather(const T* base, vint<W> index) {
   for (int i = 0; i < W; ++i) r.v[i] = base[index.v[i]];
   return r;
 }
-// base[index] to base[index + 3] in every lane, all four of which must be there: a load a lane and a transposition cost less
+// base[index] to base[index + 3] in every lane, all four of which must exist: one load per lane and a transposition cost less
 // than gathers of the four, or of three of them.
 template <class T, int W>
 struct FourLanes {

@@ -1,4 +1,4 @@
-// Affine maps: double precision for building a scene, float lanes for rendering. Columns are images of the axes.
+// Affine maps: double precision for scene construction, float lanes for rendering. Columns are images of the axes.
 #pragma once
 
 #include <cmath>
@@ -38,13 +38,13 @@ inline bool is_finite(const daffine& m) {
   return s == 0;
 }
 
-// Whether a map is invertible for our purposes: its determinant beyond rounding.
+// Whether a map is invertible for our purposes: its determinant exceeds rounding errors.
 inline bool is_regular(const daffine& m) {
   const double size = length(m.x) * length(m.y) * length(m.z);
   return is_finite(m) && size > 0 && std::fabs(m.determinant()) > 1e-14 * size;
 }
 
-// The columns x, y, z, origin one after the other, as the core's tables hold them: 12 numbers.
+// Columns x, y, z, origin one after the other, as in the core's tables: 12 numbers.
 template <class T>
 daffine affine_from_columns(const T* m) {
   return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
@@ -56,7 +56,7 @@ void put_columns(const daffine& m, T* to) {
   for (int k = 0; k < 4; ++k) to[3 * k] = T(columns[k]->x), to[3 * k + 1] = T(columns[k]->y), to[3 * k + 2] = T(columns[k]->z);
 }
 
-// Rows of a row-major 3x4 matrix, as numpy holds it.
+// Rows of a row-major 3x4 matrix, as in numpy.
 inline daffine affine_from_rows(const double* m) {
   return {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
 }

@@ -1,12 +1,12 @@
-// Powers of numbers up to 1 as polynomials of our own on lanes (see transcendental.hpp).
+// Powers of numbers up to 1 by polynomials, in lanes (see transcendental.hpp).
 #pragma once
 
 #include "math/vec3.hpp"
 
 namespace primray {
 
-// log2 of x >= 2^-126; error below 2e-7 where |log2 x| < 1, relative beyond. By log m = 2 artanh((m - 1) / (m + 1)) with m in
-// [sqrt(1/2), sqrt(2)), the series up to t^9.
+// log2 of x >= 2^-126; error below 2e-7 where |log2 x| < 1, relative beyond. Uses log m = 2 artanh((m - 1) / (m + 1)) with m in
+// [sqrt(1/2), sqrt(2)), and the series up to t^9.
 template <int W>
 PRIMRAY_INLINE vfloat<W> log2(vfloat<W> x) {
   const vint<W> bits = bit_cast<vint<W>>(x), root_half(0x3f3504f3);  // the float next to sqrt(1/2)

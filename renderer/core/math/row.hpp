@@ -1,4 +1,4 @@
-// Writing a row of a table of floats, as the tables of lights and shaping are.
+// Writing fields of rows in tables of floats, such as those of lights and shaping.
 #pragma once
 
 #include "math/vec3.hpp"

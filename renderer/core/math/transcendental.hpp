@@ -1,4 +1,4 @@
-// Sines, arcs and the like as polynomials of our own on lanes, so that their bits depend on no library and no CPU.
+// Trigonometric and other functions by polynomials, in lanes, so that their bits depend on no library and no CPU.
 //
 // Accuracies were measured against double precision over the stated ranges by tests/unit/core/test_transcendental.py.
 #pragma once
@@ -15,8 +15,8 @@ struct SinCos {
   vfloat<W> sin, cos;
 };
 
-// Sine and cosine of 2 pi u, |u| < 2^20; absolute error below 2e-7. Reduced to an eighth of a turn, then Taylor
-// polynomials in 2 pi u, whose truncation error there is below 1e-8.
+// Sine and cosine of 2 pi u, |u| < 2^20; absolute error below 2e-7. Reduced to an eighth of a turn, then Taylor polynomials in
+// 2 pi u, whose truncation error there is below 1e-8.
 template <int W>
 PRIMRAY_INLINE SinCos<W> sincos_turns(vfloat<W> u) {
   const vint<W> quarter = floor_to_int(u * 4.0f + 0.5f);
@@ -74,15 +74,15 @@ PRIMRAY_INLINE vfloat<W> atan2(vfloat<W> y, vfloat<W> x) {
   return copysign(a, y);
 }
 
-// Inverse hyperbolic tangent, |z| < 0.18, by its series; relative error below 1e-8 of arithmetic's own.
+// Inverse hyperbolic tangent, |z| < 0.18, by its series; relative truncation error below 1e-8.
 template <int W>
 PRIMRAY_INLINE vfloat<W> atanh_core(vfloat<W> z) {
   const vfloat<W> z2 = z * z;
   return z + z * z2 * (3.33333333e-1f + z2 * (2.0e-1f + z2 * (1.42857143e-1f + z2 * 1.11111111e-1f)));
 }
 
-// log2 |c| of a cosine c whose sine's square is `sin2`: by way of the sine near 1, where c itself has no digits left to tell
-// the angle by. -123 at most where c is 0. Relative error below 1e-6.
+// log2 |c| of a cosine c, where `sin2` is the square of the sine: computed from the sine near 1, where c itself is too
+// imprecise. -123 at most where c is 0. Relative error below 1e-6.
 template <int W>
 PRIMRAY_INLINE vfloat<W> log2_cosine(vfloat<W> c, vfloat<W> sin2) {
   const vint<W> a = bit_cast<vint<W>>(max(abs(c), 1e-37f));

@@ -1,4 +1,4 @@
-// Three components of float, double or lanes, with the operations of vector algebra.
+// Vectors of three components of float, double or lanes, with the operations of vector algebra.
 #pragma once
 
 #include <cmath>
@@ -82,8 +82,8 @@ PRIMRAY_INLINE T luminance(const Vec3<T>& c) {
   return T(0.2126f) * c.x + T(0.7152f) * c.y + T(0.0722f) * c.z;
 }
 
-// Two unit vectors that make a right-handed frame with the unit vector n: Duff et al. 2017, "Building an Orthonormal
-// Basis, Revisited".
+// Two unit vectors that make a right-handed frame with the unit vector n: Duff et al. 2017, "Building an Orthonormal Basis,
+// Revisited".
 template <class T>
 struct Frame {
   Vec3<T> s, t, n;
@@ -101,7 +101,7 @@ struct Frame {
   PRIMRAY_INLINE Vec3<T> to_world(const Vec3<T>& v) const { return s * v.x + t * v.y + n * v.z; }
 };
 
-// The unit vector along `a`, however short or long it is: its square may be beyond what a float holds.
+// Unit vector along `a`, even if its square is outside the range of floats.
 template <int W>
 PRIMRAY_INLINE vvec3<W> direction_of(const vvec3<W>& a) {
   return normalize(a * (1.0f / max_component(abs(a))));

@@ -1,4 +1,4 @@
-// Times at which something that moves is known, and where a ray's time lies among them.
+// Motion sample times of an object, and the position of a ray's time among them.
 #pragma once
 
 #include <algorithm>
@@ -8,12 +8,12 @@ namespace primray {
 
 struct Moment {
   int segment;
-  float within;  // how much of the segment has passed, [0, 1]
+  float within;  // fraction of the segment, [0, 1]
 };
 
 struct MotionClock {
   std::vector<float> times;  // ascending, from 0 to 1
-  bool uniform = true;       // all segments are of one length, which Embree's are
+  bool uniform = true;       // all segments have the same length, as Embree's do
 
   int segments() const { return int(times.size()) - 1; }
   Moment at(float time) const {
@@ -27,7 +27,7 @@ struct MotionClock {
     const int k = int(after - times.begin()) - 1;
     return {k, (time - times[k]) / (times[k + 1] - times[k])};
   }
-  // The time at which this moment would be if all segments were of one length.
+  // Maps a time to where it would be if all segments had the same length.
   float even(float time) const {
     const Moment m = at(time);
     return (float(m.segment) + m.within) / float(segments());

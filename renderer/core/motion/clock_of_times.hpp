@@ -1,4 +1,4 @@
-// A clock from times as they come from outside, which says whether they are even: exactly so, or not at all.
+// Makes a clock from input times and determines whether they are evenly spaced: exactly so, or not at all.
 #pragma once
 
 #include <span>

@@ -1,5 +1,5 @@
-// Lights that move without changing their size. Their rows say how they stand at the frame; points and directions are taken to
-// where they would be beside the light if it stood so, and back.
+// Lights that move without changing their size. Their rows hold the pose at the frame time; points and directions are
+// transformed to the row's pose and back.
 #pragma once
 
 #include <vector>
@@ -11,18 +11,18 @@
 
 namespace primray {
 
-// The path of one light: rotations from the row's frame, and origins.
+// Path of one light: rotations from the row's frame, and origins.
 struct LightPath {
   MotionClock clock;
   std::vector<Turning> places;
-  dvec3 origin;  // the row's
-  // A ball about all that the light passes through; without a radius: it has no place.
+  dvec3 origin;  // of the row
+  // Bounding sphere of the path; without a radius: a light without a position.
   vec3 center{0.0f};
   float radius = 0;
-  float spread = 1;  // what its power is multiplied with to be what it brings to a point, times the squared distance
+  float spread = 1;  // factor from its power to the irradiance at a point, times the squared distance
 };
 
-// World from the row's stance: p -> R (p - origin) + place.
+// World from the row's pose: p -> R (p - origin) + place.
 struct LightStance {
   daffine rotation;
   dvec3 place, origin;
@@ -34,7 +34,7 @@ inline LightStance stance_of(const LightPath& path, float time) {
   return {{m.x, m.y, m.z, dvec3(0.0)}, m.o, path.origin};
 }
 
-// The stances of W lanes' lights; those that stand still have the identity.
+// Poses of W lanes' lights; static lights have the identity.
 template <int W>
 struct LightStances {
   vvec3<W> x{vfloat<W>(1.0f), vfloat<W>(0.0f), vfloat<W>(0.0f)}, y{vfloat<W>(0.0f), vfloat<W>(1.0f), vfloat<W>(0.0f)},
@@ -51,7 +51,7 @@ struct LightStances {
   PRIMRAY_INLINE vvec3<W> vector_to_world(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
 };
 
-// By light row and by dome: which path, or -1; empty where no light moves.
+// Path index by light row and by dome, or -1; empty if no light moves.
 struct LightMotion {
   std::vector<LightPath> paths;
   std::vector<int32_t> of_row, of_dome;
@@ -61,7 +61,7 @@ struct LightMotion {
   int32_t dome(size_t k) const { return k < of_dome.size() ? of_dome[k] : -1; }
 };
 
-// Lanes `m`, each with a light of its own.
+// Poses in lanes `m`, each of its own light.
 template <int W>
 PRIMRAY_RARE LightStances<W> stances_of(const LightMotion& motion, vbool<W> m, vint<W> light, vfloat<W> time) {
   LightStances<W> r;
@@ -71,7 +71,7 @@ PRIMRAY_RARE LightStances<W> stances_of(const LightMotion& motion, vbool<W> m, v
   }
   return r;
 }
-// One path for all lanes.
+// Poses of one path in all lanes.
 template <int W>
 PRIMRAY_RARE LightStances<W> stances_of(const LightPath& path, vfloat<W> time) {
   LightStances<W> r;

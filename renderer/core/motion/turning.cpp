@@ -1,4 +1,4 @@
-// See turning.hpp.
+// Decomposition of matrices for turning.hpp.
 #include "motion/turning.hpp"
 
 #include <algorithm>
@@ -8,7 +8,7 @@ namespace {
 
 dvec3 column(const daffine& m, int k) { return k == 0 ? m.x : k == 1 ? m.y : m.z; }
 
-// The nearest rotation to a matrix of positive determinant, by Newton's iteration: Higham 1986, "Computing the Polar
+// Nearest rotation to a matrix of positive determinant, by Newton's iteration: Higham 1986, "Computing the Polar
 // Decomposition". Scaled by the determinant, so that large and small ones take as few steps.
 daffine nearest_rotation(daffine m) {
   m.o = dvec3(0.0);
@@ -26,7 +26,7 @@ daffine nearest_rotation(daffine m) {
   return m;
 }
 
-// Shepperd 1978: by the largest of four, so that nothing is divided by what is nearly 0.
+// Shepperd 1978: divides by the largest of four, which is never nearly 0.
 Quaternion quaternion_of(const daffine& r) {
   const double xx = r.x.x, yy = r.y.y, zz = r.z.z, trace = xx + yy + zz;
   Quaternion q;
@@ -46,7 +46,8 @@ Quaternion quaternion_of(const daffine& r) {
 Turning turning_of(daffine m) {
   Turning t;
   t.translation = m.o;
-  const double sign = m.determinant() < 0 ? -1 : 1;  // mirrored ones: the rotation is of what is left without that
+  const double sign = m.determinant() < 0 ? -1 : 1;  // mirrored matrices: the rotation is that of the matrix without the
+                                                     // reflection
   const daffine r = nearest_rotation({m.x * sign, m.y * sign, m.z * sign, dvec3(0.0)});
   t.rotation = quaternion_of(r);
   for (int k = 0; k < 3; ++k) {
@@ -65,7 +66,7 @@ void make_turning(const daffine* matrices, size_t count, Turning* out) {
     Quaternion& q = out[k].rotation;
     if (out[k - 1].rotation.dot(q) < 0) q = {-q.x, -q.y, -q.z, -q.w};
     const Quaternion& p = out[k - 1].rotation;
-    // atan2 of the difference's and the sum's lengths keeps its digits for small angles.
+    // atan2 of the lengths of the difference and the sum is precise for small angles.
     const Quaternion d{q.x - p.x, q.y - p.y, q.z - p.z, q.w - p.w}, s{q.x + p.x, q.y + p.y, q.z + p.z, q.w + p.w};
     const double half = 2 * std::atan2(std::sqrt(d.dot(d)), std::sqrt(s.dot(s)));
     out[k - 1].half_angle = half;

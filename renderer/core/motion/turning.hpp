@@ -1,8 +1,8 @@
-// Matrices between which rotations turn at constant speed and the rest is linear, in double.
+// Interpolation of matrices in double: rotations turn at constant speed, the rest is linear.
 //
 // A matrix M is R S, a rotation and a symmetric stretch (the polar decomposition: Shoemake and Duff 1992, "Matrix Animation and
-// Polar Decomposition"). Rotations are unit quaternions, between which a path goes the shorter way (Shoemake 1985, "Animating
-// Rotation with Quaternion Curves"). Nothing here calls the mathematical library, so that bits do not depend on it.
+// Polar Decomposition"). Rotations are unit quaternions, between which the path takes the shorter arc (Shoemake 1985,
+// "Animating Rotation with Quaternion Curves"). Nothing here calls the mathematical library, so that bits do not depend on it.
 #pragma once
 
 #include <cmath>
@@ -17,12 +17,12 @@ struct Quaternion {
   double dot(const Quaternion& q) const { return x * q.x + y * q.y + z * q.z + w * q.w; }
 };
 
-// How something stands at the beginning of a segment, and by how much it turns until its end.
+// Pose at the beginning of a segment, and its rotation until the end.
 struct Turning {
   dvec3 translation;
   Quaternion rotation;
   dvec3 stretch[3];                     // columns
-  double half_angle = 0, per_sine = 0;  // of the turn to the next; 1 / sin half_angle; 0: so small that it is linear
+  double half_angle = 0, per_sine = 0;  // of the rotation to the next; 1 / sin half_angle; 0: so small that it is linear
 };
 
 // sin x for |x| <= pi / 2, to 1e-13.
@@ -42,7 +42,7 @@ inline daffine turned(const Quaternion& q, const dvec3 (&stretch)[3], const dvec
   return {r.vector(stretch[0]), r.vector(stretch[1]), r.vector(stretch[2]), translation};
 }
 
-// Between two that follow each other, t in [0, 1].
+// Interpolates between two consecutive poses, t in [0, 1].
 inline daffine between(const Turning& a, const Turning& b, double t) {
   const double s = 1 - t;
   double wa = s, wb = t;
@@ -54,7 +54,7 @@ inline daffine between(const Turning& a, const Turning& b, double t) {
   return turned(r, stretch, a.translation * s + b.translation * t);
 }
 
-// What turns as these matrices say; each rotation has the sign that is nearer to the one before.
+// Decomposes the matrices; each quaternion has the sign that is nearer to the previous one.
 void make_turning(const daffine* matrices, size_t count, Turning* out);
 
 }  // namespace primray

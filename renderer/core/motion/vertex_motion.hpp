@@ -1,6 +1,6 @@
-// Vertices that move: where their steps stand in the scene's arrays at the times of W rays.
+// Moving vertices: their positions in the scene's arrays at the times of W rays.
 //
-// A group's moving vertices are the last of its vertices; after them all of these follow again for each later time.
+// A group's moving vertices are the last of its vertices; all of these are stored again after them for each later time.
 #pragma once
 
 #include "motion/motion_table.hpp"
@@ -9,13 +9,13 @@ namespace primray {
 
 template <int W>
 struct VertexMotion {
-  bool any = false;  // without it nothing else is set: hits of what stands still do not pay for it
+  bool any = false;  // if false nothing else is set: hits on static geometry do not pay for it
   vbool<W> moves;
-  vint<W> segment, stride;  // vertices from one time to the next
+  vint<W> segment, stride;  // vertices between one time and the next
   vfloat<W> within;
-  vvec3<W> sizes;  // of what a triangle's first corner is made of
+  vvec3<W> sizes;  // magnitudes of a triangle's first corner at both times
 
-  // Of lanes `m`, each with a clock and a stride.
+  // Sets lanes `m`, each with a clock and a stride.
   PRIMRAY_RARE void set(const MotionTable& table, vbool<W> m, vint<W> clock, vint<W> step, vfloat<W> time) {
     any = true, moves = m, stride = step, segment = vint<W>(0), within = vfloat<W>(0.0f), sizes = vvec3<W>(within);
     for (uint32_t b = bits(m); b; b &= b - 1) {
@@ -24,7 +24,7 @@ struct VertexMotion {
       segment.set(i, now.segment), within.set(i, now.within);
     }
   }
-  // Between what read(0) and read(1) give, segment and segment + 1.
+  // Interpolates between read(0) and read(1), of `segment` and the next one.
   template <class Read>
   PRIMRAY_INLINE vvec3<W> between(const Read& read) const {
     const vvec3<W> a = read(0);

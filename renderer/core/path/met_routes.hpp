@@ -125,7 +125,7 @@ PRIMRAY_RARE void put_shadow_routes(Round& round, vbool<W> special, vbool<W> oth
 }
 
 // Stores the light path states of rays `n` in lanes `m` that are about to be queued as shadow rays towards all domes. Each
-// color channel is attributed to one dome, drawn in proportion to the domes' radiance.
+// colour channel is attributed to one dome, drawn in proportion to the domes' radiance.
 template <int W>
 PRIMRAY_RARE void put_sky_routes(Round& round, vbool<W> m, const PathLanes<W>& n) {
   RouteStore& store = *round.worker.routes;

@@ -1,4 +1,4 @@
-// Elementary functions of any number on lanes, by polynomials of our own (see math/transcendental.hpp); what has no value is 0.
+// Elementary functions of any number, in lanes, by polynomials (see math/transcendental.hpp); undefined values are 0.
 //
 // Accuracies were measured against double precision by tests/unit/core/patterns.
 #pragma once
@@ -19,8 +19,8 @@ PRIMRAY_INLINE vfloat<W> divide(vfloat<W> a, vfloat<W> b) {
   return select(b == vfloat<W>(0.0f), 0.0f, a / b);
 }
 
-// Of an angle in radians, below 1e4; absolute error below 2e-7. Reduced by pi / 2 in three parts (Cody and Waite), then Taylor
-// polynomials as in sincos_turns().
+// Sine and cosine of an angle in radians, below 1e4; absolute error below 2e-7. Reduced by pi / 2 in three parts (Cody and
+// Waite), then Taylor polynomials as in sincos_turns().
 template <int W>
 PRIMRAY_INLINE SinCos<W> sincos(vfloat<W> x) {
   const vint<W> quarter = floor_to_int(x * 0.636619772f + 0.5f);
@@ -42,7 +42,7 @@ PRIMRAY_INLINE vfloat<W> asin(vfloat<W> x) {
   return copysign(select(a > vfloat<W>(0.5f), 0.5f * kPi - 2.0f * asin_core(z, z2), small), x);
 }
 
-// Up to 2^128, which is infinite. x = k ln 2 + r by two parts of ln 2; the series of exp up to the seventh power.
+// Exponential up to 2^128, which is infinite. x = k ln 2 + r by two parts of ln 2; the series of exp up to the seventh power.
 template <int W>
 PRIMRAY_INLINE vfloat<W> exp(vfloat<W> x) {
   const vfloat<W> kept = clamp(x, -87.0f, 89.0f);
@@ -50,20 +50,20 @@ PRIMRAY_INLINE vfloat<W> exp(vfloat<W> x) {
   const vfloat<W> k = to_float(whole), r = (kept - k * 0.693359375f) - k * -2.12194440e-4f;
   const vfloat<W> high = 4.16666667e-2f + r * (8.33333333e-3f + r * (1.38888889e-3f + r * 1.98412698e-4f));
   const vfloat<W> part = 1.0f + r * (1.0f + r * (0.5f + r * (1.66666667e-1f + r * high)));
-  // Half of the exponent at a time: 2^128 is no float.
+  // Apply half of the exponent at a time: 2^128 is not a float.
   const vint<W> half = whole >> 1;
   const auto power = [](vint<W> n) { return bit_cast<vfloat<W>>((n + vint<W>(127)) << 23); };
   return select(x < vfloat<W>(-87.0f), 0.0f, part * power(half) * power(whole - half));
 }
 
-constexpr float kLeastLn = 0x1p-126f;  // what is not above this has its logarithm
+constexpr float kLeastLn = 0x1p-126f;  // smaller arguments have its logarithm
 
 template <int W>
 PRIMRAY_INLINE vfloat<W> ln(vfloat<W> x) {
   return log2<W>(max(x, kLeastLn)) * 0.693147181f;
 }
 
-// Negative numbers have powers by whole exponents only; 0 has none by negative ones.
+// Negative numbers have powers with integer exponents only; 0 has none with negative ones.
 template <int W>
 PRIMRAY_INLINE vfloat<W> power(vfloat<W> x, vfloat<W> y) {
   using F = vfloat<W>;

@@ -1,6 +1,6 @@
-// Flakes: cubes turned at random, one in a cell or none, of which the one of the highest priority is seen.
+// Flakes: randomly rotated cubes, at most one per cell, of which the one of highest priority is visible.
 //
-// As MaterialX 1.39's flake3d has them. A rotation is made of three random numbers after Arvo, "Fast Random Rotation Matrices"
+// Implements flake3d of MaterialX 1.39. A rotation is made of three random numbers after Arvo, "Fast Random Rotation Matrices"
 // (Graphics Gems III, 1992).
 #pragma once
 
@@ -28,7 +28,7 @@ PRIMRAY_INLINE vvec3<W> turned(const vvec3<W>& p, const vfloat<W> (&u)[3]) {
          vvec3<W>{v.y * sx + theta.sin, v.y * sy - theta.cos, v.y * v.z} * p.y + vvec3<W>{v.z * sx, v.z * sy, 1.0f - z} * p.z;
 }
 
-// `p`: in sizes of a flake. Presence, two numbers for the flake's normal, and its own random number.
+// `p`: in flake sizes. Returns presence, two numbers for the flake's normal, and its own random number.
 template <int W>
 PRIMRAY_INLINE void flake(const vfloat<W>* at, vfloat<W> probability, vfloat<W>* out) {
   using F = vfloat<W>;

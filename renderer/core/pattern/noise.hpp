@@ -1,8 +1,8 @@
-// Gradient and cell noise on lattices, on lanes: the functions that MaterialX's library has, with the same hash of cells, so
-// that the same picture comes out.
+// Gradient and cell noise on lattices, in lanes: the functions of MaterialX's library, with the same hash of cells, so that
+// images match.
 //
-// Perlin 2002, "Improving Noise", with gradients chosen and scaled as Open Shading Language does; the hash is the final mixing
-// of Bob Jenkins's lookup3 (2006, public domain).
+// Perlin 2002, "Improving Noise", with gradients chosen and scaled as in Open Shading Language; the hash is the final mixing of
+// Bob Jenkins's lookup3 (2006, public domain).
 #pragma once
 
 #include "math/lanes.hpp"
@@ -28,7 +28,7 @@ struct HashState {
     b -= a, b = b ^ rotated(a, 19), a += c;
     c -= b, c = c ^ rotated(b, 4), b += a;
   }
-  // What is left of it.
+  // Final mixing.
   PRIMRAY_INLINE vuint<W> end() const {
     vuint<W> x = a, y = b, z = c;
     z = (z ^ y) - rotated(y, 14);
@@ -41,12 +41,12 @@ struct HashState {
   }
 };
 
-// A cell of two or three whole coordinates.
+// Cell of two or three integer coordinates.
 template <int N, int W>
 struct Cell {
   vint<W> at[N];
 
-  // The state with the cell in it, of `words` in all.
+  // State with the cell in it, of `words` in all.
   PRIMRAY_INLINE HashState<W> state(uint32_t words) const {
     HashState<W> s(words);
     vuint<W>* to[3] = {&s.a, &s.b, &s.c};
@@ -54,7 +54,7 @@ struct Cell {
     return s;
   }
   PRIMRAY_INLINE vuint<W> hash() const { return state(N).end(); }
-  // A number in [0, 1] for the cell and one number more, the channel.
+  // Hash in [0, 1] of the cell and one further number, the channel.
   PRIMRAY_INLINE vuint<W> hash(uint32_t more) const {
     HashState<W> s = state(N + 1);
     if constexpr (N == 3) s.mix(), s.a += vuint<W>(more);
@@ -75,7 +75,7 @@ PRIMRAY_INLINE vfloat<W> negated_where(vfloat<W> x, vuint<W> bit) {
   return bit_cast<vfloat<W>>(bit_cast<vuint<W>>(x) ^ (bit << 31));
 }
 
-// The slope at a lattice point, times what lies between it and the point.
+// Gradient at a lattice point, times the offset from it.
 template <int W>
 PRIMRAY_INLINE vfloat<W> sloped(vuint<W> hash, const vfloat<W> (&d)[2]) {
   const vuint<W> h = hash & vuint<W>(7u), one(1u);
@@ -92,7 +92,7 @@ PRIMRAY_INLINE vfloat<W> sloped(vuint<W> hash, const vfloat<W> (&d)[3]) {
   return negated_where(u, h & one) + negated_where(v, (h >> 1) & one);
 }
 
-// Perlin's noise of N coordinates, in about [-1, 1]: 1 to 3 channels, of which the first is that of one.
+// Perlin noise of N coordinates, approximately in [-1, 1]: 1 to 3 channels, of which the first equals the single-channel noise.
 template <int N, int W>
 PRIMRAY_INLINE void noise(const vfloat<W> (&p)[N], int channels, vfloat<W>* out) {
   using F = vfloat<W>;
@@ -126,10 +126,10 @@ PRIMRAY_INLINE void noise(const vfloat<W> (&p)[N], int channels, vfloat<W>* out)
   }
 }
 
-// Octaves beyond this are none: they would be finer than a float's digits.
+// Maximum number of octaves: further ones would be below float precision.
 constexpr float kMostOctaves = 32;
 
-// Noise over noise: each octave `lacunarity` times as fine and `diminish` times as high as the one before.
+// Fractal noise: each octave is `lacunarity` times as fine and `diminish` times as high as the one before.
 template <int N, int W>
 PRIMRAY_INLINE void fractal(const vfloat<W>* at, vfloat<W> octaves, vfloat<W> lacunarity, vfloat<W> diminish, int channels,
                             vfloat<W>* out) {

@@ -1,4 +1,4 @@
-// Goes through a tape: each instruction once, for all lanes of a group.
+// Interpreter of tapes: runs each instruction once, for all lanes of a group.
 #pragma once
 
 #include "pattern/elementary.hpp"
@@ -33,8 +33,8 @@ PRIMRAY_RARE void put_flake(const Instruction& i, const vfloat<W>* r, vfloat<W>*
   flake(r + i.in[0], r[i.in[1]], out);
 }
 
-// `r`: kMostRegisters; what `leaves(instruction, r)` gives are the answers of the place. Results never stand where an operand
-// of the same instruction does.
+// `r`: kMostRegisters; `leaves(instruction, r)` evaluates instructions that read the shading point. Results never overlap an
+// operand of the same instruction.
 template <int W, class Leaves>
 PRIMRAY_INLINE void run_tape(const Tape& tape, int end, Leaves& leaves, vfloat<W>* r) {
   using F = vfloat<W>;

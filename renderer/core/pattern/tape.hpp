@@ -1,12 +1,12 @@
-// A surface's pattern as a tape: instructions over registers of lanes, in an order in which each reads what is there.
+// A surface's pattern as a tape: instructions on registers of lanes, in an order in which each reads only earlier results.
 //
-// Folder: tape.hpp the data; run_tape.hpp goes through it; elementary.hpp, noise.hpp, worley.hpp and flakes.hpp are the
-// functions of it that are not one line. It knows no scene: what a tape asks of the place that it runs at,
-// surface/pattern_leaves.hpp answers.
+// This folder: tape.hpp is the data; run_tape.hpp interprets it; elementary.hpp, noise.hpp, worley.hpp and flakes.hpp have
+// those of its functions that take more than a line. It knows no scene: surface/pattern_leaves.hpp evaluates the instructions
+// that read the shading point.
 //
-// A value of n numbers is n registers in a row. Truth values are 1 and 0, whole numbers are floats that hold them exactly.
-// What has no value (a division by 0, the root of a negative number) is 0, as in Open Shading Language's safe functions: no
-// infinity comes of a pattern that its inputs did not have.
+// A value of n components is n consecutive registers. Truth values are 1 and 0, integers are floats that hold them exactly.
+// Undefined values (a division by 0, the root of a negative number) are 0, as in Open Shading Language's safe functions: a
+// pattern yields no infinity unless its inputs did.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@
 namespace primray {
 
 enum class PatternOp : uint8_t {
-  // By component: an operand advances with the component, or is one number for all (Instruction::steps).
+  // Per component: an operand advances with the component, or is one number for all (Instruction::steps).
   kConstant,  // `data`: first of its numbers in Tape::constants
   kMove,
   kAdd,
@@ -44,7 +44,7 @@ enum class PatternOp : uint8_t {
   kLess,
   kNotAbove,
   kEqual,
-  kSelect,  // where a is not 0: b, else c
+  kSelect,  // where a is not 0: b, otherwise c
   // Of vectors.
   kDot,    // `data` components, to one number
   kCross,  // of three
@@ -58,15 +58,15 @@ enum class PatternOp : uint8_t {
   kWorley2,  // b: jitter; `data` 1: the nearest point's cell value, 0: distances, the nearest first
   kWorley3,
   kFlake,  // a: position, b: probability; presence, and four random numbers of the flake, all 0 where there is none
-  // What the place answers.
-  kPrimvar,    // `data`: its number and a shift; a: where there is none
+  // Values at the shading point.
+  kPrimvar,    // `data`: its number and a shift; a: fallback
   kPosition,   // `data`: 1 object space, 0 world; and a shift
   kNormal,     // unit; world space
   kTangent,    // unit, or 0; world space; `data`: number of the primvar that spans it
   kBitangent,  //
   kView,       // unit, from the camera; world space
   kTransform,  // a, by `data`: a PatternTransform
-  kImage,      // a, b, c: coordinates here and at both shifts; d: where there is no image. `data`: index into Tape::images
+  kImage,      // a, b, c: coordinates here and at both shifts; d: value if there is no image. `data`: index into Tape::images
   kCount
 };
 
@@ -78,10 +78,10 @@ constexpr std::array<std::string_view, size_t(PatternOp::kCount)> kPatternOpName
     "primvar",  "position", "normal",   "tangent",  "bitangent", "view",   "transform",    "image"};
 static_assert(!kPatternOpNames.back().empty());
 
-// Derivatives are differences: what an image's coordinates, or a height, are made of is computed again a little way off, along
-// two directions at right angles. Shifts 1 and 2 are as long as the footprint, 3 and 4 at least long enough to tell a slope.
+// Derivatives are differences: an image's coordinates, or a height, are computed again at points shifted along two
+// perpendicular directions. Shifts 1 and 2 are as long as the footprint, 3 and 4 at least long enough for a derivative.
 constexpr int kShifts = 5;
-// `data` of what may be shifted: this many times its own number, and the shift.
+// `data` of instructions that may be shifted: this many times its own number, plus the shift.
 constexpr int kShiftRange = 8;
 
 enum class PatternTransform : int32_t {
@@ -105,15 +105,15 @@ struct Instruction {
 struct PatternImage {
   int32_t color = -1, alpha = -1;  // indices into Scene::textures: of the first three components, and of the fourth
   Wrap wrap_s = Wrap::kRepeat, wrap_t = Wrap::kRepeat;
-  bool closest = false;  // a texel as it is
-  // Where its coordinates are a primvar's two numbers, moved and turned by 2 x 3 numbers: which, else -1.
+  bool closest = false;  // reads single texels without filtering
+  // Primvar whose two components, transformed by 2 x 3 numbers, are its coordinates; otherwise -1.
   int32_t primvar = -1;
   float st_transform[6] = {1, 0, 0, 0, 1, 0};
 };
 
-// Registers that a tape may use.
+// Maximum number of registers of a tape.
 constexpr int kMostRegisters = 1024;
-// Outputs of a tape: one for each input of a surface at most.
+// Maximum number of outputs of a tape: one for each input of a surface.
 constexpr int kMostOutputs = 40;
 
 struct Tape {
@@ -121,14 +121,14 @@ struct Tape {
   std::vector<float> constants;
   std::vector<PatternImage> images;
   struct Output {
-    int32_t first = 0, step = 0;  // register of its first number; 0: one number stands for three
-    int32_t end = 0;              // instructions before this one make it
+    int32_t first = 0, step = 0;  // register of its first number; step 0: one number serves all three
+    int32_t end = 0;              // the instructions before this one compute it
   };
   std::vector<Output> outputs;
   bool asks_object_space = false;
   bool is_placed = true;  // asks_place()
 
-  // It needs more of its place than primvars there: corners, edges, matrices.
+  // Whether it needs more than primvars: corners, edges, matrices.
   bool asks_place() const {
     for (const Instruction& i : code) {
       if (i.op < PatternOp::kPrimvar || i.op == PatternOp::kImage) continue;

@@ -1,11 +1,11 @@
-// Worley's noise: distances to the nearest of points that stand one in each cell, or what the nearest one's cell is worth.
+// Worley noise: distances to the nearest of feature points, one in each cell, or the cell value of the nearest.
 #pragma once
 
 #include "pattern/noise.hpp"
 
 namespace primray::pattern {
 
-// Where the nearest points are, of the cells around.
+// Nearest feature points in the surrounding cells.
 template <int N, int W>
 struct Nearest {
   vfloat<W> square[3];  // squared distances, the least first
@@ -23,7 +23,7 @@ PRIMRAY_INLINE Nearest<N, W> nearest_points(const vfloat<W>* p, vfloat<W> jitter
   for (F& o : r.offset) o = F(0.0f);
   constexpr int kCells = N == 2 ? 9 : 27;
   for (int i = 0; i < kCells; ++i) {
-    // The last coordinate counts fastest: of points equally near the first is kept.
+    // The last coordinate varies fastest: of equally near points the first is kept.
     const int step[3] = {N == 2 ? i / 3 - 1 : i / 9 - 1, N == 2 ? i % 3 - 1 : i / 3 % 3 - 1, i % 3 - 1};
     Cell<N, W> cell;
     for (int k = 0; k < N; ++k) cell.at[k] = home.at[k] + vint<W>(step[k]);
@@ -47,7 +47,7 @@ PRIMRAY_INLINE void worley_distances(const vfloat<W>* p, vfloat<W> jitter, int c
   for (int i = 0; i < count; ++i) out[i] = sqrt(found.square[i]);
 }
 
-// A number in [0, 1] of the cell that the nearest point stands in; or two or three.
+// One, two or three numbers in [0, 1] for the cell of the nearest feature point.
 template <int N, int W>
 PRIMRAY_INLINE void worley_cells(const vfloat<W>* p, vfloat<W> jitter, int count, vfloat<W>* out) {
   const Nearest<N, W> found = nearest_points<N>(p, jitter);

@@ -1,4 +1,4 @@
-// The path loop on 1 lane.
+// Instance of the path loop for 1 lane.
 #include "path/path_loop.hpp"
 
 namespace primray {

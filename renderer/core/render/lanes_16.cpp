@@ -1,4 +1,4 @@
-// The path loop on 16 lanes.
+// Instance of the path loop for 16 lanes.
 #include "path/path_loop.hpp"
 
 namespace primray {

@@ -1,4 +1,4 @@
-// The path loop on 4 lanes.
+// Instance of the path loop for 4 lanes.
 #include "path/path_loop.hpp"
 
 namespace primray {

@@ -1,4 +1,4 @@
-// The path loop on 8 lanes.
+// Instance of the path loop for 8 lanes.
 #include "path/path_loop.hpp"
 
 namespace primray {

@@ -1,4 +1,4 @@
-// See moving_replay.hpp.
+// Replay of moving_replay.hpp.
 #include "render/moving_replay.hpp"
 
 #include <time.h>
@@ -14,7 +14,7 @@
 namespace primray {
 namespace {
 
-// The thread's, whatever else the machine does.
+// CPU time of this thread, whatever else the machine does.
 double cpu_seconds() {
   timespec t;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
@@ -33,7 +33,7 @@ void ask_scene(const Scene& scene, const RayRecorder::Call& call, const float* p
 
 constexpr size_t kTurn = 1024;  // calls
 
-// Calls [first, end) of those asked for; their CPU seconds.
+// Replays calls [first, end); returns their CPU seconds.
 template <class Ask>
 double seconds_of(const RayRecorder& recorder, const ReplayOf& of, size_t first, size_t end, const Ask& ask) {
   const double start = cpu_seconds();
@@ -60,7 +60,7 @@ void with_lanes(int lanes, const F& f) {
   throw Error("internal", "this build has no such lanes");
 }
 
-// Whether one ray of a call meets the same in both.
+// Whether one ray of a call hits the same in both.
 template <int W>
 bool same(const Scene& scene, const BareWorld& world, const RayRecorder::Call& call, const float* p, int lane) {
   const float theirs = bare_distance<W>(world, call.shadow, p, lane);

@@ -1,4 +1,4 @@
-// A recorded call's rays as a kernel takes them.
+// Rays of a recorded call as arguments of a kernel.
 #pragma once
 
 #include "base/flush_denormals.hpp"
@@ -6,7 +6,7 @@
 
 namespace primray {
 
-// Of 9 W floats.
+// Reads them from 9 W floats.
 template <int W>
 Rays<W> rays_of(const float* p) {
   const auto field = [&](int f) { return load<W>(p + f * W); };

@@ -1,5 +1,5 @@
-// A pass is cut into tasks of up to kBlock samples of each replicate of one tile. They are claimed in order, blocks before
-// tiles, so that all tiles advance together; which thread does which, and when, shows in no bit.
+// Scheduling of a pass: it is divided into tasks of up to kBlock samples of each replicate of one tile. They are claimed in
+// order, blocks before tiles, so that all tiles advance together; which thread renders which task, and when, changes no bit.
 #include "render/render.hpp"
 
 #include <algorithm>
@@ -22,7 +22,7 @@ struct Task {
   int tile, block;
 };
 
-// What is left of a tile's sequences, as the pass begins.
+// Remaining sample range of a tile at the beginning of the pass.
 struct Span {
   uint32_t first[kReplicates], end[kReplicates];
 
@@ -46,7 +46,7 @@ std::vector<Task> tasks_of(const std::vector<Span>& spans) {
 TileBlock tile_block(const Task& task, const Span& span, const Film& film, const PixelWindow& pixels) {
   TileBlock b;
   b.film_x = task.tile % film.tiles_x * kTile, b.film_y = task.tile / film.tiles_x * kTile;
-  // Pixels go by their place in the frame, so that a part of it has the same ones.
+  // Pixels are identified by their position in the frame, so that a crop has the same ones.
   b.x0 = pixels.x + b.film_x, b.y0 = pixels.y + b.film_y;
   b.x1 = std::min(b.x0 + kTile, pixels.x + film.width), b.y1 = std::min(b.y0 + kTile, pixels.y + film.height);
   for (int r = 0; r < kReplicates; ++r) {

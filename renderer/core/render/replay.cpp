@@ -1,4 +1,4 @@
-// See replay.hpp.
+// Replay of replay.hpp.
 #include "render/replay.hpp"
 
 #include <algorithm>
@@ -27,7 +27,7 @@ double replay_lanes(rtc::Scene world, const RayRecorder& recorder, Entry entry) 
     }
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  // A sum that is used, so that no call can be left out.
+  // Uses the sum, so that no call can be optimized away.
   return seconds + 0 * double(sink < 0);
 }
 

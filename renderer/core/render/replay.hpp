@@ -1,4 +1,4 @@
-// Tracing a render's recorded rays again, in order, through Embree alone: the ceiling that the benchmark compares with.
+// Traces a render's recorded rays again, in order, in Embree alone: the upper bound that the benchmark compares with.
 #pragma once
 
 #include "path/rays/ray_recorder.hpp"
@@ -6,8 +6,8 @@
 
 namespace primray {
 
-// Seconds of one thread for all recorded calls, each traced the way it was; where the render did without Embree, all as packets
-// or all one by one, whichever takes less.
+// Seconds of one thread for all recorded calls, each traced in its mode; if the render did not use Embree, all as packets or
+// all one by one, whichever is faster.
 double replay(const Scene& scene, const RayRecorder& recorder, int lanes);
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// See task_function.hpp.
+// Lookup of kernels by number of lanes.
 #include "render/task_function.hpp"
 
 namespace primray {

@@ -1,4 +1,4 @@
-// The kernels of this module by number of lanes.
+// Kernels of this module by number of lanes.
 #pragma once
 
 #include "base/flush_denormals.hpp"

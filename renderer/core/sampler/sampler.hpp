@@ -1,22 +1,23 @@
 // Owen-scrambled Sobol points: a number in [0,1) is a function of (seed, pixel, replicate, index, dimension) and, in quick
-// looks, of how many samples are asked for; of nothing else.
+// previews, of the number of samples; of nothing else.
 //
 // Every pair of dimensions takes the first two Sobol dimensions at an index shuffled for that pair, scrambled again: Burley
 // 2020, "Practical Hash-based Owen Scrambling", with the hash of Laine and Karras 2011 as improved by Vegdahl 2021 ("Building a
-// Better LK Hash"). Dimensions are numbered by bounce and purpose, whatever the scene holds: a feature that is off leaves its
-// own unused. What a path is made of (its film point, its directions) is stratified in four dimensions, two pairs at a time.
+// Better LK Hash"). Dimensions are numbered by bounce and purpose, whatever the scene contains: a feature that is off leaves
+// its own unused. The main dimensions of a path (its film point, its directions) are stratified in four dimensions, two pairs
+// at a time.
 #pragma once
 
 #include "math/lanes.hpp"
 
 namespace primray {
 
-// What a number is for; each bounce owns kPurposes of them, the camera ray counts as bounce 0.
+// Purpose of a number; each bounce has kPurposes of them, the camera ray counts as bounce 0.
 enum class Purpose : uint32_t { kFilm, kLens, kChain, kLobe, kLightPoint, kLightChoice, kRoulette, kEmitter, kCount };
-// Of the camera ray, which scatters nowhere: those numbers of bounce 0 are free.
+// Purposes of the camera ray that reuse those of scattering at bounce 0, where nothing scatters.
 constexpr Purpose kShutterTime = Purpose::kLobe, kColorChannel = Purpose::kRoulette;
 
-// The bits of x in reverse: with byte shuffles where there are any, six instructions in place of two dozen.
+// Bit reversal of x: with byte shuffles where available, six instructions instead of two dozen.
 #if defined(__AVX2__)
 // Reversed nibbles, as low and as high halves of a byte.
 alignas(16) constexpr uint8_t kReversedLow[16] = {0x00, 0x80, 0x40, 0xc0, 0x20, 0xa0, 0x60, 0xe0,
@@ -58,7 +59,7 @@ PRIMRAY_INLINE vuint<W> reverse_bits(vuint<W> x) {
   return (x >> 16) | (x << 16);
 }
 
-// A permutation in which every bit depends on lower bits alone: Owen scrambling of numbers with their bits reversed.
+// Permutation in which every bit depends on lower bits alone: Owen scrambling of numbers with their bits reversed.
 template <int W>
 PRIMRAY_INLINE vuint<W> laine_karras(vuint<W> x, vuint<W> seed) {
   x = x ^ (x * vuint<W>(0x3d20adeau));
@@ -79,7 +80,7 @@ PRIMRAY_INLINE vuint<W> mix(vuint<W> x) {
   return x ^ (x >> 16);
 }
 
-// The second Sobol dimension with its bits reversed: Pascal's triangle modulo 2, in five butterfly steps.
+// Second Sobol dimension with its bits reversed: Pascal's triangle modulo 2, in five butterfly steps.
 template <int W>
 PRIMRAY_INLINE vuint<W> sobol_second(vuint<W> x) {
   x = x ^ ((x >> 1) & vuint<W>(0x55555555u));
@@ -89,16 +90,16 @@ PRIMRAY_INLINE vuint<W> sobol_second(vuint<W> x) {
   return x ^ ((x >> 16) & vuint<W>(0x0000ffffu));
 }
 
-// Digits of GF(4), two bits each, lowest first: digit j of x times w^j, or times w^-j. With w^2 = w + 1, w (b w + a) =
-// (a + b) w + b, and w^2 (b w + a) = a w + (a + b): each bit of the result is one of the digit's, or their sum.
+// Multiplication by w^j, or w^-j, of digit j of x: digits of GF(4), two bits each, lowest first. With w^2 = w + 1, w (b w + a)
+// = (a + b) w + b, and w^2 (b w + a) = a w + (a + b): each bit of the result is one of the digit's, or their sum.
 template <int W>
 PRIMRAY_INLINE vuint<W> scale_digits(vuint<W> x, uint32_t kept) {
   const vuint<W> swapped = ((x >> 1) & vuint<W>(0x55555555u)) | ((x & vuint<W>(0x55555555u)) << 1);
   return (x & vuint<W>(kept)) ^ (swapped & vuint<W>(0x3cf3cf3cu));
 }
-// Pascal's triangle over GF(4), its entry (i, j) times w^(j - i): the first two Sobol dimensions of an index and of what this
-// makes of it are together four, of which 4^m points are a (0, m, 4)-net in base 4 (Faure 1982, Niederreiter 1987), while each
-// pair is one in base 2 (Ahmed et al. 2024, "SZ Sequences: Binary-Based (0, 2^q)-Sequences").
+// Pascal's triangle over GF(4), its entry (i, j) times w^(j - i): the first two Sobol dimensions of an index and of its image
+// under this map are together four, of which 4^m points are a (0, m, 4)-net in base 4 (Faure 1982, Niederreiter 1987), while
+// each pair is one in base 2 (Ahmed et al. 2024, "SZ Sequences: Binary-Based (0, 2^q)-Sequences").
 template <int W>
 PRIMRAY_INLINE vuint<W> pascal_of_four(vuint<W> x) {
   x = scale_digits(x, 0xdb6db6dbu);
@@ -109,7 +110,7 @@ PRIMRAY_INLINE vuint<W> pascal_of_four(vuint<W> x) {
   return scale_digits(x, 0xe79e79e7u);
 }
 
-// The lower 16 bits, at even places.
+// Spreads the lower 16 bits to even positions.
 template <int W>
 PRIMRAY_INLINE vuint<W> every_other_bit(vuint<W> x) {
   x = x & vuint<W>(0x0000ffffu);
@@ -126,16 +127,16 @@ struct Pair {
 
 template <int W>
 struct Sampler {
-  vuint<W> reversed_index;  // bits of the sample's number, lowest first
+  vuint<W> reversed_index;  // bits of the sample's index, lowest first
   vuint<W> seed;            // of (seed, pixel, replicate)
 
   static PRIMRAY_INLINE vuint<W> pixel_seed(uint32_t seed, vint<W> x, vint<W> y, vuint<W> replicate) {
     return mix(mix(mix(mix(vuint<W>(seed)) + bit_cast<vuint<W>>(x)) ^ (bit_cast<vuint<W>>(y) << 1)) + replicate);
   }
-  // Of sample `index` of a pixel. With a `screen_block`, a power of two above all indices, one sequence goes over the screen in
-  // Morton order and gives so many points to each pixel: any square of 2^k x 2^k pixels at multiples of 2^k has a net, so
-  // errors of neighbours make up for each other (Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo
-  // Sampling Error via Hierarchical Ordering of Pixels"). 0: every pixel has a sequence of its own.
+  // Sampler of sample `index` of a pixel. With a `screen_block`, a power of two above all indices, one sequence traverses the
+  // screen in Morton order and gives that many points to each pixel: any square of 2^k x 2^k pixels at multiples of 2^k has a
+  // net, so errors of neighbours compensate each other (Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo
+  // Sampling Error via Hierarchical Ordering of Pixels"). 0: every pixel has an independent sequence.
   static PRIMRAY_INLINE Sampler of(uint32_t seed, vint<W> x, vint<W> y, vuint<W> replicate, vuint<W> index, int screen_block) {
     if (screen_block == 0) return {reverse_bits(index), pixel_seed(seed, x, y, replicate)};
     const vuint<W> place = every_other_bit(bit_cast<vuint<W>>(x)) | (every_other_bit(bit_cast<vuint<W>>(y)) << 1);
@@ -164,8 +165,8 @@ struct Sampler {
     const vuint<W> index = reverse_bits(laine_karras(reversed_index, s));
     return reverse_bits(laine_karras(index, s * vuint<W>(0x85ebca6bu)));
   }
-  // The shuffled index read as a fraction: one number in each interval, all as far from its beginning, which a choice between
-  // few outcomes does not mind.
+  // The shuffled index read as a fraction: one number in each interval, all at the same offset within it, which does not matter
+  // for a choice among few outcomes.
   PRIMRAY_INLINE vfloat<W> single(vint<W> bounce, Purpose purpose) const {
     return unit_float(laine_karras(reversed_index, dimension_seed(bounce, purpose)));
   }

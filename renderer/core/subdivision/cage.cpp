@@ -1,4 +1,4 @@
-// See cage.hpp.
+// Construction of cage.hpp.
 #include "subdivision/cage.hpp"
 
 #include <algorithm>
@@ -6,7 +6,7 @@
 namespace primray::subdivision {
 namespace {
 
-// The half-edges of every pair of vertices, found by the lesser vertex.
+// Half-edges of every pair of vertices, indexed by the lesser vertex.
 class EdgeIndex {
  public:
   struct Entry {
@@ -46,8 +46,8 @@ void set_faces(Topology& t, const CageInput& in) {
   t.first.push_back(int32_t(t.face.size()));
 }
 
-// Edges, in the order of their first half-edges, and twins; the number of edges that more than two faces have, or two in the
-// same direction.
+// Sets edges, in the order of their first half-edges, and twins; returns the number of edges that more than two faces have, or
+// two in the same direction.
 int set_edges(Topology& t, const EdgeIndex& index, int vertices) {
   t.twin.assign(t.corners(), -1), t.edge.assign(t.corners(), -1);
   std::vector<int32_t> first(t.corners());  // of each corner: the first half-edge of its edge
@@ -95,7 +95,7 @@ int set_creases(Topology& t, const EdgeIndex& index, const CageInput& in) {
   return unknown;
 }
 
-// Corners, where faces or fans meet in no more than a point, and what the boundary rule makes sharp.
+// Sets corners where faces or fans touch in a single point, and those that the boundary rule makes sharp.
 void set_corners(Cage& cage, const CageInput& in) {
   Topology& t = cage.topology;
   std::vector<int32_t> corners(in.points, 0), fans(in.points, 0), ends(in.points, 0), in_open_fans(in.points, 0);
@@ -125,7 +125,7 @@ void set_corners(Cage& cage, const CageInput& in) {
   }
 }
 
-// interpolateBoundary none: faces at a vertex whose boundary is not all made sharp by creases are not part of the surface.
+// interpolateBoundary none: removes faces at vertices whose boundary is not entirely made sharp by creases.
 void cut_boundary_faces(Cage& cage, const std::vector<uint8_t>& is_open) {
   const Topology& t = cage.topology;
   std::vector<uint8_t> at_boundary(t.vertices(), 0);

@@ -1,4 +1,4 @@
-// The first level: a control cage's topology with its creases, corners and boundary rules, from arrays as USD has them.
+// First level: a control cage's topology with its creases, corners and boundary rules, from arrays as in USD.
 //
 // An edge that does not join exactly two faces in opposite directions ends the surface for each of them and is infinitely
 // sharp: a boundary, or not manifold. A vertex where such edges leave no single curve is a corner.
@@ -13,11 +13,11 @@ struct CageInput {
   Boundary boundary = Boundary::kEdgeAndCorner;
   bool smooth_triangles = false;         // triangleSubdivisionRule
   std::span<const int32_t> face_counts;  // 3 or more each
-  std::span<const int32_t> face_points;  // those of a face differ
+  std::span<const int32_t> face_points;  // those of a face are distinct
   std::span<const int32_t> holes;
   std::span<const int32_t> crease_lengths;  // 2 or more each
   std::span<const int32_t> crease_points;
-  std::span<const float> crease_sharpnesses;  // one a crease, or one an edge
+  std::span<const float> crease_sharpnesses;  // one per crease, or one per edge
   std::span<const int32_t> corner_points;
   std::span<const float> corner_sharpnesses;
   int points = 0;
@@ -26,7 +26,7 @@ struct CageInput {
 struct Cage {
   Topology topology;
   std::vector<uint8_t> is_hole;      // of each face
-  std::vector<uint8_t> is_singular;  // of each vertex: more than one fan meets in it
+  std::vector<uint8_t> is_singular;  // of each vertex: more than one fan touches in it
   int non_manifold_edges = 0;
   int unknown_creases = 0;  // edges that creases name and no face has
 };

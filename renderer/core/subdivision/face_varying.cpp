@@ -1,4 +1,4 @@
-// See face_varying.hpp.
+// Construction of face_varying.hpp.
 #include "subdivision/face_varying.hpp"
 
 #include <algorithm>
@@ -6,7 +6,7 @@
 namespace primray::subdivision {
 namespace {
 
-// Twins and edges with every edge opened whose ends have other values on its other side.
+// Opens edges whose ends have other values on their other side; sets twins and edges.
 void cut_seams(const Topology& t, std::span<const int32_t> values, Topology& d) {
   d.twin = t.twin;
   for (int c = 0; c < t.corners(); ++c) {
@@ -23,7 +23,7 @@ void cut_seams(const Topology& t, std::span<const int32_t> values, Topology& d) 
   }
 }
 
-// One fan of corners around a vertex that have one value.
+// A fan of corners around a vertex that have one value.
 struct ValueFan {
   int first;  // corner
   int faces = 0;
@@ -63,7 +63,7 @@ class Sharpener {
     }
     for (size_t k = 0; k < fans.size(); ++k) {
       if (fans[k].faces == 1 && rule_ != LinearRule::kNone) out[k] = kInfinite;
-      // A fan that a crease inside it sharpens for a while takes its neighbour along.
+      // A fan that an inner crease sharpens for some levels sharpens its neighbour as well.
       if (dependent_ && fans.size() == 2) out[k] = std::max(out[k], fans[1 - k].inner_sharpness);
     }
   }
@@ -81,7 +81,7 @@ class Sharpener {
   bool linear_boundaries_, dependent_, sharp_tips_;
 };
 
-// The corners of every vertex, by vertex.
+// Corners of every vertex, by vertex.
 struct CornersOf {
   std::vector<int32_t> first, corner;
 

@@ -1,4 +1,4 @@
-// See limit.hpp.
+// Limit masks of limit.hpp.
 #include "subdivision/limit.hpp"
 
 #include <algorithm>
@@ -8,8 +8,8 @@
 namespace primray::subdivision {
 namespace {
 
-// Refinements of a ring that has no closed form (a dart, where one sharp edge ends): its points draw together by at least
-// 0.61 a step up to valence 6 (the subdominant eigenvalues of both schemes), and slower for more.
+// Refinements of a ring without a closed form (a dart, where one sharp edge ends): its points contract by at least a factor of
+// 0.61 per step up to valence 6 (the subdominant eigenvalues of both schemes), and more slowly for higher ones.
 constexpr int kDartSteps = 96;
 constexpr int kDartNormalSteps = 12;
 
@@ -169,8 +169,8 @@ void Limit::position(const Topology& t, int v, std::span<const double> values, i
     std::copy(ring_.v.begin(), ring_.v.end(), out);
 }
 
-// Spokes around and the sums of neighbouring ones for the faces between, by cos and sin: the tangents of Halstead et al. 1993
-// and Loop 1987.
+// Spokes and the sums of adjacent ones for the faces between, by cos and sin: the tangents of Halstead et al. 1993 and Loop
+// 1987.
 dvec3 Limit::smooth_ring_normal() {
   const int n = ring_.spokes;
   const Turn& angle = turn(n);
@@ -206,12 +206,12 @@ dvec3 Limit::area_normal(int first, int faces) const {
   return sum;
 }
 
-// Of the faces between two infinitely sharp spokes.
+// Normal of the faces between two infinitely sharp spokes.
 //
-// A crease's first tangent runs along it. The second is the left eigenvector of the fan's matrix for the mode in which
-// spokes move by sin(i theta), theta = pi / faces: with lambda its eigenvalue, weights sin(i theta) for Loop's spokes, those
-// of smooth vertices for Catmull-Clark's, and for the vertex and the ends what the columns of the matrix leave to solve.
-// For regular boundaries these are the tangents of the box spline and of the B-spline.
+// A crease's first tangent runs along it. The second is the left eigenvector of the fan's matrix for the mode in which spokes
+// move by sin(i theta), theta = pi / faces: with lambda its eigenvalue, weights sin(i theta) for Loop's spokes, those of smooth
+// vertices for Catmull-Clark's, and for the vertex and the ends the solution of the remaining columns of the matrix. For
+// regular boundaries these are the tangents of the box spline and of the B-spline.
 // Where a corner has several faces its limit has in general no tangent plane (Biermann, Levin and Zorin 2000, section 3):
 // there, the mean of its faces' normals by area.
 dvec3 Limit::sector_normal(int first, int faces, bool is_corner) const {

@@ -1,8 +1,8 @@
-// Where a vertex ends up when refinement goes on for ever, and the surface's normals there.
+// Limit positions of vertices under infinite refinement, and the surface's normals there.
 //
 // Masks of smooth vertices: Halstead, Kass and DeRose 1993 (Catmull-Clark), Loop 1987 and Hoppe et al. 1994. Creases and
 // boundaries: the cubic B-spline's position, and for tangents the left eigenvectors of the schemes' own matrices (limit.cpp).
-// Semi-sharp vertices are first refined, within the ring of faces around them, until no sharpness but infinite is left.
+// Semi-sharp vertices are first refined, within the ring of faces around them, until only infinite sharpness is left.
 #pragma once
 
 #include <map>
@@ -16,22 +16,22 @@
 
 namespace primray::subdivision {
 
-// A fan cut by infinitely sharp edges: each piece has a normal of its own.
+// A fan cut by infinitely sharp edges: each piece has a separate normal.
 struct FanNormals {
   std::vector<dvec3> normals;      // unit length, outwards
-  std::vector<int32_t> of_corner;  // of the fan's corners, in its order: which of them
+  std::vector<int32_t> of_corner;  // index of the normal for the fan's corners, in its order
 };
 
-// Of fans in a level where the scheme's faces are all alike (quads, Loop's triangles). Not for bilinear ones.
+// Limits of fans in a level where the scheme's faces are all alike (quads, Loop's triangles). Not for bilinear ones.
 class Limit {
  public:
   explicit Limit(Scheme scheme) : scheme_(scheme) {}
 
-  // The limit of vertex `v` into `out`, (width,).
+  // Writes the limit of vertex `v` to `out`, (width,).
   void position(const Topology& t, int v, std::span<const double> values, int width, double* out);
-  // The same for a vertex with nothing sharp about it, of positions (3,); its normal comes back.
+  // Writes the limit of positions (3,) for a vertex with nothing sharp about it; returns its normal.
   dvec3 smooth_point(const Topology& t, int v, std::span<const double> positions, double* out);
-  // Of the fan that `corner` is in.
+  // Normals of the fan that contains `corner`.
   void normals(const Topology& t, int corner, std::span<const double> positions, FanNormals& out);
   const Fan& fan() const { return fan_; }
 

@@ -1,4 +1,4 @@
-// See masks.hpp.
+// Evaluation of masks.hpp.
 #include "subdivision/masks.hpp"
 
 #include <algorithm>
@@ -10,7 +10,7 @@ namespace {
 
 enum class Rule { kSmooth, kCrease, kCorner };
 
-// DeRose et al. 1998: what the sharp edges at a vertex make of it. Darts (one sharp edge) are smooth.
+// DeRose et al. 1998: rule of a vertex by its sharp edges. Darts (one sharp edge) are smooth.
 Rule rule_of(float vertex_sharpness, int sharp_edges) {
   if (vertex_sharpness > 0 || sharp_edges > 2) return Rule::kCorner;
   return sharp_edges == 2 ? Rule::kCrease : Rule::kSmooth;
@@ -95,7 +95,7 @@ struct Refiner {
     }
   }
 
-  // p, the edge's middle, goes `weight` of the way to Loop's 3/8 and 1/8.
+  // Moves p, the edge's middle, by `weight` towards Loop's 3/8 and 1/8.
   void triangle_edge(double* p, int c, double weight) {
     const double *x = value(t.vertex[t.previous(c)]), *y = value(t.vertex[t.previous(t.twin[c])]);
     for (int k = 0; k < rows.size(); ++k) p[k] += weight * (0.125 * (x[k] + y[k]) - 0.25 * p[k]);
@@ -124,7 +124,7 @@ struct Refiner {
     }
   }
 
-  // Sums of spokes and of face points, as far as the faces around are split; whether all of them are.
+  // Adds sums of spokes and of face points, as far as the faces around are split; returns whether all of them are.
   bool add_around(double* p, int v, double e, double f, int* valence) {
     int n = 0;
     rows.clear(sum.data());
@@ -210,7 +210,7 @@ VertexMask vertex_mask(Scheme scheme, bool closed, float vertex_sharpness, std::
   if (!closed && later == Rule::kSmooth) later = Rule::kCorner;
   VertexMask m;
   m.v = 0;
-  // DeRose et al. 1998, section 3, as OpenSubdiv reads it: between two rules by the mean of the sharpnesses that end.
+  // DeRose et al. 1998, section 3, as OpenSubdiv interprets it: blends two rules by the mean of the sharpnesses that end.
   const double w = now == later ? 1 : (changing ? std::min(1.0, change / changing) : 0);
   add_rule(m, now, w, scheme, sharpness, 0, m.crease_weight);
   if (w < 1) add_rule(m, later, 1 - w, scheme, sharpness, 1, m.soft_crease_weight);

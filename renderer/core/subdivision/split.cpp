@@ -1,4 +1,4 @@
-// See split.hpp.
+// Splitting of split.hpp.
 #include "subdivision/split.hpp"
 
 namespace primray::subdivision {
@@ -36,7 +36,7 @@ void allot(Topology& d, int arity, int faces, int edges) {
   d.edge_corner.assign(edges, -1), d.edge_sharpness.assign(edges, 0);
 }
 
-// The half-edges of both halves of corner c's edge. `stride` is the corners of a child and `last` that of them which arrives
+// Half-edges of both halves of corner c's edge. `stride` is the number of corners of a child and `last` the corner that arrives
 // at the child's vertex: child k of a face has corner k's vertex first.
 struct Halves {
   const Topology& t;

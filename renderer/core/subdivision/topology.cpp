@@ -1,4 +1,4 @@
-// See topology.hpp.
+// Fans of topology.hpp.
 #include "subdivision/topology.hpp"
 
 namespace primray::subdivision {

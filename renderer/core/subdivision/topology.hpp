@@ -1,8 +1,7 @@
-// Faces, half-edges and sharpnesses of one level of a subdivided cage: what the masks walk over. Knows no positions.
+// Topology of one level of a subdivided cage: faces, half-edges and sharpnesses, which the masks traverse. Knows no positions.
 //
-// A corner is also the half-edge that leaves it along its face. Face-varying primvars have a topology of their own over the
-// same corners, in which vertices are values and seams are boundaries (face_varying.hpp), so that one set of masks serves
-// both.
+// A corner is also the half-edge that leaves it along its face. Face-varying primvars have another topology over the same
+// corners, in which vertices are values and seams are boundaries (face_varying.hpp), so that one set of masks serves both.
 #pragma once
 
 #include <cstdint>
@@ -21,15 +20,15 @@ inline float child_sharpness(float s) { return s >= kInfinite ? s : (s > 1 ? s -
 
 struct Topology {
   int arity = 0;                      // corners of every face: 3 or 4, 0 where they differ
-  std::vector<int32_t> first;         // arity 0: of each face its first corner, then their number
+  std::vector<int32_t> first;         // arity 0: first corner of each face, then the number of corners
   std::vector<int32_t> face;          // arity 0: of each corner
   std::vector<int32_t> vertex;        // of each corner
-  std::vector<int32_t> twin;          // of each corner: the half-edge that runs the other way, -1 where the surface ends
+  std::vector<int32_t> twin;          // of each corner: the opposite half-edge, -1 where the surface ends
   std::vector<int32_t> edge;          // of each corner
   std::vector<int32_t> edge_corner;   // of each edge: its first half-edge
   std::vector<float> edge_sharpness;  // infinite where the surface ends
   std::vector<float> vertex_sharpness;
-  std::vector<int32_t> outgoing;  // of each vertex: the corner its fan begins with, -1 for isolated points
+  std::vector<int32_t> outgoing;  // of each vertex: the corner at which its fan begins, -1 for isolated points
   std::vector<uint8_t> is_sharp;  // of each vertex: it, or an edge at it, is sharp
 
   int corners() const { return int(vertex.size()); }
@@ -54,18 +53,18 @@ struct Topology {
   int clockwise(int c) const { return twin[c] < 0 ? -1 : next(twin[c]); }
 };
 
-// Sets `outgoing` and `is_sharp`, the rest being there; `vertices` is the number of them.
+// Sets `outgoing` and `is_sharp` from the other fields; `vertices` is the number of vertices.
 void finish_topology(Topology& t, int vertices);
 
 // The corners around a vertex, counter-clockwise; an open fan begins and ends where the surface does.
 struct Fan {
-  std::vector<int32_t> corners;  // one a face
+  std::vector<int32_t> corners;  // one per face
   std::vector<int32_t> spokes;   // the vertices at the other ends of its edges; an open fan has one more than corners
   std::vector<float> sharpness;  // of the spokes
   bool closed = false;
 };
 
-// The fan that `corner` is in.
+// Gathers the fan that contains `corner`.
 void gather_fan(const Topology& t, int corner, Fan& fan);
 
 }  // namespace primray::subdivision

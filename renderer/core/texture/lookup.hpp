@@ -1,8 +1,8 @@
-// Reading a TextureImage on lanes: bilinear within a level, linear between two. (0, 0) is the image's lower left corner.
+// Texture lookup in lanes: bilinear within a level, linear between two. (0, 0) is the image's lower left corner.
 //
-// Texel centres give exactly what is stored. Filtering at the border follows the wrap: the other side (repeat), or the border
-// itself. Black is sharp: as clamp inside [0, 1], nothing outside. (A border of black texels, as graphics hardware has it,
-// would darken the edge of every texture that just fills its surface, the more the coarser the level.)
+// Texel centres give exactly the stored value. Filtering at the border follows the wrap: the other side (repeat), or the border
+// itself. Black is sharp: like clamp inside [0, 1], zero outside. (A border of black texels, as in graphics hardware, would
+// darken the edge of every texture that just fills its surface, the more the coarser the level.)
 #pragma once
 
 #include "texture/image.hpp"
@@ -36,7 +36,7 @@ PRIMRAY_INLINE vint<W> gather_pairs(const uint16_t* base, vint<W> index) {
   return r;
 }
 
-// The texels whose first channel stands at `at`.
+// Texels whose first channel is at `at`.
 template <int C, int W>
 PRIMRAY_INLINE Texels<C, W> fetch(const TextureImage& image, vint<W> at) {
   Texels<C, W> r;
@@ -53,7 +53,7 @@ PRIMRAY_INLINE Texels<C, W> fetch(const TextureImage& image, vint<W> at) {
   return r;
 }
 
-// A coordinate brought into [0, 1]; `inside` is left true in the lanes that show the image there.
+// Wraps a coordinate into [0, 1]; `inside` stays true in the lanes that show the image there.
 template <int W>
 PRIMRAY_INLINE vfloat<W> wrap_coordinate(Wrap wrap, vfloat<W> s, vbool<W>& inside) {
   using F = vfloat<W>;
@@ -66,7 +66,7 @@ PRIMRAY_INLINE vfloat<W> wrap_coordinate(Wrap wrap, vfloat<W> s, vbool<W>& insid
   return select(two > F(1.0f), 2.0f - two, two);
 }
 
-// The two texels of one axis on either side of a coordinate in [0, 1], and how far it is from the first to the second.
+// The two texels of one axis on either side of a coordinate in [0, 1], and the weight of the second.
 template <int W>
 struct AxisTexels {
   vint<W> i0, i1;
@@ -96,7 +96,7 @@ PRIMRAY_INLINE Texels<C, W> bilinear(const TextureImage& image, Wrap wrap_s, Wra
   return r;
 }
 
-// The image at (s, t), averaged over about 2^level of its finest texels in each direction, or as finely as it is kept.
+// Image at (s, t), averaged over about 2^level of its finest texels in each direction, or at the finest level that is kept.
 template <int C, int W>
 PRIMRAY_INLINE Texels<C, W> lookup(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
                                    vfloat<W> level) {
@@ -114,7 +114,7 @@ PRIMRAY_INLINE Texels<C, W> lookup(const TextureImage& image, Wrap wrap_s, Wrap 
   return r;
 }
 
-// log2 of a positive number, the fraction linear between powers of two: at most 0.086 too small, which no level shows.
+// log2 of a positive number, the fraction linear between powers of two: at most 0.086 too small, which is invisible in levels.
 template <int W>
 PRIMRAY_INLINE vfloat<W> coarse_log2(vfloat<W> x) {
   return to_float(bit_cast<vint<W>>(x)) * 0x1p-23f - 127.0f;

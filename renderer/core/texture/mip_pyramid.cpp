@@ -1,4 +1,4 @@
-// See mip_pyramid.hpp.
+// Construction of mip_pyramid.hpp.
 #include "texture/mip_pyramid.hpp"
 
 #include <algorithm>
@@ -26,7 +26,7 @@ uint16_t half_from_float(float f) {
 
 uint16_t unorm_from_float(float f) { return uint16_t(std::lrint(double(f) * kUnormSteps)); }
 
-// What each of `to` texels takes of `from`: the share of its extent that lies in each.
+// Weights of `from` texels in each of `to` texels: the share of its extent that is in each.
 struct Spans {
   struct Span {
     int first, count;
@@ -88,7 +88,7 @@ void measure(std::span<const float> pixels, TextureImage& image) {
   image.format = unorm ? TexelFormat::kUnorm16 : half ? TexelFormat::kHalf : TexelFormat::kFloat;
 }
 
-// Appends a level, turning its rows around.
+// Appends a level, reversing the order of its rows.
 void keep(std::span<const float> level, int number, int width, int height, TextureImage& image) {
   const size_t row = size_t(width) * image.channels;
   image.level_width[number] = width, image.level_height[number] = height;

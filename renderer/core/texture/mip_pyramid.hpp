@@ -1,4 +1,5 @@
-// From pixels to the kept levels of a TextureImage: each level half of the one before, box-filtered with exact areas.
+// Construction of a TextureImage's kept levels from pixels: each level is half of the one before, box-filtered with exact
+// areas.
 #pragma once
 
 #include <span>
@@ -7,9 +8,9 @@
 
 namespace primray {
 
-// `pixels`: (height, width, channels) linear floats, finite, first row at the top. Every channel is averaged by itself, alpha
-// among them: UsdUVTexture's outputs are independent of one another (colours are straight, and may be read without alpha).
-// Levels from `first_level` (0: all of the image) to the one of a single texel; or that one level alone.
+// `pixels`: (height, width, channels) linear floats, finite, first row at the top. Every channel is averaged separately,
+// including alpha: UsdUVTexture's outputs are independent of one another (colours are straight, and may be read without alpha).
+// Creates levels from `first_level` (0: all of the image) to that of a single texel; or that one level alone.
 TextureImage make_image(std::span<const float> pixels, int width, int height, int channels, int first_level, bool one_level);
 
 // Number of the level that is a single texel.

@@ -1,4 +1,4 @@
-// Construction of the light hierarchy: the lights of a node are split at the median of their centers along its longest side.
+// Construction of the light hierarchy: the lights of a node are split at the median of their centres along its longest side.
 #include "light/choice/hierarchy.hpp"
 
 #include <algorithm>
@@ -19,7 +19,7 @@ struct Build {
   void add(int32_t first, int32_t end) {
     constexpr float inf = std::numeric_limits<float>::infinity();
     LightBox box{{inf, inf, inf}, {-inf, -inf, -inf}};
-    float low[3] = {inf, inf, inf}, high[3] = {-inf, -inf, -inf};  // bounds of the centers
+    float low[3] = {inf, inf, inf}, high[3] = {-inf, -inf, -inf};  // bounds of the centres
     for (int32_t i = first; i < end; ++i) {
       for (int a = 0; a < 3; ++a) {
         box.low[a] = std::min(box.low[a], boxes[order[i]].low[a]), box.high[a] = std::max(box.high[a], boxes[order[i]].high[a]);

@@ -153,7 +153,7 @@ struct Builder {
       if (b.directed()) cos_axis = std::min(cos_axis, float(axis[0] * b.axis[0] + axis[1] * b.axis[1] + axis[2] * b.axis[2]));
     }
     cos_end = end;
-    // For lights spread all over a sphere of radius R, the mean of 1 / d^2 at its center is 3 / R^2, and their mean squared
+    // For lights spread all over a sphere of radius R, the mean of 1 / d^2 at its centre is 3 / R^2, and their mean squared
     // distance is 3/5 R^2.
     if (r.count() > 1) least2 = only.far ? 1.0f : std::max(float(spread / intensity * (5.0 / 9.0)), 1e-24f);
     if (cos_end > -1.5f && !(length_of_axis > 1e-3 * r.count())) cos_end = -2;

@@ -69,7 +69,7 @@ std::vector<double> cell_means(const Dome& d) {
   return mean;
 }
 
-// Extends a round image: texels whose centers are outside its disc get the value at its edge, so that lookups at the edge do
+// Extends a round image: texels whose centres are outside its disc get the value at its edge, so that lookups at the edge do
 // not read the surroundings (black in most files).
 void extend_disc(Dome& d) {
   const std::vector<float> was = d.texels;
@@ -77,7 +77,7 @@ void extend_disc(Dome& d) {
     for (int x = 0; x < d.width; ++x) {
       const double dx = 2 * (x + 0.5) / d.width - 1, dy = 2 * (y + 0.5) / d.height - 1, r = std::hypot(dx, dy);
       if (r <= 1) continue;
-      // Far enough inwards for the texel's center to be inside: half of its diagonal.
+      // Far enough inwards for the texel's centre to be inside: half of its diagonal.
       const double to = std::max(1 - 1.4143 / std::min(d.width, d.height), 0.0) / r;
       const int fx = std::clamp(int((dx * to + 1) * 0.5 * d.width), 0, d.width - 1);
       const int fy = std::clamp(int((dy * to + 1) * 0.5 * d.height), 0, d.height - 1);

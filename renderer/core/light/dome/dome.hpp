@@ -1,6 +1,6 @@
 // Dome light: radiance from all directions, constant or from an image, importance sampled where the image exceeds its mean.
 //
-// Orientation: UsdLux DomeLight, pole +y, image center +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi; other
+// Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi; other
 // formats are in dome_format.hpp. Texels are interpolated bilinearly. Sampling chooses a cell of a lat-long grid, which is the
 // image's own grid if that is lat-long, by a row and a column distribution, then a point uniformly in its solid angle. Part of
 // the radiance is left to BSDF-sampled rays everywhere (dome_compensation.hpp); a constant dome needs no light samples at all.

@@ -1,8 +1,8 @@
 // Image formats of domes (UsdLux DomeLight inputs:texture:format): maps directions to image coordinates.
 //
-// The UsdLux text defines lat-long only. The others are assumed to show +z at their center, as lat-long does, with +y up:
+// The UsdLux text defines lat-long only. The others are assumed to show +z at their centre, as lat-long does, with +y up:
 // - kMirroredBall: a mirroring sphere photographed from far away on its +z side, so +x is on the right; radius r of the disc
-// shows the direction at angle 2 asin r from the center.
+// shows the direction at angle 2 asin r from the centre.
 // - kAngular: "similar", but the angle is pi r (also Debevec's angular maps, which have +x on the right and +z at the center).
 // - kVerticalCross: six views from the inside, 90 degrees each, in three columns and four rows, folded out around the middle
 // one, +z: +y above it, +x to its left and -x to its right as in lat-long, -y below, and under that -z, attached to -y.
@@ -41,7 +41,7 @@ PRIMRAY_INLINE ImagePoint<W> angular_point(const vvec3<W>& w, int width, int hei
   return on_disc(w, atan2(sine, w.z) * kInvPi / sine, width, height);
 }
 
-// Point on the cube face that w hits, no nearer to its edge than the centers of its outer texels: faces adjacent in the image
+// Point on the cube face that w hits, no nearer to its edge than the centres of its outer texels: faces adjacent in the image
 // are not neighbours on the cube.
 template <int W>
 PRIMRAY_INLINE ImagePoint<W> vertical_cross_point(const vvec3<W>& w, int width, int height) {

@@ -5,7 +5,7 @@
 
 namespace primray {
 
-// Texels before and after a coordinate in texels (the center of the first is at 0.5), and the weight of the second.
+// Texels before and after a coordinate in texels (the centre of the first is at 0.5), and the weight of the second.
 template <int W>
 struct BilinearAxis {
   vint<W> first, second;

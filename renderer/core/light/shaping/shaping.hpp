@@ -77,7 +77,7 @@ PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, 
   return factor;
 }
 
-// Weight of a light's shaping in light selection, for a light whose center is at `to` from the point: 0 only if nothing is
+// Weight of a light's shaping in light selection, for a light whose centre is at `to` from the point: 0 only if nothing is
 // emitted there, however large the light is.
 template <int W>
 PRIMRAY_RARE vfloat<W> shaping_importance(const ShapingTable& table, int number, const vvec3<W>& to) {

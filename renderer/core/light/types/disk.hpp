@@ -32,7 +32,7 @@ PRIMRAY_INLINE vbool<W> disk_is_far(const vvec3<W>& p, vfloat<W> r) {
 }
 
 // Elliptic cone in which a disk is seen. With near and far the distances to the ends of the diameter in the plane of the point
-// and the disk's axis, and d the distance to its center: the cone's axis bisects the angle between the ends, the half angle in
+// and the disk's axis, and d the distance to its centre: the cone's axis bisects the angle between the ends, the half angle in
 // that plane has the tangent 2 r z / g, and the half angle across it the sine 2 r / (near + far), where g = near far + d^2 -
 // r^2.
 template <int W>

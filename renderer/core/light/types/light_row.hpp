@@ -38,7 +38,7 @@ enum LightField : int {
   kLightFlags = kGlow + 3,
   kShaping,  // 1 + index in ShapingTable; 0: none
   kLightFields,
-  // Mesh lights have no inverse and no single radiance. In place of these they store the center of the bounding sphere, half
+  // Mesh lights have no inverse and no single radiance. In place of these they store the centre of the bounding sphere, half
   // edges if the mesh is a rectangle, and the placement (-1: none) and its instance.
   kMeshCenter = kInverseX,
   kMeshHalfX = kInverseY,

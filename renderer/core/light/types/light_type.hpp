@@ -4,7 +4,7 @@
 //   sample, hit in its frame: samples a direction from a point, intersects a ray (absent: rays do not hit it); or sample_world
 //   is_delta           rays cannot hit it by chance; for types that sample in their frame
 //   importance         upper estimate of the irradiance at a point; see light_importance()
-//   reach, ball        half extent along a coordinate axis from its center; radius of its bounding sphere
+//   reach, ball        half extent along a coordinate axis from its centre; radius of its bounding sphere
 //   spread             its bounds in a light tree; or far_direction, far_reach for lights at infinity
 //   is_round, sizes    when its axes keep it without shear; its sizes from a description
 //   place              a frame that differs from the description's; for types that depend on only part of it
@@ -34,7 +34,7 @@ constexpr double kSmallestLight = 1e-15;
 // Lower limit of a flat light's importance when seen edge-on.
 constexpr float kFlatFloor = 1e-3f;
 
-// Factor of a light's power in the tree, and the lower limit of the squared distance from its center.
+// Factor of a light's power in the tree, and the lower limit of the squared distance from its centre.
 struct LightSpread {
   double factor = 1, least2 = 0;
 };

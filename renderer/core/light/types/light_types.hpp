@@ -42,7 +42,7 @@ PRIMRAY_INLINE void with_light_type(const float* row, const F& f) {
   LightTypes::with(LightType(int(row[kType])), f);
 }
 
-// Field of the row that holds its center.
+// Field of the row that holds its centre.
 PRIMRAY_INLINE int light_center(const float* row) {
   int field = kOrigin;
   with_light_type(row, [&]<class T>(T) { field = T::kCenter; });

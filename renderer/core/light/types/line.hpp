@@ -17,7 +17,7 @@ struct LineSample {
   vbool<W> usable;
 };
 
-// `to_center`: from the point to the line's center.
+// `to_center`: from the point to the line's centre.
 template <int W>
 PRIMRAY_RARE LineSample<W> line_sample(const vvec3<W>& to_center, const vvec3<W>& axis, vfloat<W> half_length, vfloat<W> u) {
   using F = vfloat<W>;

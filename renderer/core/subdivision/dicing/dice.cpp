@@ -1,4 +1,4 @@
-// See dice.hpp.
+// Implementation of dice.hpp.
 #include "subdivision/dicing/dice.hpp"
 
 #include <algorithm>
@@ -18,13 +18,14 @@ using Values = std::vector<double>;
 
 Values doubles(std::span<const float> values) { return Values(values.begin(), values.end()); }
 
-// What an estimate makes itself: levels, as long as they are small.
+// Levels that an estimate refines itself, as long as they are small.
 constexpr int kEstimatedFrom = 3, kEstimatedFaces = 4096;
 
-// The cosine: no face whose normals differ by more is flat (flatness.hpp).
+// Cosine: faces whose normals differ by more are never flat (flatness.hpp).
 constexpr double kTwoDegrees = 0.99939;
 
-// Levels beyond those that a face takes as it lies, where a displacement jumps at one of its corners: no level ends a jump.
+// Levels beyond those for the undisplaced face, where a displacement is discontinuous at one of its corners: refinement does
+// not remove a discontinuity.
 constexpr double kLevelsOfJumps = 2;
 
 class Dicer {
@@ -103,7 +104,7 @@ class Dicer {
     out_.face_varying.emplace_back();
   }
 
-  // Where a crease divides the surface it has one normal on each side.
+  // Along a crease the surface has one normal on each side.
   bool normals_by_corner(const Topology& t, const Cage& cage) const {
     if (linear_) return true;
     for (int e = 0; e < t.edges(); ++e)
@@ -111,10 +112,10 @@ class Dicer {
     return std::any_of(cage.is_singular.begin(), cage.is_singular.end(), [](uint8_t s) { return s; });
   }
 
-  // Limit masks are for faces that are all alike; other cages get there with their first refinement.
+  // Limit masks require faces that are all alike; other cages get there with their first refinement.
   bool has_limits() const { return levels_.back().surface.topology.arity == (in_.cage.scheme == Scheme::kLoop ? 3 : 4); }
 
-  // Vertices of active faces that are not yet in the output, with their normals and values.
+  // Adds vertices of active faces that are not yet in the output, with their normals and values.
   void add_new_vertices(Level& level) {
     const Topology& t = level.surface.topology;
     std::vector<uint8_t> is_new(t.vertices(), 0);
@@ -153,7 +154,7 @@ class Dicer {
     if (in_.varying_width) add_value(t, v, varying_, in_.varying_width, true, out_.varying_values);
   }
 
-  // Where a vertex comes to lie, and its normal unless corners have their own; its number.
+  // Adds a vertex's limit position, and its normal unless corners have their own; returns its index.
   int add_point(const Level& level, int v, const Values& from, std::vector<float>& points, std::vector<float>& normals) {
     const Topology& t = level.surface.topology;
     if (level.corner_normal.empty() && !t.is_sharp[v]) {
@@ -202,7 +203,7 @@ class Dicer {
     for (size_t i = 0; i < fan_.of_corner.size(); ++i) level.corner_normal[limit_.fan().corners[i]] = first + fan_.of_corner[i];
   }
 
-  // Those along which the surface is displaced, as a primvar has them: of the frame, then of the steps, if they turn.
+  // Adds the normals along which the surface is displaced, given as a primvar: of the frame, then of the steps, if they rotate.
   void add_given_normals(const Level& level, int corner, int channel) {
     const Layer& layer = level.values[channel];
     const int width = in_.face_varying[channel].width;
@@ -221,7 +222,7 @@ class Dicer {
     return {from[size_t(v) * 3], from[size_t(v) * 3 + 1], from[size_t(v) * 3 + 2]};
   }
 
-  // Of the bilinear patch: its edges are lines of it. Where they vanish, the face's own.
+  // Normal of the bilinear patch: its edges are lines of it. Where they vanish, the face's own.
   static dvec3 bilinear_normal(const Topology& t, int c, const Values& from) {
     const auto at = [&](int corner) { return point(from, t.vertex[corner]); };
     dvec3 n = cross(at(t.next(c)) - at(c), at(t.previous(c)) - at(c));
@@ -230,7 +231,7 @@ class Dicer {
     return l > 0 ? n * (1 / l) : dvec3(0, 0, 1);
   }
 
-  // Chooses the faces that go on; whether there are any.
+  // Chooses the faces that are refined further; returns whether there are any.
   bool choose(Level& level) {
     const Topology& t = level.surface.topology;
     const int l = int(levels_.size()) - 1;
@@ -248,7 +249,7 @@ class Dicer {
     return any;
   }
 
-  // Of all times the most.
+  // Maximum over all times.
   double wanted_levels(const Level& level, int f) {
     if (mover_) return moved_levels(level, f);
     double levels = wanted_levels(level, f, points_);
@@ -256,7 +257,7 @@ class Dicer {
     return levels;
   }
 
-  // The same of a surface that is displaced: no level says that finer ones are flat.
+  // Number of further levels for a displaced surface, of which no level proves that finer ones are flat.
   double moved_levels(const Level& level, int f) {
     const Topology& t = level.surface.topology;
     double longest = 0, as_it_lies = 0;
@@ -279,7 +280,8 @@ class Dicer {
     return jumps ? std::min(levels(longest), levels(as_it_lies * std::exp2(kLevelsOfJumps))) : levels(longest);
   }
 
-  // Further levels that the length of a face's edges asks for, or fewer until it is flat; 0 where it is drawn as it is.
+  // Number of further levels that the length of a face's edges requires, limited by the number until it is flat; 0 if it is
+  // drawn as it is.
   double wanted_levels(const Level& level, int f, const Values& points) {
     const Topology& t = level.surface.topology;
     corners_.clear();
@@ -291,14 +293,14 @@ class Dicer {
     return std::min(levels, flatness_->levels_to_flat(level, f, points, level_values_, longest));
   }
 
-  // A shortcut for most faces that are not flat: normals that are made already differ too much.
+  // Shortcut for most faces that are not flat: normals that have been computed already differ too much.
   bool is_plainly_curved(const Level& level, int f) const {
     const Topology& t = level.surface.topology;
     const int b = t.begin(f), n = t.size(f);
     dvec3 normals[4];
     for (int k = 0; k < n; ++k) {
       const int at = level.corner_normal.empty() ? level.surface.output[t.vertex[b + k]] : level.corner_normal[b + k];
-      if (at < 0) return false;  // an estimate makes none
+      if (at < 0) return false;  // an estimate computes none
       const float* p = &out_.normals[size_t(at) * 3];
       normals[k] = {p[0], p[1], p[2]};
     }
@@ -306,7 +308,7 @@ class Dicer {
     return differ(0, 1) || differ(1, 2) || differ(0, n - 1) || (n == 4 && differ(2, 3));
   }
 
-  // What the faces of a level carry, for flatness_.
+  // Gathers the primvars of a level's faces, for flatness_.
   void gather_values(const Level& level) {
     level_values_.clear();
     const Topology* t = &level.surface.topology;
@@ -317,7 +319,7 @@ class Dicer {
                                linear_ || in_.rule == LinearRule::kAll, true});
   }
 
-  // Triangles of the last level's faces and of all that they will be split into.
+  // Number of triangles of the last level's faces and of all that they will be split into.
   int64_t expected() {
     const Level& level = levels_.back();
     const Topology& t = level.surface.topology;
@@ -347,7 +349,7 @@ class Dicer {
     return has_limits() && drawn_ + next > in_.max_triangles;
   }
 
-  // The refined faces and all that share a vertex with them: their masks, and those of their children, rest on no more.
+  // The refined faces and all that share a vertex with them: their masks, and those of their children, depend on no others.
   std::vector<uint8_t> with_neighbours(Level& level) {
     const Topology& t = level.surface.topology;
     std::vector<uint8_t> touched(t.vertices(), 0), chosen(t.faces(), 0);

@@ -1,9 +1,10 @@
-// A control cage to triangles whose vertices lie on its limit surface, as fine as its footprint on the image asks.
+// Dicing: converts a control cage to triangles whose vertices are on its limit surface, as fine as its footprint in the image
+// requires.
 //
-// Levels are made one after the other: a face goes on while one of its edges covers too many pixels and it is not flat
-// (flatness.hpp), and takes its neighbours along as far as its masks rest on them. Each vertex goes to its limit at the level
-// where it first appears, whatever the levels around it, so that neighbours agree on it to the bit. Where materials displace it
-// (mover.hpp), edges count as long as they are then.
+// Levels are created one after the other: a face is refined while one of its edges covers too many pixels and it is not flat
+// (flatness.hpp), and takes its neighbours along as far as its masks depend on them. Each vertex is moved to its limit at the
+// level where it first appears, whatever the levels around it, so that neighbours agree on it to the bit. Where materials
+// displace it (mover.hpp), edges count with their displaced length.
 #pragma once
 
 #include <cstdint>
@@ -29,15 +30,15 @@ struct DiceInput {
   CageInput cage;
   LinearRule rule = LinearRule::kCornersPlus1;
   std::span<const float> points;
-  std::span<const float> steps;           // the points again at each of the times at which they are known, if they move
-  std::span<const float> vertex_values;   // smooth, as points are
+  std::span<const float> steps;           // points again at each of the motion sample times, if they move
+  std::span<const float> vertex_values;   // smooth, like points
   std::span<const float> varying_values;  // linear over each face
   int vertex_width = 0, varying_width = 0;
   std::vector<FaceVarying> face_varying;
   Footprint footprint;
-  double pixels = 1;          // the longest that edges may be, except of flat faces
-  double flatness = 0.1;      // pixels that flat faces may be off; 0: there are none
-  bool faces_differ = false;  // in what they carry: their outlines show
+  double pixels = 1;          // maximum length of edges, except of flat faces
+  double flatness = 0.1;      // maximum error of flat faces in pixels; 0: no face counts as flat
+  bool faces_differ = false;  // in what they carry: their outlines are visible
   int min_level = 0, max_level = 0;
   int64_t max_triangles = 0;
   std::optional<Displacing> displacing;  // no face is flat then
@@ -45,7 +46,7 @@ struct DiceInput {
 
 struct Diced {
   std::vector<float> points, normals, vertex_values, varying_values;
-  std::vector<std::vector<float>> step_points, step_normals;  // as points and normals, by time
+  std::vector<std::vector<float>> step_points, step_normals;  // like points and normals, by time
   std::vector<std::vector<float>> face_varying;
   Triangles triangles;
   int level = 0;  // the finest
@@ -56,7 +57,7 @@ struct Diced {
 
 Diced dice(const DiceInput& input);
 
-// Triangles that dice() makes, roughly: a few levels are made, faces count by what these say about finer ones.
+// Estimates the number of triangles that dice() creates: a few levels are refined, and their faces extrapolated to finer ones.
 int64_t estimated_triangles(const DiceInput& input);
 
 }  // namespace primray::subdivision

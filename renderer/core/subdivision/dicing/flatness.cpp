@@ -1,4 +1,4 @@
-// See flatness.hpp.
+// Bounds of flatness.hpp.
 #include "subdivision/dicing/flatness.hpp"
 
 #include <algorithm>
@@ -12,7 +12,7 @@ constexpr double kNever = 99;
 constexpr double kNormalAngle = std::numbers::pi / 180;
 // Differences of single-precision numbers that should be 0 are a few units in the last place.
 constexpr double kRounding = 3e-7;
-// Primvars may be off by as much whatever their gradient: a hundredth of a byte's step, 1/25 of a texel of 4096.
+// Tolerance of primvars whatever their gradient: a hundredth of a byte's step, 1/25 of a texel of 4096.
 constexpr double kValue = 1e-5;
 
 // Second-order errors fall to a quarter with each level.
@@ -38,7 +38,7 @@ double Flatness::levels_to_flat(const Level& level, int f, const std::vector<dou
   return levels;
 }
 
-// The face's normal and the rounding of the points around; whether it has a normal.
+// Computes the face's normal and the rounding of the points around; returns whether it has a normal.
 bool Flatness::look() {
   const int b = t_->begin(face_);
   const dvec3 p = point(t_->vertex[b]), q = point(t_->vertex[b + 1]), r = point(t_->vertex[b + 2]);
@@ -56,7 +56,7 @@ bool Flatness::look() {
   return true;
 }
 
-// Pixels of a unit length where the face is nearest to the camera: that of the ball around its corners.
+// Computes pixels per unit of length where the face is nearest to the camera: that of the bounding sphere of its corners.
 void Flatness::measure_views() {
   view_scale_.clear();
   const Projection& p = print_.projection;
@@ -85,7 +85,7 @@ double Flatness::pixels(dvec3 d) const {
 
 double Flatness::levels_of(dvec3 off) const { return length(off) <= rounding_ ? 0 : second_order(pixels(off) / tolerance_); }
 
-// Of the control points' faces at all their corners: those of the patch lie between them.
+// Bound from the normals of the control points' faces at all their corners: those of the patch are between them.
 double Flatness::normal_levels() const {
   double sine = 0;
   for (int g : around_.faces)
@@ -102,7 +102,7 @@ double Flatness::normal_levels() const {
   return ratio <= 1 ? 0 : std::log2(ratio);
 }
 
-// How far the patch is from its triangles across the surface.
+// Bound of the distance of the patch from its triangles, perpendicular to the surface.
 double Flatness::height_levels() const {
   double off = 0;
   if (around_.is_regular) {
@@ -171,7 +171,7 @@ double Flatness::smooth_edge_levels(int k) const {
   return levels;
 }
 
-// How far points of the patch are from those of the triangles for the same parameters, in all directions.
+// Bound of the distance of points of the patch from those of the triangles for the same parameters, in all directions.
 double Flatness::position_levels() const {
   if (!around_.is_regular) return kNever;
   double levels = 0;
@@ -213,7 +213,7 @@ double Flatness::lattice_levels(const LevelValues& v, int component, double allo
   return second_order(((bends[0] + bends[1]) / 8 + twists / (t_->arity == 4 ? 4 : 3)) / allowed);
 }
 
-// Against the function of position that is affine and has the values of three corners: both go through the same masks.
+// Compares with the affine function of position through the values of three corners: both go through the same masks.
 double Flatness::joint_levels(const LevelValues& v, int component, double allowed) const {
   const int b = t_->begin(face_), last = b + t_->size(face_) - 1;
   const auto at = [&](int c) { return (*v.values)[size_t(v.topology->vertex[c]) * v.width + component]; };

@@ -1,9 +1,9 @@
-// Whether a face is drawn well enough by two triangles (one of Loop's), or how many more levels it takes until it is.
+// Flatness test: whether two triangles (one of Loop's) represent a face well enough, or how many more levels it takes.
 //
-// Positions may be off by a tenth of a pixel across the surface, and along it where something ends at an edge (a crease, a
-// seam, another material); normals around the face lie within a degree of its own; primvars, as the picture of a texture,
-// are off by no more than a tenth of a pixel either. Bounds come from the control points: a spline's distance from linear
-// is at most 1/8 of its second differences in each direction and 1/4 of the mixed ones; elsewhere the convex hull bounds it.
+// Positions may be off by a tenth of a pixel perpendicular to the surface, and along it where something ends at an edge (a
+// crease, a seam, another material); normals around the face are within a degree of its own; primvars, seen as a texture, are
+// off by no more than a tenth of a pixel either. Bounds come from the control points: a spline's distance from linear is at
+// most 1/8 of its second differences in each direction and 1/4 of the mixed ones; elsewhere the convex hull bounds it.
 #pragma once
 
 #include <span>
@@ -29,7 +29,7 @@ class Flatness {
   Flatness(const Footprint& print, double pixels, bool linear, bool faces_differ, std::vector<uint8_t> cage_holes)
       : print_(print), tolerance_(pixels), linear_(linear), faces_differ_(faces_differ), cage_holes_(std::move(cage_holes)) {}
 
-  // Further levels until face `f`, whose longest edge covers `longest` pixels, counts as flat; 0 if it does.
+  // Returns the number of levels until face `f`, whose longest edge covers `longest` pixels, counts as flat; 0 if it does.
   double levels_to_flat(const Level& level, int f, const std::vector<double>& points, std::span<const LevelValues> values,
                         double longest);
 

@@ -1,4 +1,4 @@
-// How many pixels an edge of the cage covers, seen from the camera through the placements that count most.
+// Number of pixels that an edge of the cage covers, seen from the camera through the placements that matter most.
 #pragma once
 
 #include <algorithm>
@@ -11,39 +11,39 @@
 
 namespace primray::subdivision {
 
-// A camera that looks along -z, from its own space: `pixels_per_unit` at unit distance, or everywhere if orthographic.
+// Camera that looks along -z in its own space: `pixels_per_unit` at unit distance, or everywhere if orthographic.
 struct Projection {
   bool orthographic = false;
   double pixels_per_unit = 1;
   std::array<double, 4> window{};  // left, right, bottom, top, with its margin
-  double outside = 1;              // edges may be so many times longer where the camera does not look
+  double outside = 1;              // factor of the edge length outside the view
 };
 
-// A placement looked at exactly, from a camera that moves on straight.
+// A placement that is evaluated exactly, from a camera that moves in a straight line.
 struct View {
   daffine camera_from_object;  // where the camera starts
-  dvec3 sweep{0.0};            // and how far it goes, in its own space
+  dvec3 sweep{0.0};            // its displacement over the shutter, in its own space
 
-  // How near the camera comes to a point of its own space.
+  // Smallest distance of the camera from a point of its own space.
   double distance(const dvec3& p) const {
     const double ss = dot(sweep, sweep);
     return length(ss > 0 ? p - sweep * std::clamp(dot(p, sweep) / ss, 0.0, 1.0) : p);
   }
-  // The same of a line from a to b.
+  // Smallest distance of the camera from a line from a to b.
   double distance(const dvec3& a, const dvec3& b) const;
 };
 
 struct Footprint {
   Projection projection;
   std::vector<View> views;
-  double density = 0;  // pixels a unit of the object covers at most in all other placements
+  double density = 0;  // largest number of pixels per unit of the object in all other placements
 };
 
-// Whether all of a face's corners, in the camera's space, lie beyond one side of the view, and how far.
+// Tests whether all of a face's corners, in camera space, are beyond one side of the view, and how far.
 class OutsideTest {
  public:
   explicit OutsideTest(const Projection& p) : p_(p) { beyond_.fill(std::numeric_limits<double>::infinity()); }
-  // A corner, as it is seen on all of the camera's way.
+  // Adds a corner, as seen along the camera's path.
   void add(const View& view, const dvec3& b) {
     add(b);
     if (dot(view.sweep, view.sweep) > 0) add(b - view.sweep);
@@ -51,8 +51,8 @@ class OutsideTest {
 
   bool is_outside() const { return farthest_beyond() > 0; }
 
-  // How many times longer its edges may be: p.outside near the view, further off growing with the distance in pictures, so
-  // that a close look at a part of a cage leaves the rest of it coarse.
+  // Factor of the edge length: p.outside near the view, growing with the distance in view sizes beyond, so that a close view of
+  // a part of a cage leaves the rest of it coarse.
   double allowance() const {
     if (!is_outside()) return 1;
     const double size = std::max(p_.window[1] - p_.window[0], p_.window[3] - p_.window[2]);
@@ -68,8 +68,8 @@ class OutsideTest {
     if (!p_.orthographic) farthest_ = std::max(farthest_, length(b));
   }
   const Projection& p_;
-  std::array<double, 5> beyond_;  // of each side: by how much at least
-  double farthest_ = 0;           // corner from a camera in perspective
+  std::array<double, 5> beyond_;  // of each side: minimum distance beyond it
+  double farthest_ = 0;           // distance of a corner from a perspective camera
   double farthest_beyond() const { return *std::max_element(beyond_.begin(), beyond_.end()); }
 };
 
@@ -78,7 +78,7 @@ inline double View::distance(const dvec3& a, const dvec3& b) const {
   const double dd = dot(d, d), ss = dot(sweep, sweep), ds = dot(d, sweep);
   const auto nearest = [&](const dvec3& q) { return dd > 0 ? std::clamp(-dot(q, d) / dd, 0.0, 1.0) : 0; };  // of a - q + t d
   if (!(ss > 0)) return length(a + d * nearest(a));
-  // Of two lines the nearest points are inside both, or one is an end: Lumelsky 1985, "On Fast Computation of Distance Between
+  // The nearest points of two lines are both inside, or one is an end: Lumelsky 1985, "On Fast Computation of Distance Between
   // Line Segments".
   double least = std::min({distance(a), distance(b), length(a + d * nearest(a)), length(a - sweep + d * nearest(a - sweep))});
   const double det = dd * ss - ds * ds;
@@ -89,7 +89,7 @@ inline double View::distance(const dvec3& a, const dvec3& b) const {
   return least;
 }
 
-// The most pixels that an edge of a face covers; `corners`: its points, object space.
+// Largest number of pixels that an edge of a face covers; `corners`: its points, object space.
 inline double face_pixels(const Footprint& print, std::span<const dvec3> corners) {
   double longest = 0;
   const size_t n = corners.size();

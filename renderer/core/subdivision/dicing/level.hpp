@@ -1,5 +1,5 @@
-// The levels of a cage that is being diced: which faces are drawn at which, and the numbers that their vertices, normals and
-// values have in the mesh that comes out.
+// Levels of a cage that is being diced: the faces drawn at each, and the indices of their vertices, normals and values in the
+// output mesh.
 #pragma once
 
 #include "subdivision/split.hpp"
@@ -16,14 +16,14 @@ struct Layer {
 
 struct Level {
   Layer surface;
-  std::vector<Layer> values;           // one a face-varying primvar
-  std::vector<uint8_t> is_active;      // of each face: it, or what it is split into, is drawn; others serve masks
+  std::vector<Layer> values;           // one per face-varying primvar
+  std::vector<uint8_t> is_active;      // of each face: it, or what it is split into, is drawn; others only serve masks
   std::vector<uint8_t> is_refined;     // of each face: active, and drawn at a finer level
   std::vector<uint8_t> is_split_edge;  // of each edge: a refined face has it
   std::vector<int32_t> cage_face;      // of each face
   std::vector<int32_t> corner_normal;  // of each corner; empty where normals belong to vertices
 
-  // Gives back what only the masks need, once the next level is made.
+  // Frees what only the masks need, once the next level exists.
   void keep_numbers_only() {
     shrink(surface.topology);
     for (Layer& layer : values) shrink(layer.topology);

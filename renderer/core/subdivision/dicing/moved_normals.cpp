@@ -1,4 +1,4 @@
-// See moved_normals.hpp.
+// Computation of moved_normals.hpp.
 #include "subdivision/dicing/moved_normals.hpp"
 
 #include <cmath>
@@ -8,7 +8,7 @@
 namespace primray::subdivision {
 namespace {
 
-constexpr double kAlike = 0.99985;  // the cosine of a degree
+constexpr double kAlike = 0.99985;  // cosine of a degree
 
 bool put_unit(const dvec3& n, float* to) {
   const double l = length(n);
@@ -31,7 +31,7 @@ NormalGroups::NormalGroups(const Triangles& t, int vertices, const std::vector<f
     for (int v = 0; v < vertices; ++v) vertex[size_t(v)] = v;
     return;
   }
-  std::vector<int32_t> last(size_t(vertices), -1), before, like;  // groups of a vertex, from the last one back
+  std::vector<int32_t> last(size_t(vertices), -1), before, like;  // linked lists of groups by vertex, from the last one back
   of_corner.resize(t.points.size());
   is_by_vertex = true;
   for (size_t i = 0; i < t.points.size(); ++i) {
@@ -81,7 +81,9 @@ std::vector<float> normals_by_vertex(const Triangles& t, const std::vector<float
     sums[size_t(t.points[i])] += vector_at(normals, t.normals[i]) * corner_angle(at(k), at(k + 1), at(k + 2));
   }
   std::vector<float> made(3 * vertices, 0.0f);
-  for (size_t v = 0; v < vertices; ++v) put_unit(sums[v], &made[3 * v]);  // two sides of a sheet cancel out: it stays there
+  for (size_t v = 0; v < vertices; ++v)
+    put_unit(sums[v], &made[3 * v]);  // two sides of a sheet cancel out: the previous
+                                      // normal stays
   return made;
 }
 

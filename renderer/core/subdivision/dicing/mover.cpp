@@ -1,4 +1,4 @@
-// See mover.hpp.
+// Evaluation of mover.hpp.
 #include "subdivision/dicing/mover.hpp"
 
 #include <algorithm>
@@ -10,11 +10,11 @@ namespace primray::subdivision {
 namespace {
 
 constexpr double kAligned = 0.999;           // a cosine
-constexpr double kTorn = 1e-2;               // how much of their length corners' vectors may differ by
-constexpr double kTurned = 0.1;              // likewise, where their tangents differ: of faces that are still large they do
-constexpr size_t kAtOnce = size_t(1) << 14;  // corners that are asked for at a time
+constexpr double kTorn = 1e-2;               // relative difference of corners' vectors that counts as torn
+constexpr double kTurned = 0.1;              // relative difference if their tangents differ: those of large faces do
+constexpr size_t kAtOnce = size_t(1) << 14;  // corners that are evaluated at a time
 
-// Directions in which st grows, summed up over a vertex's corners.
+// Directions in which st grows, summed over a vertex's corners.
 struct TangentSum {
   dvec3 s{0.0}, t{0.0};
 
@@ -27,7 +27,7 @@ struct TangentSum {
     const double ls = length(ds), lt = length(dt);
     if (ls > 0 && lt > 0) s += ds * (weight / ls), t += dt * (weight / lt);
   }
-  // As surfaces' tangents are: at right angles to the normal and to each other, of unit length; 0 where there are none.
+  // Like tangents of surfaces: perpendicular to the normal and to each other, of unit length; 0 where undefined.
   void at_right_angles(const dvec3& n, dvec3& tangent, dvec3& bitangent) const {
     tangent = s - n * dot(n, s);
     const double l = length(tangent);
@@ -44,7 +44,7 @@ Mover::Mover(const Displacing& how, const Footprint& print, double pixels, Moved
   for (const View& view : print_.views) stretches_.push_back(std::cbrt(std::fabs(view.camera_from_object.determinant())));
 }
 
-// How far apart vertices will be there, unless levels end before: textures are averaged alike whatever the level is.
+// Expected distance of vertices there, unless levels end before: textures are averaged alike whatever the level.
 double Mover::spacing(const dvec3& p) const {
   double density = print_.density;
   const Projection& projection = print_.projection;
@@ -60,7 +60,7 @@ int Mover::normal_of(const Level& level, int c) const {
   return level.corner_normal.empty() ? level.surface.output[level.surface.topology.vertex[c]] : level.corner_normal[c];
 }
 
-// Of two corners at one vertex.
+// Whether two corners of one vertex have the same displacement.
 bool Mover::are_aligned(const Level& level, int a, int b) const {
   const int n = normal_of(level, a), m = normal_of(level, b);
   return n == m || dot(vector_at(mesh_.normals, n), vector_at(mesh_.normals, m)) > kAligned;
@@ -77,11 +77,11 @@ bool Mover::says_the_same(const Level& level, int a, int b) const {
   return true;
 }
 
-// One of those that say the same.
+// Chooses one of the corners with the same displacement.
 void Mover::choose_corners(const Level& level, const std::vector<uint8_t>& is_new) {
   const Topology& t = level.surface.topology;
   corners_.clear();
-  std::vector<int32_t> last(t.vertices(), -1), before;  // of the chosen ones at a vertex, from the last one back
+  std::vector<int32_t> last(t.vertices(), -1), before;  // of the chosen corners at a vertex, linked from the last one back
   for (int f = 0; f < t.faces(); ++f) {
     if (!level.is_active[f]) continue;
     for (int c = t.begin(f), end = c + t.size(f); c < end; ++c) {
@@ -107,7 +107,7 @@ void Mover::add(const Level& level, const std::vector<uint8_t>& is_new) {
   moved_.resize(kMovedNumbers * vertices, 0.0f), shift_.resize(3 * vertices, 0.0f);
   for (size_t first = 0; first < corners_.size(); first += kAtOnce)
     ask(level, first, std::min(kAtOnce, corners_.size() - first));
-  // Means: corners of a vertex may have been asked for in different goes.
+  // Means: corners of a vertex may have been evaluated in different passes.
   const Topology& t = level.surface.topology;
   for (int v = 0; v < t.vertices(); ++v) {
     const float count = float(counts_[size_t(v)]);
@@ -184,7 +184,7 @@ const float* Mover::st_of(const Level& level, int c) const {
   return &st_values()[size_t(layer.output[layer.topology.vertex[c]]) * st_width()];
 }
 
-// Along tangents of a level's faces: nearer to those of the end with every level, also at the vertices of levels before.
+// Tangents of a level's faces approach those of the final mesh with every level, also at the vertices of earlier levels.
 void Mover::turn(const Level& level) {
   const Topology& t = level.surface.topology;
   const size_t vertices = mesh_.points.size() / 3;
@@ -240,7 +240,7 @@ std::vector<float> Mover::points() const {
   return made;
 }
 
-// Points of the frame or a step, along the normals (one a vertex) that they have then.
+// Moves points of the frame or of a step, along the normals (one per vertex) that they have at that time.
 void Mover::move(const Triangles& t, std::vector<float>& points, const std::vector<float>& normals) const {
   const size_t vertices = points.size() / 3;
   std::vector<TangentSum> sums(is_tangential_ ? vertices : 0);

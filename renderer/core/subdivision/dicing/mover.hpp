@@ -1,9 +1,9 @@
-// Moves a diced surface as materials displace it: while it is diced, so that edges are measured where they end up, and once it
-// is, with normals of what it has become.
+// Displacement of a diced surface: while it is diced, so that edges are measured where they end up, and afterwards, with new
+// normals.
 //
-// A vertex is moved by one vector, the mean of what the corners that meet in it say: neither seams of primvars, nor creases,
-// nor subsets with other materials open cracks. What a corner says is asked for at the level where its vertex first appears,
-// and rests on nothing that is coarser there; tangents, which would, are those of the triangles in the end.
+// A vertex is moved by one vector, the mean of those of its corners: neither seams of primvars, nor creases, nor subsets with
+// other materials open cracks. A corner's displacement is evaluated at the level where its vertex first appears, and depends on
+// nothing that is coarser there; tangents, which would, are those of the final triangles.
 #pragma once
 
 #include <functional>
@@ -14,24 +14,25 @@
 
 namespace primray::subdivision {
 
-// Corners of faces, in the cage's own space.
+// Corners of faces, in the cage's object space.
 struct CornerRows {
-  std::span<const float> points;      // 9 a corner: it, the next one and the previous one along its face
-  std::span<const float> normals;     // 3 a corner; unit length
+  std::span<const float> points;      // 9 per corner: its point, that of the next corner and that of the previous one along its
+                                      // face
+  std::span<const float> normals;     // 3 per corner; unit length
   std::span<const float> footprints;  // lengths over which textures are averaged
   std::span<const int32_t> faces;     // of the cage
-  // Three rows a corner, in the order of `points`: of the arrays of values by vertex, and of each face-varying primvar.
+  // Three rows per corner, in the order of `points`: in the arrays of values by vertex, and in each face-varying primvar.
   std::span<const int32_t> vertices;
   std::span<const float> vertex_values, varying_values;
   std::vector<std::span<const int32_t>> channels;
   std::vector<std::span<const float>> channel_values;
 };
 
-// What a displacement is given in: along the tangent of `st`, across it, and along the normal; then in the cage's own space.
+// Components of a displacement: along the tangent of `st`, across it, and along the normal; then in the cage's object space.
 constexpr int kMovedNumbers = 6;
-using Displace = std::function<void(const CornerRows&, std::span<float>)>;  // kMovedNumbers a corner
+using Displace = std::function<void(const CornerRows&, std::span<float>)>;  // kMovedNumbers per corner
 
-// Where a primvar's numbers are found: from a column on, or of a face-varying primvar.
+// Location of a primvar: first column, or a face-varying primvar.
 struct ValuePlace {
   enum class Kind { kNone, kVertex, kVarying, kFaceVarying };
   Kind kind = Kind::kNone;
@@ -41,11 +42,11 @@ struct ValuePlace {
 struct Displacing {
   Displace displace;
   ValuePlace st;     // spans tangents
-  int normals = -1;  // a face-varying primvar along which the surface is displaced, three numbers a time; -1: its own
+  int normals = -1;  // face-varying primvar along which the surface is displaced, three numbers per time; -1: its own normals
   bool faces_differ = false;
 };
 
-// The mesh that comes out, while it grows.
+// Output mesh under construction.
 struct Moved {
   std::vector<float>&points, &normals;
   std::vector<std::vector<float>>&step_points, &step_normals;
@@ -59,13 +60,13 @@ class Mover {
  public:
   Mover(const Displacing& how, const Footprint& print, double pixels, Moved mesh);
 
-  // After a level's vertices of which `is_new` says so have got their points, normals and values.
+  // Adds a level's new vertices (`is_new`), after they have their points, normals and values.
   void add(const Level& level, const std::vector<uint8_t>& is_new);
-  // Where a vertex comes to lie, nearly: `points` are those of the frame or of a step.
+  // Approximate displaced position of a vertex: `points` are those of the frame or of a step.
   dvec3 point(const std::vector<float>& points, int vertex) const;
-  // Corners of a vertex say so different things that edges to it stay as long as they are, however fine.
+  // Whether a vertex's corners differ so much that edges to it stay long, however fine the mesh.
   bool is_torn(int vertex) const { return is_torn_[size_t(vertex)] || (is_tangential_ && is_turned_[size_t(vertex)]); }
-  // Of all vertices, at the frame.
+  // Displaced points of all vertices, at the frame.
   std::vector<float> points() const;
   void finish(Triangles& triangles);
 
@@ -86,13 +87,13 @@ class Mover {
   const Displacing& how_;
   const Footprint& print_;
   double pixels_;
-  std::vector<double> stretches_;  // of the footprint's views: a length's in them, on the whole
+  std::vector<double> stretches_;  // of the footprint's views: mean scale of a length in them
   Moved mesh_;
   std::vector<float> moved_;  // by vertex, kMovedNumbers
-  std::vector<float> shift_;  // by vertex: the vector at the frame, nearly
+  std::vector<float> shift_;  // by vertex: the approximate vector at the frame
   std::vector<uint8_t> is_torn_, is_turned_;
   std::vector<int32_t> corners_;
-  std::vector<int32_t> counts_;  // of a level's vertices: corners that have been asked for
+  std::vector<int32_t> counts_;  // of a level's vertices: corners that have been evaluated
   bool is_tangential_ = false;
 };
 

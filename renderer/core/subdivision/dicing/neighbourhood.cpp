@@ -1,4 +1,4 @@
-// See neighbourhood.hpp.
+// Construction of neighbourhood.hpp.
 #include "subdivision/dicing/neighbourhood.hpp"
 
 #include <algorithm>
@@ -99,7 +99,7 @@ void add_quad_differences(const Lattice& l, Neighbourhood& out) {
     }
 }
 
-// Of every edge around the triangle's vertices that is inside the surface.
+// Adds differences for every edge around the triangle's vertices that is inside the surface.
 void add_triangle_differences(const Topology& t, Neighbourhood& out) {
   const int f = out.faces[0];
   const auto is_own = [&](int v) { return v == t.vertex[3 * f] || v == t.vertex[3 * f + 1] || v == t.vertex[3 * f + 2]; };

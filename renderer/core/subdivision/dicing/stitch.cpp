@@ -1,4 +1,4 @@
-// See stitch.hpp.
+// Triangulation of stitch.hpp.
 #include "subdivision/dicing/stitch.hpp"
 
 namespace primray::subdivision {
@@ -30,7 +30,7 @@ class Stitcher {
   }
 
  private:
-  // Room for faces that have no finer neighbour.
+  // Reserves memory for faces without finer neighbours.
   void reserve() {
     size_t n = 0;
     for (const Level& level : levels_)
@@ -77,7 +77,7 @@ class Stitcher {
     second = {side.level + 1, stride * (child + t.next(side.corner)) + stride - 1};
   }
 
-  // Halves its split sides, one after the other, towards the corner across.
+  // Halves its split sides, one after the other, towards the opposite corner.
   void triangle(Place a, Place b, Place c, Place ab, Place bc, Place ca) {
     if (is_split(ab)) {
       Place first, second;

@@ -1,5 +1,5 @@
-// Drawn faces of all levels to triangles. A face beside finer ones takes up the vertices that these have on its edges, so that
-// every edge of the mesh has the same two ends on both sides.
+// Triangulation of the drawn faces of all levels. A face beside finer ones includes the vertices that these have on its edges,
+// so that every edge of the mesh has the same two ends on both sides.
 #pragma once
 
 #include <vector>
@@ -9,10 +9,10 @@
 namespace primray::subdivision {
 
 struct Triangles {
-  std::vector<int32_t> points;               // three a triangle, into the output's vertices
-  std::vector<int32_t> normals;              // as many; empty where normals belong to vertices
-  std::vector<std::vector<int32_t>> values;  // one a face-varying primvar
-  std::vector<int32_t> faces;                // of the cage, one a triangle
+  std::vector<int32_t> points;               // three per triangle, into the output's vertices
+  std::vector<int32_t> normals;              // three per triangle; empty where normals belong to vertices
+  std::vector<std::vector<int32_t>> values;  // one per face-varying primvar
+  std::vector<int32_t> faces;                // of the cage, one per triangle
 };
 
 // `points`: the output's vertices, three floats each.
