@@ -22,15 +22,15 @@ def findings(seen: Examined) -> Iterator[Finding]:
         said = next(diagnostic.message for diagnostic in told if diagnostic.code == "default-light")
         yield Finding(Question.DARK, "default-light", said, CODES["default-light"].advice)
     elif not seen.prepared.lights and not glows:
-        advice = "Add a light (a DomeLight is the plainest), or leave out --studio-light off."
-        yield Finding(Question.DARK, "no-light", "There is no light, and nothing glows.", advice)
+        advice = "Add a light (a DomeLight is the simplest), or omit --studio-light off."
+        yield Finding(Question.DARK, "no-light", "There is no light, and nothing is emissive.", advice)
     elif seen.hit_share > 0 and not pixels[..., :3].any():
         said = "What the camera sees is black, though there are lights: none reaches it, or its materials reflect nothing."
         yield Finding(
             Question.DARK,
             "unlit",
             said,
-            "Look at where lights are and face, and at their links and intensities; `--studio-light on` adds a light.",
+            "Check where lights are and face, their links and intensities; `--studio-light on` adds a light.",
         )
     for code in LIGHTLESS:
         prims = tuple(dict.fromkeys(d.prim_path for d in told if d.code == code))

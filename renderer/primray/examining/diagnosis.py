@@ -141,4 +141,4 @@ def diagnose(stage: str | os.PathLike[str] | Any, settings: RenderSettings, pilo
 
 def check_pilot(seconds: float) -> None:
     if not seconds > 0:
-        raise SettingsError(f"the pilot needs some seconds, not {seconds}", where="pilot_seconds", code="pilot")
+        raise SettingsError(f"the pilot must take more than 0 seconds, not {seconds}", where="pilot_seconds", code="pilot")

@@ -29,10 +29,10 @@ def _view(seen: Examined) -> Iterator[Finding]:
     here = (seen.prepared.camera.path,) if seen.prepared.camera.path else ()
     if bounds is None:
         said = why_empty(seen.prepared, seen.image.pixels, seen.diagnostics)
-        yield Finding(Question.EMPTY, "nothing-drawn", said, "Bring or show what the sentence names.", here, 1.0)
+        yield Finding(Question.EMPTY, "nothing-drawn", said, "Add or show what the message names.", here, 1.0)
     elif share == 0 and not seen.image.pixels[..., 3].any():
-        said = f"No ray of {camera} meets anything. {why_empty(seen.prepared, seen.image.pixels, seen.diagnostics)}"
-        advice = "Look through another camera (--camera), or leave it to --auto-camera to frame the stage."
+        said = f"No ray of {camera} hits anything. {why_empty(seen.prepared, seen.image.pixels, seen.diagnostics)}"
+        advice = "Use another camera (--camera), or let --auto-camera frame the stage."
         yield Finding(Question.EMPTY, "camera-sees-nothing", said, advice, here, 1.0)
     elif share < SMALL:
         depth = seen.image.aovs["depth"].values[..., 0]
@@ -41,7 +41,7 @@ def _view(seen: Examined) -> Iterator[Finding]:
         said = f"Surfaces cover {share:.2%} of the picture: the stage is {diameter:.4g} units across" + (
             f", and {nearest:.4g} away from {camera}" if np.isfinite(nearest) else ""
         )
-        advice = "Move the camera closer, correct the scale (metersPerUnit) of what is referenced, or see all: --auto-camera."
+        advice = "Move the camera closer, correct the scale (metersPerUnit) of referenced assets, or use --auto-camera."
         yield Finding(Question.EMPTY, "small-in-view", f"{said}.", advice, here, 1 - share)
 
 
@@ -74,5 +74,5 @@ def _size(seen: Examined) -> Iterator[Finding]:
     metres = float(np.linalg.norm(np.subtract(bounds[1], bounds[0]))) * unit
     if metres > LARGEST_M or 0 < metres < SMALLEST_M:
         said = f"The stage is {metres:.3g} m across (metersPerUnit {unit:g})."
-        advice = "Correct metersPerUnit, or what reaches this far: lengths of lenses, media and lights in lumens go by it."
+        advice = "Correct metersPerUnit, or remove outlying prims: lenses, media and lights in lumens depend on the scale."
         yield Finding(Question.EMPTY, "size", said, advice)

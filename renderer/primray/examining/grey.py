@@ -38,7 +38,7 @@ def findings(seen: Examined) -> Iterator[Finding]:
     yield from told
     share = grey_share(seen)
     if not told and share is not None and share > MOSTLY:
-        said = f"{share:.0%} of what is seen has an albedo without colour, and all of its materials are as authored."
+        said = f"{share:.0%} of the visible surfaces have an albedo without colour, and all of their materials are as authored."
         yield Finding(Question.GREY, "grey-as-authored", said, "Author colours or textures in the materials.", (), share)
 
 
@@ -111,4 +111,4 @@ def _share(seen: Examined, covered: npt.NDArray[np.bool_]) -> float:
 
 
 def _of_what_is_seen(share: float) -> str:
-    return f"; {share:.0%} of what is seen" if share else "; not seen directly"
+    return f"; {share:.0%} of the visible surfaces" if share else "; not seen directly"

@@ -64,12 +64,12 @@ def _time(seen: Examined) -> Iterator[Finding]:
         return
     if found["seconds"] is None:
         said = "An error of 1 % needs more samples than are allowed."
-        yield Finding(Question.SLOW, "noise", said, "See which prims and lights have it; --denoise may do.")
+        yield Finding(Question.SLOW, "noise", said, "See which prims and lights cause it; --denoise may suffice.")
         return
     seconds = found["seconds"]["estimate"]
     if seconds > LONG_S:
         said = f"An error of 1 % takes about {duration(seconds)} ({found['samples']['estimate']:,.0f} samples a pixel)."
-        advice = "Ask for the error that serves (--target-error), a smaller picture, more threads, or --denoise."
+        advice = "Use a larger --target-error, a smaller picture, more threads, or --denoise."
         yield Finding(Question.SLOW, "noise", said, advice)
 
 
@@ -83,9 +83,9 @@ def _hot_spots(seen: Examined, part: Doubles) -> Iterator[Finding]:
             continue
         on = seen.materials[seen.prims == number]
         material = materials.get(int(np.bincount(on).argmax()), "")
-        said = f"{names[number]} has {errors[number]:.0%} of the error on {pixels[number]:.1%} of what is seen"
+        said = f"{names[number]} has {errors[number]:.0%} of the error on {pixels[number]:.1%} of the visible surfaces"
         said += f" (material {material})" if material else ""
-        advice = "Rough glass, small bright lights seen in it, or light that finds it by chance: a larger light is calmer."
+        advice = "Causes are rough glass, reflected small lights, or light found by chance: larger lights are less noisy."
         prims = (names[number], *([material] if material else []))
         yield Finding(Question.SLOW, "hot-spot", f"{said}.", advice, prims, float(errors[number]))
 
@@ -95,7 +95,7 @@ def _fireflies(part: Doubles) -> Iterator[Finding]:
     share = float(np.partition(part.ravel(), -few)[-few:].sum())
     if share > FEW_HAVE and part.size >= 1000:
         said = f"{few:,} pixels ({FEW_PIXELS:.1%}) have {share:.0%} of the error: single samples that are very bright."
-        advice = "Light that paths find by chance: caustics of small lights, glowing geometry without a light. Enlarge it."
+        advice = "Paths find light by chance: caustics of small lights, or emissive geometry that is no light. Enlarge it."
         yield Finding(Question.SLOW, "fireflies", said, advice, (), share)
 
 
@@ -137,10 +137,10 @@ def _lights(seen: Examined, part: Doubles) -> Iterator[Finding]:
     if shares[worst] < max(PART, 1.2 / len(shares)):
         return
     light = next(light for light in seen.description.lights if light.path == worst)
-    said = f"Of {len(shares)} lights, {worst} ({light.type.value}) brings {shares[worst]:.0%} of the error."
-    advice = "Make it larger or weaker, narrow its links to what it should light, or check what stands before it."
+    said = f"Of {len(shares)} lights, {worst} ({light.type.value}) causes {shares[worst]:.0%} of the error."
+    advice = "Make it larger or weaker, restrict its links to what it should light, or check what is in front of it."
     if light.type is LightType.DOME:
-        advice = "Portals (UsdLux PortalLight) tell where its light comes in; a smoother texture has less to find."
+        advice = "Portals (UsdLux PortalLight) mark where its light enters; a smoother texture is less noisy."
     yield Finding(Question.SLOW, "noisy-light", said, advice, (worst,), shares[worst])
 
 

@@ -56,10 +56,10 @@ def _setting_up(seen: Examined) -> Iterator[Finding]:
         "build": lambda: f"{counts['triangles_unique']:,} triangles and {counts['instances']:,} instances get a hierarchy",
     }
     advice = {
-        "open": "Leave out what is not seen: --mask, --load, or fewer layers; a file of usdc reads faster than usda.",
+        "open": "Leave out what is not seen (--mask, --load), or use fewer layers; usdc files read faster than usda.",
         "translate": "Instance what is repeated (instanceable = true, PointInstancer); merge meshes of few faces.",
-        READING: "Make the largest ones smaller, or tiled with levels (maketx): only what the view needs is kept.",
-        "dice": "Take a larger --dicing-rate, or say subdivisionScheme none where the polygons are fine enough.",
+        READING: "Make the largest ones smaller, or tiled and mipmapped (maketx): only what the view needs is kept.",
+        "dice": "Use a larger --dicing-rate, or author subdivisionScheme none where the polygons are fine enough.",
         "build": "Instance what is repeated; keep a scene between renders (primray.Scene, primray view).",
     }
     said = f"Setting up takes {total:.1f} s, {longest} {took[longest]:.1f} s of it: {why[longest]()}."
@@ -102,7 +102,7 @@ def _triangles(seen: Examined) -> Iterator[Finding]:
     largest = sizes[:3]
     told = ", ".join(f"{path} {size / total:.0%}" for size, path in largest)
     said = f"{total:,} triangles are stored for {width * height:,} pixels, most of them in {told}."
-    advice = "Take a larger --dicing-rate for surfaces that are diced, a coarser level of the mesh, or instances."
+    advice = "Use a larger --dicing-rate for surfaces that are diced, a coarser mesh, or instances."
     yield Finding(Question.SLOW, "many-triangles", said, advice, tuple(path for _, path in largest), largest[0][0] / total)
 
 
@@ -110,7 +110,7 @@ def _memory(seen: Examined) -> Iterator[Finding]:
     needs, has = seen.prepared.counts["process_bytes"], _memory_bytes()
     if has is not None and needs > 0.9 * has:
         said = f"The render needs about {_megabytes(needs)}; this machine has {_megabytes(has)}, and swaps beyond that."
-        advice = "Render smaller textures, fewer triangles (--dicing-rate), or on a machine with more memory."
+        advice = "Use smaller textures, fewer triangles (--dicing-rate), or a machine with more memory."
         yield Finding(Question.SLOW, "memory", said, advice, (), needs / has)
 
 
@@ -121,7 +121,7 @@ def _rays(seen: Examined) -> Iterator[Finding]:
         kinds = sorted(film.rays_by_kind.items(), key=lambda item: -item[1])
         told = ", ".join(f"{count / film.rays:.0%} {kind}" for kind, count in kinds[:3] if count)
         said = f"A sample takes {per_sample:.0f} rays ({told}): long paths, through glass, interiors or between bright walls."
-        advice = "A smaller --max-depth is faster and darker; thin walls (thin_walled, opacity) need fewer rays than bodies."
+        advice = "A smaller --max-depth is faster and darker; thin walls (thin_walled, opacity) need fewer rays than solids."
         yield Finding(Question.SLOW, "long-paths", said, advice)
 
 

@@ -42,7 +42,7 @@ class Scene:
     def __init__(self, stage: str | os.PathLike[str] | Any, **composition: Any) -> None:
         unknown = sorted(composition.keys() - set(COMPOSING))
         if unknown:
-            raise SettingsError(f"a scene is composed by {', '.join(COMPOSING)}, not by {unknown[0]}", where=unknown[0])
+            raise SettingsError(f"a scene is composed with {', '.join(COMPOSING)}, not with {unknown[0]}", where=unknown[0])
         self._composition: dict[str, Any] = {name: value for name, value in composition.items() if value is not None}
         self._kept = KeptStage(stage, RenderSettings(**self._composition))
 
@@ -79,5 +79,5 @@ class Scene:
         if composing_settings(settings) == PLAIN and self._composition:
             settings = replace(settings, **self._composition)
         if composing_settings(settings) != self._kept.opened.composed_by:
-            raise SettingsError("all renders of a scene compose the stage alike: variants, load, mask, session_layer")
+            raise SettingsError("all renders of a scene must have its composition: variants, load, mask, session_layer")
         return settings

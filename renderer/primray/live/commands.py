@@ -64,7 +64,7 @@ def _reset(command: Mapping[str, Any]) -> Order:
 def _camera(command: Mapping[str, Any]) -> Order:
     path = command.get("path")
     if path is not None and not isinstance(path, str):
-        raise _refused("path is the path of a camera, or null")
+        raise _refused("path must be the path of a camera, or null")
     return lambda scene: scene.look_through(path or None)
 
 
@@ -87,14 +87,14 @@ _ORDERS: dict[str, Callable[[Mapping[str, Any]], Order]] = {
 def _number(command: Mapping[str, Any], name: str) -> float:
     value = command.get(name, 0.0)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= FARTHEST:
-        raise _refused(f"{name} is a number from -{FARTHEST:g} to {FARTHEST:g}, not {value!r}")
+        raise _refused(f"{name} must be a number from -{FARTHEST:g} to {FARTHEST:g}, not {value!r}")
     return float(value) if math.isfinite(value) else 0.0
 
 
 def _text(command: Mapping[str, Any], name: str) -> str:
     value = command.get(name)
     if not isinstance(value, str):
-        raise _refused(f"{name} is a text, not {value!r}")
+        raise _refused(f"{name} must be text, not {value!r}")
     return value
 
 

@@ -304,12 +304,12 @@ def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Cont
 def _arranged(groups: list[Group[ResolvedPrim]], ctx: Context) -> Arrangement:
     """Compute instance placements; report cyclic and coincident instances."""
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
-        ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
+        ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances are exactly where another one is: left out.")
     where = arrange(groups, ctx.settings.max_memory_bytes or machine_bytes() // 2)
     if not ctx.timing.is_open and not ctx.timing.is_frame:
         where = at_instant(where, groups, ctx.timing.opens)
     for parent, child in where.cyclic:
-        ctx.warn("invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}.")
+        ctx.warn("invalid-instancer", groups[child].path, f"The prototype contains itself, through {groups[parent].path}.")
     return where
 
 

@@ -282,7 +282,7 @@ def limits_of(asked: Mapping[str, Any]) -> Limits:
 
 
 def damaged(layer: str) -> Problem:
-    return Problem("layer-unreadable", "The layer is damaged: it has names or prims that cannot be.", layer=layer, line=None)
+    return Problem("layer-unreadable", "The layer is damaged: it has invalid names or prims.", layer=layer, line=None)
 
 
 def too_large(what: str, count: int, limit: int, layer: str | None = None) -> Problem:

@@ -131,7 +131,7 @@ def test_layers_that_are_loaded_again_are_rendered_again(tmp_path: Path) -> None
 
 
 def test_composition_is_the_scenes(stage: Usd.Stage) -> None:
-    with pytest.raises(primray.errors.SettingsError, match="alike"):
+    with pytest.raises(primray.errors.SettingsError, match="its composition"):
         primray.Scene(stage).render(SETTINGS, mask=("/world",))
     with pytest.raises(primray.errors.SettingsError, match="not by spp"):
         primray.Scene(stage, spp=4)

@@ -116,11 +116,11 @@ def test_inspect_tells_a_person(stage: str, capsys: pytest.CaptureFixture[str]) 
     assert out[out.index(fidelity) + 1 :] == [
         "error: unsupported-prim (missing): GenerativeProcedural is not rendered. (50 times)",
         "    /hair_0, /hair_1, /hair_2 and 47 more",
-        "warning: api-schema (ignored): FancyAPI is not known: what it means to the picture is ignored.",
+        "warning: api-schema (ignored): FancyAPI is unknown: any effect on the picture is ignored.",
         "    /ball",
         "warning: wrong-type (defaulted): radius = inf is not a finite number; 1 is used.",
         "    /ball",
-        "info: other-renderer (ignored): primvars:arnold:opaque: An attribute of the namespace arnold on this prim: not read.",
+        "info: other-renderer (ignored): primvars:arnold:opaque: An attribute of the namespace arnold on this prim: ignored.",
         "    /ball",
         "info: camera-chosen (chosen): The stage's only camera is used.",
         "    /cam",
@@ -142,7 +142,7 @@ def test_strict_inspection_prints_and_fails(stage: str, tmp_path: Path, capsys: 
     assert captured.err.startswith(
         "error: unsupported-prim (missing): GenerativeProcedural is not rendered. (50 times)"
     )  # all of them
-    assert "\nerror: strict: --strict: api-schema: FancyAPI is not known" in captured.err
+    assert "\nerror: strict: --strict: api-schema: FancyAPI is unknown" in captured.err
     assert captured.err.endswith("(and 51 more) [/ball]\n")
     fine = tmp_path / "fine.usda"
     fine.write_text(STAGE.replace("FancyAPI", "PhysicsMassAPI").replace("inf", "2"))

@@ -63,7 +63,7 @@ def _kinds(lights: list[dict[str, str]]) -> list[str]:
 
 def _to_one_percent(found: dict[str, Any] | None, duration: Any) -> str:
     if found is None:
-        return "not known: nothing that is seen has an error"
+        return "unknown: no visible surface has an error"
     if found["seconds"] is None:
         return "more samples than are allowed"
     seconds, samples = found["seconds"], found["samples"]

@@ -55,7 +55,7 @@ def add_group(scene: Scene, group: Group[ResolvedPrim], where: Arrangement, g: i
         leaf = leaves.pop()
         scene.has_lights |= leaf.type_name in scene.adapters.lights or leaf.path in ctx.kept.of(LightShapes)
         if not finite.pop():
-            ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
+            ctx.warn("invalid-transform", leaf.path, "Its transform is not finite: it is not rendered.")
         elif leaf.type_name in scene.adapters.lights:
             first = len(scene.lights)
             add_lights(scene, leaf, matrices[len(leaves)], chains, count, group.blur_scale, ctx)

@@ -49,5 +49,5 @@ def note_errors(steps: list[MotionSteps], ctx: Context) -> None:
     for found in steps:
         if found.error > ctx.settings.most_motion_error:
             pixels = f"{found.error:.2g}" if math.isfinite(found.error) else "any number of"
-            left = f"its path is given in {found.segments} steps, which leaves it up to {pixels} pixels off."
+            left = f"its path is sampled in {found.segments} steps, which leaves an error of up to {pixels} pixels."
             ctx.warn("motion", ctx.shown(found.path), f"It moves fast: {left}")

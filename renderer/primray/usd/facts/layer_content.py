@@ -94,7 +94,7 @@ def _tree_of(layer: Sdf.Layer, name: str) -> _Tree:
 
 
 def _damaged(name: str) -> StageOpenError:
-    return StageOpenError("The layer is damaged: it has names, fields or prims that cannot be.", where=name, code=DAMAGED)
+    return StageOpenError("The layer is damaged: it has invalid names, fields or prims.", where=name, code=DAMAGED)
 
 
 def _asset_paths(layer: Sdf.Layer, name: str) -> tuple[list[str], list[str]]:

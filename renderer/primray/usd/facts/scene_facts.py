@@ -195,7 +195,7 @@ def _product_notes(settings: Iterable[Usd.Prim]) -> list[Note]:
             name = _text(product, "productName") if product else ""
             parts = PurePosixPath(name.replace("\\", "/")).parts
             if name and (name[0] in "/\\" or ".." in parts or re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name)):
-                detail = "Its productName leads out of the output folder; the files of a job have names of the service's own."
+                detail = "Its productName leads out of the output folder; it is ignored; the service names the files of a job."
                 notes.append(Note("product-name-rewritten", path, detail, "warning"))
     return notes
 

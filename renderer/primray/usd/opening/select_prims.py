@@ -70,7 +70,7 @@ def _choose(stage: Usd.Stage, choice: VariantChoice) -> None:
         while instance.IsInstanceProxy():
             instance = instance.GetParent()
         raise SettingsError(
-            f"it lies inside the instance {instance.GetPath()}, whose prims are shared; choose on the instance",
+            f"it is inside the instance {instance.GetPath()}, whose prims are shared; choose the variant on the instance",
             where=choice.prim,
             code="unknown-variant",
         )
@@ -90,7 +90,7 @@ def _choose(stage: Usd.Stage, choice: VariantChoice) -> None:
 
 def _prim_path(path: str, what: str) -> Sdf.Path:
     if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
-        raise SettingsError("it is no path of a prim, such as /World/car", where=path, code=f"unknown-{what}")
+        raise SettingsError("it is not a prim path, such as /World/car", where=path, code=f"unknown-{what}")
     return Sdf.Path(path)
 
 

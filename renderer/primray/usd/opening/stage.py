@@ -181,7 +181,7 @@ def _populated(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition
         add_load_rules(stage, composition.load)
     except Tf.ErrorException as error:
         if (rate := wrong_rate(root)) is not None:
-            message = f"timeCodesPerSecond is {rate}, no number: USD cannot open the stage."
+            message = f"timeCodesPerSecond is {rate}, not a number: USD cannot open the stage."
             raise InvalidSceneError(message, where=path or root.identifier, code="time-metadata") from None
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
     return stage

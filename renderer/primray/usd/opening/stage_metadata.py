@@ -50,7 +50,7 @@ def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
     differ = len({rate_of(layer) for layer in layers}) > 1
     if differ and not all(map(_can_be_mapped, bad)) and has_samples(layers):
         raise InvalidSceneError(
-            f"timeCodesPerSecond is {rates}: USD cannot map time samples from one layer to another, and would never return",
+            f"timeCodesPerSecond is {rates}: USD cannot map time samples from one layer to another, and would hang",
             where=bad[0].identifier,
             code="time-metadata",
         )
@@ -102,7 +102,7 @@ def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) ->
     value = authored_meters_per_unit(stage)
     used = usable_length(value)
     if used != value and diagnostics is not None:
-        diagnostics.add("stage-metadata", "", f"metersPerUnit is {value:g}, no length; 0.01 is used.", "metersPerUnit")
+        diagnostics.add("stage-metadata", "", f"metersPerUnit is {value:g}, not a length; 0.01 is used.", "metersPerUnit")
     return used
 
 

@@ -62,7 +62,7 @@ def why(error: Exception) -> str:
     """Return the reason of one of FAILURES, as the end of a message."""
     if isinstance(error, UnicodeDecodeError):
         return "it is not UTF-8."
-    return tf_message(error) if isinstance(error, Tf.ErrorException) else "USD has no such value for Python."
+    return tf_message(error) if isinstance(error, Tf.ErrorException) else "its type has no Python equivalent."
 
 
 def value_at(attribute: Usd.Attribute, time: Usd.TimeCode | float) -> Any:
@@ -135,7 +135,7 @@ def targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
     relationship = prim.GetRelationship(name)
     if not relationship:
         if prim.HasProperty(name):
-            note("wrong-type", _path_of(prim), f"{name} is no relationship.", name)
+            note("wrong-type", _path_of(prim), f"{name} is not a relationship.", name)
         return []
     try:
         return list(relationship.GetForwardedTargets())
@@ -255,7 +255,7 @@ def local_transform_at(prim: Usd.Prim, time_of: Callable[[Usd.Attribute], Usd.Ti
 
 
 def _no_transform(prim: Usd.Prim, error: Exception) -> tuple[Gf.Matrix4d, bool]:
-    note("wrong-type", _path_of(prim), f"No transform is used: {why(error)}", "xformOpOrder")
+    note("wrong-type", _path_of(prim), f"Its transform is ignored: {why(error)}", "xformOpOrder")
     return Gf.Matrix4d(1.0), False
 
 

@@ -134,7 +134,7 @@ def render_settings_path(stage: Usd.Stage) -> str | None:
     found = stage_value(stage, "renderSettingsPrimPath")
     if found is None or isinstance(found, str):
         return found
-    note("stage-metadata", "", f"renderSettingsPrimPath is {shown(found)}, no text: it is ignored.", "renderSettingsPrimPath")
+    note("stage-metadata", "", f"renderSettingsPrimPath is {shown(found)}, not text: it is ignored.", "renderSettingsPrimPath")
     return None
 
 

@@ -40,18 +40,18 @@ UNDERSTOOD = frozenset(f"{_READ} {_READ_OF_OTHERS} {_WITHOUT_EFFECT}".split()) |
 IGNORED = {
     "CoordSysAPI": "Coordinate systems are not read.",
     "HydraGenerativeProceduralAPI": "What its procedural would make is missing.",
-    "OmniLensDistortionOmniDirectionalStereoAPI": "Its camera is rendered as one eye, without it.",
-    "PhysicalCameraResponsivityAPI": "The camera has the standard observer's colours, not a sensor's own.",
-    "PhysicalColorFilterArrayAPI": "The picture is no sensor's raw one.",
+    "OmniLensDistortionOmniDirectionalStereoAPI": "Its camera is rendered monoscopically, without it.",
+    "PhysicalCameraResponsivityAPI": "The camera has the standard observer's response, not a sensor's.",
+    "PhysicalColorFilterArrayAPI": "The picture is not a raw sensor image.",
     "RiMaterialAPI": "RenderMan's outputs are read only where they lead to a UsdPreviewSurface.",
     "RiSplineAPI": "RenderMan's splines are not read.",
     "StatementsAPI": "RenderMan's attributes are not read.",
 }
 
-_SIMULATED = "They say how things are simulated; what is drawn stands as it is authored."
+_SIMULATED = "They configure simulations; prims are drawn as authored."
 _RENDERER = "They are settings of another renderer."
 _LABELS = "They are labels."
-_HOUDINI = "They speak to Houdini's viewport and editors."
+_HOUDINI = "They are for Houdini's viewport and editors."
 # Prefixes of schemas that do not affect the picture, with their purpose.
 _OTHERS_WITHOUT_EFFECT = {
     "Physics": _SIMULATED,
@@ -71,7 +71,7 @@ _OTHERS_WITHOUT_EFFECT = {
 }
 # Prefixes of schemas without which the picture lacks something; the longest matching prefix of both tables decides.
 _OTHERS_CHANGING = {
-    "HoudiniApex": "What its rig would deform stands as it is authored.",
+    "HoudiniApex": "Its rig is not evaluated; prims are drawn as authored.",
     "HoudiniLightBarnDoor": "Barn doors do not shade the light.",
     "HoudiniProcedural": "What its procedural would make is missing.",
     "PhysxDiffuseParticles": "The particles that a simulation would make are missing.",

@@ -12,7 +12,7 @@ from ..querying.traversal import THERE_IN_INSTANCES, children
 from .context import Context
 
 BINDING = "material:binding"
-NO_MATERIAL = "which is no Material"
+NO_MATERIAL = "which is not a Material"
 FACE, TETRAHEDRON, SEGMENT = "face", "tetrahedron", "segment"
 # Element types that subsets may hold, by the type of their prim; faces for all other types.
 ELEMENTS = {"TetMesh": (FACE, TETRAHEDRON), "BasisCurves": (SEGMENT,)}
@@ -72,7 +72,7 @@ def _look_into(collection: Sdf.Path, bound_at: Sdf.Path, bindings: CollectionBin
         api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
         rules = api.ComputeMembershipQuery().GetAsPathExpansionRuleMap() if api else {}
     except Tf.ErrorException as error:
-        ctx.warn("wrong-type", ctx.shown(str(bound_at)), f"{collection} is no collection that can be read: {tf_message(error)}")
+        ctx.warn("wrong-type", ctx.shown(str(bound_at)), f"{collection} cannot be read as a collection: {tf_message(error)}")
         return False
     for path, rule in rules.items():
         above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()

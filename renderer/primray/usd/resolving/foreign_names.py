@@ -77,7 +77,7 @@ def note_other_renderers(sets: Iterable[NameSet], ctx: Context) -> None:
         first, names = next(iter(attributes.items()))
         many = f"{len(attributes)} attributes" if len(attributes) > 1 else "An attribute"
         of = f"{prims[renderer]:,} prims" if prims[renderer] > 1 else "this prim"
-        ctx.warn("other-renderer", ctx.shown(names.first_path), f"{many} of the namespace {renderer} on {of}: not read.", first)
+        ctx.warn("other-renderer", ctx.shown(names.first_path), f"{many} of the namespace {renderer} on {of}: ignored.", first)
 
 
 @dataclass
@@ -126,7 +126,7 @@ def _told_of_inputs(prim: ResolvedPrim) -> Iterator[tuple[str, str, str]]:
             if not name.startswith(_EXTENSIONS) and not renderer_of(name):
                 yield "unknown-input", f"{prim.type_name} has no such input.", name
         elif f"inputs:{name}" in defined and f"inputs:{name}" not in prim.names:
-            yield "old-attribute", f"inputs:{name} is what a light reads.", name
+            yield "old-attribute", f"It is ignored: lights read inputs:{name}.", name
 
 
 @cache

@@ -109,7 +109,7 @@ def _is_unread(schema: str) -> bool:
 def _note_unread(schema: str, path: str, ctx: Context) -> None:
     foreign = foreign_schema(schema)
     instead = IGNORED.get(schema) or (foreign.meaning if foreign else "")
-    message = f"{schema}: {instead}" if instead else f"{schema} is not known: what it means to the picture is ignored."
+    message = f"{schema}: {instead}" if instead else f"{schema} is unknown: any effect on the picture is ignored."
     ctx.warn("api-schema", path, message)
 
 
@@ -138,7 +138,7 @@ def unrendered(prim: Usd.Prim, type_name: str) -> tuple[str, str] | None:
         return "unsupported-light", f"{type_name} is not supported."
     if prim.IsA(UsdGeom.Boundable):  # of a plug-in, or of a newer USD
         return None if type_name in _DRAWN_OTHERWISE else ("unsupported-prim", f"{type_name} is not rendered.")
-    return None if _is_known(type_name) else ("unknown-prim-type", f"No schema of the name {type_name} is known.")
+    return None if _is_known(type_name) else ("unknown-prim-type", f"No schema is known by the name {type_name}.")
 
 
 def _note_portal(prim: ResolvedPrim, ctx: Context) -> None:
@@ -179,10 +179,10 @@ def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context)
     if kind == "shape" and prim.type_name not in _UNLIT:
         ctx.kept.of(LightShapes).add(prim.path)
         if schema == "VolumeLightAPI":
-            message = "VolumeLightAPI on a surface: it gives light as with MeshLightAPI."
+            message = "VolumeLightAPI on a surface: it emits light as MeshLightAPI does."
             ctx.warn("light-input", prim.path, message)
     elif kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS | {"PortalLight"}:
-        kept = "its shape is rendered unlit" if prim.type_name in _UNLIT else "its light is missing"
+        kept = "its shape is rendered, but emits no light" if prim.type_name in _UNLIT else "its light is missing"
         ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name or 'prim'} a light: {kept}.")
 
 

@@ -188,7 +188,7 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         if isinstance(purpose, str):
             mine = replace(mine, purpose=purpose)
         elif purpose is not None:
-            Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
+            Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, not a token: it is ignored.")
     if not names.isdisjoint(_PURPOSE_VISIBILITY):
         mine = _with_purpose_visibility(mine, prim, names)
     if BLUR_SCALE in names and not ctx.timing.is_frame and "MotionAPI" in schemas:
@@ -227,7 +227,7 @@ def _blur_scale(prim: Usd.Prim, ctx: Context) -> float:
     """Return the prim's motion:blurScale (UsdGeomMotionAPI), at least 0, which means no blur."""
     scale = number(prim, BLUR_SCALE, ctx.when, 1.0, ctx.diagnostics)
     if scale < 0:
-        message = f"{BLUR_SCALE} = {scale:g} is negative: it is taken as 0."
+        message = f"{BLUR_SCALE} = {scale:g} is negative: 0 is used."
         ctx.warn("out-of-range", ctx.shown(str(prim.GetPath())), message, BLUR_SCALE)
     ctx.kept.of(BlurScales).add(max(scale, 0.0))
     return max(scale, 0.0)

@@ -51,7 +51,7 @@ def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, di
             message = f"{shown} of its {len(levels)} levels of detail, {choice.why}."
             diagnostics.add("lod-chosen", str(root.GetPath()), message, "lod:heuristics")
     if told > MOST_TOLD:
-        diagnostics.add("lod-chosen", "", f"Levels of {told - MOST_TOLD:,} further prims were chosen likewise.")
+        diagnostics.add("lod-chosen", "", f"Levels of {told - MOST_TOLD:,} further prims were chosen too.")
     _note_missed(prims, gone, diagnostics)
     made = scratch_copy(stage)
     take_out(made, gone)
@@ -118,10 +118,10 @@ def _choice(root: Usd.Prim, looks: _Looks) -> Choice:
             continue
         index = looks.index(heuristic, root)
         if index is not None and math.isfinite(index):
-            return Choice(index, f"as its heuristic {target} says ({index:g})")
+            return Choice(index, f"chosen by its heuristic {target} ({index:g})")
     index = read(root, "lod:default:index", looks.when)
-    why = "its default" if looks.camera is not None else "its default, for no camera of the stage looks"
-    why = why if stands else "its default, for a point instancer draws it in many places"
+    why = "its default" if looks.camera is not None else "its default, since the picture has no camera of the stage"
+    why = why if stands else "its default, since a point instancer places it many times"
     return Choice(float(index) if isinstance(index, int) else 0.0, why)
 
 

@@ -202,7 +202,7 @@ def _stand(
     else:
         local, resets = local_matrix(prim, names, ctx.when, state.cache)
     if resets and places.own.group is not state.groups[0]:
-        message = "The reset goes as far as the prototype's root."
+        message = "The transform is reset to the prototype's root, not to the world."
         ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
     if moving:
         mover = place.mover_below(above.pose, transform_of(prim, ctx.when), bends(moving, ctx.when, ctx.timing), resets=resets)
@@ -299,7 +299,11 @@ def _finite(level: MatrixInstances, group: Group[ResolvedPrim], ctx: Context) ->
     finite = np.isfinite(level.matrices).all(axis=(1, 2))
     if not finite.all():
         bad = int(np.count_nonzero(~finite))
-        ctx.warn("invalid-transform", group.path, f"{bad} of {len(level)} instances have transforms that are not finite.")
+        ctx.warn(
+            "invalid-transform",
+            group.path,
+            f"{bad} of {len(level)} instances are not rendered: their transforms are not finite.",
+        )
     return level if finite.all() else level.take(np.flatnonzero(finite))
 
 

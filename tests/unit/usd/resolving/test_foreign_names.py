@@ -44,7 +44,7 @@ def DistantLight "key"
     description, diagnostics = translate(stage_of(light), RenderSettings())
     assert [light.group for light in description.lights] == ["rim"]
     assert [(d.attribute, d.message) for d in diagnostics if d.code == "other-renderer"] == [
-        ("karma:light:contribs", "An attribute of the namespace karma on this prim: not read.")
+        ("karma:light:contribs", "An attribute of the namespace karma on this prim: ignored.")
     ]
 
 

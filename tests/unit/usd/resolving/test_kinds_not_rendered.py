@@ -129,8 +129,8 @@ def test_settings_of_other_renderers(schema: str) -> None:
         ("HoudiniProceduralAPI:grow", "What its procedural would make is missing."),
         ("HoudiniLightBarnDoorAPI", "Barn doors"),
         ("PhysxParticleIsosurfaceAPI", "its particles is missing"),
-        ("Physicsish", "is not known"),
-        ("Mjcat", "is not known"),
+        ("Physicsish", "is unknown"),
+        ("Mjcat", "is unknown"),
     ],
 )
 def test_schemas_of_the_same_programs_that_would_change_it_are_warnings(schema: str, says: str) -> None:
@@ -188,8 +188,8 @@ def Camera "c"
 def test_namespaces_of_other_renderers_are_told_once() -> None:
     found = {d.attribute: d for d in said(stage_of(FOREIGN)) if d.code == "other-renderer"}
     assert set(found) == {"primvars:arnold:opaque", "karma:object:tag", "ri:attributes:trace"}
-    assert found["primvars:arnold:opaque"].message == "2 attributes of the namespace arnold on 2 prims: not read."
-    assert found["karma:object:tag"].message == "An attribute of the namespace karma on this prim: not read."
+    assert found["primvars:arnold:opaque"].message == "2 attributes of the namespace arnold on 2 prims: ignored."
+    assert found["karma:object:tag"].message == "An attribute of the namespace karma on this prim: ignored."
     assert [d.prim_path for d in found.values()] == ["/a", "/a", "/c"]
 
 

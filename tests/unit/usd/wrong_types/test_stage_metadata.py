@@ -92,6 +92,6 @@ def test_a_rate_that_is_no_number_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "a.usdc").write_bytes(
         crate.with_values([words()["bool"] if i == at else v for i, v in enumerate(crate.values)]).data
     )
-    with pytest.raises(PrimrayError, match="timeCodesPerSecond is True, no number") as caught:
+    with pytest.raises(PrimrayError, match="timeCodesPerSecond is True, not a number") as caught:
         open_stage(tmp_path / "a.usdc", Diagnostics())
     assert caught.value.code == "time-metadata"
