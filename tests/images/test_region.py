@@ -37,5 +37,5 @@ def test_a_region_stands_where_it_stands_in_the_whole(tmp_path: Path) -> None:
     assert (part.aovs["depth"].values == whole.aovs["depth"].values[:10, 10:30]).all()
     assert part.report["settings"]["region"] == [0.25, 0.5, 0.75, 1.0]
     assert "region" not in stage.report["settings"]
-    with pytest.raises(SettingsError, match="a region is left, bottom, right and top"):
+    with pytest.raises(SettingsError, match="a region must be left, bottom, right and top"):
         render(path, region=(0.5, 0, 0.5, 1))

@@ -95,7 +95,7 @@ def test_a_time_limit_of_the_stage_ends_the_render(tmp_path: Path) -> None:
 @pytest.mark.parametrize("there", [True, False])
 def test_denoising_is_done_where_it_can_be(there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if there and not has_denoiser():
-        pytest.skip("there is no denoiser here")
+        pytest.skip("no denoiser is installed")
     if not there:
         monkeypatch.setattr("primray.denoising.denoiser.has_denoiser", lambda: False)
     body = "int primray:samples = 4\nbool primray:denoise = 1"
@@ -155,7 +155,7 @@ def test_frames_in_parts_know_their_end(tmp_path: Path) -> None:
     stage = stage_with(tmp_path, "int karma:global:pathtracedsamples = 6\nint primray:maxDepth = 2")
     settings, notes = with_ends_of_stage(stage, RenderSettings())
     assert (settings.spp, settings.max_depth) == (6, None)  # the depth each part reads itself
-    assert ["is taken for 6 samples" in note.message for note in notes] == [True]
+    assert ["is read as 6 samples" in note.message for note in notes] == [True]
     assert with_ends_of_stage(stage, RenderSettings(time_limit_s=1))[0] == RenderSettings(time_limit_s=1)
     whole = primray.render(stage, progress=False)
     image = primray.render(stage, executor=primray.LocalProcesses(1), progress=False)

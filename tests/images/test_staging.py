@@ -168,7 +168,7 @@ def test_only_the_shadow_on_a_ground_is_seen() -> None:
     over = rendered(stage, ground="shadow", background="#ffffff", resolution=(64, 48)).to_uint8()
     assert (over[0, 0, :3] == 255).all()
     assert over[is_shadow][:, :3].max() < 200
-    with pytest.raises(SettingsError, match="whole picture"):
+    with pytest.raises(SettingsError, match="complete picture"):
         RenderSettings(ground="shadow", sample_range=(0, 4))
 
 

@@ -58,7 +58,7 @@ def test_half_a_resolution_is_allowed() -> None:
     ("name", "hint"), [("samples", "spp"), ("width", "resolution"), ("quality", "target_error"), ("output", "save")]
 )
 def test_names_that_others_have_for_a_setting_are_known(name: str, hint: str) -> None:
-    with pytest.raises(SettingsError, match=rf"there is no setting {name}; .*\b{hint}\b"):
+    with pytest.raises(SettingsError, match=rf"unknown setting {name}; .*\b{hint}\b"):
         with_values(RenderSettings(), {name: 3})
 
 

@@ -190,7 +190,7 @@ def load(path: Path) -> Checkpoint:
         return _checkpoint(path, header, arrays)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise CheckpointError(
-            "the checkpoint is damaged: its header makes no sense", where=str(path), code="checkpoint-damaged"
+            "the checkpoint is damaged: its header is not valid", where=str(path), code="checkpoint-damaged"
         ) from error
 
 
@@ -198,9 +198,7 @@ def check(path: Path) -> None:
     """Raise CheckpointError if the file's header shows that it cannot be used here; cheap, before the scene is translated."""
     found = read_header(path).get("identity")
     if not isinstance(found, dict):
-        raise CheckpointError(
-            "the checkpoint is damaged: its header makes no sense", where=str(path), code="checkpoint-damaged"
-        )
+        raise CheckpointError("the checkpoint is damaged: its header is not valid", where=str(path), code="checkpoint-damaged")
     here = {"isa": core.isa(), "core": core.build_digest(), **core.versions()}
     _compare({name: found.get(name) for name in here}, here, path)
 
@@ -369,15 +367,15 @@ def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkp
 def _check_range(settings: RenderSettings, checkpoint: Checkpoint) -> None:
     held, path = checkpoint.ranges, checkpoint.path
     if len(held) > 1:
-        raise _other(f"samples {', '.join(f'{a}:{b}' for a, b in gaps(held))} are missing in it; merge them first", path)
+        raise _other(f"samples {', '.join(f'{a}:{b}' for a, b in gaps(held))} are missing from it; merge them first", path)
     first, end = held[0]
     wanted, most = settings.sample_range or (0, MAX_SPP)
     if first != wanted:
-        how = f"--sample-range {first}:... goes on with it" if first else "no --sample-range, or one from 0, goes on with it"
+        how = f"resume it with --sample-range {first}:..." if first else "resume it without --sample-range, or with one from 0"
         raise _other(f"its samples begin at {first}, not at {wanted}; {how}", path)
     reached = max(end, int(checkpoint.film["next"].max()) * SAMPLE_BLOCK) if checkpoint.under_way else end
     if reached > most:
-        raise _other(f"it holds samples up to {reached}, beyond the range's end at {most}", path)
+        raise _other(f"it has samples up to {reached}, beyond the end of the range at {most}", path)
 
 
 def gaps(ranges: tuple[Range, ...]) -> list[Range]:
@@ -408,11 +406,11 @@ def _compare(held: Mapping[str, Any], wanted: Mapping[str, Any], path: Path, hin
         if name.startswith("scene."):
             scene.append(name.removeprefix("scene."))
         else:
-            found.append(f"{name.replace('_', ' ')} is {_shown(was)} in it, {_shown(now)} here")
+            found.append(f"{name.replace('_', ' ')} is {_shown(was)} in the checkpoint and {_shown(now)} here")
     if scene:
         by = f" (by {', '.join(hints)}?)".replace("_", " ") if hints else ""
         found.append(
-            f"the scene's {' and '.join(scene)} {'are' if scene == ['lights'] or len(scene) > 1 else 'is'} not the same{by}"
+            f"the scene's {' and '.join(scene)} {'have' if scene == ['lights'] or len(scene) > 1 else 'has'} changed{by}"
         )
     if found:
         raise _other("; ".join(found), path)

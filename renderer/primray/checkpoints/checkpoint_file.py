@@ -118,7 +118,7 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], Arrays]:
             digest.update(view)
             arrays[name] = array
         if file.read(_DIGEST_BYTES) != digest.digest():
-            raise _damaged(path, "its sums are not what was written")
+            raise _damaged(path, "its data does not match its checksum")
         return header, arrays
 
 
@@ -142,25 +142,25 @@ def _header(path: Path, file: BinaryIO) -> dict[str, Any]:
         number = magic[len(_NAME) :].strip()
         if magic.startswith(_NAME) and magic.endswith(b"\n") and number.isdigit():
             raise CheckpointError(
-                f"the checkpoint is of format {int(number)}, this primray reads {FORMAT}",
+                f"the checkpoint has format {int(number)}, and this version of primray reads {FORMAT}",
                 where=str(path),
                 code="checkpoint-format",
             )
-        raise _damaged(path, "it does not begin as a checkpoint does")
+        raise _damaged(path, "it does not start with a checkpoint's signature")
     length_bytes = file.read(8)
     length = struct.unpack("<Q", length_bytes)[0] if len(length_bytes) == 8 else size
     if length > size - len(_MAGIC) - 8 - 2 * _DIGEST_BYTES:
         raise _damaged(path, "it ends early")
     text = file.read(length)
     if file.read(_DIGEST_BYTES) != hashlib.sha256(magic + length_bytes + text).digest():
-        raise _damaged(path, "its header is not what was written")
+        raise _damaged(path, "its header does not match its checksum")
     try:
         header = json.loads(text)
         left = size - file.tell() - _DIGEST_BYTES
         if sum(_array_bytes(*row) for row in header["arrays"]) != left:
-            raise _damaged(path, "its size is not what its header says")
+            raise _damaged(path, "its size differs from the one in its header")
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise _damaged(path, "its header makes no sense") from error
+        raise _damaged(path, "its header is not valid") from error
     found: dict[str, Any] = header
     return found
 

@@ -56,7 +56,7 @@ class Checkpointing:
         object.__setattr__(self, "file", Path(self.file))
         object.__setattr__(self, "resume", None if self.resume is None else Path(self.resume))
         if self.every_s is not None and not (math.isfinite(self.every_s) and self.every_s > 0):
-            raise SettingsError(f"checkpoints are written every so many seconds above 0, not {self.every_s}")
+            raise SettingsError(f"the interval of checkpoints must be a number of seconds above 0, not {self.every_s}")
 
     def check(self) -> None:
         """Raise an error, before rendering, for files that cannot be read or written; existing files are not overwritten."""
@@ -68,7 +68,7 @@ class Checkpointing:
             checkpoint.check(self.resume)
         if self.file.exists() and (self.resume is None or not os.path.samefile(self.file, self.resume)):
             raise CheckpointError(
-                "there is a checkpoint already: resume it, or remove it", where=str(self.file), code="checkpoint-exists"
+                "the checkpoint exists already: resume it, or remove it", where=str(self.file), code="checkpoint-exists"
             )
 
     def run(

@@ -51,9 +51,9 @@ class Gathering:
         if part.adaptive:
             raise unfit("its sampling is adaptive: its pixels do not have the same samples", part.path)
         if self.held and self.held[0].splits != part.splits:
-            raise unfit("its paths were split otherwise", part.path)
+            raise unfit("its paths have other splitting factors", part.path)
         if self.held and self.held[0].screen_block != part.screen_block:
-            raise unfit("one of them is a quick look of up to 3 samples, which others cannot follow", part.path)
+            raise unfit("one of them is a quick look of up to 3 samples, which cannot be merged with other samples", part.path)
         for span in part.ranges:
             _check_overlap(span, part.path, self._taken)
 
@@ -78,7 +78,7 @@ class Gathering:
         try:
             return settings_of_json({**part.about.settings, **ending, "threads": usable_threads()})
         except (TypeError, ValueError) as error:
-            raise unfit("its settings are those of another version", part.path) from error
+            raise unfit("its settings come from another version of primray", part.path) from error
 
     def sampling(self, settings: RenderSettings) -> Sampling:
         """Return the sampling of one render that took all of these samples and ends as the settings say; it shares the film."""
@@ -97,7 +97,7 @@ def _check_overlap(span: Range, path: Path, taken: Sequence[tuple[Range, Path]])
     for (a, b), other in taken:
         if max(a, span[0]) < min(b, span[1]):
             shared = f"{max(a, span[0])}:{min(b, span[1])}"
-            raise unfit(f"samples {shared} are in {other.name} too", path)
+            raise unfit(f"samples {shared} are also in {other.name}", path)
 
 
 def unfit(how: str, path: Path) -> CheckpointError:

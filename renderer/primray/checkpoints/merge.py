@@ -80,9 +80,9 @@ def picture_of_parts(gathering: Gathering, sampling: Sampling, costs: Costs, say
     if sampling.view_fault:
         own.add("display-error-unknown", "", sampling.view_fault)
     with costs.stage("aovs"):
-        with kept_without("what the parts hold beside the picture", own):
+        with kept_without("the AOV data of the parts", own):
             found |= {} if kept is None else aovs_of_parts(kept, sampling.film)
-        with kept_without("what goes by light paths", own):
+        with kept_without("the light path output", own):
             found |= light_paths(gathering, sampling)
         aovs = {name: found[name] for name in gathering.held[0].about.aovs if name in found}
     denoises = sampling.settings.denoises and kept is not None and kept.guides is not None and has_denoiser()

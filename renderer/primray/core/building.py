@@ -58,7 +58,7 @@ def build(
         if error.args[0] == "out-of-memory" and settings.max_memory_bytes is not None:
             held = int(module().embree_memory()[1]) / process_memory.MIB
             allowed = settings.max_memory_bytes / process_memory.MIB
-            sentence = f"acceleration structures of more than {held:.0f} MiB do not fit into the {allowed:.0f} MiB allowed"
+            sentence = f"acceleration structures need more than {held:.0f} MiB, which exceeds the limit of {allowed:.0f} MiB"
             raise LimitError(sentence, code=process_memory.CODE) from error
         raise_as_ours(error)
     finally:

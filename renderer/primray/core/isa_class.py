@@ -48,12 +48,12 @@ def isa() -> str:
     wanted = os.environ.get("PRIMRAY_ISA")
     if wanted is None:
         if not runnable:
-            raise errors.UnsupportedError("this CPU lacks SSE4.2 (x86-64-v2), the least that primray runs on", code="cpu")
+            raise errors.UnsupportedError("this CPU lacks SSE4.2 (x86-64-v2), which primray requires", code="cpu")
         return runnable[0]
     if wanted not in ISA_FLAGS:
-        raise errors.SettingsError(f"PRIMRAY_ISA is {wanted!r}; it may be v2, v3 or v4")
+        raise errors.SettingsError(f"PRIMRAY_ISA must be v2, v3 or v4, not {wanted!r}")
     if wanted not in runnable:
-        raise errors.SettingsError(f"PRIMRAY_ISA={wanted}, but this CPU offers {', '.join(runnable)}")
+        raise errors.SettingsError(f"PRIMRAY_ISA={wanted}, but this CPU supports {', '.join(runnable)}")
     return wanted
 
 
@@ -65,7 +65,7 @@ def lanes() -> int:
         return DEFAULT_LANES[isa()]
     if not wanted.isdigit() or not module().has_lanes(int(wanted)):
         raise errors.SettingsError(
-            f"PRIMRAY_LANES is {wanted!r}; the {isa()} build has 1, 4, 8 and 16 up to {module().MAX_LANES}"
+            f"PRIMRAY_LANES must be 1, 4, 8 or 16, at most {module().MAX_LANES} in the {isa()} build, not {wanted!r}"
         )
     return int(wanted)
 
@@ -92,7 +92,7 @@ def load(isa: str) -> Any:
         if error.name != name:
             raise
         raise errors.SettingsError(
-            f"this build of primray has no {isa} core; in its source tree, `make cores` compiles all that this CPU runs"
+            f"this build of primray has no {isa} core; `make cores` in its source tree compiles those that this CPU supports"
         ) from error
     core.load_embree(str(_embree_path()))
     return core

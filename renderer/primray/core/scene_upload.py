@@ -164,7 +164,7 @@ def noted_emitters(scene: Any) -> list[tuple[str, str, str]]:
     """Return a warning if some emissive instances are not sampled as lights."""
     if not scene.unsampled_emitters:
         return []
-    message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
+    message = f"{scene.unsampled_emitters} emissive instances are too many to be sampled as lights: expect noise"
     return [("emitters-unsampled", "", message)]
 
 

@@ -162,7 +162,7 @@ class ShapeUpload:
                     lost = f"{int((~kept).sum())} of {len(kept)} triangles are too large or too far away to be drawn"
                     self._warnings.append(("too-far", shape.path, lost))
                 if blurred:
-                    message = f"{blurred} of {len(kept)} triangles reach so far that floats blur their edges"
+                    message = f"{blurred} of {len(kept)} triangles are so large that single precision blurs their edges"
                     self._warnings.append(("far-edges", shape.path, message))
             elif not reach[i] < FARTHEST:
                 near[i] = np.zeros(0, bool)

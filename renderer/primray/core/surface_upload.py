@@ -136,7 +136,7 @@ class SurfaceUpload:
                 made, outputs = tape_of(surface, self._outside)
                 tape = self._builder.add_tape(made)
             except (UnknownNodeError, TooLargeError) as error:
-                message = f"Its pattern cannot be computed: {error}. One value stands for each input that reads it"
+                message = f"Its shading graph cannot be computed: {error}. Inputs that read it are constant"
                 self.warnings.append(("pattern-not-computed", surface.path, message))
                 surface = without_pattern(surface)
         cutout = is_cutout(surface)

@@ -39,7 +39,7 @@ class Diffusion:
             if fault:
                 raise ValueError(fault)
         if self.glare + self.starburst > 1:
-            raise ValueError(f"glare {self.glare:g} and starburst {self.starburst:g} are more than all that is diffused")
+            raise ValueError(f"glare {self.glare:g} and starburst {self.starburst:g} together must be at most 1")
 
 
 SHARES, WIDTHS = ("strength", "glare", "starburst"), ("bloom_width", "starburst_width")

@@ -14,10 +14,11 @@ from .board import Range
 def check(asked: RenderSettings) -> None:
     """Raise SettingsError for settings that a distributed frame cannot have."""
     faults = {
-        "adaptive": asked.adaptive is True and "parts have the same samples everywhere: no adaptive sampling with them",
-        "sample_range": asked.sample_range is not None and "a frame of parts has all samples: no sample range with it",
-        "stop_at": asked.stop_at is StopAt.DENOISED and "parts are judged by the picture's own error, not by a denoised one's",
-        "spp": asked.is_quick_look and "a quick look of so few samples is not worth parts: render it without them",
+        "adaptive": asked.adaptive is True and "adaptive sampling cannot be rendered in parts",
+        "sample_range": asked.sample_range is not None and "a frame in parts has all samples: leave the sample range out",
+        "stop_at": asked.stop_at is StopAt.DENOISED
+        and "a frame in parts can stop at the picture's error, not at the denoised one's",
+        "spp": asked.is_quick_look and "a quick look has too few samples for parts: render it without them",
     }
     for name, fault in faults.items():
         if fault:

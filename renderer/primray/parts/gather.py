@@ -142,7 +142,7 @@ class _Frame:
         """Return the sampling of all samples that arrived, also those beyond the goal."""
         self._merge_within(self._schedule.settings.most_samples)
         if not self.gathering.ranges:
-            raise RenderCancelled("the render was stopped before any part of it had come")
+            raise RenderCancelled("the render was stopped before any part was complete")
         self._out.drop()
         sampling = self.gathering.sampling(self.gathering.settings(all_of(self.gathering.ranges)))
         sampling.curve = self._curve

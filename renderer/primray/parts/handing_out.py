@@ -58,7 +58,7 @@ class HandingOut:
         if slots:
             self._slot_seen = time.monotonic()
         elif time.monotonic() - self._slot_seen > NOWHERE_S:
-            raise PrimrayError(f"for {NOWHERE_S:g} s there was nowhere to render a part", code="parts-nowhere")
+            raise PrimrayError(f"no worker was available for {NOWHERE_S:g} s", code="parts-nowhere")
         while len(self._given) < slots and (part := wanted(slots)) is not None:
             self._made += 1
             given = _Given(part, self._folder / f"{part[0]}-{part[1]}-{self._made}.prc", time.monotonic())
@@ -88,7 +88,7 @@ class HandingOut:
         self.lost += 1
         self._lost_in_a_row += 1
         if self._lost_in_a_row > MOST_LOST * max(self.most_slots, 1):
-            sentence = f"{self._lost_in_a_row} parts in a row were lost, the last one since {why}"
+            sentence = f"{self._lost_in_a_row} parts in a row were lost; the last: {why}"
             raise PrimrayError(sentence, where=f"samples {part[0]}:{part[1]}", code="parts-lost")
 
     def is_used(self) -> None:

@@ -140,10 +140,10 @@ def _check_distinct(names: Sequence[FrameName], frames: Sequence[float] | None) 
 def _check_name(name: FrameName, frames: Sequence[float]) -> None:
     place = _PLACE_IN_SEQUENCE.search(name.pattern)
     if place is not None:
-        sentence = f"{place[0]}, a frame's place in the sequence, is not filled in; $F, <F> and # are its number"
+        sentence = f"{place[0]}, the index in the sequence, is not supported; $F, <F> and # are the frame number"
         raise SettingsError(sentence, where=str(name), code="frames")
     if len(frames) > 1 and not name.has_holder:
-        sentence = f"{len(frames)} frames need a frame number in the file's name, such as ####"
+        sentence = f"{len(frames)} frames need a placeholder for the frame number in the file's name, such as ####"
         raise SettingsError(sentence, where=str(name), code="frames")
     if len({name.of(frame) for frame in frames}) < len(set(frames)):
         raise SettingsError("two frames would get the same name", where=str(name), code="frames")

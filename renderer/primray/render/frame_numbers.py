@@ -27,7 +27,7 @@ def parse_frames(text: str) -> list[float]:
     for part in text.split(","):
         frames += _parse_range(part.strip(), text)
         if len(frames) > MAX_FRAMES:
-            raise LimitError(f"{len(frames)} frames are more than the {MAX_FRAMES} of one command", where=text)
+            raise LimitError(f"{len(frames)} frames are more than the {MAX_FRAMES} allowed in one command", where=text)
     return frames
 
 
@@ -50,15 +50,16 @@ def frame_list(first: str, count: int, increment: float | None) -> str:
     step = Decimal(1) if increment is None else _number(str(increment), str(increment))
     if "," in first or "x" in first or ":" in first or _DASHED.fullmatch(first):
         raise SettingsError(
-            f"{first!r} says already which frames; a count and an increment go with the first alone", code="frames"
+            f"{first!r} is a list of frames already; a count and an increment need a single first frame", code="frames"
         )
     start = _number(first, first)
     if count < 1 or step == 0:
         raise SettingsError(
-            f"there are no frames from {first} on: {count} of them, {step} apart; both must be above 0", code="frames"
+            f"{count} frames from {first}, {step} apart: the count must be above 0, and the increment not 0",
+            code="frames",
         )
     if count > MAX_FRAMES:
-        raise LimitError(f"{count} frames are more than the {MAX_FRAMES} of one command", where=first)
+        raise LimitError(f"{count} frames are more than the {MAX_FRAMES} allowed in one command", where=first)
     return first if count == 1 else f"{start:f}:{start + (count - 1) * step:f}x{abs(step):f}"
 
 
@@ -81,7 +82,7 @@ def _parse_range(part: str, text: str) -> list[float]:
     except DecimalException:  # beyond 10^999999: "0:1x1e-9999999"
         steps = Decimal("inf")
     if steps >= MAX_FRAMES:
-        raise LimitError(f"{part} holds more than the {MAX_FRAMES} frames of one command", where=text)
+        raise LimitError(f"{part} has more than the {MAX_FRAMES} frames allowed in one command", where=text)
     count = int(steps) + 1
     direction = 1 if stop >= start else -1
     return [float(start + direction * index * step) for index in range(count)]
@@ -95,10 +96,10 @@ def _number(digits: str, text: str) -> Decimal:
     if not value.is_finite():
         raise _no_frames(text)
     if value.copy_abs() > MOST:  # abs() would overflow
-        sentence = f"{digits.strip()} in {text!r} is beyond {MOST:,}, the largest number of a frame list"
+        sentence = f"{digits.strip()} in {text!r} is beyond {MOST:,}, the largest number in a frame list"
         raise SettingsError(f"{sentence}, and one command renders at most {MAX_FRAMES:,} frames", code="frames")
     return value
 
 
 def _no_frames(text: str) -> SettingsError:
-    return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1:10:2, 1,5 or start:end:2", code="frames")
+    return SettingsError(f"{text!r} is not a frame list; examples: 1, 1:10, 1:10:2, 1,5 and start:end:2", code="frames")

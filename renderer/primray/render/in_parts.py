@@ -36,7 +36,7 @@ def render_in_parts(
     from ..report.report import Costs
 
     if not isinstance(stage, str | os.PathLike):
-        raise SettingsError("parts are rendered of a stage's file: give its path", where="stage", code="parts-setting")
+        raise SettingsError("rendering in parts needs the stage's path", where="stage", code="parts-setting")
     settings, notes = with_ends_of_stage(os.fspath(stage), settings)
     stopped = False
 

@@ -34,7 +34,7 @@ class LocalProcesses:
 
     def __init__(self, processes: int) -> None:
         if processes < 1:
-            raise SettingsError(f"there must be 1 process or more, not {processes}", code="parts-setting")
+            raise SettingsError(f"the number of processes must be 1 or more, not {processes}", code="parts-setting")
         self._slots = processes
         self._stage = ""
         self._running: set[Future[None]] = set()
@@ -69,7 +69,7 @@ def _follow(process: subprocess.Popen[bytes], order: dict[str, Any], future: Fut
     with suppress(InvalidStateError):  # it was cancelled
         if process.returncode:
             last = printed.decode("utf-8", "replace").strip()[-LAST_CHARACTERS:]
-            future.set_exception(PartLost(f"its process ended with {process.returncode}: {last}"))
+            future.set_exception(PartLost(f"its process exited with {process.returncode}: {last}"))
         elif said.strip():
             future.set_exception(error_of_json(json.loads(said)))
         else:

@@ -166,7 +166,7 @@ def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSetti
     """Raise UnsupportedError if nothing is drawn because references are missing, instead of rendering an empty picture."""
     missing = [d for d in diagnostics if d.code == "composition-error" and not settings.refusal.allows(d.code)]
     if missing:
-        message = f"no geometry is drawn, and what the stage refers to is missing: {missing[0].message}"
+        message = f"there is no geometry to draw, and the stage has missing references: {missing[0].message}"
         raise UnsupportedError(message, where=missing[0].prim_path, code="nothing-to-render")
 
 
@@ -183,14 +183,14 @@ def with_stage_settings(
         if not has_denoiser():
             one = next(one for one in asked.asked if one.name == "denoise")
             message = (
-                f"{one.attribute}: there is no denoiser here (pip install primray[denoise]), so the picture is not denoised."
+                f"{one.attribute}: no denoiser is installed (pip install primray[denoise]), so the picture is not denoised."
             )
             diagnostics.add("render-settings-input", one.prim, message, one.attribute)
             asked = asked.without("denoise")
     settings, taken = asked.applied_to(settings)
     for one in taken:
         if one.meaning:
-            diagnostics.add("foreign-settings", one.prim, f"{one.attribute} is taken for {one.meaning}.", one.attribute)
+            diagnostics.add("foreign-settings", one.prim, f"{one.attribute} is read as {one.meaning}.", one.attribute)
     return settings, StageSettings(taken)
 
 
@@ -204,7 +204,7 @@ def with_usable_view(file: PictureFile, space: ColorSpace, path: str, diagnostic
     try:
         View(asked.view, asked.display, asked.look, space).check()
     except SettingsError as error:
-        message = f"The view that its pictures are to have cannot be made, the default is used: {error.message}."
+        message = f"The view for its pictures cannot be made, and the default is used: {error.message}."
         diagnostics.add("render-settings-input", path, message, "primray:view")
         return replace(file, view=replace(asked, view=None, display=None, look=None))
     return file
@@ -258,7 +258,7 @@ def check_memory(
         "checkpoint": film_copies * FILM_PIXEL_BYTES,
         "AOVs": aov_bytes(description.aovs),
         "denoising": settings.denoises * DENOISING_PIXEL_BYTES,
-        "what is left out": removals * REMOVED_PIXEL_BYTES,
+        "removed light": removals * REMOVED_PIXEL_BYTES,
     }
     parts = dict(summary(description, settings.dicing_rate, images).memory_parts)
     parts |= {name: size * width * height for name, size in of_pixel.items()}

@@ -127,7 +127,7 @@ def files_of(stage: Any, settings: RenderSettings, diagnostics: Diagnostics) -> 
     try:
         check_files([(file, path) for path, file in files.items()])
     except SettingsError as error:
-        diagnostics.add("output-parameter", "", f"--all-products refuses this: {error.message}.", "productName")
+        diagnostics.add("output-parameter", "", f"--all-products will refuse this: {error.message}.", "productName")
     return files
 
 
@@ -178,7 +178,7 @@ def check_files(files: Iterable[tuple[str, str]]) -> None:
         place = os.path.realpath(file).casefold()
         if place in seen:
             sentence = f"the products {seen[place]} and {product} would be written to one file, {place}: "
-            raise SettingsError(sentence + "productName must tell them apart", where=file, code="product-output")
+            raise SettingsError(sentence + "give them different productNames", where=file, code="product-output")
         seen[place] = product
 
 
@@ -186,7 +186,7 @@ def _at_frame(product: Product) -> Product:
     """Return the product with the frame's number in its file name."""
     name = frame_name(product.file_name)
     if product.settings.time_code is None and name.has_holder:
-        raise SettingsError("the product's name holds a frame number; time_code says which", where=str(name), code="frames")
+        raise SettingsError("the product's name has a frame number: set time_code", where=str(name), code="frames")
     return replace(product, file_name=name.numbered(product.settings.time_code))
 
 
@@ -238,7 +238,7 @@ def _distinct_paths(products: Sequence[ProductSettings], diagnostics: Diagnostic
         while os.path.normpath(file).casefold() in taken:
             file, number = str(path.with_name(with_number(path.name, number))), number + 1
         if file != wanted:
-            message = f"Another product is written to {wanted}: this one is written to {file}."
+            message = f"Another product is written to {wanted}, so this one is written to {file}."
             diagnostics.add("output-parameter", product.path, message, "productName")
         taken.add(os.path.normpath(file).casefold())
         files.append(file)

@@ -83,7 +83,7 @@ def _in_parts(
     from .notebook_bar import shown_progress
 
     if checkpointing is not None:
-        raise SettingsError("a frame of parts has no checkpoints", where="checkpointing", code="parts-setting")
+        raise SettingsError("a frame that is rendered in parts has no checkpoints", where="checkpointing", code="parts-setting")
     with shown_progress(progress) as shown:
         image = render_in_parts(stage, settings, executor, shown, on_interrupt)
     Announcer(stage).tell(diagnostics_of(image))
@@ -148,7 +148,7 @@ def rendered_frames(
         if opened is None:
             opened = opening(stage, settings)
         if composing_settings(settings) != opened.opened.composed_by:
-            raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
+            raise SettingsError("all frames must have the same composition settings: variants, load, mask, session_layer")
         showing: AbstractContextManager[Progress | None] = nullcontext(own) if is_quiet else shown_progress(progress)
         with showing as shown:
             tell: Tell = (lambda diagnostics: None) if is_quiet else Announcer(opened.opened.name).tell
@@ -233,7 +233,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
-    with kept_without("what rules the error", diagnostics):
+    with kept_without("the main cause of the error", diagnostics):
         rules = what_rules(prepared, report, rendered, errors)
         report |= {"error_ruled_by": rules} if rules is not None else {}
     report["stage_settings"] = prepared.asked.as_json()

@@ -26,7 +26,7 @@ class Snapshots:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.every_s) and self.every_s > 0):
-            raise SettingsError(f"snapshots are taken every so many seconds above 0, not {self.every_s}")
+            raise SettingsError(f"the interval of snapshots must be a number of seconds above 0, not {self.every_s}")
 
     def of(self, prepared: Prepared) -> FrameSnapshots:
         """Return the snapshots of one frame; the first is due after one interval."""

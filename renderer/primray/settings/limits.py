@@ -26,7 +26,7 @@ MAX_STOPS = 100.0  # of exposure, up or down: beyond, floats overflow
 def limit_pixels(width: int, height: int, where: str = "") -> None:
     """Raise LimitError if an image of this size is too large; `where`: the setting that requests it."""
     fits = max(width, height) <= MAX_RESOLUTION and width * height <= MAX_PIXELS
-    limit(fits, f"{width} x {height} pixels: {MAX_RESOLUTION} a side and {MAX_PIXELS} in all are allowed", where)
+    limit(fits, f"{width} x {height} pixels are too many: at most {MAX_RESOLUTION} a side and {MAX_PIXELS} in all", where)
 
 
 def check_stops(stops: float | str, where: str) -> float:
@@ -36,7 +36,7 @@ def check_stops(stops: float | str, where: str) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not abs(number) <= MAX_STOPS:
-        sentence = f"the exposure is a number of stops from -{MAX_STOPS:g} to {MAX_STOPS:g}, or auto, not {stops}"
+        sentence = f"the exposure must be a number of stops from -{MAX_STOPS:g} to {MAX_STOPS:g}, or auto, not {stops}"
         raise SettingsError(sentence, where=where)
     return number
 

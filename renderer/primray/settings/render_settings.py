@@ -233,7 +233,7 @@ class RenderSettings:
         self._check_sizes()
         self._check_staging()
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
-        require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}", "purposes")
+        require(not unknown, f"unknown purpose {', '.join(unknown)}; the purposes are {', '.join(PURPOSES)}", "purposes")
         require(self.purposes != (), "at least one purpose must be rendered", "purposes")
         check_codes(self.fail_on, "fail_on")
         check_codes(self.allow, "allow")
@@ -266,22 +266,22 @@ class RenderSettings:
 
     def _check_staging(self) -> None:
         contradicts = not self.default_light and self.studio_light is StudioLight.ON
-        require(not contradicts, "default_light is off and studio_light is on; give one of them", "studio_light")
+        require(not contradicts, "default_light is off and studio_light is on; set one of them only", "studio_light")
         for name in ("dome_rotation", "orbit_deg"):
             degrees = getattr(self, name)
             require(math.isfinite(degrees), f"{name} must be a number of degrees, not {degrees}", name)
         whole = self.sample_range is None or (self.ground is not Ground.SHADOW and self.background is None)
-        sentence = "a shadow on the ground and a background are composited under a whole picture, not under a range of samples"
+        sentence = "a shadow on the ground and a background need a complete picture, not a range of samples"
         require(whole, sentence, "sample_range")
         for name in ("dome", "background"):
-            require(getattr(self, name) != "", f"{name} must name something, not be empty", name)
+            require(getattr(self, name) != "", f"{name} must not be empty", name)
 
     def _check_region(self) -> None:
         if self.region is None:
             return
         left, bottom, right, top = self.region
         inside = 0 <= left < right <= 1 and 0 <= bottom < top <= 1
-        sentence = f"a region is left, bottom, right and top of a part of the picture, in 0 to 1, not {self.region}"
+        sentence = f"a region must be left, bottom, right and top of a part of the picture, in 0 to 1, not {self.region}"
         require(inside, sentence, "region")
 
     def _check_motion(self) -> None:
@@ -289,7 +289,7 @@ class RenderSettings:
         usable = error is None or (math.isfinite(error) and error > 0)
         require(usable, f"the error of motion must be a number of pixels above 0, not {error}", "motion_error")
         finite = self.shutter is None or all(map(math.isfinite, self.shutter))
-        require(finite, f"the shutter opens and closes at time codes from the frame on, not at {self.shutter}", "shutter")
+        require(finite, f"the shutter must be two finite time codes relative to the frame, not {self.shutter}", "shutter")
 
     def _check_diffusion(self) -> None:
         for name, member in DIFFUSION.items():
@@ -297,7 +297,7 @@ class RenderSettings:
             fault = "" if value is None else fault_of(member, value)
             require(not fault, fault, name)
         glare, starburst = self.diffusion_glare or 0.0, self.diffusion_starburst or 0.0
-        sentence = f"glare {glare:g} and starburst {starburst:g} are more than all that is diffused"
+        sentence = f"glare {glare:g} and starburst {starburst:g} together must be at most 1"
         require(glare + starburst <= 1, sentence, "diffusion_starburst")
 
     def _check_sampling(self) -> None:
@@ -311,21 +311,21 @@ class RenderSettings:
         require(usable, f"the time limit must be above 0 seconds, not {seconds}", "time_limit_s")
         if self.stop_at is StopAt.DENOISED:
             known = self.error_metric is not Metric.DISPLAY
-            require(known, "the error of a denoised picture is known as relmse and rmse, not on a display", "stop_at")
+            require(known, "the error of a denoised picture is measured as relmse or rmse, not on a display", "stop_at")
         if self.sample_range is not None:
             self._check_range(*self.sample_range)
 
     def _check_range(self, first: int, end: int) -> None:
         require(
             0 <= first < end and first % SAMPLE_BLOCK == 0 and end % SAMPLE_BLOCK == 0,
-            f"a sample range begins and ends at multiples of the sample block, which is {SAMPLE_BLOCK}, and holds samples; "
+            f"a sample range must begin and end at multiples of the sample block, which is {SAMPLE_BLOCK}, and not be empty; "
             f"{first}:{end} does not",
             "sample_range",
         )
         limit(end <= MAX_SPP, f"sample {end} is beyond the {MAX_SPP} that a pixel's sequence holds", "sample_range")
         require(
             self.spp is None and not self.stops_early and not self.adaptive,
-            "a sample range says which samples are taken: no spp, target error, time limit or adaptive sampling with it",
+            "a sample range cannot be combined with spp, a target error, a time limit or adaptive sampling",
             "sample_range",
         )
 
@@ -337,39 +337,36 @@ def _check_light_paths(names: tuple[str, ...]) -> None:
         check(expressions)
 
 
-_SIZE = "the size in pixels is resolution=(width, height)"
-_SAMPLES = "samples a pixel are spp"
+_SIZE = "use resolution=(width, height) for the size in pixels"
+_SAMPLES = "use spp for samples per pixel"
 _FILE = "a render returns an image, and image.save(path) writes it"
 # Names from other renderers and libraries whose spelling is too different for a suggestion, with the setting to use instead.
 CALLED_OTHERWISE = {
     **dict.fromkeys(("width", "height", "size", "image_size", "imageWidth", "res"), _SIZE),
     **dict.fromkeys(("samples", "num_samples", "sample_count", "samples_per_pixel", "spp_max"), _SAMPLES),
     **dict.fromkeys(("output", "outputs", "file", "filename", "path", "output_path"), _FILE),
-    **dict.fromkeys(("quality", "noise", "noise_threshold"), "how good a picture gets is target_error, or spp"),
-    **dict.fromkeys(("frame", "time", "frames"), "a frame is time_code; render_frames renders several"),
-    **dict.fromkeys(("exposure", "view", "look", "display"), "what a picture is viewed with is given to image.save(path, ...)"),
-    "timeout": "seconds of sampling are time_limit_s",
-    "time_limit": "seconds of sampling are time_limit_s",
-    "depth": "the most scatterings of a path are max_depth",
-    "bounces": "the most scatterings of a path are max_depth",
-    "max_bounces": "the most scatterings of a path are max_depth",
+    **dict.fromkeys(("quality", "noise", "noise_threshold"), "use target_error or spp for the picture's quality"),
+    **dict.fromkeys(("frame", "time", "frames"), "use time_code for one frame, or render_frames for several"),
+    **dict.fromkeys(("exposure", "view", "look", "display"), "pass view options to image.save(path, ...)"),
+    **dict.fromkeys(("timeout", "time_limit"), "use time_limit_s for seconds of sampling"),
+    **dict.fromkeys(("depth", "bounces", "max_bounces"), "use max_depth for the longest paths"),
 }
 
 
 def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
     """Return the settings with some fields replaced; SettingsError for unknown names."""
     if not isinstance(settings, RenderSettings):
-        hint = "fields go by name: render(stage, spp=64)"
+        hint = "pass fields by name: render(stage, spp=64)"
         raise SettingsError(f"settings must be primray.RenderSettings, not {type(settings).__name__}; {hint}", where="settings")
     names = [field.name for field in fields(RenderSettings)]
     for name in values:
         if name not in names:
-            hint = CALLED_OTHERWISE.get(name) or did_you_mean(name, names, f"there are {', '.join(names)}")
-            raise SettingsError(f"there is no setting {name}; {hint}", where=name, code="unknown-setting")
+            hint = CALLED_OTHERWISE.get(name) or did_you_mean(name, names, f"the settings are {', '.join(names)}")
+            raise SettingsError(f"unknown setting {name}; {hint}", where=name, code="unknown-setting")
     return replace(settings, **values) if values else settings
 
 
 def _check_resolution(width: int, height: int) -> None:
-    sentence = f"the resolution must be whole pixels above 0 (one of them 0: by the aspect), not {width} x {height}"
+    sentence = f"the resolution must be whole pixels above 0 (a single 0 follows from the aspect ratio), not {width} x {height}"
     require(min(width, height) >= 0 and max(width, height) > 0, sentence, "resolution")
     limit_pixels(width, height, "resolution")

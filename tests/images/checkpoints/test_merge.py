@@ -103,7 +103,7 @@ def test_gaps_are_told_and_can_be_filled(tmp_path: Path) -> None:
     assert holed.image.report["error"]["relmse"]["estimate"] > 0
     path = tmp_path / "holed.prc"
     holed.save_checkpoint(path)
-    with pytest.raises(CheckpointError, match=r"samples 10:12 are missing in it; merge them first"):
+    with pytest.raises(CheckpointError, match=r"samples 10:12 are missing from it; merge them first"):
         go_on(path, spp=40)
     filled = merge([path, a, c])
     assert filled.image.report["pixels_sha256"] == sha256(run(spp=20))
@@ -229,7 +229,7 @@ def test_what_moves_and_what_the_lens_does_are_in_merged_pictures_too(tmp_path: 
 @pytest.mark.parametrize(
     ("flags", "says"),
     [
-        (["-o", "o.exr", "--checkpoint", "part.prc"], "there is a checkpoint already"),
+        (["-o", "o.exr", "--checkpoint", "part.prc"], "the checkpoint exists already"),
         (["-o", "o.exr", "--checkpoint", "no/such.prc"], "folder no does not exist"),
         (["-o", "no/o.exr"], "folder no does not exist"),
         (["-o", "o.txt"], "unknown-extension"),

@@ -163,7 +163,7 @@ def test_acceleration_structures_that_do_not_fit_are_refused(stages: Path, monke
     """By Embree's own monitor, where the estimate does not see it; the next build is not limited."""
     monkeypatch.setattr(sys.modules["primray.render.prepare"], "check_memory", lambda *args, **values: None)
     stage, settings = str(made(stages, "curves")), RenderSettings(resolution=(16, 12), spp=1, max_memory_bytes=20 * MIB)
-    with pytest.raises(LimitError, match=r"acceleration structures of more than .* do not fit into the 20 MiB") as error:
+    with pytest.raises(LimitError, match=r"acceleration structures need more than .* exceeds the limit of 20 MiB") as error:
         render(stage, settings)
     assert error.value.code == CODE
     assert render(stage, replace(settings, max_memory_bytes=None)).report["interrupted"] is False

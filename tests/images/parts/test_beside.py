@@ -133,5 +133,5 @@ def test_processes_make_them_as_one_does() -> None:
     assert one.denoised is not None
     assert many.denoised is not None
     assert many.denoised.pixels.tobytes() == one.denoised.pixels.tobytes()
-    with pytest.raises(SettingsError, match="not by a denoised one's"):
+    with pytest.raises(SettingsError, match="not at the denoised one's"):
         primray.render(GLASS, executor=primray.LocalProcesses(2), target_error=0.1, stop_at="denoised", **HERE)

@@ -152,7 +152,7 @@ def test_errors_of_the_frame_end_it() -> None:
 
 def test_nowhere_to_render(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(handing_out, "NOWHERE_S", 0.05)
-    with pytest.raises(PrimrayError, match="nowhere to render") as raised:
+    with pytest.raises(PrimrayError, match="no worker was available") as raised:
         gathered(FakeExecutor(slots=0), spp=20)
     assert raised.value.code == "parts-nowhere"
 

@@ -74,7 +74,7 @@ def test_every_flipped_byte_is_noticed(file: Path) -> None:
 
 def test_other_formats_are_named(file: Path) -> None:
     file.write_bytes(file.read_bytes().replace(b"checkpoint 3\n", b"checkpoint 23\n", 1))
-    with pytest.raises(CheckpointError, match="of format 23, this primray reads 3") as caught:
+    with pytest.raises(CheckpointError, match="has format 23, and this version of primray reads 3") as caught:
         read_header(file)
     assert caught.value.code == "checkpoint-format"
 

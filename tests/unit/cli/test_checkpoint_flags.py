@@ -32,7 +32,7 @@ def names() -> list[str]:
         (["--checkpoint", "a.prc", "--checkpoint-every", "-1"], "seconds above 0, not -1"),
         (["--checkpoint", "no/a.prc"], "folder no does not exist"),
         (["--checkpoint", "."], "cannot be written there"),
-        (["--checkpoint", "old.prc"], "there is a checkpoint already: resume it, or remove it"),
+        (["--checkpoint", "old.prc"], "the checkpoint exists already: resume it, or remove it"),
         (["--checkpoint", "o.exr"], "named twice"),
         (["--checkpoint", "a.prc", "-f", "1:2", "-o", "o.#.exr"], "frame number in the file's name"),
         (["--resume", "missing.prc"], "there is no such checkpoint"),
@@ -43,7 +43,7 @@ def names() -> list[str]:
         (["--sample-range", "4"], "no range of samples"),
         (["--sample-range", "-2:4"], "no range of samples"),
         (["--sample-range", "0:99999999999999"], "no range of samples"),
-        (["--sample-range", "0:4"], "no spp"),  # SMALL has --spp
+        (["--sample-range", "0:4"], "combined with spp"),  # SMALL has --spp
     ],
 )
 def test_misuse(flags: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,7 +72,10 @@ def test_ranges_are_of_blocks(text: str, code: int, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize("flags", [["--spp", "4"], ["--target-error", "1"], ["--time-limit", "1"], ["--adaptive"]])
 def test_a_range_goes_with_no_other_rule(flags: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["render", STAGE, "-o", "o.exr", "--sample-range", "0:4", *flags]) == 2
-    assert "no spp, target error, time limit or adaptive sampling with it" in capsys.readouterr().err
+    assert (
+        "a sample range cannot be combined with spp, a target error, a time limit or adaptive sampling"
+        in capsys.readouterr().err
+    )
 
 
 def test_resuming_goes_on_with_the_same_file_unless_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,7 +88,7 @@ def test_resuming_goes_on_with_the_same_file_unless_told(capsys: pytest.CaptureF
     assert Path("a.prc").read_bytes() != first
     assert run([*more, "--resume", "a.prc", "--checkpoint", "a.prc"]) == 0
     assert run([*more, "--resume", "a.prc", "--checkpoint", "b.prc"]) == 2
-    assert "there is a checkpoint already" in capsys.readouterr().err
+    assert "the checkpoint exists already" in capsys.readouterr().err
     assert names() == ["a.prc", "b.prc", "o.exr"]
 
 

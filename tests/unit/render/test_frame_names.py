@@ -93,16 +93,16 @@ def test_names_that_go_with_frames(names: list[str], frames: list[float] | None)
 @pytest.mark.parametrize(
     ("names", "frames", "why"),
     [
-        (["a.exr"], [1.0, 2.0], "need a frame number"),
-        (["take#2/a.exr"], [1.0, 2.0], "need a frame number"),
+        (["a.exr"], [1.0, 2.0], "need a placeholder for the frame number"),
+        (["take#2/a.exr"], [1.0, 2.0], "need a placeholder for the frame number"),
         (["a.exr", "a.exr"], None, "twice"),
         (["a.exr", "./a.exr"], None, "twice"),
         (["a.exr", "b/../a.exr"], [1.0], "twice"),
         (["a.####.exr", "a.0002.exr"], [2.0], "twice"),
         (["a.####.exr", "a.%04d.exr"], [1.0, 2.0], "twice"),
         (["a.#.#.exr"], [0.04, 0.01], "same name"),
-        (["a.$N.exr"], [1.0], "place in the sequence"),
-        (["a.<N4>.exr"], [1.0], "place in the sequence"),
+        (["a.$N.exr"], [1.0], "index in the sequence"),
+        (["a.<N4>.exr"], [1.0], "index in the sequence"),
     ],
 )
 def test_names_that_do_not(names: list[str], frames: list[float] | None, why: str) -> None:

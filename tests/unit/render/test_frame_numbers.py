@@ -49,7 +49,7 @@ def test_ends_by_name() -> None:
     assert not names_ends("1:10x2")
     assert parse_frames(with_ends("start:endx10, end", 1001, 1025.5)) == [1001, 1011, 1021, 1025.5]
     assert parse_frames(with_ends("start:end:10", 1001, 1025.5)) == [1001, 1011, 1021]
-    with pytest.raises(SettingsError, match="'start:end:x' is no frame list"):
+    with pytest.raises(SettingsError, match="'start:end:x' is not a frame list"):
         with_ends("start:end:x", 1, 2)
 
 
@@ -80,7 +80,7 @@ def test_ends_by_name() -> None:
     ],
 )
 def test_what_is_no_frame_list(text: str) -> None:
-    with pytest.raises(SettingsError, match="no frame list"):
+    with pytest.raises(SettingsError, match="not a frame list"):
         parse_frames(text)
 
 
@@ -107,13 +107,13 @@ def test_husks_frames(first: str, count: int, increment: float | None, frames: l
 @pytest.mark.parametrize(
     ("first", "count", "increment", "why"),
     [
-        ("1:5", 2, None, "already which frames"),
-        ("1-5", 2, None, "already which frames"),
-        ("1,5", 2, None, "already which frames"),
-        ("1", 0, None, "no frames"),
-        ("1", 2, 0.0, "no frames"),
-        ("one", 2, None, "no frame list"),
-        ("1", 2, float("nan"), "no frame list"),
+        ("1:5", 2, None, "a list of frames already"),
+        ("1-5", 2, None, "a list of frames already"),
+        ("1,5", 2, None, "a list of frames already"),
+        ("1", 0, None, "must be above 0"),
+        ("1", 2, 0.0, "must be above 0"),
+        ("one", 2, None, "not a frame list"),
+        ("1", 2, float("nan"), "not a frame list"),
     ],
 )
 def test_what_is_no_start_count_or_increment(first: str, count: int, increment: float | None, why: str) -> None:

@@ -67,7 +67,7 @@ class Displacements:
     def _note(self, path: str) -> None:
         said = next((message for _, at, message in self._upload.warnings if at == path), "")
         why = said.partition(". ")[0] or "Its displacement cannot be read"
-        self.warnings.append(("displacement", path, f"{why}. The surface is rendered where its mesh is."))
+        self.warnings.append(("displacement", path, f"{why}. The surface is rendered without displacement."))
 
     def of(self, number: int, shape: DisplacedMesh) -> dict[str, Any]:
         """Return what the core's dice() reads for the displaced shape with index `number` in the description."""
@@ -94,7 +94,7 @@ class Displacements:
             value = surface.displacement[1] if i >= 0 and surface.displacement is not None else None
             pattern = surface.pattern if isinstance(value, PatternInput) else None
             if pattern is not None and isinstance(value, PatternInput) and reads_world_space(pattern, value.source.node):
-                message = f"{surface.path} reads world space, but the shape stands in several places: its own space is read."
+                message = f"{surface.path} reads world space, but the shape has several instances: object space is used."
                 self.warnings.append(("displacement-space", shape.path, message))
 
 

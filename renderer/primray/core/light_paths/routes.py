@@ -72,4 +72,7 @@ def missing_groups(routes: Routes, groups: LightGroups) -> list[tuple[str, str, 
     from ...light_paths.grammar import parse
 
     named = {label: text for text in routes.expressions for label in sorted(parse(text).labels) if label not in groups.names}
-    return [("light-group", "", f"No light is in the group {label!r} that {text} names.") for label, text in named.items()]
+    return [
+        ("light-group", "", f"{text} names the light group {label!r}, which contains no light.")
+        for label, text in named.items()
+    ]

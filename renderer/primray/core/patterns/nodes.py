@@ -27,11 +27,11 @@ FAMILIES = (
 )  # fmt: skip
 NODES: dict[str, Callable[[Node], Outputs]] = {name: f for family in FAMILIES for name, f in family.NODES.items()}
 
-_CLOSURE = "says how light scatters or shines: a surface, not a number"
-_TEXT = "is a text, known before rendering"
+_CLOSURE = "describes how a surface scatters or emits light, and has no numeric value"
+_TEXT = "is a string, which has no numeric value"
 # Reasons by type of a node's first output.
 NO_MEANING = {
     "BSDF": _CLOSURE, "EDF": _CLOSURE, "VDF": _CLOSURE, "surfaceshader": _CLOSURE, "volumeshader": _CLOSURE,
-    "lightshader": _CLOSURE, "material": _CLOSURE, "displacementshader": "moves points, before there are any to shade",
+    "lightshader": _CLOSURE, "material": _CLOSURE, "displacementshader": "displaces points, which takes place before shading",
     "string": _TEXT, "filename": _TEXT,
 }  # fmt: skip

@@ -102,7 +102,7 @@ def tape_of(surface: Surface, outside: Outside) -> tuple[Any, dict[str, int]]:
     numbers = {name: i for i, name in enumerate(outside.core.pattern_operations)}
     code, constants, found, used = assemble(graph.program.operations, outputs, numbers)
     if used > outside.core.pattern_registers:
-        raise TooLargeError(f"it keeps {used} numbers at a time, {outside.core.pattern_registers} are possible")
+        raise TooLargeError(f"it needs {used} registers, and there are {outside.core.pattern_registers}")
     tape = filled(
         outside.core.Tape(),
         code=_rows(code, 9),

@@ -59,7 +59,7 @@ def test_flags_win() -> None:
     asked = RenderSettings(diffusion=0.0, diffusion_glare=0.125, diffusion_bloom_width=0.5)
     assert seen(ALL, asked)[0].diffusion == Diffusion(0.0, 0.125, 0.5, 0.375, 0.0625, 7, 15.0)
     assert seen("", RenderSettings(diffusion=0.5))[0].diffusion == Diffusion(0.5)
-    with pytest.raises(SettingsError, match="more than all") as refusal:
+    with pytest.raises(SettingsError, match="together must be at most 1") as refusal:
         seen(ALL, RenderSettings(diffusion_starburst=0.75))
     assert refusal.value.where == "diffusion_starburst"
 

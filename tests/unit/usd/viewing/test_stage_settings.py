@@ -282,7 +282,7 @@ def test_samples_and_depth_of_other_renderers(body: str) -> None:
     assert values_of(body) == FOREIGN[body]
     assert [d.code for d in asked_of(body)[1]] == []  # nothing "not read"
     settings, told = followed(body)
-    assert ["is taken for" in message for message in told] == [True] * len(FOREIGN[body])
+    assert ["is read as" in message for message in told] == [True] * len(FOREIGN[body])
     for name, value in FOREIGN[body].items():
         assert getattr(settings, name) == value
         assert getattr(followed(body, "", **{name: 77})[0], name) == 77

@@ -40,7 +40,7 @@ def read_diffusion(prim: Usd.Prim, lens: Lens, when: When, diagnostics: Diagnost
     """Return the camera's diffusion; values out of range count as not authored. A pinhole's blades shape its starburst only."""
     values = {member: _number(prim, name, member, when, diagnostics) for name, member in DIFFUSION.items()}
     if values["glare"] + values["starburst"] > 1:
-        sentence = f"glare {values['glare']:g} and starburst {values['starburst']:g} are more than all that is diffused"
+        sentence = f"glare {values['glare']:g} and starburst {values['starburst']:g} together must be at most 1"
         diagnostics.add("out-of-range", str(prim.GetPath()), f"{sentence}: defaults are used.", f"{PREFIX}diffusion:starburst")
         values |= {"glare": NO_DIFFUSION.glare, "starburst": NO_DIFFUSION.starburst}
     strength, glare, bloom_width, starburst, starburst_width = values.values()
