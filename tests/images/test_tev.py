@@ -117,7 +117,7 @@ def test_one_that_goes_away_is_told_and_the_file_is_written(
         output = f"tev://127.0.0.1:{listener.getsockname()[1]}/s"
         assert run(["render", "s.usda", "-o", output, "-o", "s.exr", *SMALL[:-1], "4096"]) == 1
     said = capsys.readouterr().err
-    assert said.count("warning: the picture so far is not shown: write-failed: ") == 1
+    assert said.count("warning: the unfinished picture could not be shown: write-failed: ") == 1
     assert said.count("error: write-failed: ") == 1
     assert Path("s.exr").exists()
 

@@ -70,7 +70,7 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
         if isinstance(error, OSError) and (known := _too_long(error)) is not None:
             return _fail(known, verbose, as_json)
         if not verbose:
-            hint = "this is a defect in primray; --verbose prints where"
+            hint = "this is a bug in primray; --verbose prints a traceback"
             error = InternalError(f"{type(error).__name__}: {error} ({hint})")
         return _fail(error, verbose, as_json)
     return 0

@@ -39,7 +39,9 @@ def _print_version(asked: bool) -> None:
 
 @app.callback()
 def primray(
-    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print versions.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print versions and exit.")
+    ] = False,
 ) -> None:
     """Render USD stages on CPUs."""
 

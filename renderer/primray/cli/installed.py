@@ -60,7 +60,7 @@ class CommandGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         word = args[0] if args else ""
         if word.lower().endswith(STAGES) and self.get_command(ctx, word) is None:
-            sentence = f"{word} is a file, not a command: say `primray render {shlex.quote(word)}`"
+            sentence = f"{word} is a file, not a command: use `primray render {shlex.quote(word)}`"
             raise SettingsError(sentence, code="command")
         return super().resolve_command(ctx, args)
 

@@ -45,7 +45,7 @@ def _sentence(message: str, typed: list[str], param: Any) -> str:
     form = "a whole number" if is_whole else "a number"
     sentence = f"{bad!r} is not {form}"
     if len(typed) > 1 and param.nargs > 1:
-        return f"{sentence}; it takes {param.nargs} numbers: {param.metavar}"
+        return f"{sentence}; expected {param.nargs} numbers: {param.metavar}"
     with_unit = _WITH_UNIT.fullmatch(bad)
     if with_unit is not None and _is_number(with_unit[1], is_whole):
         meant = float(with_unit[1]) * _FACTORS.get(with_unit[2], 1)

@@ -31,4 +31,6 @@ def require_parts(flags: Mapping[str, Any]) -> None:
     """Raise SettingsError for flags that need a render on this machine."""
     for flag, value in flags.items():
         if value is not None:
-            raise SettingsError(f"{flag} is for renders on this machine, not with --ray", code="parts-setting")
+            raise SettingsError(
+                f"{flag} cannot be combined with --ray; it is for renders on this machine", code="parts-setting"
+            )

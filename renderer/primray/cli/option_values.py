@@ -54,7 +54,7 @@ VIEWS = {ColorCorrection.DISABLED: "Raw", ColorCorrection.SRGB: "Un-tone-mapped"
 def camera_of(camera: str | None) -> str | None:
     """Return the camera. SettingsError, with advice, if usdrecord's complexity was given as `-c`."""
     if camera in [complexity.value for complexity in Complexity]:
-        sentence = f"-c names a camera here; usdrecord's complexity is --complexity {camera}"
+        sentence = f"-c chooses a camera; for usdrecord's complexity use --complexity {camera}"
         raise SettingsError(sentence, code="camera")
     return camera
 
@@ -68,7 +68,7 @@ def dicing_rate_of(dicing_rate: float, complexity: Complexity | None) -> float:
     if complexity is None:
         return dicing_rate
     if dicing_rate != DEFAULT_DICING_RATE:
-        raise SettingsError("--dicing-rate and --complexity both say how finely surfaces are diced; give one", code="dicing")
+        raise SettingsError("--dicing-rate and --complexity both set the dicing rate; give one of them", code="dicing")
     return DICING_RATES[complexity]
 
 
@@ -80,7 +80,7 @@ def view_of(view: str | None, correction: ColorCorrection | None) -> str | None:
     if correction is None:
         return view
     if view is not None:
-        raise SettingsError("--view and --colorCorrectionMode both choose a view; give one", code="view")
+        raise SettingsError("--view and --colorCorrectionMode both choose a view; give one of them", code="view")
     return VIEWS[correction]
 
 
@@ -104,7 +104,7 @@ def threads_of(threads: int | None) -> int | None:
 
 def resolution_of(res: tuple[int, int] | None, image_width: int | None) -> tuple[int, int] | None:
     if res is not None and image_width is not None:
-        raise SettingsError("--res and --imageWidth both say how wide the picture is; give one", code="resolution")
+        raise SettingsError("--res and --imageWidth both set the picture's width; give one of them", code="resolution")
     return res if image_width is None else (image_width, 0)
 
 
@@ -118,7 +118,7 @@ def frames_of(
 ) -> str | None:
     """Return the frame list, with the stage's `start` and `end` as numbers; None: the stage's default time."""
     if default_time and (frames, count, increment) != (None, None, None):
-        raise SettingsError("--defaultTime and frames contradict each other; give one", code="frames")
+        raise SettingsError("--defaultTime cannot be combined with frames; give one of them", code="frames")
     if frames is not None and scene is not None and names_ends(frames):
         from ..usd.opening.time_range import time_range
 
@@ -138,13 +138,13 @@ def one_frame_of(frames: str | None, command: str) -> float | None:
         return None
     time_codes = parse_frames(frames)
     if len(time_codes) > 1:
-        raise SettingsError(f"{command} looks at one frame", code="frames")
+        raise SettingsError(f"{command} accepts only one frame", code="frames")
     return time_codes[0]
 
 
 def load_of(no_payloads: bool, load: list[str] | None) -> tuple[str, ...] | None:
     if no_payloads and load:
-        raise SettingsError("--no-payloads and --load contradict each other; --load alone loads nothing else", code="load")
+        raise SettingsError("--no-payloads cannot be combined with --load, which already loads nothing else", code="load")
     return () if no_payloads else _paths(load)
 
 
@@ -181,7 +181,7 @@ def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...]
     if any(suffix_of(name).lower() == ".exr" for name in outputs):
         return chosen
     if chosen:
-        raise SettingsError("--aov writes parts of an EXR, and no output is one: name one with -o", code="aov-output")
+        raise SettingsError("--aov writes parts of an EXR, but no output is an EXR: add one with -o", code="aov-output")
     return ()
 
 
@@ -204,7 +204,7 @@ def encoding_of(
     known = sorted({bits for depths in BIT_DEPTHS.values() for bits in depths})
     if bit_depth is not None and bit_depth not in known:
         listed = ", ".join(map(str, known))
-        raise SettingsError(f"there are pictures of {listed} bits, not of {bit_depth}", where="--bit-depth", code="bit-depth")
+        raise SettingsError(f"bit depths are {listed}, not {bit_depth}", where="--bit-depth", code="bit-depth")
     names = [name.strip() for text in half or () for name in text.split(",")]
     kind, level = compression_of(compression)
     header = tuple(_attribute_of(text) for text in metadata or ())
@@ -214,7 +214,7 @@ def encoding_of(
 def _attribute_of(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals:
-        sentence = f"metadata are written as NAME=VALUE, not {text!r}"
+        sentence = f"metadata must have the form NAME=VALUE, not {text!r}"
         raise SettingsError(sentence, where="metadata", code="exr-setting")
     return name.strip(), value
 
@@ -226,7 +226,7 @@ def sample_range_of(text: str | None) -> tuple[int, int] | None:
     match = re.fullmatch(r"\s*(\d{1,12}):(\d{1,12})\s*", text)
     if match is None:
         raise SettingsError(
-            f"{text!r} is no range of samples; write one like 0:64, in multiples of the sample block, which is {SAMPLE_BLOCK}",
+            f"{text!r} is not a range of samples; expected a range such as 0:64, in multiples of {SAMPLE_BLOCK}",
             code="sample-range",
         )
     return int(match[1]), int(match[2])
@@ -243,10 +243,10 @@ def bytes_of(text: str | None) -> int | None:
         return available_bytes()
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     if match is None:
-        raise SettingsError(f"{text!r} is no amount of memory; write one like 4G or 500M", code="max-memory")
+        raise SettingsError(f"{text!r} is not an amount of memory; expected one such as 4G or 500M", code="max-memory")
     size = int(float(match[1]) * _UNITS[match[2].upper()])
     if size < _LEAST_MEMORY:
-        raise SettingsError(f"{text!r} is {size:,} bytes, too few for any render; 4G is 4 GiB", code="max-memory")
+        raise SettingsError(f"{text!r} is {size:,} bytes, too few for any render; write 4G for 4 GiB", code="max-memory")
     return size
 
 

@@ -15,7 +15,8 @@ Outputs = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="EXR, PNG, JPEG, TIFF or HDR; - is standard output (png:- a PNG there), or tev://HOST:PORT; may be repeated.",
+        help="Output file: EXR, PNG, JPEG, TIFF or HDR; - for standard output (png:- for a PNG), or tev://HOST:PORT; "
+        "may be repeated.",
         show_default="<scene>.exr",
     ),
 ]
@@ -25,22 +26,24 @@ Products = Annotated[
         "--product",
         "--products",
         metavar="PRIM",
-        help="Path or name of a RenderProduct, written under its own name; may be repeated.",
+        help="Path or name of a RenderProduct to render to its own file; may be repeated.",
         show_default="the first",
     ),
 ]
-AllProducts = Annotated[bool, typer.Option("--all-products", help="Every product of the RenderSettings, under its own name.")]
+AllProducts = Annotated[
+    bool, typer.Option("--all-products", help="Render every product of the RenderSettings to its own file.")
+]
 OutputDir = Annotated[
     str | None,
     typer.Option(
         "--output-dir",
         metavar="DIR",
-        help="Where products with relative names are written; folders are made.",
+        help="Folder for products with relative file names; folders are created.",
         show_default="the current folder",
     ),
 ]
 Record = Annotated[
-    bool, typer.Option("--record", help="Products hold the picture and its standard errors, whether they order them or not.")
+    bool, typer.Option("--record", help="Add the picture and its standard errors to products that do not order them.")
 ]
 Aovs = Annotated[
     list[str] | None,
@@ -48,44 +51,46 @@ Aovs = Annotated[
         "--aov",
         "--aovs",
         metavar="NAME",
-        help="Outputs beside the picture, as parts of an EXR: names by commas, all, or none; may be repeated.",
+        help="AOVs to write as parts of an EXR: names separated by commas, all, or none; may be repeated.",
         show_default="the stage's",
     ),
 ]
-AovErrors = Annotated[
-    bool, typer.Option("--aov-errors", help="Standard errors of AOVs that are means of samples, in their parts.")
-]
+AovErrors = Annotated[bool, typer.Option("--aov-errors", help="Add standard errors to AOVs that are means of samples.")]
 View = Annotated[
     str | None,
-    typer.Option("--view", metavar="NAME", help="OCIO view of PNG, JPEG and TIFF.", show_default="the display's default"),
+    typer.Option("--view", metavar="NAME", help="OCIO view for PNG, JPEG and TIFF.", show_default="the display's default"),
 ]
 Display = Annotated[
     str | None,
     typer.Option(
-        "--display", metavar="NAME", help="OCIO display of PNG, JPEG and TIFF.", show_default="the configuration's default"
+        "--display", metavar="NAME", help="OCIO display for PNG, JPEG and TIFF.", show_default="the configuration's default"
     ),
 ]
 Look = Annotated[
     str | None,
     typer.Option(
-        "--look", metavar="NAME", help="OCIO look of PNG, JPEG and TIFF, in place of the view's.", show_default="the view's"
+        "--look", metavar="NAME", help="OCIO look for PNG, JPEG and TIFF, instead of the view's.", show_default="the view's"
     ),
 ]
 Correction = Annotated[
     ColorCorrection | None,
-    typer.Option("--colorCorrectionMode", "-color", help="In place of --view: Raw, Un-tone-mapped, or the default."),
+    typer.Option(
+        "--colorCorrectionMode",
+        "-color",
+        help="View by usdrecord's names, instead of --view: Raw, Un-tone-mapped, or the default.",
+    ),
 ]
-MakeOutputPath = Annotated[bool, typer.Option("--make-output-path", help="Make the outputs' folders.")]
+MakeOutputPath = Annotated[bool, typer.Option("--make-output-path", help="Create the folders of output files.")]
 Snapshot = Annotated[
     float | None,
-    typer.Option("--snapshot", metavar="S", help="Write the picture so far every so many seconds.", show_default=False),
+    typer.Option("--snapshot", metavar="S", help="Write the unfinished picture every S seconds.", show_default=False),
 ]
 Exposure = Annotated[
     str | None,
     typer.Option(
         "--exposure",
         metavar="STOPS",
-        help="Of PNG, JPEG and TIFF; auto: as the view needs it, for all frames.",
+        help="Exposure of PNG, JPEG and TIFF; auto: computed from the first frame, for all frames.",
         show_default="the product's, else 0",
     ),
 ]
@@ -93,17 +98,23 @@ Denoise = Annotated[
     bool | None,
     typer.Option(
         "--denoise/--no-denoise",
-        help="A denoised picture beside the record, with its error; views show it (primray[denoise]).",
+        help="Add a denoised picture with its error; PNG and JPEG show it (needs primray[denoise]).",
         show_default="the stage's, else not",
     ),
 ]
 StopAtWhich = Annotated[
-    StopAt, typer.Option("--stop-at", help="Whose error --target-error is of; denoised: as --denoise, at relmse or rmse.")
+    StopAt,
+    typer.Option(
+        "--stop-at", help="Picture that --target-error applies to; denoised implies --denoise and needs relmse or rmse."
+    ),
 ]
 BitDepth = Annotated[
     int | None,
     typer.Option(
-        "--bit-depth", metavar="N", help="Of PNG (8, 16) and TIFF (16, 8; 32: scene-linear floats).", show_default="8; TIFF 16"
+        "--bit-depth",
+        metavar="N",
+        help="Bits per channel of PNG (8, 16) and TIFF (16, 8; 32: scene-linear floats).",
+        show_default="8; TIFF 16",
     ),
 ]
 Half = Annotated[
@@ -111,7 +122,8 @@ Half = Annotated[
     typer.Option(
         "--half",
         metavar="NAMES",
-        help="Of an EXR, stored as halves: channels, layers, parts (R, stderr, rgba), all or none, by commas; may be repeated.",
+        help="Channels, layers or parts of an EXR to store as halves (R, stderr, rgba), all or none, separated by commas; "
+        "may be repeated.",
         show_default="floats",
     ),
 ]
@@ -120,19 +132,20 @@ Compression = Annotated[
     typer.Option(
         "--compression",
         metavar="NAME[:LEVEL]",
-        help="Of an EXR: none, rle, zips, zip, piz, pxr24, b44, b44a, dwaa or dwab; a level of zip or DWA.",
+        help="Compression of an EXR: none, rle, zips, zip, piz, pxr24, b44, b44a, dwaa or dwab; level for zip or DWA.",
         show_default="the product's, else zip",
     ),
 ]
 Metadata = Annotated[
     list[str] | None,
-    typer.Option("--metadata", metavar="NAME=VALUE", help="A further attribute of an EXR's header; may be repeated."),
+    typer.Option("--metadata", metavar="NAME=VALUE", help="Additional attribute of an EXR's header; may be repeated."),
 ]
 Stereo = Annotated[
     bool,
     typer.Option(
         "--stereo",
-        help="Both eyes of the camera's pair: two views of one EXR; PNG and JPEG get _left and _right, or %V and %v filled in.",
+        help="Render both eyes of the camera's stereo pair: two views in one EXR; PNG and JPEG get _left and _right, or %V and "
+        "%v filled in.",
     ),
 ]
 Diffusion = Annotated[
@@ -140,20 +153,25 @@ Diffusion = Annotated[
     typer.Option(
         "--diffusion",
         metavar="SHARE",
-        help="Of all light that the lens diffuses, a further part of the EXR and what PNG and JPEG show; 0: none.",
+        help="Share of the light that the lens diffuses (0: none), shown by PNG and JPEG, and an additional part of an EXR.",
         show_default="the camera's",
     ),
 ]
 DiffusionGlare = Annotated[
     float | None,
-    typer.Option("--diffusion-glare", metavar="SHARE", help="Of that, the veil's.", show_default="the camera's, else 0.2"),
+    typer.Option(
+        "--diffusion-glare",
+        metavar="SHARE",
+        help="Share of the diffused light in veiling glare.",
+        show_default="the camera's, else 0.2",
+    ),
 ]
 DiffusionBloomWidth = Annotated[
     float | None,
     typer.Option(
         "--diffusion-bloom-width",
         metavar="SHARE",
-        help="The bloom's, of the picture's height.",
+        help="Width of the bloom relative to the picture's height.",
         show_default="the camera's, else 0.005",
     ),
 ]
@@ -162,7 +180,7 @@ DiffusionStarburst = Annotated[
     typer.Option(
         "--diffusion-starburst",
         metavar="SHARE",
-        help="Of what is diffused, the star's of the blades.",
+        help="Share of the diffused light in the starburst of the aperture blades.",
         show_default="the camera's, else 0.3",
     ),
 ]
@@ -171,30 +189,34 @@ DiffusionStarburstWidth = Annotated[
     typer.Option(
         "--diffusion-starburst-width",
         metavar="SHARE",
-        help="Wavelength over aperture, of the picture's height.",
+        help="Wavelength over aperture diameter, relative to the picture's height.",
         show_default="the camera's, else 0.003",
     ),
 ]
-Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
+Report = Annotated[
+    str | None, typer.Option("--report", metavar="FILE", help="Write the render report as JSON.", show_default=False)
+]
 SampleRange = Annotated[
     str | None,
     typer.Option(
         "--sample-range",
         metavar="A:B",
-        help="Only these of each pixel's samples, for `primray merge`; multiples of 2.",
+        help="Render only samples A to B of each pixel, for `primray merge`; multiples of 2.",
         show_default=False,
     ),
 ]
 Checkpoint = Annotated[
     str | None,
-    typer.Option("--checkpoint", metavar="FILE", help="Write what is needed to go on from there.", show_default=False),
+    typer.Option("--checkpoint", metavar="FILE", help="Write checkpoints, from which --resume continues.", show_default=False),
 ]
 CheckpointEvery = Annotated[
     float | None, typer.Option("--checkpoint-every", metavar="S", help="Seconds between checkpoints.", show_default="60")
 ]
 Resume = Annotated[
     str | None,
-    typer.Option("--resume", metavar="FILE", help="Go on from a checkpoint, and with it unless --checkpoint names another."),
+    typer.Option(
+        "--resume", metavar="FILE", help="Continue from a checkpoint, and keep writing it unless --checkpoint names another."
+    ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON lines to stdout.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Print every diagnostic and prim, and tracebacks of errors.")]

@@ -220,7 +220,7 @@ def _keep_record(image: Image, lost: list[str], written: list[str], looks: Looks
         return []
     if not is_written(partial(save, image, str(free[0]), looks), looks):
         return []
-    print(f"the picture was kept as {free[0]}, scene-linear", file=sys.stderr)
+    print(f"the picture was saved as {free[0]} instead, scene-linear", file=sys.stderr)
     return [str(free[0])]
 
 
@@ -335,7 +335,7 @@ def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str
 def _error_line(report: dict[str, Any]) -> str:
     """Return the picture's error, and why the render stopped."""
     if any(diagnostic["code"] == "empty-picture" for diagnostic in report["diagnostics"]):
-        return f"nothing is seen, so no error is known; stopped by {report['stop']['reason']}"
+        return f"nothing is visible, so the error is unknown; stopped by {report['stop']['reason']}"
     metric = report["settings"]["error_metric"]
     found, target = report["error"][metric], report["settings"]["target_error"]
     if found is None:
@@ -356,7 +356,7 @@ def _error_line(report: dict[str, Any]) -> str:
 
 def _too_few(samples: int) -> str:
     """Return why there is no error estimate, from the smallest number of samples of a pixel."""
-    return {0: "some pixels have no sample", 1: "one sample a pixel"}.get(samples, "no display's view can be made")
+    return {0: "some pixels have no samples", 1: "only one sample a pixel"}.get(samples, "the display view cannot be made")
 
 
 def _denoised_text(denoised: dict[str, Any] | None, metric: str) -> str:
@@ -364,6 +364,6 @@ def _denoised_text(denoised: dict[str, Any] | None, metric: str) -> str:
         return ""
     found = (denoised["error"] or {}).get(metric)
     if found is None:
-        return "\ndenoised: biased, its error is unknown"
+        return "\ndenoised: biased, error unknown"
     low, high = found["ci95"]
     return f"\ndenoised: {metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g}), biased"

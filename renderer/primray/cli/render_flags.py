@@ -17,20 +17,20 @@ Samples = Annotated[
         "-p",
         "--max-samples",
         metavar="N",
-        help="Samples per pixel; with an error or a time asked for, the most on average.",
+        help="Samples per pixel; with a target error or time limit, the maximum on average.",
         show_default="the stage's, else 64, or no cap",
     ),
 ]
 TargetError = Annotated[
     float | None,
-    typer.Option("--target-error", metavar="E", help="Stop when the error is estimated to be no larger.", show_default=False),
+    typer.Option("--target-error", metavar="E", help="Stop when the estimated error is at most E.", show_default=False),
 ]
 ErrorMetric = Annotated[
     Metric | None,
     typer.Option(
         "--error-metric",
         "--metric",
-        help="relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse after the view, in 8-bit steps.",
+        help="relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse of the displayed picture, in 8-bit steps.",
         show_default="the stage's, else relmse",
     ),
 ]
@@ -40,20 +40,22 @@ TimeLimit = Annotated[
         "--time-limit",
         "--max-seconds",
         metavar="S",
-        help="Stop a frame after so many seconds of sampling (set-up comes before).",
+        help="Stop each frame after this many seconds of sampling (not counting set-up).",
         show_default=False,
     ),
 ]
 Adaptive = Annotated[
     bool | None,
-    typer.Option("--adaptive/--no-adaptive", help="More samples where the error is.", show_default="with --target-error"),
+    typer.Option(
+        "--adaptive/--no-adaptive", help="Take more samples where the error is large.", show_default="with --target-error"
+    ),
 ]
 MaxDepth = Annotated[
     int | None,
     typer.Option(
         "--max-depth",
         metavar="N",
-        help="Surface scatterings, 1 = direct light only.",
+        help="Maximum number of surface scattering events; 1: direct light only.",
         show_default="the stage's, else no limit",
     ),
 ]
@@ -62,7 +64,7 @@ ClampIndirect = Annotated[
     typer.Option(
         "--clamp-indirect",
         metavar="V",
-        help="A stated bias: a sample's light of two scatterings and more has V at most; the report says what that takes away.",
+        help="Clamp indirect light (two or more scattering events) of each sample to V; the report states the bias.",
         show_default="no clamp",
     ),
 ]
@@ -70,23 +72,25 @@ Caustics = Annotated[
     OnOff,
     typer.Option(
         "--caustics",
-        help="off, a stated bias: light that reaches diffuse surfaces over specular ones is left out, and reported.",
+        help="off: leave out light that reaches diffuse surfaces via specular ones; the report states the bias.",
     ),
 ]
 PixelFilter = Annotated[Filter | None, typer.Option("--filter", help="Pixel filter.", show_default="the stage's, else box")]
 FilterWidth = Annotated[
-    float | None, typer.Option("--filter-width", metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
+    float | None,
+    typer.Option("--filter-width", metavar="W", help="Full width of the filter in pixels.", show_default="box 1, else 3"),
 ]
 Threads = Annotated[
-    int | None, typer.Option("--threads", "-j", metavar="N", help="Threads; -1: all cores but one.", show_default="all cores")
+    int | None,
+    typer.Option("--threads", "-j", metavar="N", help="Number of threads; -1: all cores but one.", show_default="all cores"),
 ]
-Seed = Annotated[int, typer.Option("--seed", "--lock-random", metavar="N", help="Of the random numbers.")]
+Seed = Annotated[int, typer.Option("--seed", "--lock-random", metavar="N", help="Seed of the random numbers.")]
 MaxMemory = Annotated[
     str | None,
     typer.Option(
         "--max-memory",
         metavar="SIZE",
-        help="The process holds no more, or the render fails: 4G, 500M; auto: what the container or machine has.",
+        help="Memory limit of the process, beyond which the render fails: 4G, 500M; auto: that of the container or machine.",
         show_default="no limit",
     ),
 ]
@@ -95,8 +99,8 @@ Ray = Annotated[
     typer.Option(
         "--ray",
         metavar="ADDRESS",
-        help="Render the samples in parts on the nodes of the Ray cluster there: HOST:PORT, or auto on one of its nodes.",
+        help="Split the samples over the nodes of a Ray cluster: HOST:PORT, or auto on one of its nodes.",
         show_default=False,
     ),
 ]
-PilotSeconds = Annotated[float, typer.Option("--pilot", metavar="S", help="Seconds of sampling to judge by.")]
+PilotSeconds = Annotated[float, typer.Option("--pilot", metavar="S", help="Seconds of sampling for the pilot render.")]

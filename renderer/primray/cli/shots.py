@@ -49,9 +49,9 @@ def moments(time_codes: list[float] | None) -> list[float | None]:
 def require_only_products(chosen_twice: bool, are_named: bool, checkpoint: str | None) -> None:
     """Raise SettingsError for flags that exclude products: both ways to choose them, file names, checkpoints."""
     faults = {
-        "--all-products and --product both choose products; give one": chosen_twice,
-        "-o names one file, products have names of their own: --output-dir says where they are written": are_named,
-        "products have no checkpoints: --checkpoint and --resume are for one picture, which -o names": checkpoint is not None,
+        "--all-products and --product both choose products; give one of them": chosen_twice,
+        "-o names one file, but products have their own file names; --output-dir chooses their folder": are_named,
+        "products have no checkpoints; --checkpoint and --resume are for a single picture, named by -o": checkpoint is not None,
     }
     for sentence, is_so in faults.items():
         if is_so:
@@ -95,7 +95,7 @@ def product_shots(
 def _name_in_frames(product: Product, time_codes: list[float] | None) -> FrameName:
     name = frame_name(product.file_name)
     if time_codes is None and name.has_holder:  # the stage's author intended frames
-        raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
+        raise SettingsError("the product's name has a frame placeholder; pass --frames", where=str(name), code="frames")
     # A name without a frame placeholder gets one, which has room for fractions.
     check_names([name if name.has_holder else frame_name(f"{name}.$FF")], time_codes)
     return name

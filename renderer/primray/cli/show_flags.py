@@ -11,22 +11,22 @@ Background = Annotated[
     typer.Option(
         "--background",
         metavar="COLOR|transparent|FILE",
-        help="Behind all that is drawn: a colour as displayed (#rrggbb, or r,g,b in 0 to 1), nothing, or a picture.",
+        help="Background: a colour as displayed (#rrggbb, or r,g,b in 0 to 1), transparent, or a picture.",
         show_default=False,
     ),
 ]
 Turntable = Annotated[
     int | None,
-    typer.Option("--turntable", metavar="N", help="N frames from once around what is drawn.", show_default=False),
+    typer.Option("--turntable", metavar="N", help="Render N frames of one orbit around the scene.", show_default=False),
 ]
 FramesPerSecond = Annotated[
     float | None,
-    typer.Option("--fps", metavar="N", help="Of a --turntable's movie; without it, frames alone.", show_default=False),
+    typer.Option("--fps", metavar="N", help="Also write a movie of a --turntable at this frame rate.", show_default=False),
 ]
 Preview = Annotated[
     bool,
     typer.Option(
         "--preview",
-        help="Denoised (unless --no-denoise), of 16 samples a pixel (or --spp), in seconds: to look at, not to measure.",
+        help="Quick look, not for measurements: 16 samples per pixel (or --spp), denoised (unless --no-denoise).",
     ),
 ]

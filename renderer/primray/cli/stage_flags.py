@@ -15,10 +15,10 @@ from .option_values import Complexity, OnOff
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
 Camera = Annotated[
     str | None,
-    typer.Option("--camera", "-c", "-cam", metavar="CAMERA", help="Prim path or name of a camera.", show_default=False),
+    typer.Option("--camera", "-c", "-cam", metavar="CAMERA", help="Path or name of the camera prim.", show_default=False),
 ]
 AutomaticCamera = Annotated[
-    AutoCamera, typer.Option("--auto-camera", help="The view of a stage without cameras: a quarter from above, or usdrecord's.")
+    AutoCamera, typer.Option("--auto-camera", help="View of a stage without cameras: three-quarter from above, or usdrecord's.")
 ]
 RenderPassPrim = Annotated[
     str | None,
@@ -27,7 +27,7 @@ RenderPassPrim = Annotated[
         "--renderPassPrimPath",
         "-rp",
         metavar="PRIM",
-        help="Path of the RenderPass to render, or name in /Render.",
+        help="Path of the RenderPass to render, or its name in /Render.",
         show_default="none",
     ),
 ]
@@ -40,7 +40,7 @@ RenderSettingsPrim = Annotated[
         "--settings",
         "-s",
         metavar="PRIM",
-        help="Path of the RenderSettings to follow, or name in /Render.",
+        help="Path of the RenderSettings to use, or its name in /Render.",
         show_default="the stage's",
     ),
 ]
@@ -51,17 +51,29 @@ Resolution = Annotated[
         "-r",
         "--resolution",
         metavar="W H",
-        help="Pixels, also as WxH; one of them 0: by the camera's aspect.",
+        help="Resolution in pixels, also as WxH; a 0 is computed from the camera's aspect ratio.",
         show_default=False,
     ),
 ]
 ImageWidth = Annotated[
     int | None,
-    typer.Option("--imageWidth", "-w", metavar="W", help="Pixels; the height by the camera's aspect.", show_default=False),
+    typer.Option(
+        "--imageWidth",
+        "-w",
+        metavar="W",
+        help="Width in pixels; the height follows from the camera's aspect ratio.",
+        show_default=False,
+    ),
 ]
 ResolutionScale = Annotated[
     float | None,
-    typer.Option("--res-scale", "-S", metavar="PERCENT", help="Of the resolution, whoever chose it.", show_default="100"),
+    typer.Option(
+        "--res-scale",
+        "-S",
+        metavar="PERCENT",
+        help="Scale of the resolution, whichever setting it comes from.",
+        show_default="100",
+    ),
 ]
 Frames = Annotated[
     str | None,
@@ -70,20 +82,20 @@ Frames = Annotated[
         "--frame",
         "-f",
         metavar="LIST",
-        help="Time codes: 1, 1:10, 1-10x2, 1:10:2, 1,5 or start:end; inspect and estimate take one.",
+        help="Time codes to render: 1, 1:10, 1-10x2, 1:10:2, 1,5 or start:end; inspect and estimate take one.",
         show_default="default time",
     ),
 ]
 FrameCount = Annotated[
     int | None,
-    typer.Option("--frame-count", "-n", metavar="N", help="So many frames from --frame (1) on.", show_default=False),
+    typer.Option(
+        "--frame-count", "-n", metavar="N", help="Number of frames, starting at --frame (default 1).", show_default=False
+    ),
 ]
 FrameIncrement = Annotated[
-    float | None, typer.Option("--frame-inc", "-i", metavar="N", help="From a frame to the next.", show_default="1")
+    float | None, typer.Option("--frame-inc", "-i", metavar="N", help="Step between frames.", show_default="1")
 ]
-DefaultTime = Annotated[
-    bool, typer.Option("--defaultTime", "-d", help="The stage's default time, as where no frames are asked for.")
-]
+DefaultTime = Annotated[bool, typer.Option("--defaultTime", "-d", help="Render the stage's default time, as without --frames.")]
 NoDefaultLight = Annotated[
     bool, typer.Option("--no-default-light", "--disableCameraLight", help="Leave a stage without lights dark.")
 ]
@@ -91,14 +103,14 @@ Studio = Annotated[
     StudioLight,
     typer.Option(
         "--studio-light",
-        help="auto: where the stage has no light, not even a weak one, and what glows lights less than 35 % of what is seen; "
-        "on: beside its lights.",
+        help="Add a studio light. auto: if the stage has no light at all, and emissive surfaces light less than 35 % of the "
+        "visible surfaces; on: in addition to the stage's lights.",
     ),
 ]
 Dome = Annotated[
     str | None,
     typer.Option(
-        "--dome", metavar="FILE", help="A lat-long image as light, in place of the stage's domes.", show_default=False
+        "--dome", metavar="FILE", help="Lat-long image for a dome light that replaces the stage's.", show_default=False
     ),
 ]
 DomeRotation = Annotated[
@@ -106,35 +118,39 @@ DomeRotation = Annotated[
     typer.Option(
         "--dome-rotation",
         metavar="DEGREES",
-        help="Turns --dome, else the stage's domes, about the up axis, counterclockwise from above.",
+        help="Rotate --dome, else the stage's domes, about the up axis, counterclockwise seen from above.",
     ),
 ]
 DomeVisible = Annotated[
-    OnOff, typer.Option("--dome-visible", help="Whether the camera sees --dome; off: nor the stage's own domes.")
+    OnOff, typer.Option("--dome-visible", help="Whether the camera sees --dome; off also hides the stage's own domes.")
 ]
 GroundBelow = Annotated[
     Ground | None,
-    typer.Option("--ground", help="Below all that is drawn: only its shadow, or a grey plane.", show_default=False),
+    typer.Option("--ground", help="Ground below the scene: a shadow catcher, or a grey plane.", show_default=False),
 ]
 WrapByDefault = Annotated[
     DefaultWrap,
-    typer.Option("--default-wrap", help="Outside of textures whose wrap neither the stage nor the file names."),
+    typer.Option("--default-wrap", help="Wrap mode of textures for which neither stage nor file specifies one."),
 ]
 MaterialContext = Annotated[
     RenderContext,
-    typer.Option("--render-context", help="Of a material that has both, the surface output that counts."),
+    typer.Option("--render-context", help="Surface output to use of a material that has both."),
 ]
 NoTranslatedShaders = Annotated[
     bool,
     typer.Option(
         "--no-translated-shaders",
-        help="Materials that carry only Arnold's, RenderMan's or Houdini's shaders show displayColor.",
+        help="Show displayColor for materials that only have shaders of Arnold, RenderMan or Houdini.",
     ),
 ]
 Purposes = Annotated[
     str | None,
     typer.Option(
-        "--purposes", "--purpose", metavar="LIST", help="Such as render,proxy, beside default.", show_default="the stage's"
+        "--purposes",
+        "--purpose",
+        metavar="LIST",
+        help="Purposes to render besides default, such as render,proxy.",
+        show_default="the stage's",
     ),
 ]
 Variants = Annotated[
@@ -146,31 +162,43 @@ Variants = Annotated[
 NoPayloads = Annotated[bool, typer.Option("--no-payloads", help="Load no payloads.")]
 Load = Annotated[
     list[str] | None,
-    typer.Option("--load", metavar="PRIM", help="Load payloads only here and below; may be repeated.", show_default="all"),
+    typer.Option(
+        "--load", metavar="PRIM", help="Load payloads only at and below this prim; may be repeated.", show_default="all"
+    ),
 ]
 Mask = Annotated[
     list[str] | None,
     typer.Option(
         "--mask",
         metavar="PRIM",
-        help="Populate only these prims, what is above and below them and what they refer to; may be repeated.",
+        help="Populate only this prim, its ancestors and descendants, and the targets of its relationships; may be repeated.",
         show_default=False,
     ),
 ]
 SessionLayer = Annotated[
     str | None,
-    typer.Option("--session-layer", "--sessionLayer", metavar="FILE", help="Opinions over the stage's.", show_default=False),
+    typer.Option(
+        "--session-layer",
+        "--sessionLayer",
+        metavar="FILE",
+        help="Layer with opinions stronger than the stage's.",
+        show_default=False,
+    ),
 ]
 DicingRate = Annotated[
-    float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edges of subdivision surfaces on the picture.")
+    float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edge of diced subdivision surfaces, in pixels.")
 ]
 NoMotionBlur = Annotated[
-    bool, typer.Option("--no-motion-blur", "--disable-motionblur", help="A still of the frame, whatever the camera's shutter.")
+    bool,
+    typer.Option("--no-motion-blur", "--disable-motionblur", help="Render without motion blur, whatever the camera's shutter."),
 ]
 Shutter = Annotated[
     tuple[float, float] | None,
     typer.Option(
-        "--shutter", metavar="OPEN CLOSE", help="Time codes from the frame on: in place of the camera's.", show_default=False
+        "--shutter",
+        metavar="OPEN CLOSE",
+        help="Shutter times in time codes relative to the frame, overriding the camera's.",
+        show_default=False,
     ),
 ]
 Region = Annotated[
@@ -178,7 +206,7 @@ Region = Annotated[
     typer.Option(
         "--region",
         metavar="LEFT BOTTOM RIGHT TOP",
-        help="Only this part of the picture, in 0 to 1: in place of dataWindowNDC.",
+        help="Render only this part of the picture, in 0 to 1, overriding dataWindowNDC.",
         show_default=False,
     ),
 ]
@@ -187,7 +215,7 @@ MotionError = Annotated[
     typer.Option(
         "--motion-error",
         metavar="PIXELS",
-        help="Pixels that the path of anything may be off.",
+        help="Maximum error of motion paths, in pixels.",
         show_default="the stage's, else 0.02",
     ),
 ]
@@ -196,29 +224,33 @@ LensFlaws = Annotated[
     typer.Option(
         "--lens",
         metavar="NAME=NUMBERS",
-        help="Of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, lateral-chromatic=R,G,B or "
-        "longitudinal-chromatic=R,G,B; may be repeated.",
+        help="Imperfection of the lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, lateral-chromatic=R,G,B "
+        "or longitudinal-chromatic=R,G,B; may be repeated.",
         show_default="the camera's",
     ),
 ]
 Dicing = Annotated[
     Complexity | None,
-    typer.Option("--complexity", help="In place of --dicing-rate: 16, 8, 4 or 2 pixels.", show_default=False),
+    typer.Option("--complexity", help="Dicing rate of 16, 8, 4 or 2 pixels, instead of --dicing-rate.", show_default=False),
 ]
-Strict = Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings about the picture.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings that affect the picture.")]
 FailOn = Annotated[
     list[str] | None,
     typer.Option(
         "--fail-on",
         metavar="CODES",
-        help="Refuse a stage with diagnostics of these codes, by commas; `missing`: files that are not there. May be repeated.",
+        help="Refuse a stage with any of these diagnostic codes, separated by commas; `missing` stands for missing files; "
+        "may be repeated.",
         show_default=False,
     ),
 ]
 Allow = Annotated[
     list[str] | None,
     typer.Option(
-        "--allow", metavar="CODES", help="Let these pass --strict and --fail-on; may be repeated.", show_default=False
+        "--allow",
+        metavar="CODES",
+        help="Exempt these diagnostic codes from --strict and --fail-on; may be repeated.",
+        show_default=False,
     ),
 ]
 RenderingColorSpace = Annotated[
@@ -226,7 +258,7 @@ RenderingColorSpace = Annotated[
     typer.Option(
         "--rendering-color-space",
         metavar="NAME",
-        help="Linear RGB space that light is computed in, such as lin_ap1_scene.",
+        help="Linear RGB space for rendering, such as lin_ap1_scene.",
         show_default="the stage's, else lin_rec709_scene",
     ),
 ]

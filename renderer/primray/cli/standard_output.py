@@ -37,14 +37,14 @@ def check_standard(outputs: Sequence[str], as_json: bool) -> None:
     standard = [output for output in outputs if is_standard(output)]
     if len(standard) > 1 or (standard and as_json):
         beside = "JSON lines" if as_json else "another picture"
-        sentence = f"standard output holds the picture alone, not {beside} as well"
+        sentence = f"standard output can hold only the picture, not {beside} as well"
         raise SettingsError(sentence, where=standard[0], code="standard-output")
     for output in standard:
         from ..images.image import EXTENSIONS
 
         if suffix_of(output) not in EXTENSIONS:
             known = ", ".join(extension[1:] for extension in EXTENSIONS)
-            sentence = f"on standard output there can be {known}, like png:-"
+            sentence = f"formats for standard output are {known}, such as png:-"
             raise SettingsError(sentence, where=output, code="unknown-extension")
 
 

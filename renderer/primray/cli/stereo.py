@@ -28,14 +28,14 @@ def require_whole_renders(given: dict[str, object]) -> None:
     """Raise SettingsError for flags of single pictures: a stereo pair has neither checkpoints nor snapshots."""
     for flag, value in given.items():
         if value is not None:
-            raise SettingsError(f"{flag} is for one picture; without --stereo, each eye can have its own", code="stereo-flags")
+            raise SettingsError(f"{flag} cannot be combined with --stereo; render each eye separately", code="stereo-flags")
 
 
 def require_files(outputs: list[str]) -> None:
     """Raise SettingsError for standard output, which holds only one picture."""
     for output in outputs:
         if is_standard(output):
-            raise SettingsError("a pair needs files, and standard output is one", where=output, code="stereo-flags")
+            raise SettingsError("a stereo pair cannot go to standard output; name a file", where=output, code="stereo-flags")
 
 
 def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoImage | None:
@@ -70,7 +70,7 @@ def _keep_left(image: Image, shot: Shot, looks: Looks) -> None:
 
     own = [name_of_eye(file, Eye.LEFT) for file in shot.files if not is_tev(file)]
     written, _ = save_all(own, partial(save, image), looks, image)
-    print(f"the left eye alone was saved: {', '.join(written) or 'nothing'}", file=sys.stderr)
+    print(f"only the left eye was saved: {', '.join(written) or 'no file'}", file=sys.stderr)
 
 
 def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:

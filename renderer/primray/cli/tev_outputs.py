@@ -52,7 +52,7 @@ class TevOutputs:
                 self._show(image, output)
             except PrimrayError as error:
                 self._lost.add(output)
-                print(f"warning: the picture so far is not shown: {error}", file=sys.stderr)
+                print(f"warning: the unfinished picture could not be shown: {error}", file=sys.stderr)
 
     def show(self, image: Image, output: str) -> None:
         """Show the finished picture; PrimrayError ("write-failed") if it cannot be sent."""

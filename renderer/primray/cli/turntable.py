@@ -21,10 +21,10 @@ from .shots import Shot
 PLAYABLE = (".png", ".jpg", ".jpeg")
 MOST = 100_000
 NO_PROGRAM = (
-    "a movie is made by ffmpeg, and neither it nor the package imageio-ffmpeg is installed: "
-    "run `pip install imageio-ffmpeg`, or leave --fps out to get the pictures alone"
+    "a movie needs ffmpeg, and neither it nor the package imageio-ffmpeg is installed: "
+    "run `pip install imageio-ffmpeg`, or remove --fps to write only the pictures"
 )
-FPS_ALONE = "--fps is the rate of a --turntable's movie; a stage's own is framesPerSecond of its root layer"
+FPS_ALONE = "--fps is the frame rate of a --turntable movie; a stage has framesPerSecond in its root layer"
 # H.264 that every player supports: even sides, and 4:2:0 chroma.
 CODEC = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p"]
 
@@ -36,11 +36,11 @@ def turntable_numbers(count: int | None, fps: float | None, time_codes: Sequence
             raise SettingsError(FPS_ALONE, where="--fps", code="turntable")
         return None
     if not 1 <= count <= MOST:
-        raise SettingsError(f"a turntable has from 1 to {MOST} pictures, not {count}", where="--turntable", code="turntable")
+        raise SettingsError(f"a turntable has 1 to {MOST} pictures, not {count}", where="--turntable", code="turntable")
     if fps is not None and not fps > 0:
-        raise SettingsError(f"a movie has a rate above 0, not {fps}", where="--fps", code="turntable")
+        raise SettingsError(f"the frame rate of a movie must be above 0, not {fps}", where="--fps", code="turntable")
     if time_codes is not None and len(time_codes) > 1:
-        raise SettingsError("a turntable is of one frame; --frames names several", where="--turntable", code="turntable")
+        raise SettingsError("a turntable shows one frame, but --frames has several", where="--turntable", code="turntable")
     return [float(number) for number in range(1, count + 1)]
 
 
@@ -82,7 +82,7 @@ def movie_of(names: Sequence[FrameName], fps: float | None) -> Movie | None:
 def _playable(names: Sequence[FrameName]) -> FrameName:
     found = next((name for name in names if str(name).lower().endswith(PLAYABLE)), None)
     if found is None:
-        sentence = "a movie is made of PNG or JPEG pictures: name one with -o, such as -o turn.png"
+        sentence = "a movie needs PNG or JPEG pictures: name one with -o, such as -o turn.png"
         raise SettingsError(sentence, where="--fps", code="turntable")
     return found
 
@@ -102,7 +102,7 @@ def write_movie(movie: Movie, numbers: Sequence[float]) -> None:
     if done.returncode != 0:
         print(f"no movie: ffmpeg failed: {done.stderr.strip()[-500:]}", file=sys.stderr)
         raise SystemExit(1)
-    print(f"{path}: {len(files)} pictures at {movie.fps:g} a second")
+    print(f"{path}: {len(files)} pictures at {movie.fps:g} per second")
 
 
 def _without_number(stem: str) -> str:

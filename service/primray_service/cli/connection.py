@@ -29,7 +29,7 @@ KeyFile = Annotated[
         "--key-file", metavar="FILE", help="Holds the API key.", show_default="$PRIMRAY_API_KEY, or $PRIMRAY_API_KEY_FILE"
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON lines to stdout.")]
 
 EXTRA = ("httpx2", "fastapi", "uvicorn", "sqlalchemy", "alembic", "structlog", "prometheus_client", "python_multipart")
 NOTED_WAIT_S = 5.0

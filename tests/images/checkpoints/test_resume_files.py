@@ -68,7 +68,7 @@ def kill_and_resume(folder: Path, kills: int, seed: int) -> None:
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=30)
     assert process.returncode == 130, said
-    assert f"interrupted: the picture so far was saved; --resume {shlex.quote(str(path))} goes on" in said
+    assert f"interrupted: the unfinished picture was saved; continue with --resume {shlex.quote(str(path))}" in said
     report = json.loads((folder / "a.json").read_text())
     assert report["stop"]["reason"] == "interrupted"
     whole = replace(SETTINGS, spp=reached(load(path).film["next"]))

@@ -45,12 +45,12 @@ def test_pixels_that_a_time_limit_leaves_without_samples_are_reported(
     assert image.report["error"]["relmse"] is None
     arguments = ["--res", "1024", "1024", "--time-limit", "0.001", "-o", str(tmp_path / "a.exr")]
     assert run(["render", SCENE, *arguments]) == 0
-    assert "no error estimate: some pixels have no sample; stopped by time-limit" in capsys.readouterr().out
+    assert "no error estimate: some pixels have no samples; stopped by time-limit" in capsys.readouterr().out
 
 
 def test_one_sample_a_pixel_has_no_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run(["render", SCENE, "--res", "48", "36", "--spp", "1", "-o", str(tmp_path / "a.exr")]) == 0
-    assert "no error estimate: one sample a pixel; stopped by samples" in capsys.readouterr().out
+    assert "no error estimate: only one sample a pixel; stopped by samples" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("adaptive", [False, True])

@@ -26,7 +26,7 @@ def names() -> list[str]:
 @pytest.mark.parametrize(
     ("flags", "says"),
     [
-        (["--checkpoint-every", "5"], "--checkpoint FILE says where"),
+        (["--checkpoint-every", "5"], "needs --checkpoint FILE"),
         (["--checkpoint", "a.prc", "--checkpoint-every", "0"], "seconds above 0, not 0"),
         (["--checkpoint", "a.prc", "--checkpoint-every", "nan"], "seconds above 0, not nan"),
         (["--checkpoint", "a.prc", "--checkpoint-every", "-1"], "seconds above 0, not -1"),
@@ -39,10 +39,10 @@ def names() -> list[str]:
         (["--resume", "old.prc"], "damaged"),
         (["--resume", "missing.prc", "--checkpoint", "a.prc"], "there is no such checkpoint"),
         (["--resume", "missing.#.prc", "-f", "1:2", "-o", "o.#.exr"], "there is no such checkpoint"),
-        (["--sample-range", "0-4"], f"which is {SAMPLE_BLOCK}"),
-        (["--sample-range", "4"], "no range of samples"),
-        (["--sample-range", "-2:4"], "no range of samples"),
-        (["--sample-range", "0:99999999999999"], "no range of samples"),
+        (["--sample-range", "0-4"], f"in multiples of {SAMPLE_BLOCK}"),
+        (["--sample-range", "4"], "not a range of samples"),
+        (["--sample-range", "-2:4"], "not a range of samples"),
+        (["--sample-range", "0:99999999999999"], "not a range of samples"),
         (["--sample-range", "0:4"], "combined with spp"),  # SMALL has --spp
     ],
 )
@@ -99,7 +99,7 @@ def test_frames_have_checkpoints_of_their_own(capsys: pytest.CaptureFixture[str]
     # Frames that have none yet begin.
     capsys.readouterr()
     assert run([*frames, "-f", "1:3", "--resume", "c.#.prc"]) == 0
-    assert "no checkpoint yet, rendered from the first sample: c.3.prc\n" in capsys.readouterr().err
+    assert "no checkpoint found, rendering from the first sample: c.3.prc\n" in capsys.readouterr().err
     assert names() == ["c.1.prc", "c.2.prc", "c.3.prc", "o.1.exr", "o.2.exr", "o.3.exr"]
 
 

@@ -115,7 +115,7 @@ def test_frames_that_lists_name_twice_are_rendered_once() -> None:
 
 
 def test_the_default_time_and_frames_contradict() -> None:
-    with pytest.raises(SettingsError, match="contradict"):
+    with pytest.raises(SettingsError, match="cannot be combined"):
         frames_of("1", None, None, True, None, None)
 
 

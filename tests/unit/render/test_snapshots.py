@@ -76,7 +76,7 @@ def test_one_that_cannot_be_written_ends_nothing(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(Image, "write", written_now)
     assert run(["render", "s.usda", "--res", "64", "48", "--spp", "4096", "--snapshot", "0.000001"]) == 0
-    assert "warning: the picture so far is not saved: write-failed" in capsys.readouterr().err
+    assert "warning: the unfinished picture could not be saved: write-failed" in capsys.readouterr().err
     assert Path("s.exr").exists()
 
 

@@ -32,45 +32,49 @@ def compare(
         str,
         typer.Argument(
             metavar="A",
-            help="Before: an EXR with error channels, any picture, a .npy array; a sequence (shot.####.exr) or folder.",
+            help="Picture before: an EXR with errors, any picture, or a .npy array; a sequence (shot.####.exr) or folder.",
         ),
     ],
-    b: Annotated[str, typer.Argument(metavar="B", help="After: of the same kind and size.")],
-    alpha: Annotated[float, typer.Option(metavar="P", help="False alarms allowed, over all tiles together.")] = 0.001,
+    b: Annotated[str, typer.Argument(metavar="B", help="Picture after, of the same kind and size.")],
+    alpha: Annotated[float, typer.Option(metavar="P", help="False-alarm rate over all tiles together.")] = 0.001,
     tolerance: Annotated[
-        float, typer.Option(metavar="T", help="Smallest relative difference that matters; 0: any that noise does not explain.")
+        float, typer.Option(metavar="T", help="Smallest relative difference that matters; 0: any difference beyond noise.")
     ] = 0.01,
-    tile: Annotated[int, typer.Option(metavar="N", help="Pixels across a tile.")] = 32,
+    tile: Annotated[int, typer.Option(metavar="N", help="Tile size in pixels.")] = 32,
     aovs: Annotated[
         list[str] | None,
         typer.Option(
             "--aov",
             "--aovs",
             metavar="NAME",
-            help="Judge these outputs too: names by commas, or all that both have; may be repeated.",
+            help="Also compare these AOVs: names separated by commas, or all that both have; may be repeated.",
             show_default="the picture alone",
         ),
     ] = None,
     metric: Annotated[
         list[FurtherMetric] | None,
-        typer.Option("--metric", help="Beside the verdict, which it does not change (primray[flip]).", show_default=False),
+        typer.Option(
+            "--metric",
+            help="Also print this metric, which does not affect the verdict (needs primray[flip]).",
+            show_default=False,
+        ),
     ] = None,
     allow_bias: Annotated[
-        bool, typer.Option("--allow-bias", help="Compare pictures of different --clamp-indirect or --caustics.")
+        bool, typer.Option("--allow-bias", help="Compare pictures with different --clamp-indirect or --caustics.")
     ] = False,
     difference: Annotated[
         str | None,
         typer.Option(
             metavar="FILE",
-            help="PNG or EXR of the difference in units of its noise; of a sequence with ####, of folders a folder.",
+            help="Write the difference in units of noise as PNG or EXR; for sequences a name with ####, for folders a folder.",
             show_default=False,
         ),
     ] = None,
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the result as JSON.", show_default=False)] = None,
-    json: Annotated[bool, typer.Option("--json", help="A JSON line on stdout in place of words.")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", "-V", help="Tracebacks of errors.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON lines to stdout instead of text.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-V", help="Print tracebacks of errors.")] = False,
 ) -> None:
-    """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 6: needs more samples, 2: usage."""
+    """Report whether a picture has changed. Exit code 0: unchanged, 1: changed, 6: more samples needed, 2: usage error."""
     from ...compare.sequences import pairing
 
     asked = Asked(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric), allow_bias)
@@ -144,7 +148,7 @@ def _check_outputs(asked: Asked, pictures: list[Path]) -> None:
     inputs = {path.resolve() for path in pictures}
     for output in (asked.difference, asked.report):
         if output is not None and Path(output).resolve() in inputs:
-            raise SettingsError("the output would replace a picture that is compared", where=output, code="output-folder")
+            raise SettingsError("the output would overwrite a picture being compared", where=output, code="output-folder")
 
 
 def _write_report(asked: Asked, facts: dict[str, Any]) -> None:
@@ -204,12 +208,12 @@ def _difference_names(asked: Asked, found: Pairing) -> Callable[[Pair], Path] | 
     name, text = frame_name(asked.difference), asked.difference
     if found.kind == "frame":
         if not name.has_holder:
-            sentence = "the differences of a sequence need a place for the frame's number in their name, such as ####"
+            sentence = "difference pictures of a sequence need a frame number placeholder in their name, such as ####"
             raise SettingsError(sentence, where=text, code="frames")
         check_difference_path(name.of(float(found.pairs[0].name)))
         return lambda pair: Path(name.of(float(pair.name)))
     if Path(text).suffix and not Path(text).is_dir():
-        raise SettingsError("the differences of folders go to a folder", where=text, code="output-folder")
+        raise SettingsError("difference pictures of folders need a folder as output", where=text, code="output-folder")
 
     def below(pair: Pair) -> Path:
         path = Path(text) / f"{pair.name}.png"
@@ -246,7 +250,7 @@ def _summary(whole: SequenceComparison, asked: Asked) -> Iterator[str]:
     plural = f"{whole.kind}s"
     for which, names in (("A", whole.only_a), ("B", whole.only_b)):
         if names:
-            yield f"  {len(names)} {whole.kind if len(names) == 1 else plural} in {which} alone: {_listed(names)}"
+            yield f"  {len(names)} {whole.kind if len(names) == 1 else plural} only in {which}: {_listed(names)}"
     if whole.worst is not None and any(not pair.facts.get("identical") for pair in whole.pairs):
         yield f"  worst: {whole.kind} {whole.worst.name}: {whole.worst.line}"
     for note in whole.notes:

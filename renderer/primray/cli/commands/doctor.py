@@ -19,7 +19,9 @@ from ..option_values import OnOff
 
 SceneOrNone = Annotated[
     str | None,
-    typer.Argument(metavar="[SCENE]", help="The USD stage to ask about; none: the machine alone.", show_default=False),
+    typer.Argument(
+        metavar="[SCENE]", help="The USD stage to examine; without it, only the machine is checked.", show_default=False
+    ),
 ]
 
 
@@ -68,7 +70,7 @@ def doctor(
     fail_on: stage_flags.FailOn = None,
     allow: stage_flags.Allow = None,
 ) -> None:
-    """Check this machine; with a SCENE, say why its picture is slow, grey, dark or empty, from a few seconds of rendering."""
+    """Check this machine; with a SCENE, render for a few seconds and explain why it is slow, grey, dark or empty."""
     if scene is None:
         _machine(json)
         return

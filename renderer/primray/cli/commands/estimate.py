@@ -29,7 +29,7 @@ def estimate(
     scene: stage_flags.Scene,
     target_errors: Annotated[
         list[float] | None,
-        typer.Option("--target-error", metavar="E", help="May be repeated.", show_default="a table of round ones"),
+        typer.Option("--target-error", metavar="E", help="Target error to estimate; may be repeated.", show_default="several"),
     ] = None,
     error_metric: render_flags.ErrorMetric = None,
     pilot_seconds: render_flags.PilotSeconds = 3.0,
@@ -142,12 +142,12 @@ def _lines(cost: CostEstimate) -> Iterator[str]:
         f"{metric} {known.value:.3g} (95 %: {known.low:.3g} to {known.high:.3g})"
     )
     if not cost.predictions:
-        yield "the picture has no error that could be seen"
+        yield "the picture has no measurable error"
         return
     if known.doubt >= VAGUE:
         yield (
-            f"that may be {known.doubt:.3g} times larger, by few bright pixels: a render continues until it is known better, "
-            "and how soon that is a pilot cannot tell; a longer one (--pilot) narrows the intervals"
+            f"the error may be {known.doubt:.3g} times larger, because of a few bright pixels: a render continues until it is "
+            "known better, which a pilot cannot predict; a longer pilot (--pilot) narrows the intervals"
         )
     yield f"{metric:>10}  {'samples':>8}  {'(95 %)':>17}  {'seconds':>8}  {'(95 %)':>17}"
     yield from map(_line, cost.predictions)
@@ -156,7 +156,7 @@ def _lines(cost: CostEstimate) -> Iterator[str]:
 def _line(prediction: Prediction) -> str:
     samples, seconds = prediction.samples, prediction.seconds
     if samples is None or seconds is None:
-        return f"{prediction.target:>10.3g}  more samples than are allowed"
+        return f"{prediction.target:>10.3g}  more samples than allowed"
     return (
         f"{prediction.target:>10.3g}  {samples.value:>8.0f}  {f'{samples.low:.0f} - {samples.high:.0f}':>17}  "
         f"{seconds.value:>8.1f}  {f'{seconds.low:.1f} - {seconds.high:.1f}':>17}"

@@ -56,7 +56,7 @@ def inspect(
     fail_on: stage_flags.FailOn = None,
     allow: stage_flags.Allow = None,
 ) -> None:
-    """Print what a stage is made of and what would be rendered: layers, cameras, products, counts, memory, diagnostics."""
+    """Print a stage's contents and what would be rendered: layers, cameras, products, counts, memory, diagnostics."""
     from ...examining.inspected import facts_of
     from ..inspect_text import lines
     from ..json_lines import print_line

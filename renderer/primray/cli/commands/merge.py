@@ -18,7 +18,7 @@ from ..shots import Shot
 def merge(
     parts: Annotated[
         list[Path],
-        typer.Argument(metavar="PART...", help="Checkpoints, as `render --sample-range` writes them.", show_default=False),
+        typer.Argument(metavar="PART...", help="Checkpoints written by `render --sample-range`.", show_default=False),
     ],
     outputs: Annotated[list[str], with_own_default(output_flags.Outputs)],
     checkpoint: output_flags.Checkpoint = None,
@@ -35,9 +35,9 @@ def merge(
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
 ) -> None:
-    """Merge checkpoints of different samples of one picture: the bits of one render that took them all.
+    """Merge checkpoints of different samples of one picture; the result is identical to a single render of all samples.
 
-    Names of files get the frame's number where `render` fills it in.
+    Frame number placeholders in file names are filled in as by `render`.
     """
     from ...checkpoints.checkpointing import Checkpointing
     from ...checkpoints.merge import merge

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 def render(
     scene: stage_flags.Scene,
-    output: Annotated[str | None, typer.Argument(metavar="[OUTPUT]", help="As -o.", show_default=False)] = None,
+    output: Annotated[str | None, typer.Argument(metavar="[OUTPUT]", help="Output file, like -o.", show_default=False)] = None,
     outputs: output_flags.Outputs = None,
     camera: stage_flags.Camera = None,
     auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
@@ -135,7 +135,7 @@ def render(
     load: stage_flags.Load = None,
     mask: stage_flags.Mask = None,
     session_layer: stage_flags.SessionLayer = None,
-    list_cameras: Annotated[bool, typer.Option("--list-cameras", help="Print the stage's cameras and end.")] = False,
+    list_cameras: Annotated[bool, typer.Option("--list-cameras", help="Print the stage's cameras and exit.")] = False,
     verbose: output_flags.Verbose = False,
 ) -> None:
     """Render a USD stage to EXR, PNG, JPEG, TIFF or HDR."""
@@ -148,7 +148,7 @@ def render(
     turns = turntable_numbers(turntable, fps, time_codes)
     if turns is not None and (by_product or checkpoint or resume or stereo):
         raise SettingsError(
-            "a turntable is not of products, stereo pairs or checkpoints", where="--turntable", code="turntable"
+            "a turntable cannot be combined with products, stereo pairs or checkpoints", where="--turntable", code="turntable"
         )
     names = _names_of([name for name in (output, *(outputs or ())) if name is not None], scene, turns or time_codes)
     if turns is not None and len(turns) > 1:
@@ -352,7 +352,7 @@ def _checkpointing(
     file = checkpoint or resume
     if file is None:
         if every_s is not None:
-            raise SettingsError("--checkpoint-every says how often; --checkpoint FILE says where", code="checkpoint")
+            raise SettingsError("--checkpoint-every needs --checkpoint FILE, the file to write", code="checkpoint")
         return None
     going_on = None if resume is None else Path(name_of_frame(resume, time_code))
     return Checkpointing(Path(name_of_frame(file, time_code)), every_s, going_on)
@@ -371,7 +371,7 @@ def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing
             checkpointing.check()
     missing = [c.resume for c, now in zip(frames, found, strict=True) if c is not None and c.resume and now and not now.resume]
     if missing:
-        print(f"no checkpoint yet, rendered from the first sample: {', '.join(map(str, missing))}", file=sys.stderr)
+        print(f"no checkpoint found, rendering from the first sample: {', '.join(map(str, missing))}", file=sys.stderr)
     return found
 
 
@@ -434,7 +434,9 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
         unsaved = not write(image, shot if has_picture else replace(shot, files=[], report=None), looks) or unsaved
         looks = looks.settled_if_it_can_be(image)  # the first frame's exposure is kept, so that sequences do not flicker
         if image.report["interrupted"]:
-            said = "the picture so far was saved" if has_picture else "no picture was written, as there was no sample of it yet"
+            said = (
+                "the unfinished picture was saved" if has_picture else "no picture was written, because it has no samples yet"
+            )
             print(f"interrupted: {said}{_how_to_go_on(image.report)}", file=sys.stderr)
             raise SystemExit(INTERRUPTED)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
@@ -462,12 +464,12 @@ def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> 
     for shot in shots:
         pair = render_pair(opened, shot, looks)
         if pair is None:
-            print("interrupted: no picture was saved, as there was none of both eyes yet", file=sys.stderr)
+            print("interrupted: no picture was saved, because there was none of both eyes yet", file=sys.stderr)
             raise SystemExit(INTERRUPTED)
         unsaved = not write_pair(pair, shot, looks) or unsaved
         looks = looks.settled_if_it_can_be(pair.left)
         if pair.right.report["interrupted"]:
-            print("interrupted: the pictures so far were saved", file=sys.stderr)
+            print("interrupted: the unfinished pictures were saved", file=sys.stderr)
             raise SystemExit(INTERRUPTED)
         for image in pair.views.values():
             refused = is_refused(image, shot.settings, looks) or refused
@@ -492,7 +494,7 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
             try:
                 save(held, file, looks)
             except Exception as error:  # the render continues
-                print(f"warning: the picture so far is not saved: {error}", file=sys.stderr)
+                print(f"warning: the unfinished picture could not be saved: {error}", file=sys.stderr)
 
     def show_so_far(image: Image) -> None:
         looks.tev.show_so_far(image, [file for file in rendering[0].files if is_tev(file)])
@@ -502,5 +504,5 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
 
 
 def _how_to_go_on(report: Mapping[str, Any]) -> str:
-    saved = report.get("checkpoint", {"failed": "none was asked for"})
-    return "" if saved["failed"] else f"; --resume {shlex.quote(str(saved['file']))} goes on"
+    saved = report.get("checkpoint", {"failed": "none was requested"})
+    return "" if saved["failed"] else f"; continue with --resume {shlex.quote(str(saved['file']))}"

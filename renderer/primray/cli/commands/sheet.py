@@ -28,7 +28,7 @@ def sheet(
     source: Annotated[
         str,
         typer.Argument(
-            metavar="FOLDER|SCENE", help="A folder: its stages, and those of its folders; or one stage.", show_default=False
+            metavar="FOLDER|SCENE", help="A folder, searched recursively for stages, or one stage.", show_default=False
         ),
     ],
     flags: Annotated[
@@ -40,15 +40,20 @@ def sheet(
             "--output",
             "-o",
             metavar="FILE",
-            help="HTML, with a JSON beside it; of a scene also PNG or JPEG.",
-            show_default="sheet.html; of a scene sheet.png",
+            help="Output: HTML with a JSON beside it; for one stage also PNG or JPEG.",
+            show_default="sheet.html; for one stage sheet.png",
         ),
     ] = None,
     frames: stage_flags.Frames = None,
     cameras: Annotated[
         list[str] | None,
         typer.Option(
-            "--camera", "-c", "-cam", metavar="CAMERA", help="Of a scene; may be repeated.", show_default="the stage's"
+            "--camera",
+            "-c",
+            "-cam",
+            metavar="CAMERA",
+            help="Camera to render, for one stage; may be repeated.",
+            show_default="the stage's",
         ),
     ] = None,
     variants: Annotated[
@@ -57,38 +62,43 @@ def sheet(
             "--variant",
             "--variants",
             metavar="PRIM:SET=NAME,...",
-            help="Of a scene: each of these; of several sets every combination.",
+            help="Variants to render, for one stage; several sets are combined; may be repeated.",
             show_default="the stage's",
         ),
     ] = None,
     columns: Annotated[
-        int | None, typer.Option(metavar="N", help="Pictures in a row at most.", show_default="by what varies")
+        int | None, typer.Option(metavar="N", help="Maximum pictures per row.", show_default="depends on what varies")
     ] = None,
     width: Annotated[int, with_own_default(stage_flags.ImageWidth)] = 256,
     spp: Annotated[int, with_own_default(render_flags.Samples)] = 16,
-    at_once: Annotated[int, typer.Option("--at-once", "-n", metavar="N", help="Renders at the same time.")] = 1,
+    at_once: Annotated[int, typer.Option("--at-once", "-n", metavar="N", help="Number of simultaneous renders.")] = 1,
     threads: render_flags.Threads = None,
-    timeout: Annotated[float, typer.Option(metavar="S", help="Seconds after which a render is stopped.")] = 120.0,
+    timeout: Annotated[float, typer.Option(metavar="S", help="Time limit of each render in seconds.")] = 120.0,
     max_memory: Annotated[str, with_own_default(render_flags.MaxMemory)] = "16G",
-    roots_only: Annotated[bool, typer.Option("--roots-only", help="Leave out layers that others of the folder use.")] = False,
+    roots_only: Annotated[
+        bool, typer.Option("--roots-only", help="Leave out layers that other stages in the folder use.")
+    ] = False,
 ) -> None:
-    """Render the stages of a folder, or one stage's frames, cameras and variants, into a contact sheet; 1 if any fails."""
+    """Render a contact sheet of the stages in a folder, or of one stage's frames, cameras and variants.
+
+    The exit code is 1 if any render fails.
+    """
     from ..sheet.runs import Limits
 
     if min(width, spp, at_once, 1 if columns is None else columns) < 1 or timeout <= 0:
-        raise SettingsError("width, samples, renders at once, columns and seconds must be above 0")
+        raise SettingsError("width, samples, simultaneous renders, columns and the time limit must be above 0")
     further, own_width = _checked(flags or [])
     memory = option_values.bytes_of(max_memory) or 0
     limits = Limits(own_width or width, spp, timeout, memory, threads, further, own_width is not None)
     if Path(source).is_dir():
         if frames is not None or cameras or variants or columns:
-            sentence = "frames, cameras, variants and columns are of one stage's sheet, and this is a folder"
+            sentence = "frames, cameras, variants and columns are for the sheet of one stage, but this is a folder"
             raise SettingsError(sentence, where=source, code="sheet")
         outcomes = _sheet_of_folder(Path(source), output or "sheet.html", limits, at_once, roots_only)
         failed = sum(outcome.failed for outcome in outcomes)
     else:
         if roots_only:
-            raise SettingsError("--roots-only is of a folder's sheet", where=source, code="sheet")
+            raise SettingsError("--roots-only is for the sheet of a folder, but this is a stage", where=source, code="sheet")
         time_codes = option_values.time_codes_of(option_values.frames_of(frames, None, None, False, source, None))
         asked = (time_codes, cameras or [], variants or [], columns)
         outcomes = _sheet_of_shot(Path(source), asked, output or "sheet.png", limits, at_once)
@@ -125,7 +135,7 @@ def _sheet_of_folder(root: Path, output: str, limits: Limits, at_once: int, root
         used = used_files([str(path) for path in stages])
         stages = [path for path in stages if str(path.resolve()) not in used]
     if not stages:
-        raise SettingsError("there are no stages (usd, usda, usdc, usdz) here", where=str(root), code="no-stages")
+        raise SettingsError("the folder has no stages (usd, usda, usdc, usdz)", where=str(root), code="no-stages")
     _check_output(output, PAGES)
     with tempfile.TemporaryDirectory(prefix="primray-sheet-") as scratch:
         outcomes = render_all(root, stages, limits, at_once, Path(scratch), _print_outcome)
@@ -145,7 +155,7 @@ def _sheet_of_shot(stage: Path, asked: tuple[Any, ...], output: str, limits: Lim
 
     time_codes, cameras, variants, columns = asked
     if not stage.exists():
-        raise SettingsError("there is no such folder or stage", where=str(stage), code="sheet")
+        raise SettingsError("no such folder or stage", where=str(stage), code="sheet")
     grid = grid_of(time_codes, cameras, variant_choices(variants), columns)
     _check_output(output, (*PICTURES, *PAGES))
     count = "1 picture" if len(grid.cells) == 1 else f"{len(grid.cells)} pictures"

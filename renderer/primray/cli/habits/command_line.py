@@ -45,9 +45,7 @@ def _with_sizes_apart(words: Iterator[str]) -> Iterator[str]:
             continue
         second = next(words, None)
         if first is not None and first[:1].isdigit() and not _STARTS_NUMBER.match(second or ""):
-            sentence = (
-                f"it takes a width and a height in pixels, such as 320 200 or 320x200 (0: by the camera's aspect), not {first}"
-            )
+            sentence = f"expected width and height in pixels, such as 320 200 or 320x200 (0: from the camera), not {first}"
             raise SettingsError(sentence, where=flag, code="resolution")
         yield from (word for word in (first, second) if word is not None)
 
@@ -93,9 +91,9 @@ def _size(words: Iterator[str]) -> list[str]:
     """Return the word after -r; SettingsError for usdrecord's -r, which names a renderer."""
     word = next(words, None)
     if word is not None and word[:1].isalpha():
-        raise SettingsError(f"-r is --res W H here; as usdrecord's --renderer: {REFUSED['--renderer']}", code="foreign-flag")
+        raise SettingsError(f"-r means --res W H; for usdrecord's --renderer: {REFUSED['--renderer']}", code="foreign-flag")
     return [] if word is None else [word]
 
 
 def _no_level(text: str) -> SettingsError:
-    return SettingsError(f"--verbose takes a level like 3, not {text!r}", code="verbose")
+    return SettingsError(f"--verbose expects a level such as 3, not {text!r}", code="verbose")

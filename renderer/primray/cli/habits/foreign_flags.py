@@ -5,32 +5,30 @@ docs/from-usdrecord-and-husk.md lists every flag of both; tests/docs/flags keeps
 
 from __future__ import annotations
 
-_STREAMS = "the shell does that: `> FILE`, `>> FILE`, `2> FILE`, or `--report FILE` for the facts of a render"
-_SESSION = "author it in a layer and give that with --session-layer FILE"
-_NO_LICENSE = "primray needs no license: leave it out"
-_NO_PLUGIN = "primray renders by itself, with no Hydra delegate: leave it out"
-_NO_VIEWER = "there is no mplay; -o tev:// shows the render in a running tev, and `primray view` shows it in a browser"
-_NO_SCRIPT = "no scripts run in a render; change the stage before, or by --session-layer FILE"
+_STREAMS = "use the shell: `> FILE`, `>> FILE`, `2> FILE`, or `--report FILE` for the facts of a render"
+_SESSION = "author it in a layer and pass that with --session-layer FILE"
+_NO_LICENSE = "primray needs no license: remove this flag"
+_NO_PLUGIN = "primray is a renderer of its own, not a Hydra delegate: remove this flag"
+_NO_VIEWER = "primray does not use mplay; -o tev:// shows the render in a running tev, and `primray view` in a browser"
+_NO_SCRIPT = "renders run no scripts; change the stage beforehand, or with --session-layer FILE"
 _BY_SAMPLES = (
-    "a picture is divided by its samples: --sample-range A:B, then `primray merge`; --region LEFT BOTTOM RIGHT TOP "
-    "renders a part of it"
+    "pictures are split by samples: use --sample-range A:B, then `primray merge`; --region LEFT BOTTOM RIGHT TOP "
+    "renders a part of the picture"
 )
-_NO_BUCKETS = "all pixels become better together, there are no buckets and no modes: leave it out"
-_NO_PROCEDURALS = "Houdini's procedurals do not run here; bake them into the stage"
+_NO_BUCKETS = "all pixels refine together, without buckets or modes: remove this flag"
+_NO_PROCEDURALS = "Houdini's procedurals are not supported; bake them into the stage"
 _NO_TRACE = "--report FILE has the seconds and the memory of every stage of a render"
-_SNAPSHOT = "--snapshot S writes the picture so far to the output's own file, which the end of the render replaces"
+_SNAPSHOT = "--snapshot S writes the unfinished picture to the output file, which the finished picture replaces"
 _HEADLIGHT = "a stage without lights gets a studio light; --studio-light off leaves it dark"
-_LIGHTS = f"to take lights out, deactivate them: {_SESSION}"
-_LIST_INSPECT = (
-    "`primray inspect` shows what a stage is made of, and --render-settings lists what there is if it finds no such prim"
-)
+_LIGHTS = f"to remove lights, deactivate them: {_SESSION}"
+_LIST_INSPECT = "`primray inspect` shows a stage's contents; --render-settings lists the available prims if the name is unknown"
 
 # Refused flags, with the alternative.
 REFUSED: dict[str, str] = {
     # usdrecord
-    "--disableDrawMode": f"draw modes are followed; to undo one, set model:drawMode to default: {_SESSION}",
-    "--resolver": "assets are always resolved in the root layer's context, as by `--resolver root`: leave it out",
-    "--enableDomeLightVisibility": "domes are seen by the camera unless the stage hides them: leave it out",
+    "--disableDrawMode": f"draw modes are always applied; to disable one, set model:drawMode to default: {_SESSION}",
+    "--resolver": "assets are always resolved in the root layer's context, like `--resolver root`: remove this flag",
+    "--enableDomeLightVisibility": "the camera sees domes unless the stage hides them: remove this flag",
     "--traceToFile": _NO_TRACE,
     "--traceFormat": _NO_TRACE,
     "--memstats": _NO_TRACE,
@@ -46,8 +44,8 @@ REFUSED: dict[str, str] = {
     "--property-definition-file": "`primray render --help` lists what can be set; docs/supported.md what is read from a stage",
     "--property-definitions-file": "`primray render --help` lists what can be set; docs/supported.md what is read from a stage",
     "--procedurals": _NO_PROCEDURALS,
-    "--filters": "--filter chooses the pixel filter; --denoise puts a denoised picture beside the record",
-    "--baking-info": "textures are not baked here: leave it out",
+    "--filters": "--filter chooses the pixel filter; --denoise adds a denoised picture",
+    "--baking-info": "textures are not baked: remove this flag",
     # husk: Karma
     "--engine": _NO_PLUGIN,
     "--bucket-size": _NO_BUCKETS,
@@ -56,24 +54,24 @@ REFUSED: dict[str, str] = {
     "--progressive-passes": _NO_BUCKETS,
     "--autotile": _NO_BUCKETS,
     "--disable-lighting": _LIGHTS,
-    "--ao-samples": "there is no ambient occlusion shading; a white dome light over the stage looks alike",
-    "--ao-distance": "there is no ambient occlusion shading; a white dome light over the stage looks alike",
+    "--ao-samples": "there is no ambient occlusion shading; a white dome light looks similar",
+    "--ao-distance": "there is no ambient occlusion shading; a white dome light looks similar",
     "--headlight": _HEADLIGHT,
     "--autoheadlight": _HEADLIGHT,
-    "--dicingcamera": "surfaces are diced for the camera that renders; --dicing-rate says how finely",
-    "--optimize-offline": "it changes nothing in husk either: leave it out",
-    "--convergence-mode": "--target-error E stops at an error, and --adaptive puts samples where the error is",
-    "--karma-percent-of-samples": "--spp N says how many samples a pixel has",
+    "--dicingcamera": "surfaces are diced for the rendering camera; --dicing-rate sets how finely",
+    "--optimize-offline": "it has no effect in husk either: remove this flag",
+    "--convergence-mode": "--target-error E stops at an error, and --adaptive takes more samples where the error is large",
+    "--karma-percent-of-samples": "--spp N sets the samples per pixel",
     "--oiio-max-memory-percent": "--max-memory SIZE limits the whole render",
     # husk: USD
     "--usd-input": "name the stage without a flag: primray render STAGE",
     "--resolver-context": "assets are resolved in the root layer's context; configure the resolver by its environment",
     "--resolver-context-string": "assets are resolved in the root layer's context; configure the resolver by its environment",
     "--variant-fallback": "--variant PRIM:SET=NAME chooses a variant of a prim",
-    "--disable-scene-materials": f"to take materials off, block their bindings: {_SESSION}",
+    "--disable-scene-materials": f"to remove materials, block their bindings: {_SESSION}",
     "--disable-scene-lights": _LIGHTS,
-    "--disable-dummy-raster-product": "a stage without products gets one picture: leave it out",
-    "--pass": "--render-pass PRIM renders a pass; the RenderSettings alone are --render-settings PRIM",
+    "--disable-dummy-raster-product": "a stage without products renders one picture: remove this flag",
+    "--pass": "--render-pass PRIM renders a pass; --render-settings PRIM chooses RenderSettings",
     "--prerender-script": _NO_SCRIPT,
     "--preframe-script": _NO_SCRIPT,
     "--postframe-script": _NO_SCRIPT,
@@ -86,9 +84,9 @@ REFUSED: dict[str, str] = {
     # husk: output
     "--pixel-aspect": f"set pixelAspectRatio of the RenderSettings: {_SESSION}",
     "--extra-metadata": "--metadata NAME=VALUE adds an attribute to an EXR's header, and may be repeated",
-    "--ocio": "PNG and JPEG always go through OpenColorIO; --view, --display and --look choose how",
-    "--slap-comp": "compositing is for a compositor, with the parts that --aov writes",
-    "--autocrop": "pixels are not looked at; --region LEFT BOTTOM RIGHT TOP renders the part of the frame that is wanted",
+    "--ocio": "PNG and JPEG always use OpenColorIO; --view, --display and --look choose the transform",
+    "--slap-comp": "use a compositing application, with the parts that --aov writes",
+    "--autocrop": "pictures are not cropped automatically; --region LEFT BOTTOM RIGHT TOP renders a part of the frame",
     "--mplay-monitor": _NO_VIEWER,
     "--mplay-scale": _NO_VIEWER,
     "--mplay-update": _NO_VIEWER,
@@ -98,20 +96,20 @@ REFUSED: dict[str, str] = {
     "--mplay-gamma": _NO_VIEWER,
     "--mplay-lut": _NO_VIEWER,
     # husk: frames
-    "--frame-list": "--frames takes lists by commas: --frames 1,5,9",
+    "--frame-list": "--frames accepts lists separated by commas: --frames 1,5,9",
     # husk: rendering
     "-R": _NO_PLUGIN,
     "--delegate-options": _NO_PLUGIN,
-    "--restart-delegate": "every frame is built anew: leave it out",
+    "--restart-delegate": "every frame is built from scratch: remove this flag",
     "--snapshot-path": _SNAPSHOT,
     "--snapshot-suffix": _SNAPSHOT,
     "--snapshot-save-mode": _SNAPSHOT,
     "--tile-count": _BY_SAMPLES,
     "--tile-index": _BY_SAMPLES,
     "--tile-suffix": _BY_SAMPLES,
-    "--timelimit": "--time-limit S limits the sampling of each frame; there is none for the whole sequence",
+    "--timelimit": "--time-limit S limits the sampling of each frame; there is no limit for the whole sequence",
     "--timelimit-image": "--time-limit S limits the sampling of each frame",
-    "--timelimit-nosave-partial": "a picture that a limit stopped is saved; exit code 5 tells that --target-error was missed",
+    "--timelimit-nosave-partial": "a picture stopped by a limit is saved; exit code 5: --target-error was not reached",
     "--stdout": _STREAMS,
     "--stderr": _STREAMS,
     "--append-stdout": _STREAMS,
@@ -136,7 +134,7 @@ DONE_ANYWAY: dict[str, tuple[int, str]] = {
     "--disableGpu": (0, "no GPU is used"),
     "--no-mplay": (0, "there is no mplay"),
     "--disable-delegate-products": (0, "all products are pictures"),
-    "--disable-disk-check": (0, "the disk is not asked how much it holds"),
-    "--fast-exit": (1, "a render ends at once when its files are written"),
-    "--exrmode": (1, "there is one way to write an EXR"),
+    "--disable-disk-check": (0, "free disk space is not checked"),
+    "--fast-exit": (1, "a render exits as soon as its files are written"),
+    "--exrmode": (1, "there is only one way to write an EXR"),
 }

@@ -62,7 +62,7 @@ def _picture(outcome: Outcome) -> Floats | None:
 def reason(outcome: Outcome) -> str:
     """Return one line on why there is no picture: the error of its process, or how it ended."""
     if outcome.exit_code == "time":
-        return "stopped: it took too long"
+        return "stopped by the time limit"
     errors = _ERROR.split(outcome.message)[1:]
     if errors:
         return errors[-1].strip().splitlines()[0]

@@ -50,7 +50,7 @@ def variant_choices(texts: Sequence[str]) -> list[list[str]]:
         where, equals, names = text.rpartition("=")
         chosen = [name.strip() for name in names.split(",") if name.strip()]
         if not equals or ":" not in where or not chosen:
-            sentence = f"{text!r} names no variants; write them like /World/car:color=red,blue"
+            sentence = f"{text!r} is not a list of variants; expected one such as /World/car:color=red,blue"
             raise SettingsError(sentence, where="--variants", code="variant")
         found.append([f"{where}={name}" for name in chosen])
     return found
@@ -70,7 +70,7 @@ def grid_of(
     ]
     count = sum(map(len, cells))
     if count > MOST_CELLS:
-        raise SettingsError(f"{count} pictures are more than the {MOST_CELLS} of one sheet", code="sheet")
+        raise SettingsError(f"{count} pictures exceed the {MOST_CELLS} of one sheet", code="sheet")
     if len(times) == 1 and len(views) > 1:  # cameras along a row
         flat = [cell for row in cells for cell in row]
         cells = [flat[k : k + len(views)] for k in range(0, len(flat), len(views))]
