@@ -34,27 +34,31 @@ AOVS: dict[str, AovKind] = {
     "distance": AovKind(("",), "distance along the ray; infinite where nothing is"),
     "position": AovKind(XYZ, "point in the world; 0 where nothing is", double=True),
     "camera_position": AovKind(XYZ, "point relative to the camera, in its axes (in front: Z below 0)"),
-    "normal": AovKind(XYZ, "unit shading normal in the world, normal maps included, on the side that is seen"),
-    "geometric_normal": AovKind(XYZ, "unit normal of the true surface in the world, on the side that is seen"),
+    "normal": AovKind(XYZ, "unit shading normal in the world, normal maps included, on the visible side"),
+    "geometric_normal": AovKind(XYZ, "unit normal of the true surface in the world, on the visible side"),
     "camera_normal": AovKind(XYZ, "unit shading normal in the camera's axes"),
     "st": AovKind(UV, "the primvar st"),
     "albedo": AovKind(
-        RGB, "filtered reflectance at normal incidence, with what is transmitted; 0 where nothing is", filtered=True
+        RGB, "filtered reflectance at normal incidence, transmission included; 0 where nothing is", filtered=True
     ),
     "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes", filtered=True),
     "guide_albedo": AovKind(
-        RGB, "as albedo, over the shutter's time, in mirrors and through clear glass: what guides a denoiser", filtered=True
+        RGB, "like albedo, over the shutter interval, in mirrors and through clear glass: a denoiser's guide", filtered=True
     ),
-    "guide_normal": AovKind(XYZ, "mean of unit normals over filter, lens and shutter, likewise", filtered=True),
+    "guide_normal": AovKind(
+        XYZ, "mean of unit normals over filter, lens and shutter, in mirrors and through clear glass", filtered=True
+    ),
     "occlusion": AovKind(
         ("",),
-        "filtered share of the directions above the surface, by their cosine, that meet nothing within a distance; 1: open",
+        "filtered share of the directions above the surface, cosine-weighted, that hit nothing within a distance; 1: open",
         filtered=True,
     ),
     "motion_forward": AovKind(
         XY, "pixels, right and down, from where the point is seen at the frame to where it is as the shutter closes"
     ),
-    "motion_backward": AovKind(XY, "likewise to where it is as the shutter opens"),
+    "motion_backward": AovKind(
+        XY, "pixels, right and down, from where the point is seen at the frame to where it is as the shutter opens"
+    ),
     "prim": AovKind(("",), "number of the prim; 0 where nothing is", unsigned=True),
     "instance": AovKind(("",), "number of the instance; 0 where there is none", unsigned=True),
     "material": AovKind(("",), "number of the bound material; 0 where there is none", unsigned=True),

@@ -58,10 +58,12 @@ def _check_rotation(name: str, rows: Matrix) -> None:
     x, y, z = (tuple(row[k] for row in rows[:3]) for k in range(3))
     lengths = [_dot(a, b) - float(a is b) for a in (x, y, z) for b in (x, y, z)]
     if max(map(abs, lengths)) > RIGID:
-        raise SettingsError("the camera's matrix must turn and move only; this one scales or shears", where=name)
+        raise SettingsError(
+            "the camera's matrix must be rigid (rotation and translation); this one scales or shears", where=name
+        )
     cross = (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
     if _dot(cross, z) < 0:
-        raise SettingsError("the camera's matrix must turn and move only; this one mirrors", where=name)
+        raise SettingsError("the camera's matrix must be rigid (rotation and translation); this one mirrors", where=name)
 
 
 def _dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
@@ -115,7 +117,7 @@ def flaws_of(given: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
     for one in given:
         name, _, written = one.partition("=")
         if name not in LENS_FLAWS:
-            raise SettingsError(f"no lens has {name!r}; there are {', '.join(LENS_FLAWS)}", where="lens_flaws")
+            raise SettingsError(f"unknown lens flaw {name!r}; there are {', '.join(LENS_FLAWS)}", where="lens_flaws")
         try:
             numbers = tuple(float(number) for number in written.split(","))
         except ValueError:
@@ -145,7 +147,7 @@ def _check_flaws(name: str, given: Camera, require: Callable[[bool, str], None])
     nearest = given.focus_distance if given.lens_radius > 0 else math.inf
     fits = len(shifts) == 3 and all(math.isfinite(shift) and nearest + shift > 0 for shift in shifts)
     require(
-        fits, f"channel_focus_shift must be three distances that leave the focus before it, not {given.channel_focus_shift}"
+        fits, f"channel_focus_shift must be three distances that keep the focus in front of it, not {given.channel_focus_shift}"
     )
 
 
@@ -163,5 +165,6 @@ def _check_distortion(given: Camera, require: Callable[[bool, str], None]) -> No
     require(finite and len(lens.coefficients) == wanted, f"distortion needs {wanted} finite coefficients: {lens.model.value}")
     require(0 < lens.most_angle_deg <= 180, f"most_angle_deg must be above 0, 180 or less, not {lens.most_angle_deg}")
     require(
-        (lens.table is not None) == (lens.model is DistortionModel.TABLE), "distortion has a table without using it, or none"
+        (lens.table is not None) == (lens.model is DistortionModel.TABLE),
+        "distortion must have a table if its model is TABLE, and only then",
     )

@@ -59,7 +59,7 @@ def automaton_of(expressions: Many[Expression], ends: Many[Event]) -> Automaton:
         outs.append([classes.index(mask) for mask in masks])
     for e, expression in enumerate(expressions):
         if not any(mask >> e & 1 for mask in classes):
-            why = "matches no path: they begin at the camera (C) and end at a light (L), what glows (O) or the background (B)"
+            why = "matches no path: these begin at the camera (C) and end at a light (L), emission (O) or the background (B)"
             raise SettingsError(f"the light path expression {expression.text} {why}", where="aovs", code="light-path")
     rows, outs = _minimal(rows, outs)
     if len(rows) > MOST_STATES or len(classes) > MOST_STATES:

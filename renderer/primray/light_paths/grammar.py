@@ -59,7 +59,7 @@ def parse(text: str) -> Expression:
     reader = _Reader(plain)
     tree = reader.alternatives(0)
     if reader.here() is not None:
-        reader.fail("a ) without its (" if reader.here() == ")" else f"{reader.here()!r} means nothing")
+        reader.fail("a ) without its (" if reader.here() == ")" else f"{reader.here()!r} is unexpected")
     return Expression(plain, tree, frozenset(reader.labels), reader.names_straight)
 
 
@@ -168,7 +168,7 @@ class _Reader:
         letter = self._take()
         if letter not in LETTERS + ".":
             self._at -= 1
-            quoted = "labels stand in an event: <L.'key'>" if letter == "'" else f"{letter!r} is no event"
+            quoted = "labels are written within an event: <L.'key'>" if letter == "'" else f"{letter!r} is no event"
             self.fail(f"{quoted}; there are {' '.join(LETTERS)} and .")
         self.names_straight |= letter == "s"
         return pattern_of(letter)
@@ -181,13 +181,13 @@ class _Reader:
             at = self._at
             lobe = self._letters(LOBES, "a kind of scattering")
             if lobe is not None and kind is not None and not any(kind.takes(way) for way in "RT"):
-                self.fail("only surfaces (R and T) scatter in a way of their own: write .", at)
+                self.fail("only surfaces (R and T) have a kind of scattering: write .", at)
             self.names_straight |= lobe is not None and "s" in lobe.of
         if self.here() not in (">", None):
             at = self._at
             label = self._label()
             if label is not None and kind is not None and not any(kind.takes(end) for end in ENDS):
-                self.fail("only lights (L, O, B) have labels here, by their groups", at)
+                self.fail("only lights (L, O, B) have labels, their groups", at)
         if not self._takes(">"):
             self.fail("the < has no >", opened)
         return Pattern(kind, lobe, label)
@@ -231,7 +231,7 @@ class _Reader:
     def _quoted(self) -> str:
         opened = self._at
         if not self._takes("'"):
-            self.fail("a label stands in quotes: 'key'")
+            self.fail("a label is written in quotes: 'key'")
         end = self._text.find("'", self._at)
         if end < 0:
             self.fail("the label's quote does not end", opened)

@@ -15,8 +15,8 @@ from .illuminance import distant_illuminance, illuminance_ahead
 
 # Shaping and images may multiply the emission by 1e9 before single precision overflows.
 BRIGHTEST = 1e15
-DARK = "No emission of its shape, shaping and image gives what is asked for: it emits nothing."
-TOO_BRIGHT = f"For as much as is asked for its emission would be above {BRIGHTEST:g}: it is taken as that."
+DARK = "The light's shape, shaping and image let no light out, so the requested amount cannot be reached: it emits nothing."
+TOO_BRIGHT = f"The requested amount needs an emission above {BRIGHTEST:g}: it is clamped to that."
 
 
 def given(light: Light, wanted: Photometric, image: Floats | None = None) -> Doubles:

@@ -71,14 +71,14 @@ def _orbited(description: SceneDescription, degrees: float, diagnostics: Diagnos
     if any(light.path == STUDIO for light in lights):
         studio = iter(default_lights(camera, up == 2))
         lights = tuple(next(studio) if light.path in (STUDIO, KEY) else light for light in lights)
-    diagnostics.add("staging", camera.path, f"The camera is turned by {degrees:g} degrees around the middle of what is drawn.")
+    diagnostics.add("staging", camera.path, f"The camera is rotated by {degrees:g} degrees about the scene's centre.")
     return replace(description, camera=camera, camera_motion=motion, lights=lights)
 
 
 def _with_dome(description: SceneDescription, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
     assert settings.dome is not None
     if not os.path.isfile(settings.dome):
-        raise SettingsError(f"the dome's image is not there: {settings.dome}", where="dome", code="asset-missing")
+        raise SettingsError(f"the dome's image does not exist: {settings.dome}", where="dome", code="asset-missing")
     up = _up(description)
     frame = np.eye(4)
     if up == 2:  # as DomeLight_1 with poleAxis Z
@@ -95,9 +95,9 @@ def _with_dome(description: SceneDescription, settings: RenderSettings, diagnost
     replaced = [light.path for light in description.lights if light.type is LightType.DOME and light.path != STUDIO]
     kept = tuple(light for light in description.lights if light.type is not LightType.DOME)
     instead = f", in place of {', '.join(replaced)}" if replaced else ""
-    message = f"A dome with {os.path.basename(settings.dome)} lights the stage{instead}, as asked for."
+    message = f"A dome with {os.path.basename(settings.dome)} lights the stage{instead}, as requested."
     if any(light.path == STUDIO for light in description.lights):
-        message += " Of the studio light its key light stays; the dome takes the place of its surroundings."
+        message += " The studio light's key light stays; the dome replaces its surroundings."
     diagnostics.add("staging", "", message)
     return replace(description, lights=(*kept, dome))
 
@@ -107,9 +107,7 @@ def _with_own_domes(description: SceneDescription, settings: RenderSettings, dia
     turned = _turned(settings.dome_rotation, _up(description))
     found = [light for light in description.lights if light.type is LightType.DOME and light.path != STUDIO]
     if not found:
-        diagnostics.add(
-            "staging", "", "There is no dome that could be turned or hidden: the stage has none, and none is given."
-        )
+        diagnostics.add("staging", "", "There is no dome to rotate or hide: neither the stage nor the settings have one.")
         return description
 
     def changed(light: Light) -> Light:
@@ -120,10 +118,10 @@ def _with_own_domes(description: SceneDescription, settings: RenderSettings, dia
         return replace(light, world_from_light=turned @ light.world_from_light, motion=motion, visible_to_camera=seen)
 
     made = dict.fromkeys(light.path for light in found)
-    deeds = [f"turned by {settings.dome_rotation:g} degrees"] if settings.dome_rotation % 360 != 0 else []
+    deeds = [f"rotated by {settings.dome_rotation:g} degrees"] if settings.dome_rotation % 360 != 0 else []
     deeds += [] if settings.dome_visible else ["hidden from the camera"]
     are = "is" if len(made) == 1 else "are"
-    diagnostics.add("staging", "", f"{', '.join(made)} {are} {' and '.join(deeds)}, as asked for.")
+    diagnostics.add("staging", "", f"{', '.join(made)} {are} {' and '.join(deeds)}, as requested.")
     lights = tuple(changed(light) if light.path in made else light for light in description.lights)
     return replace(description, lights=lights)
 
@@ -158,8 +156,8 @@ def _with_ground(description: SceneDescription, ground: Ground, diagnostics: Dia
     )
     matrix = np.eye(4)
     matrix[:3, 3] = center
-    shown = "the shadow on a ground" if ground is Ground.SHADOW else "a grey ground"
-    diagnostics.add("staging", "", f"Below all that is drawn {shown} is added at {low[up] + 0.0:.6g}, as asked for.")
+    shown = "The shadow on a ground" if ground is Ground.SHADOW else "A grey ground"
+    diagnostics.add("staging", "", f"{shown} is added below the scene, at {low[up] + 0.0:.6g}, as requested.")
     return replace(
         description,
         shapes=(*description.shapes, mesh),
@@ -174,7 +172,7 @@ def _without_visible_domes(description: SceneDescription, diagnostics: Diagnosti
     hidden = [light.path for light in description.lights if light.type in far and light.visible_to_camera]
     if not hidden:
         return description
-    diagnostics.add("staging", "", f"The camera does not see {', '.join(hidden)}: another background is asked for.")
+    diagnostics.add("staging", "", f"Hidden from the camera, as another background is requested: {', '.join(hidden)}.")
     lights = tuple(
         replace(light, visible_to_camera=light.visible_to_camera and light.type not in far) for light in description.lights
     )

@@ -45,8 +45,8 @@ def with_studio_where_dark(
     diagnostics.add(
         "default-light",
         "",
-        f"There is no light, and what glows lights {share:.0%} of what is seen: a studio light is added, which the camera does "
-        "not see.",
+        f"The stage has no light, and its emissive surfaces light {share:.0%} of what is visible: a studio light is added, "
+        "which the camera does not see.",
     )
     return replace(description, lights=default_lights(description.camera, description.up_axis == "Z"))
 

@@ -273,7 +273,7 @@ def test_what_holds_the_camera_changes_nothing(rig: str, header: str, tmp_path: 
 def test_the_plate_of_an_invisible_camera_is_reported(tmp_path: Path) -> None:
     save(tmp_path / "plate.exr", GREY)
     (tmp_path / "shot.usda").write_text(in_a_rig(STAGE.replace("MORE", ""), 'token visibility = "invisible"'))
-    with pytest.raises(UnsupportedError, match="a camera that is invisible"):
+    with pytest.raises(UnsupportedError, match="its camera is invisible"):
         primray.render(tmp_path / "shot.usda", camera="/rig/c", resolution=(8, 8), spp=1, strict=True)
 
 

@@ -20,7 +20,7 @@ from primray.settings import RenderSettings
         ("C<XD>L", "character 3, 'X' is not a kind of event"),
         ("C<LD>", "character 4, only surfaces (R and T) scatter in a way of their own"),
         ("C<RD'floor'>L", "character 5, only lights (L, O, B) have labels"),
-        ("C'key'", "character 2, labels stand in an event: <L.'key'>"),
+        ("C'key'", "character 2, labels are written within an event: <L.'key'>"),
         ("C.*<L.'key>", "character 7, the label's quote does not end"),
         ("C)", "character 2, a ) without its ("),
         ("C(RD", "character 2, the ( has no )"),

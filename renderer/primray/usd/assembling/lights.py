@@ -35,7 +35,11 @@ def add_lights(
 ) -> None:
     """Add one light for each placement, as a light's emission depends on its size in the world."""
     if count > MAX_LIGHT_INSTANCES:
-        ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
+        ctx.warn(
+            "instanced-lights",
+            leaf.path,
+            f"Only the first {MAX_LIGHT_INSTANCES} of the light's {count} instances are rendered.",
+        )
     note_changing_size(leaf, ctx)
     rules = rules_of(leaf, ctx, scene.links)
     if count > 1:
@@ -65,9 +69,9 @@ def add_default_light(scene: Scene, camera: Camera, ctx: Context) -> bool:
             return True
     scene.lights += default_lights(camera, up_axis(ctx.stage) == "Z")
     if asked is StudioLight.ON:
-        ctx.warn("default-light", "", "A studio light is added, as asked for; the camera does not see it.")
+        ctx.warn("default-light", "", "A studio light is added, as requested; the camera does not see it.")
     else:
-        what = "There is no light and nothing that emits: a studio light is added, which the camera does not see."
+        what = "The stage has no light and nothing emissive: a studio light is added, which the camera does not see."
         ctx.warn("default-light", "", what)
     return False
 

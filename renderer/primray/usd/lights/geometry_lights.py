@@ -36,13 +36,13 @@ def with_geometry_lights(
             shapes = [target for target in targets(light, "geometry") if made.GetPrimAtPath(target)]
             for shape in [] if hidden[path] else shapes:  # by paths: ending an instance invalidates prims of others
                 if lit.setdefault(shape, path) != path:
-                    message = f"{shape} gives the light of {lit[shape]}: it does not give this one as well."
+                    message = f"{shape} already emits as the geometry of {lit[shape]}: it does not emit this light as well."
                     diagnostics.add("light-input", str(path), message, "geometry")
                 elif made.GetPrimAtPath(shape).IsA(UsdGeom.Gprim):
                     given = editable(made, shape)
                     _give(made.GetPrimAtPath(path), given)
                 else:
-                    message = f"{shape} is no geometry that could give its light."
+                    message = f"geometry names {shape}, which is not geometry and cannot emit."
                     diagnostics.add("light-input", str(path), message, "geometry")
             if shapes:
                 done.append(path)

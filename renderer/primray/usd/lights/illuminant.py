@@ -61,13 +61,13 @@ def _read(prim: ResolvedPrim, ctx: Context) -> Illuminant:
     name = "illuminant D" if name == "illuminantD" else name
     if name not in _TOKENS:
         ctx.warn(
-            "light-input", prim.path, f"{ILLUMINANT} = {name!r} is none of {', '.join(_TOKENS)}: white is used.", ILLUMINANT
+            "light-input", prim.path, f"{ILLUMINANT} = {name!r} is not one of {', '.join(_TOKENS)}: white is used.", ILLUMINANT
         )
         name = "white"
     if name != "custom" and CUSTOM in prim.names:
-        ctx.warn("light-input", prim.path, f"It is ignored: {ILLUMINANT} says that the light is {name}.", CUSTOM)
+        ctx.warn("light-input", prim.path, f"{CUSTOM} is ignored: {ILLUMINANT} is {name}.", CUSTOM)
     if name in ("white", "custom") and flag(prim.prim, ENABLED, ctx.when, False):
-        ctx.warn("light-input", prim.path, f"It is ignored: {ILLUMINANT} says that the light is {name}.", ENABLED)
+        ctx.warn("light-input", prim.path, f"{ENABLED} is ignored: {ILLUMINANT} is {name}.", ENABLED)
     match name:
         case "blackbody":
             return _colored(prim, black_body(_kelvin(prim, _BLACK_BODY_K, ctx)), ctx)
@@ -89,7 +89,7 @@ def _kelvin(prim: ResolvedPrim, limits: tuple[float, float], ctx: Context) -> fl
     found = number(prim.prim, name, ctx.when, 6500.0, ctx.diagnostics)
     inside = min(max(found, limits[0]), limits[1])
     if inside != found:
-        message = f"{name} = {found:g} is outside [{limits[0]:g}, {limits[1]:g}]: it is taken as {inside:g}."
+        message = f"{name} = {found:g} is outside [{limits[0]:g}, {limits[1]:g}]: {inside:g} is used."
         ctx.warn("out-of-range", prim.path, message, name)
     return inside
 
@@ -105,13 +105,13 @@ def _custom(prim: ResolvedPrim, ctx: Context) -> Spectrum | None:
     nm, radiance = np.asarray(pairs, np.float64).T
     if radiance.min() < 0:
         count = int((radiance < 0).sum())
-        ctx.warn("out-of-range", prim.path, f"{count} of its radiances are negative: they are taken as 0.", CUSTOM)
+        ctx.warn("out-of-range", prim.path, f"{count} radiances are negative: they are clamped to 0.", CUSTOM)
     return Spectrum(nm, np.maximum(radiance, 0.0))
 
 
 def _what_is_wrong(pairs: np.ndarray | None, is_there: bool) -> str:
     if pairs is None or not np.isfinite(pairs).all():
-        return "is no array of pairs of finite numbers" if is_there else "is not authored"
+        return "is not an array of pairs of finite numbers" if is_there else "is not authored"
     if len(pairs) < 2:
         return f"has {len(pairs)} pairs, where a spectrum has two or more"
     if not (np.diff(pairs[:, 0]) > 0).all():
@@ -122,13 +122,13 @@ def _what_is_wrong(pairs: np.ndarray | None, is_there: bool) -> str:
 def _colored(prim: ResolvedPrim, spectrum: Spectrum, ctx: Context) -> Illuminant:
     rgb = rgb_of(spectrum, ctx.rendering_space)
     if rgb is None or not np.isfinite(rgb).all():
-        ctx.warn("light-input", prim.path, "Nobody sees anything of its illuminant: white is used.", ILLUMINANT)
+        ctx.warn("light-input", prim.path, "The illuminant has no visible light: white is used.", ILLUMINANT)
         return _plain(ctx)
     if rgb.min() < 0:
-        message = (
-            f"Its illuminant's colour ({', '.join(f'{x:.3g}' for x in rgb)}) lies outside of the rendering space: what is "
+        message = f"The illuminant's colour ({', '.join(f'{x:.3g}' for x in rgb)}) is outside of the rendering space's gamut: "
+        ctx.warn(
+            "out-of-range", prim.path, message + "negative components are clamped to 0, at the same luminance.", ILLUMINANT
         )
-        ctx.warn("out-of-range", prim.path, message + "negative is taken as 0, its luminance kept.", ILLUMINANT)
         rgb = np.maximum(rgb, 0.0)
         rgb = rgb / math.fsum(rgb * np.array(luminance_weights(ctx.rendering_space)))
     r, g, b = rgb.tolist()

@@ -102,7 +102,7 @@ class Links:
         for collection, some in zip(self.collections, members[:, 1:].T, strict=True):
             if not any(some[row] for row in self._worn):
                 light, _, name = collection.path.partition(".")
-                message = f"{name} holds nothing that is rendered."
+                message = f"{name} has no member that is rendered."
                 diagnostics.add("link-empty", self.ctx.shown(light), message, f"{name}:includes")
         return Linked(tuple(c.path for c in self.collections), members)
 
@@ -110,7 +110,7 @@ class Links:
         """Add a light's collection, for each of the light's instances."""
         for count, path in enumerate(_stage_paths(leaf.prim)):
             if count == MAX_OWN:
-                message = f"Of its instances only the first {MAX_OWN} have their {name}; the others' reaches everything."
+                message = f"Only the first {MAX_OWN} instances of the light have a {name}; that of the others is everything."
                 self.ctx.warn("link-limited", leaf.path, message, f"collection:{name}:includes")
                 return
             self._by_light[(str(path), name)] = number = self._number(path, name, leaf)
@@ -135,14 +135,14 @@ class Links:
             is_expression = not query.UsesPathExpansionRuleMap()
             said = api.ResolveCompleteMembershipExpression().GetText() if is_expression else tuple(sorted(rules.items()))
         except Tf.ErrorException as error:
-            message = f"It is no collection that can be read: {tf_message(error)}"
+            message = f"The collection cannot be read and is ignored: {tf_message(error)}"
             self.ctx.warn("wrong-type", leaf.path, message, attribute)
             return 0
         if said == "//" or (rules.get("/") in _EXPANDS and all(rule in _EXPANDS for rule in rules.values())):
             return 0
         if said not in self._numbers:
             if len(self.collections) == MAX_COLLECTIONS:
-                message = f"Only {MAX_COLLECTIONS} different collections are told apart: {name} is taken as everything."
+                message = f"Only {MAX_COLLECTIONS} different collections are supported: {name} is ignored."
                 self.ctx.warn("link-limited", leaf.path, message, attribute)
                 return 0
             self.collections.append(_Collection(f"{path}.{attribute}", query, rules, is_expression))
@@ -207,7 +207,7 @@ class Links:
         self._asked += len(inside)
         if self._asked > MAX_ASKED:
             message = (
-                f"Expressions are asked about {MAX_ASKED:,} prims in instances; in the rest, all is as in the first of them."
+                f"Expressions are evaluated for {MAX_ASKED:,} prims in instances; further instances are members as a whole."
             )
             self.ctx.warn("link-limited", "", message)
             return [Sdf.Path(path)]

@@ -78,7 +78,7 @@ def _read(prim: ResolvedPrim, schemas: frozenset[str], ctx: Context) -> Photomet
         return None
     family = asked[0]
     for name in sorted(prim.names & FAMILIES[1].names if len(asked) > 1 else ()):
-        ctx.warn("light-input", prim.path, f"{name} is ignored: photometric attributes come first.", name)
+        ctx.warn("light-input", prim.path, f"{name} is ignored: photometric attributes take precedence.", name)
     return _asked(prim, family, kind, f"{family.prefix}{kind}LightAPI" in schemas, ctx)
 
 
@@ -132,7 +132,7 @@ def _distance(prim: ResolvedPrim, family: _Family, ctx: Context) -> float:
 def _amount(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
     found = number(prim.prim, name, ctx.when, default, ctx.diagnostics)
     if found < 0:
-        ctx.warn("out-of-range", prim.path, f"{name} = {found:g} is negative: it is taken as 0.", name)
+        ctx.warn("out-of-range", prim.path, f"{name} = {found:g} is negative: 0 is used.", name)
     return max(found, 0.0)
 
 

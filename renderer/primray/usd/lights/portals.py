@@ -42,7 +42,7 @@ def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tu
         prim = ctx.stage.GetPrimAtPath(target)
         if not prim or type_name(prim) != "PortalLight":
             what = f"a {type_name(prim) or 'prim without a type'}" if prim else "nothing"
-            message = f"portals leads to {ctx.shown(str(target))}, which is {what}, no PortalLight: ignored."
+            message = f"portals names {ctx.shown(str(target))}, which is {what} and not a PortalLight: it is ignored."
             ctx.warn("light-input", dome.path, message, "portals")
             continue
         ctx.kept.of(_Named).add(ctx.shown(str(prim.GetPath())))
@@ -63,7 +63,7 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
             world, together = world_from_dome @ np.linalg.inv(root_from_dome) @ world, dome.prim
     area = width * height * float(np.linalg.norm(np.cross(world[:3, 0], world[:3, 1])))
     if not np.isfinite(world).all() or not np.isfinite(area) or area == 0:
-        ctx.warn("light-input", path, "The portal has no area that light could come through: it guides nothing.")
+        ctx.warn("light-input", path, "The portal's area is 0: it is ignored.")
         return None
     portal = Portal(world, width, height)
     if ctx.timing.is_open:
@@ -96,4 +96,4 @@ def note_unnamed_portals(ctx: Context) -> None:
     named = ctx.kept.of(_Named)
     for path in ctx.kept.of(PortalsMet):
         if path not in named:
-            ctx.warn("light-input", path, "No dome's `portals` names this PortalLight: it guides nothing.", "portals")
+            ctx.warn("light-input", path, "No dome's `portals` names this PortalLight: it has no effect.", "portals")

@@ -64,7 +64,7 @@ def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
         return
     for name in SIZES:
         if name in prim.names and moves(prim.prim.GetAttribute(name), ctx.when, ctx.timing):
-            ctx.warn("motion", prim.path, f"{name} is not blurred: a light keeps the size that it has at the frame.", name)
+            ctx.warn("motion", prim.path, f"{name} is not blurred: a light keeps its size at the frame.", name)
 
 
 def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -> Light:
@@ -113,12 +113,12 @@ def _unlike(matrices: Doubles) -> str:
     """Return a sentence on what of a light's motion is not rendered; "" if all is."""
     if not have_rotations(matrices[:, None, :3]):
         flat = not np.array_equal(matrices[:, :3, :3], np.broadcast_to(matrices[0, :3, :3], matrices[:, :3, :3].shape))
-        return "Only its place is blurred: its transform leaves it without size in some direction." if flat else ""
+        return "Only the light's position is blurred, as its transform is singular." if flat else ""
     stretches = taken_apart(matrices[:, :3]).stretches
     size = np.abs(stretches[0]).max()
     if np.abs(stretches - stretches[0]).max() <= SAME_SIZE * size:
         return ""
-    return "Its size changes while the shutter is open: it stays that of the frame, and only its way is blurred."
+    return "The light's size changes while the shutter is open: its position and rotation are blurred, its size is the frame's."
 
 
 def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precision) -> MatrixPath:

@@ -93,7 +93,7 @@ def with_back_plates(
             if visibility == "mute" or (visibility != "all" and path != own):
                 continue
             if is_hidden(plate.camera, when):
-                diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate of a camera that is invisible is not drawn.")
+                diagnostics.add("api-schema", str(path), f"{SCHEMA}: the plate is not rendered, as its camera is invisible.")
                 continue
             if (camera := editable(made, path)).IsInstance():  # the card is a child
                 end_instance(camera)
@@ -131,7 +131,7 @@ def _shape(plate: Plate, card: Card, when: When, diagnostics: Diagnostics) -> Re
     try:
         return relief(card, depths_of(file, _depth_space(plate, diagnostics), least, factor, offset))
     except AssetError as error:
-        message = f"The plate {plate.name} is flat, its depth image cannot be read: {error.message}."
+        message = f"The plate {plate.name} is rendered flat: its depth image cannot be read ({error.message})."
         diagnostics.add("asset-missing", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
         return flat_card(card)
 
@@ -141,7 +141,7 @@ def _depth_space(plate: Plate, diagnostics: Diagnostics) -> str | ColorSpace:
     name = plate.color_space("depth:image")
     space = space_named(name) if name else None
     if name and space is None:
-        message = f"No colour space {name!r} is known: the depths are taken as they are stored."
+        message = f"Unknown colour space {name!r}: depths are used as stored."
         diagnostics.add("color-space", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
     return "raw" if space is None or (isinstance(space, ColorSpace) and space.is_data) else space
 

@@ -46,8 +46,8 @@ def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Pl
         return
     distance, paths = near * float(nearest.min()), sorted(paths)
     message = (
-        f"The near plane at {near:g} cuts off what is in {share:.0%} of the picture, the nearest of it at {distance:.3g}: "
-        f"{', '.join(paths[:3])}{' and others' if len(paths) > 3 else ''}. If it is not to be cut open, author a clippingRange "
+        f"The near plane at {near:g} clips geometry in {share:.0%} of the picture, the nearest at {distance:.3g}: "
+        f"{', '.join(paths[:3])}{' and others' if len(paths) > 3 else ''}. If this is not intended, author a clippingRange "
         f"that begins at {0.5 * distance:.2g}."
     )
     ctx.warn("near-plane", camera.path, message, "clippingRange")

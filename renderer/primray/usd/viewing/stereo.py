@@ -48,13 +48,13 @@ def _places(chosen: Usd.Prim | None, cameras: list[Usd.Prim]) -> list[list[Usd.P
 
 def _several(chosen: Usd.Prim | None, pair: dict[str, list[Usd.Prim]]) -> SettingsError:
     listed = "; ".join(f"{role}: {', '.join(str(c.GetPath()) for c in found[:NAMED])}" for role, found in pair.items())
-    sentence = f"several cameras may be of one stereo pair ({listed}): --camera names one eye of it"
+    sentence = f"several cameras could form the stereo pair ({listed}): choose one eye with --camera"
     return SettingsError(sentence, where=_where(chosen), code="stereo-ambiguous")
 
 
 def _none(chosen: Usd.Prim | None, cameras: list[Usd.Prim], when: When) -> SettingsError:
     listed = ", ".join(f"{c.GetPath()} ({stereo_role(c, when)})" for c in cameras[:NAMED]) or "none"
-    sentence = f"no pair of cameras has the stereoRoles left and right; the stage's cameras: {listed}"
+    sentence = f"no two cameras form a pair with the stereoRoles left and right; the stage's cameras: {listed}"
     return SettingsError(sentence, where=_where(chosen), code="stereo-pair")
 
 

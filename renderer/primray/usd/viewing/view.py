@@ -46,7 +46,11 @@ def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, came
     if eye is None:
         return _chosen(stage, ctx, product, cameras)
     if ctx.settings.camera is not None and not isinstance(ctx.settings.camera, str):
-        raise SettingsError("a camera that is no prim has no eyes; give each its own camera", where="eye", code="stereo-pair")
+        raise SettingsError(
+            "a camera that is not a prim has no stereo pair: render each eye with its own camera",
+            where="eye",
+            code="stereo-pair",
+        )
     is_named = ctx.settings.camera is not None or product.camera is not None
     chosen = _chosen(stage, ctx, product, cameras) if is_named else bound_camera(ctx)
     return eye_of_pair(chosen, cameras, eye, ctx.when)
@@ -91,11 +95,15 @@ def view_through(
     resolution = frame.resolution
     z_up = up_axis(ctx.stage) == "Z"
     if ctx.settings.auto_camera is AutoCamera.USDRECORD:
-        ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
+        ctx.warn("camera-automatic", "", "The stage has no camera: usdrecord's framing is used.")
         return _with_flaws(with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), None, ctx), frame
     has_ground = ctx.settings.ground is not None
     made, left_out = three_quarter_camera(drawn(), z_up, resolution, product, has_ground=has_ground)
-    ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
+    ctx.warn(
+        "camera-automatic",
+        "",
+        f"The stage has no camera: an automatic three-quarter view from above is used{_without(left_out)}.",
+    )
     return _with_flaws(with_shutter(made, shutter), None, ctx), frame
 
 
@@ -190,7 +198,7 @@ def _frame(resolution: tuple[int, int], product: ProductSettings, aspect_ratio: 
     pixels = pixels_within(product.data_window, resolution)
     if pixels.width == 0 or pixels.height == 0:
         sides = ", ".join(f"{side:g}" for side in product.data_window)
-        message = f"dataWindowNDC = ({sides}) holds no pixel's centre: there is nothing to render"
+        message = f"dataWindowNDC = ({sides}) contains no pixel centre: there is nothing to render"
         raise InvalidSceneError(message, where=where, code="empty-data-window")
     limit_pixels(pixels.width, pixels.height, where)
     return Frame(resolution, pixels, aspect_ratio)

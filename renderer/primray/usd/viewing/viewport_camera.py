@@ -45,7 +45,7 @@ def bound_camera(ctx: Context) -> Usd.Prim | None:
     prim = ctx.stage.GetPrimAtPath(path)
     if not prim or type_name(prim) != "Camera":
         return None
-    ctx.warn("camera-viewport", path, "The camera is used that the authoring tool's viewport looked through.")
+    ctx.warn("camera-viewport", path, "The camera of the authoring tool's viewport is used.")
     return prim
 
 
@@ -56,19 +56,23 @@ def viewport_camera(ctx: Context) -> Camera | None:
         return None
     bound = settings.get("boundCamera", BOUND_TO_PERSPECTIVE) if isinstance(settings, Mapping) else None
     if not isinstance(settings, Mapping) or not isinstance(bound, str):
-        why = f"has the boundCamera {shown(bound)}, no path" if isinstance(settings, Mapping) else f"is {shown(settings)}"
+        why = (
+            f"has the boundCamera {shown(bound)}, which is not a path"
+            if isinstance(settings, Mapping)
+            else f"is {shown(settings)}"
+        )
         _note_useless(ctx, why)
         return None
     name = OF_KIT.get(bound)
     if name is None:
-        ctx.warn("camera-viewport", "", f"The authoring tool's viewport looked through {bound}: there is no such camera.")
+        ctx.warn("camera-viewport", "", f"The authoring tool's viewport used the camera {bound}, which does not exist.")
         return None
     if name not in settings:
         return None
     made = _perspective(settings[name], ctx) if name == PERSPECTIVE else _orthographic(settings[name], name, ctx)
     if made is None:
         wanted = "a target away from it" if name == PERSPECTIVE else "a radius above 0"
-        _note_useless(ctx, f"has no {name} of use: a position and {wanted} are needed, not {shown(settings[name])}")
+        _note_useless(ctx, f"has an unusable {name}: a position and {wanted} are needed, not {shown(settings[name])}")
         return None
     ctx.warn("camera-viewport", "", f"The stage has no camera: {name} of the authoring tool's viewport is used.")
     return made

@@ -129,7 +129,7 @@ def test_a_look_up_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "word"), [("@missing.exr@", "cannot be found"), ("@@", "names no image")], ids=["missing", "empty"]
+    ("path", "word"), [("@missing.exr@", "cannot be found"), ("@@", "no image")], ids=["missing", "empty"]
 )
 def test_a_table_that_is_not_there(path: str, word: str) -> None:
     values = {"nominalWidth": 64, "nominalHeight": 32, "rayEnterDirectionTexture": path}

@@ -54,7 +54,7 @@ def reported(text: str) -> list[str]:
 def test_what_is_cut_open_is_named(name: str) -> None:
     (message,) = reported(CAMERA % 4.5 + BODIES[name])
     assert "/body" in message
-    distance = float(message.split("nearest of it at ")[1].split(":")[0])
+    distance = float(message.split("nearest at ")[1].split(":")[0])
     assert distance == pytest.approx(5 - 2**0.5 if name == "turned" else 4, rel=0.02)
     assert reported(CAMERA % (0.99 * distance) + BODIES[name]) == []
 

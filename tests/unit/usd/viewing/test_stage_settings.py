@@ -173,7 +173,7 @@ def test_values_out_of_range_are_reported_and_strict_refuses(line: str, words: s
 
 def test_a_misspelt_name_is_reported_with_what_is_meant() -> None:
     _, told = asked_of("int primray:sample = 12")
-    assert [d.message for d in told] == ["primray:sample means nothing: did you mean primray:samples?"]
+    assert [d.message for d in told] == ["primray:sample is unknown: did you mean primray:samples?"]
     text = settings_text("", "rel orderedVars = </v>") + 'def RenderVar "v"\n{\nbool primray:error = 1\n}\n'
     _, diagnostics = translate(stage_of(text), RenderSettings())
     assert "primray:error means nothing: did you mean primray:errors?" in [d.message for d in diagnostics]

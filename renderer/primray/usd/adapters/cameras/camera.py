@@ -119,7 +119,7 @@ def camera(
     if sensor is not None:
         window, distortion = _sensor_window(sensor, resolution, product), sensor.distortion
         if not _is_usable(window):
-            diagnostics.add("camera-input", path, f"{_unusable(window)}: nothing is distorted.")
+            diagnostics.add("camera-input", path, f"{_unusable(window)}: lens distortion is ignored.")
             window = distortion = None
     if window is None:
         aperture = conform(_of_film(prim, then, diagnostics), resolution, product)
@@ -169,7 +169,7 @@ def _sensor_window(sensor: Sensor, resolution: tuple[int, int], product: Product
 
 def _unusable(window: tuple[float, float, float, float]) -> str:
     """Return the beginning of a message about a window that is not usable."""
-    return f"No film can be as wide as ({', '.join(f'{side:g}' for side in window)}) at unit distance"
+    return f"The film's window ({', '.join(f'{side:g}' for side in window)}) at unit distance is unusable"
 
 
 def _is_usable(window: tuple[float, float, float, float]) -> bool:
@@ -194,13 +194,13 @@ def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> flo
         note(f"exposure:fStop = {f_stop:g} is not positive: 1 is used.")
         f_stop = 1.0
     if min(time, iso, responsivity) < 0:
-        note("An exposure (time, iso or responsivity) below 0 is ignored: 1 is used for all.")
+        note("The exposure's time, iso or responsivity is negative: the whole exposure is ignored.")
         return 1.0
     # In double precision products and squares of these floats do not overflow; 2^exposure would, so it is clamped.
     scale = responsivity * time * iso / 100.0 / f_stop / f_stop
     scale *= math.pow(2.0, min(max(get("exposure", 0.0), -1000.0), 400.0))
     if not scale < BRIGHTEST:
-        note(f"The exposure multiplies the picture by {scale:g}, beyond what its floats hold: 1 is used.")
+        note(f"The exposure multiplies the picture by {scale:g}, which overflows: 1 is used.")
         return 1.0
     if scale < 1e-37:
         note(f"The exposure multiplies the picture by {scale:g}: it is black.")
@@ -220,7 +220,9 @@ def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> 
     before, after = matrix(gf), matrix(rigid)
     if not np.allclose(before[:3, :3], after[:3, :3], atol=1e-4):
         diagnostics.add(
-            "camera-scaled", str(prim.GetPath()), "Scale and shear are removed from its transform, as USD's GfFrustum does."
+            "camera-scaled",
+            str(prim.GetPath()),
+            "Scale and shear are removed from the camera's transform, as USD's GfFrustum does.",
         )
     return after
 
@@ -238,5 +240,5 @@ def note_one_eye(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
     """Report a stereo camera that is rendered alone."""
     role = token(prim, "stereoRole", when, "mono")
     if role != "mono":
-        message = f"stereoRole = {role} is ignored: the camera is rendered by itself, as one eye; --stereo renders its pair."
+        message = f"stereoRole = {role} is ignored: only this eye is rendered; --stereo renders the pair."
         diagnostics.add("camera-input", str(prim.GetPath()), message, "stereoRole")

@@ -104,7 +104,7 @@ class _Attributes:
         """Return width, height, optical centre and focal lengths in pixels of OpenCV's models."""
         width, height = self.pair("imageSize", (2048.0, 1024.0))
         if not min(width, height) > 0:
-            raise _Unusable(f"{self.name('imageSize')} = ({width:g}, {height:g}) is no size", self.name("imageSize"))
+            raise _Unusable(f"{self.name('imageSize')} = ({width:g}, {height:g}) is not a size", self.name("imageSize"))
         focal = self.above_0("fx", 900.0), self.above_0("fy", 800.0)
         return width, height, (self.number("cx", 1024.0), self.number("cy", 512.0)), focal
 
@@ -148,7 +148,7 @@ def distortion_model(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> st
     if named not in NO_MODEL:
         if named in SCHEMAS.values():
             return named
-        message = f"{MODEL} = {named} is not supported: nothing is distorted."
+        message = f"{MODEL} = {named} is not supported: lens distortion is ignored."
         diagnostics.add("camera-input", str(prim.GetPath()), message, MODEL)
         return ""
     if named or MODEL in property_names(prim):
@@ -167,7 +167,7 @@ def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor 
             return _polynomial(_PolynomialAttributes(prim, model, when, diagnostics))
         return _READERS[model](_Attributes(prim, model, when, diagnostics))
     except _Unusable as why:
-        message = f"{why}: nothing is distorted."
+        message = f"{why}: lens distortion is ignored."
         diagnostics.add("camera-input", str(prim.GetPath()), message, why.name)
         return None
 
@@ -186,7 +186,7 @@ def _ftheta(a: _Attributes) -> Sensor:
     focal = 1 / k[1] if k[1] > 0 else max(width, height) / 2
     scaled = tuple(c * focal**power for power, c in enumerate(k))
     if not (k[1] >= 0 and any(c > 0 for c in k[1:]) and all(map(math.isfinite, scaled))):
-        raise _Unusable("the polynomial k0 to k4 gives no angle that grows with the distance", a.name("k1"))
+        raise _Unusable("the polynomial k0 to k4 has no angle that grows with the distance", a.name("k1"))
     return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.RADIUS_TO_ANGLE, scaled, a.half_fov(200.0)))
 
 
@@ -226,7 +226,7 @@ def _rad_tan_thin_prism(a: _Attributes) -> Sensor:
     length = number(a.prim, "focalLength", a.when, 50.0, a.diagnostics)
     aperture = number(a.prim, "horizontalAperture", a.when, 20.955, a.diagnostics)
     if not min(length, aperture) > 0:
-        raise _Unusable("it has neither a focal length nor an aperture above 0", "focalLength")
+        raise _Unusable("focalLength and horizontalAperture must be above 0", "focalLength")
     focal = width * length / aperture
     k = (k0, k1, p0, p1, k2, k3, k4, k5, s0, s1, s2, s3)
     half = min(a.half_fov(180.0), 90.0)

@@ -23,7 +23,7 @@ def read_table(asset: object, size: tuple[float, float], center: tuple[float, fl
     sensor's centre and moves with the optical centre.
     """
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        return "it names no image of directions"
+        return "no image of directions is given"
     if not asset.resolvedPath:
         return f"{asset.path} cannot be found"
     try:
@@ -31,10 +31,10 @@ def read_table(asset: object, size: tuple[float, float], center: tuple[float, fl
     except PrimrayError as error:
         return error.message
     if texture.shape[2] < 3 or texture.stored.dtype.kind != "f":
-        return f"{asset.path} has no three channels of floats"
+        return f"{asset.path} does not have three float channels"
     directions = cleaned(texture.channels(0, 3))
     if directions is None:
-        return f"{asset.path} holds no directions of unit length"
+        return f"{asset.path} does not hold unit directions"
     width, height = size
     focal = _focal(directions, width, height)
     left, top = -width / 2 / focal, height / 2 / focal

@@ -62,12 +62,12 @@ def blades_of(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int
     followed = {used.blades, used.rotation_deg, used.roundness} if used else set()
     for name in sorted(authored - own - followed):
         if not _is_neutral(name, read(prim, name, when)):
-            diagnostics.add("camera-input", path, f"{name} is ignored: what it does to the lens is not supported.", name)
+            diagnostics.add("camera-input", path, f"{name} is ignored: this property of the lens is not supported.", name)
     if used is None:
         return 0, 0.0
     sides = read(prim, used.blades, when)
     if not isinstance(sides, int) or isinstance(sides, bool) or sides < 0 or sides in (1, 2):
-        message = f"{used.blades} = {sides!r} is no number of blades: a circle is used."
+        message = f"{used.blades} = {sides!r} is not a number of blades: a circle is used."
         diagnostics.add("camera-input", path, message, used.blades)
         return 0, 0.0
     roundness = number(prim, used.roundness, when, 0.0, diagnostics)

@@ -38,7 +38,7 @@ def read_scan(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Scan | No
         readout = number(prim, READOUT, when, 0.0, diagnostics)
         return Scan((0, -1 if readout < 0 else 1), 0.0, None, abs(readout)) if readout else None
     if order not in ORDERS:
-        message = f"{ORDER} = {order} is not known: the whole film is exposed at once."
+        message = f"{ORDER} = {order} is unknown: the whole film is exposed at once."
         diagnostics.add("camera-input", str(prim.GetPath()), message, ORDER)
         return None
     offset = _seconds(prim, OFFSET, when, diagnostics)
@@ -50,6 +50,6 @@ def _seconds(prim: Usd.Prim, name: str, when: When, diagnostics: Diagnostics) ->
     above, below = vector(prim, name, when, (0.0, 1.0), diagnostics)
     if below > 0 and above >= 0:
         return above / below
-    message = f"{name} = ({above:g}, {below:g}) is no fraction of a second: 0 is used."
+    message = f"{name} = ({above:g}, {below:g}) is not a fraction of a second: 0 is used."
     diagnostics.add("out-of-range", str(prim.GetPath()), message, name)
     return 0.0

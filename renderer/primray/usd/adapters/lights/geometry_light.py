@@ -27,7 +27,7 @@ def sync_mode(prim: ResolvedPrim, ctx: Context) -> str:
     mode = token(prim.prim, "light:materialSyncMode", ctx.when, NO_MATERIAL)  # the schemas' own defaults come with them
     if mode in (GLOW, INDEPENDENT, NO_MATERIAL):
         return mode
-    message = f"light:materialSyncMode = {mode!r} is none of {GLOW}, {INDEPENDENT}, {NO_MATERIAL}: {NO_MATERIAL} is used."
+    message = f"light:materialSyncMode = {mode!r} is not one of {GLOW}, {INDEPENDENT}, {NO_MATERIAL}: {NO_MATERIAL} is used."
     ctx.warn("light-input", prim.path, message, "light:materialSyncMode")
     return NO_MATERIAL
 
@@ -41,7 +41,7 @@ def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None
     """Return the shape with the prim's light."""
     light = rules_of(prim, ctx, links).applied(geometry_light(prim, ctx))
     if not light.visible_to_camera:
-        ctx.warn("light-input", prim.path, "The camera sees this light all the same, since it is a shape of the scene.")
+        ctx.warn("light-input", prim.path, "A geometry light cannot be hidden from the camera: it is visible.")
     mode = sync_mode(prim, ctx)
     if mode == NO_MATERIAL:
         lamp = ctx.surfaces.index_of(LAMP)
@@ -49,7 +49,7 @@ def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None
         without_colors: dict[str, Any] = {"colors": None} if hasattr(shape, "colors") else {}
         return replace(shape, surface=lamp, primvars=(), light=light, **without_colors)
     if mode == GLOW and not any(_glows(s) for s in _surfaces(shape, ctx)):
-        message = "materialGlowTintsLight: its light is tinted by the glow of its material, which has none. It gives no light."
+        message = "materialGlowTintsLight multiplies the light by its material's emission, which is 0: it emits nothing."
         ctx.warn("light-dark", prim.path, message, "light:materialSyncMode")
     return replace(shape, light=replace(light, own_color=mode == INDEPENDENT))
 

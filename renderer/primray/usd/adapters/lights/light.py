@@ -66,10 +66,10 @@ def _emission(prim: ResolvedPrim, emission: Color, brightest: float, ctx: Contex
     """Return the emission clamped to [0, brightest], with a diagnostic if that changes it."""
     if min(emission) < 0:
         ctx.warn(
-            "out-of-range", prim.path, f"Its emission {_shown(emission)} is negative: that is taken as 0.", "inputs:intensity"
+            "out-of-range", prim.path, f"The emission {_shown(emission)} is negative: it is clamped to 0.", "inputs:intensity"
         )
     if max(emission) > brightest:
-        message = f"Its emission {_shown(emission)} is taken as no more than {brightest:g}."
+        message = f"The emission {_shown(emission)} is clamped to {brightest:g}."
         ctx.warn("out-of-range", prim.path, message, "inputs:intensity")
     r, g, b = (min(max(x, 0.0), brightest) for x in emission)
     return (r, g, b)
@@ -94,7 +94,7 @@ def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Co
 def _size(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
     size = _number(prim, name, default, ctx)
     if size < 0:
-        ctx.warn("out-of-range", prim.path, f"{name} = {size:g} is negative: it is taken as {-size:g}.", name)
+        ctx.warn("out-of-range", prim.path, f"{name} = {size:g} is negative: {-size:g} is used.", name)
     return max(abs(size), SMALLEST) if _normalizes(prim, ctx) else abs(size)
 
 
@@ -102,7 +102,7 @@ def _has_depth(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> bool:
     """Return whether the transform keeps all three axes, which some lights need; report it if not."""
     if _spans_space(matrix[:3, :3].tobytes()):
         return True
-    ctx.warn("light-dark", prim.path, "Its transform leaves it without depth: it emits nothing.")
+    ctx.warn("light-dark", prim.path, "The transform scales the light to 0 along an axis: it emits nothing.")
     return False
 
 
@@ -220,7 +220,7 @@ def _texture_format(prim: ResolvedPrim, ctx: Context) -> str:
     layout = token(prim.prim, "inputs:texture:format", ctx.when, "automatic")
     if layout in _FORMATS:
         return layout
-    message = f"inputs:texture:format = {layout!r} is none of {', '.join(_FORMATS)}: automatic is used."
+    message = f"inputs:texture:format = {layout!r} is not one of {', '.join(_FORMATS)}: automatic is used."
     ctx.warn("light-input", prim.path, message, "inputs:texture:format")
     return "automatic"
 
@@ -270,7 +270,7 @@ def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: flo
     found = _number(prim, name, default, ctx)
     inside = min(max(found, low), high)
     if inside != found:
-        message = f"{name} = {found:g} is outside [{low:g}, {high:g}]: it is taken as {inside:g}."
+        message = f"{name} = {found:g} is outside [{low:g}, {high:g}]: {inside:g} is used."
         ctx.warn("out-of-range", prim.path, message, name)
     return inside
 

@@ -14,10 +14,14 @@ from ...resolving.resolve import ResolvedPrim
 def measured(prim: ResolvedPrim, light: Light, wanted: Photometric, ctx: Context) -> Light:
     """Return the light scaled to the wanted amount; dark, with a diagnostic, if no scale gives it."""
     if not any(light.emission):
-        ctx.warn("light-dark", prim.path, "Its colour, intensity or exposure leaves it no light that could be scaled.")
+        ctx.warn(
+            "light-dark",
+            prim.path,
+            "The light's colour, intensity or exposure makes its emission 0, which cannot be scaled to the requested amount.",
+        )
         return light
     if wanted.amount == 0:
-        ctx.warn("light-dark", prim.path, "It is to give 0 lumens or lux.")
+        ctx.warn("light-dark", prim.path, "The requested amount is 0 lumens or lux: the light emits nothing.")
         return replace(light, emission=(0.0, 0.0, 0.0))
     if light.texture is not None:
         return replace(light, photometric=wanted)

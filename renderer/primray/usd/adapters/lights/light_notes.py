@@ -22,5 +22,5 @@ def _note_shader(prim: ResolvedPrim, ctx: Context) -> None:
     shader = read(prim.prim, "light:shaderId", ctx.when)
     own = {prim.type_name, prim.type_name.removesuffix("_1"), "MeshLight", ""}
     if shader not in own:
-        message = f"light:shaderId = {shader!r} is ignored: it is rendered as its type says."
+        message = f"light:shaderId = {shader!r} is ignored: the light is rendered as a {prim.type_name}."
         ctx.warn("light-input", prim.path, message, "light:shaderId")

@@ -23,7 +23,7 @@ def shadow_of(prim: ResolvedPrim, ctx: Context) -> Shadow | None:
     distance = _number(prim, _DISTANCE, -1.0, ctx)
     falloff = _number(prim, _FALLOFF, -1.0, ctx)
     if falloff > 0 and distance < 0:
-        _note(prim, _FALLOFF, "It means nothing without a shadow:distance.", ctx)
+        _note(prim, _FALLOFF, "inputs:shadow:falloff has no effect without inputs:shadow:distance.", ctx)
     found = Shadow(
         flag(prim.prim, _ENABLE, ctx.when, True) if _ENABLE in prim.names else True,
         _color(prim, ctx),
@@ -42,14 +42,14 @@ def _color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
     authored = light_color(prim, _COLOR, _DEFAULT.color, ctx)
     r, g, b = (min(max(x, 0.0), _BRIGHTEST) for x in authored)
     if (r, g, b) != authored:
-        _note(prim, _COLOR, f"It is {authored}, outside [0, {_BRIGHTEST:g}]: it is brought there.", ctx)
+        _note(prim, _COLOR, f"{_COLOR} = {authored} is outside [0, {_BRIGHTEST:g}]: it is clamped.", ctx)
     return (r, g, b)
 
 
 def _gamma(prim: ResolvedPrim, ctx: Context) -> float:
     gamma = _number(prim, _GAMMA, 1.0, ctx)
     if gamma < 0:
-        _note(prim, _GAMMA, f"It is {gamma:g}, below 0: it is taken as 0.", ctx)
+        _note(prim, _GAMMA, f"{_GAMMA} = {gamma:g} is negative: 0 is used.", ctx)
     return max(gamma, 0.0)
 
 

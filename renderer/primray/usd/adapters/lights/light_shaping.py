@@ -84,14 +84,14 @@ def _focus(prim: ResolvedPrim, ctx: Context) -> float:
 def _tint(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
     r, g, b = light_color(prim, TINT, (0.0, 0.0, 0.0), ctx)
     if min(r, g, b) < 0:
-        ctx.warn("out-of-range", prim.path, f"{TINT} = ({r:g}, {g:g}, {b:g}) is negative: that is taken as 0.", TINT)
+        ctx.warn("out-of-range", prim.path, f"{TINT} = ({r:g}, {g:g}, {b:g}) is negative: it is clamped to 0.", TINT)
     return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
 
 
 def _cone_angle(prim: ResolvedPrim, default: float, ctx: Context) -> float:
     angle = number(prim.prim, ANGLE, ctx.when, default, ctx.diagnostics)
     if angle <= 0:
-        ctx.warn("light-dark", prim.path, f"{ANGLE} = {angle:g} leaves no directions to emit in.", ANGLE)
+        ctx.warn("light-dark", prim.path, f"{ANGLE} = {angle:g} is an empty cone: the light emits nothing.", ANGLE)
     return angle
 
 
@@ -100,7 +100,7 @@ def _softness(prim: ResolvedPrim, ctx: Context) -> float:
     softness = number(prim.prim, SOFTNESS, ctx.when, 0.0, ctx.diagnostics)
     inside = min(max(softness, 0.0), 1.0)
     if inside != softness:
-        message = f"{SOFTNESS} = {softness:g} is outside [0, 1]: it is taken as {inside:g}."
+        message = f"{SOFTNESS} = {softness:g} is outside [0, 1]: {inside:g} is used."
         ctx.warn("out-of-range", prim.path, message, SOFTNESS)
     return inside
 

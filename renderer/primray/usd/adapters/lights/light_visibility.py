@@ -24,15 +24,15 @@ def is_seen_by_camera(prim: ResolvedPrim, ctx: Context) -> bool:
             continue
         raw = read(prim.prim, name, ctx.when)
         if not isinstance(raw, bool | int | float):
-            ctx.warn("wrong-type", prim.path, f"{name} = {raw!r} is neither a flag nor a number: ignored.", name)
+            ctx.warn("wrong-type", prim.path, f"{name} = {raw!r} is neither a bool nor a number: it is ignored.", name)
             continue
         if 0 < raw < 1:
-            ctx.warn("light-input", prim.path, f"{name} = {raw:g} is no whole weight: the camera sees the light.", name)
+            ctx.warn("light-input", prim.path, f"{name} = {raw:g} is a partial weight: the camera sees the whole light.", name)
         found.append((name, bool(raw > 0)))
     if not found:
         return True
     decides, seen = found[0]
     for name, other in found[1:]:
         if other != seen:
-            ctx.warn("light-input", prim.path, f"{name} says otherwise than {decides}, which decides.", name)
+            ctx.warn("light-input", prim.path, f"{name} is ignored: {decides} has another value and comes first.", name)
     return seen

@@ -70,7 +70,7 @@ def product_file(product: Usd.Prim, name: str, when: When, diagnostics: Diagnost
             if found != ALWAYS[key]:
                 reader.leave(attribute, found, f"files here always have {ALWAYS[key]}")
         elif attribute.lower().startswith("arnold:"):
-            reader.leave(attribute, found, "it speaks to Arnold alone")
+            reader.leave(attribute, found, "only Arnold uses it")
         else:
             _add_to_header(reader, attribute, name, found, header)
     return PictureFile(half, compression, level, tuple(header.items()))
@@ -80,14 +80,14 @@ def _plain_file(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Pict
     """Report all driver parameters of a file that is no EXR: other formats have none of them."""
     reader = _Reader(product, when, diagnostics)
     for attribute, _, found in reader.parameters(PREFIXES):
-        reader.leave(attribute, found, "the product is no EXR, and has nothing of this")
+        reader.leave(attribute, found, "only EXR files have this")
     return PictureFile()
 
 
 def _compression(reader: _Reader, attribute: str, found: object) -> str:
     name = str(found).lower().removesuffix("_compression")
     if name not in COMPRESSIONS:
-        reader.refuse(attribute, found, f"is no compression ({', '.join(COMPRESSIONS)}): zip is used")
+        reader.refuse(attribute, found, f"is not a known compression ({', '.join(COMPRESSIONS)}): zip is used")
         return ""
     return name
 
@@ -95,7 +95,7 @@ def _compression(reader: _Reader, attribute: str, found: object) -> str:
 def _level(reader: _Reader, attribute: str, found: object, before: float | None) -> float | None:
     if isinstance(found, int | float) and math.isfinite(found) and 0 <= found <= 1e6:
         return float(found)
-    reader.refuse(attribute, found, "is no level of compression: the usual one is used")
+    reader.refuse(attribute, found, "is not a compression level: the default is used")
     return before
 
 
@@ -104,16 +104,16 @@ def _is_half(reader: _Reader, attribute: str, key: str, found: object) -> bool:
         return bool(found)
     if found in ("half", "float"):
         return bool(found == "half")
-    reader.leave(attribute, found, "numbers are halves or floats: the variables' own types are used")
+    reader.leave(attribute, found, "only half and float are supported: the variables' own types are used")
     return False
 
 
 def _add_to_header(reader: _Reader, attribute: str, name: str, found: object, header: dict[str, HeaderValue]) -> None:
     made = _header_value(found)
     if not is_free_in_header(name):
-        reader.leave(attribute, found, "the header says this of the picture itself")
+        reader.leave(attribute, found, "the header has the picture's own value for this")
     elif made is None:
-        reader.leave(attribute, found, "headers here hold text, numbers and vectors of two to four")
+        reader.leave(attribute, found, "headers hold text, numbers, and vectors of two to four numbers")
     else:
         header[name] = made
 
@@ -142,14 +142,14 @@ def variable_parameters(variable: Usd.Prim, when: When, diagnostics: Diagnostics
         key = name.lower()
         if key in ("name", "channel_prefix", "format"):
             if not isinstance(given, str) or (key == "format" and given and data_type_of(given) is None) or not _is_text(given):
-                reader.refuse(attribute, given, "cannot be used: what the variable itself says is")
+                reader.refuse(attribute, given, "cannot be used: the variable's own value is used")
             elif given or key == "channel_prefix":
                 found.setdefault(key, given)
         elif key == "clearvalue":
             if np.any(np.asarray(given, dtype=object) != 0):
-                reader.leave(attribute, given, "where nothing is, depths are infinite and all else is 0")
+                reader.leave(attribute, given, "the background's depth is infinite, and everything else is 0")
         elif key not in _SILENT:
-            reader.leave(attribute, given, "it means nothing to files here")
+            reader.leave(attribute, given, "it has no effect here")
     return found
 
 

@@ -138,7 +138,7 @@ class _Reader:
             return
         if len(given) < len(firsts):
             missing = [of_kind[0] for of_kind, name in zip(names, firsts, strict=True) if name is None]
-            message = f"{', '.join(given)} limit no path as long as {', '.join(missing)} are not authored: no depth is taken."
+            message = f"{', '.join(given)} are ignored: without {', '.join(missing)} they do not limit the depth of paths."
             self.diagnostics.add("foreign-settings", self.found[given[0]].prim, message, given[0])
             return
         counts = [self._whole(name, 0, 2**20, "a number of bounces") for name in given]
@@ -157,7 +157,7 @@ class _Reader:
     def _note_errors(self) -> None:
         for name in ERROR_THRESHOLDS:
             if name in self.found:
-                message = f"{name} is a measure of its own renderer's and not read: primray:targetError asks for an error here."
+                message = f"{name} is ignored, as its unit is its own renderer's: author primray:targetError instead."
                 self.diagnostics.add("foreign-settings", self.found[name].prim, message, name)
 
     def _first(self, names: tuple[str, ...] | list[str]) -> str | None:

@@ -29,14 +29,14 @@ LISTED = 20
 def note_render_pass(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
     """Report a pass that is not requested, and each property it authors that could have changed the image."""
     path, authored = str(prim.GetPath()), property_names(prim)
-    diagnostics.add("render-settings-input", path, "Render passes are ignored where none is asked for (--render-pass).")
+    diagnostics.add("render-settings-input", path, "The render pass is ignored, as it is not requested (--render-pass).")
     for name in ABOUT_JOBS:
         if name in authored:
             diagnostics.add("render-settings-input", path, f"{name} of a render pass is ignored.", name)
     for collection in COLLECTIONS:
         for name in authored:
             if name.startswith(f"collection:{collection}:"):
-                message = f"The scene is rendered whole, whatever a render pass says of {collection}."
+                message = f"{collection} of a render pass that is not requested is ignored: the whole scene is rendered."
                 diagnostics.add("render-settings-input", path, message, name)
 
 
@@ -78,10 +78,10 @@ def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> 
 def _note_unread(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
     path, authored = str(prim.GetPath()), property_names(prim)
     if "fileName" in authored:
-        message = "fileName names another file's scene: this one's is rendered."
+        message = "fileName is ignored: the scene of this stage is rendered."
         diagnostics.add("render-settings-input", path, message, "fileName")
     if "inputPasses" in authored and targets(prim, "inputPasses"):
-        message = "The passes that inputPasses names are not rendered first."
+        message = "inputPasses is ignored: render these passes before this one."
         diagnostics.add("render-settings-input", path, message, "inputPasses")
 
 
@@ -99,7 +99,9 @@ def _members(prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> frozenset[S
     if name == "renderVisibility":  # other instancers of the same prototype still draw it
         added |= differ
     elif differ:
-        message = f"Some of the point instancers that draw {min(differ)} are in {name}, some are not: they are drawn alike."
+        message = (
+            f"Only some of the point instancers that place {min(differ)} are in {name}: it is rendered alike in all of them."
+        )
         diagnostics.add("render-settings-input", str(prim.GetPath()), message, f"collection:{name}")
     return (members - {path for path, votes in as_instancers.items() if votes == {False}}) | added
 

@@ -74,7 +74,7 @@ def product_of(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: D
     reader = _Reader(settings, product, when, diagnostics)
     name, kind = reader.own("productName", ""), reader.own("productType", "raster")
     if kind != "raster":
-        reader.note("productType", f"productType = {kind!r} is not made: a raster image is.")
+        reader.note("productType", f"productType = {kind!r} is not supported: a raster image is rendered.")
     name = name if isinstance(name, str) else ""
     asked, view = stage_settings(settings, product, when, diagnostics)
     return replace(
@@ -117,14 +117,14 @@ class _Reader:
             accepted = None
         if accepted is not None:
             return accepted
-        self.note(name, f"{name} = {raw!r} is no {what}: {default} is used.")
+        self.note(name, f"{name} = {raw!r} is not a {what}: {default} is used.")
         return default
 
     def product(self) -> ProductSettings:
         return ProductSettings(
             settings_path=str(self.settings.GetPath()),
             camera=self._camera(),
-            resolution=self.checked("resolution", (2048, 1080), _resolution, "size of a picture"),
+            resolution=self.checked("resolution", (2048, 1080), _resolution, "picture size"),
             pixel_aspect_ratio=self.checked("pixelAspectRatio", 1.0, _ratio, "positive number"),
             conform_policy=self.checked(
                 "aspectRatioConformPolicy", "expandAperture", lambda p: p if p in POLICIES else None, "known policy"
@@ -157,7 +157,9 @@ class _Reader:
             return ("default", "render")
         unknown = [name for name in names if name not in PURPOSES]
         if unknown:
-            self.note("includedPurposes", f"includedPurposes names {', '.join(unknown)}, which are no purposes: ignored.")
+            self.note(
+                "includedPurposes", f"includedPurposes names {', '.join(unknown)}, which are not purposes: they are ignored."
+            )
         if not names:
             self.note("includedPurposes", "includedPurposes names no purpose at all: no geometry is rendered.")
         return tuple(name for name in names if name in PURPOSES)
@@ -180,13 +182,16 @@ def _variables(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Itera
     stage, path = product.GetStage(), str(product.GetPath())
     ordered = targets(product, "orderedVars")
     if len(ordered) > MOST_VARIABLES:
-        message = f"Only the first {MOST_VARIABLES} of its {len(ordered)} variables are looked at."
+        message = f"Only the first {MOST_VARIABLES} of its {len(ordered)} variables are used."
         diagnostics.add("render-settings-input", path, message, "orderedVars")
     for target in ordered[:MOST_VARIABLES]:
         prim = stage.GetPrimAtPath(target)
         if not prim or type_name(prim) != "RenderVar":
             diagnostics.add(
-                "render-settings-input", path, f"orderedVars leads to {target}, which is no RenderVar.", "orderedVars"
+                "render-settings-input",
+                path,
+                f"orderedVars names {target}, which is not a RenderVar: it is ignored.",
+                "orderedVars",
             )
             continue
         yield variable(prim, when, diagnostics)

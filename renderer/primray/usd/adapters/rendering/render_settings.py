@@ -71,7 +71,7 @@ def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim],
         prim = _at(stage, named)
         if prim is not None and type_name(prim) == "RenderSettings":
             return prim
-        message = f"renderSettingsPrimPath leads to {named or 'nothing'}, which is no RenderSettings prim."
+        message = f"renderSettingsPrimPath names {named or 'nothing'}, which is not a RenderSettings prim: it is ignored."
         diagnostics.add("render-settings-input", "", message, "renderSettingsPrimPath")
     if len(candidates) > 1:
         names = ", ".join(str(p.GetPath()) for p in candidates[:LISTED])
@@ -115,7 +115,7 @@ def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnost
         if prim is not None and type_name(prim) == "RenderProduct":
             found.append(prim)
         else:
-            message = f"products leads to {target}, which is no RenderProduct."
+            message = f"products names {target}, which is not a RenderProduct: it is ignored."
             diagnostics.add("render-settings-input", _path(settings), message, "products")
     return found or [None]
 

@@ -69,7 +69,9 @@ def aovs_of_variables(variables: Iterable[RenderVariable], diagnostics: Diagnost
     found: dict[str, AovRequest] = {}
     for request, path in _requests(variables, diagnostics):
         if request.name in found:
-            diagnostics.add("render-var", path, f"Two variables of the product are called {request.name}: the first is made.")
+            diagnostics.add(
+                "render-var", path, f"Two variables of the product are named {request.name}: only the first is rendered."
+            )
         else:
             found[request.name] = request
     return _possible(tuple(found.values()), diagnostics)
@@ -82,7 +84,7 @@ def _possible(requests: tuple[AovRequest, ...], diagnostics: Diagnostics) -> tup
         try:
             check([request.source.removeprefix(LIGHT_PATH) for request in paths])
         except SettingsError as error:
-            diagnostics.add("render-var", "", f"{paths[-1].name} is not made: {error.message}.", "sourceName")
+            diagnostics.add("render-var", "", f"{paths[-1].name} is not rendered: {error.message}.", "sourceName")
             requests = tuple(request for request in requests if request is not paths[-1])
         else:
             return requests
@@ -94,7 +96,7 @@ def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> 
         if source is not None:
             data_type = var.data_type
             if data_type_of(data_type) is None:
-                message = f"dataType = {data_type!r} is no type that a picture's channels hold: the source's own is used."
+                message = f"dataType = {data_type!r} is not a type for channels: the source's own type is used."
                 diagnostics.add("render-var", var.path, message, "dataType")
                 data_type = ""
             _note_double(var, diagnostics)
@@ -103,7 +105,7 @@ def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> 
 
 def _note_double(var: RenderVariable, diagnostics: Diagnostics) -> None:
     if "double" in var.data_type or var.data_type.endswith("d"):
-        message = f"dataType = {var.data_type!r}: an EXR has no doubles, floats are stored."
+        message = f"dataType = {var.data_type!r}: EXR files have no doubles: floats are stored."
         diagnostics.add("output-parameter", var.path, message, "dataType")
 
 
@@ -117,15 +119,15 @@ def halves_of_picture(variables: Iterable[RenderVariable], diagnostics: Diagnost
             continue
         _note_double(var, diagnostics)
         if wanted is None or wanted.stored == "uint":
-            message = f"dataType = {var.data_type!r}: the picture's channels are floats or halves, floats are stored."
+            message = f"dataType = {var.data_type!r}: the picture's channels are float or half: floats are stored."
             diagnostics.add("render-var", var.path, message, "dataType")
             continue
         if var.prefix:
-            message = f"channel_prefix = {var.prefix!r}: the picture's channels are R, G, B and A."
+            message = f"channel_prefix = {var.prefix!r} is ignored: the picture's channels are R, G, B and A."
             diagnostics.add("output-parameter", var.path, message, "driver:parameters:aov:channel_prefix")
         for channel in channels if channels != PICTURE or wanted.components > 3 else channels[:3]:
             if found.setdefault(channel, wanted.stored) != wanted.stored:
-                message = f"Another variable has the picture's {channel} stored as {found[channel]}: so it is."
+                message = f"Another variable stores the picture's {channel} as {found[channel]}, which is used."
                 diagnostics.add("render-var", var.path, message, "dataType")
     return tuple(channel for channel, stored in found.items() if stored == "half")
 
@@ -171,9 +173,7 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
         return _labels(name.removeprefix("semantics:labels:").removeprefix(LABELS), var, diagnostics)
     if name.startswith(("primvars:", PRIMVAR)):
         return _primvar(name.removeprefix("primvars:").removeprefix(PRIMVAR), var, diagnostics)
-    message = (
-        f"The renderer has no output called {name}{_hint(name)}; there are {', '.join((*AOVS, *CRYPTOMATTES))} and primvars."
-    )
+    message = f"There is no output named {name}{_hint(name)}; there are {', '.join((*AOVS, *CRYPTOMATTES))} and primvars."
     diagnostics.add("render-var", var.path, message, "sourceName")
     return None
 
@@ -190,7 +190,7 @@ def _primvar(name: str, var: RenderVariable, diagnostics: Diagnostics) -> str | 
     try:
         check_names([source])
     except SettingsError:
-        message = f"sourceName = {name[:LONGEST_NAME]!r} is no name of a primvar."
+        message = f"sourceName = {name[:LONGEST_NAME]!r} is not a name of a primvar."
         diagnostics.add("render-var", var.path, message, "sourceName")
         return None
     return source
@@ -202,7 +202,7 @@ def _light_path(expression: str, var: RenderVariable, diagnostics: Diagnostics) 
     try:
         check([expression])
     except SettingsError as error:
-        diagnostics.add("render-var", var.path, f"It is not made: {error.message}.", "sourceName")
+        diagnostics.add("render-var", var.path, f"The output is not rendered: {error.message}.", "sourceName")
         return None
     return LIGHT_PATH + expression
 
@@ -211,7 +211,7 @@ def _labels(taxonomy: str, var: RenderVariable, diagnostics: Diagnostics) -> str
     try:
         check_names([LABELS + taxonomy])
     except SettingsError:
-        message = f"sourceName = {taxonomy[:LONGEST_NAME]!r} is no name of a taxonomy."
+        message = f"sourceName = {taxonomy[:LONGEST_NAME]!r} is not a name of a taxonomy."
         diagnostics.add("render-var", var.path, message, "sourceName")
         return None
     return LABELS + taxonomy

@@ -82,7 +82,7 @@ def note_unknown(prim: Usd.Prim, found: Iterable[str], names: frozenset[str], di
     for name in found:
         if name.startswith(PREFIX) and name not in names:
             hint = did_you_mean(name, sorted(names), otherwise=f"there are {', '.join(sorted(names))}.")
-            diagnostics.add("render-settings-input", str(prim.GetPath()), f"{name} means nothing: {hint}", name)
+            diagnostics.add("render-settings-input", str(prim.GetPath()), f"{name} is unknown: {hint}", name)
 
 
 def _setting(found: Authored, diagnostics: Diagnostics) -> Asked | None:
@@ -95,7 +95,7 @@ def _setting(found: Authored, diagnostics: Diagnostics) -> Asked | None:
         else:
             accepted = getattr(RenderSettings(**{name: found.value}), name)
     except (SettingsError, LimitError) as error:
-        message = f"{found.name} = {repr(found.value)[:SHOWN]} cannot be used, the default is: {error.message}."
+        message = f"{found.name} = {repr(found.value)[:SHOWN]} cannot be used, so the default is: {error.message}."
         diagnostics.add("render-settings-input", found.prim, message, found.name)
         return None
     return Asked(name, accepted, found.prim, found.name)
@@ -112,6 +112,6 @@ def _view(found: dict[str, Authored], diagnostics: Diagnostics) -> PictureView:
             chosen[member] = float(given) if member == "exposure" else given
         else:
             wanted = f"number of stops from -{MAX_STOPS:g} to {MAX_STOPS:g}" if member == "exposure" else "name"
-            message = f"{name} = {repr(given)[:SHOWN]} is no {wanted}: the default is used."
+            message = f"{name} = {repr(given)[:SHOWN]} is not a {wanted}: the default is used."
             diagnostics.add("render-settings-input", found[name].prim, message, name)
     return PictureView(**chosen)
