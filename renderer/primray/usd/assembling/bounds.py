@@ -8,7 +8,7 @@ from ..querying.traversal import stands_in_world
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
 from ..resolving.stage_bounds import Bounds, NotBounded, stage_bounds
-from ..viewing.framing import shape_bounds
+from ..viewing.drawn import shape_bounds
 from ..walking.instances import Arrangement, Group
 from .scene import Scene
 

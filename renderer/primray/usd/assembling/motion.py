@@ -14,7 +14,7 @@ from ..moving.settle import Precision, settled
 from ..paths.lights import moving_light
 from ..paths.portals import with_moving_portals
 from ..resolving.context import Context
-from ..viewing.framing import prototype_box
+from ..viewing.drawn import prototype_box
 from .scene import Scene
 
 

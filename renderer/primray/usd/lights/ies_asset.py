@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pxr import Sdf
 
-from ...description.lighting import IesProfile
+from ...description import IesProfile
 from ...errors import AssetError
 from ...lfs_pointer import WHAT_IT_IS, is_pointer
 from ...textures.ies import MAX_BYTES, IesError, IesFile, parse_ies

@@ -17,13 +17,14 @@ import numpy.typing as npt
 from ...arrays import Doubles, Floats
 from ...description import Mesh, NurbsPatch, Placed, Placement, Prototype, SceneDescription, Shape, Sphere, SubdivisionMesh
 from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
-from .framing import MANY, prototype_box
+from ..resolving.stage_bounds import Bounds
 from .outliers import outliers
 
 Mask = npt.NDArray[np.bool_]
 CURVED_FACES = 64  # faces that a sphere counts as
 LOOKED_AT = 256  # objects whose points are tested along one direction; others count by their boxes
 FARTHEST = 1e100  # boxes beyond are left out: sums and products of their corners could overflow
+MANY = 1_000_000  # up to this many instances, the corners of each are bounded
 ROWS = 1 << 18  # points in double precision at a time
 
 
@@ -232,3 +233,41 @@ def _face_count(shape: Shape) -> int:
 
 def _box_reach(box: Box, along: Doubles) -> float:
     return float(np.where(along > 0, box[1], box[0]) @ along)
+
+
+def shape_bounds(
+    shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
+) -> Bounds:
+    """Return centre and size of the translated scene, by the corners of shapes' boxes; a unit box if it is empty."""
+    corners = [corners_of(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
+    for placement in placements:
+        if prototypes[placement.prototype].placements or len(placement) > MANY:
+            corners.append(np.array(placed_box(placement.levels, prototype_box(shapes, prototypes, placement.prototype))))
+            continue
+        for p in prototypes[placement.prototype].shapes:
+            local = corners_of(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3]
+            for world in placement.chunks():
+                at = (local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3)
+                corners.append(np.array([at.min(axis=0), at.max(axis=0)]))
+    if not corners:
+        return np.zeros(3), np.ones(3)
+    low = np.min([c.min(axis=0) for c in corners], axis=0)
+    high = np.max([c.max(axis=0) for c in corners], axis=0)
+    return (low + high) / 2, high - low
+
+
+def prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Bounds:
+    """Return the low and high corner of a prototype in its own space."""
+    p = prototypes[number]
+    boxes = [placed_box(inner.levels, prototype_box(shapes, prototypes, inner.prototype)) for inner in p.placements]
+    for placed in p.shapes:
+        at = corners_of(shapes[placed.shape]) @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]
+        boxes.append((at.min(axis=0), at.max(axis=0)))
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+
+
+def corners_of(shape: Shape) -> Doubles:
+    """Return the corners (8, 3) of a shape's box."""
+    low, high = shape.box()
+    pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
+    return np.where(pick, high, low)

@@ -10,7 +10,7 @@ from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.resolving.stage_bounds import Bounds
 from primray.usd.viewing import framing
-from primray.usd.viewing.framing import shape_bounds
+from primray.usd.viewing.drawn import shape_bounds
 
 from ..usd_text import stage_of
 
