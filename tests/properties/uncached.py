@@ -9,7 +9,7 @@ import pytest
 
 from primray.usd.adapters.materials.material import Materials
 from primray.usd.adapters.shapes import implicit, mesh
-from primray.usd.lights import illuminant, photometric
+from primray.usd.lights import light_color, photometric
 from primray.usd.materials.leaf_materials import bind_leaves, bindings_of
 from primray.usd.materials.network import ShaderIds
 from primray.usd.resolving import bindings, color_spaces, resolve
@@ -19,8 +19,8 @@ from primray.usd.walking import prototypes, walk
 
 # What only saves work. All others that are kept are records, which later steps read.
 CACHES = frozenset({
-    Materials, SharedFaces, ShaderIds, bindings._Wrong, color_spaces._Known, illuminant._Known, implicit._Shared,
-    mesh._Shared, photometric._Known, prototypes._HoldInstancers, resolve._Colored,
+    Materials, SharedFaces, ShaderIds, bindings._Wrong, color_spaces._Known, light_color._Illuminants, implicit._Shared,
+    mesh._Shared, photometric._Amounts, prototypes._HoldInstancers, resolve._Colored,
 })  # fmt: skip
 
 

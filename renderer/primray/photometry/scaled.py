@@ -14,12 +14,12 @@ from .flux import flux
 from .illuminance import distant_illuminance, illuminance_ahead
 
 # Shaping and images may multiply the emission by 1e9 before single precision overflows.
-BRIGHTEST = 1e15
-DARK = "The light's shape, shaping and image let no light out, so the requested amount cannot be reached: it emits nothing."
-TOO_BRIGHT = f"The requested amount needs an emission above {BRIGHTEST:g}: it is clamped to that."
+BRIGHTEST_EMISSION = 1e15
+DARK_TEXT = "The light's shape, shaping and image let no light out, so the amount cannot be reached: it emits nothing."
+TOO_BRIGHT_TEXT = f"The requested amount needs an emission above {BRIGHTEST_EMISSION:g}: it is clamped to that."
 
 
-def given(light: Light, wanted: Photometric, image: Floats | None = None) -> Doubles:
+def amount_of_unit_emission(light: Light, wanted: Photometric, image: Floats | None = None) -> Doubles:
     """Return the amount (3,) that an emission of 1 gives, through an image (H, W, 3) if there is one."""
     if light.type is LightType.DOME:
         return dome_illuminance(light, wanted.up, image)
@@ -31,7 +31,7 @@ def given(light: Light, wanted: Photometric, image: Floats | None = None) -> Dou
     return all_of_it if image is None else np.array(all_of_it * image.mean(axis=(0, 1), dtype=np.float64))
 
 
-def scaled(light: Light, wanted: Photometric, of_one: Doubles) -> Light | None:
+def scaled_to(light: Light, wanted: Photometric, of_one: Doubles) -> Light | None:
     """Return the light with the wanted amount, given that an emission of 1 has the amount `of_one`; None if no scale does."""
     luminance = float((of_one * light.emission) @ np.array(wanted.weights))
     if not luminance > 0 or not math.isfinite(luminance):
@@ -40,7 +40,7 @@ def scaled(light: Light, wanted: Photometric, of_one: Doubles) -> Light | None:
     return replace(light, emission=(r, g, b), photometric=None)
 
 
-def within(light: Light) -> Light:
+def clamped(light: Light) -> Light:
     """Return the light with its emission clamped to BRIGHTEST."""
-    r, g, b = (min(x, BRIGHTEST) for x in light.emission)
+    r, g, b = (min(x, BRIGHTEST_EMISSION) for x in light.emission)
     return replace(light, emission=(r, g, b))

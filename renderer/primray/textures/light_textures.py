@@ -9,7 +9,7 @@ from ..arrays import Doubles
 from ..description.lighting import Light, LightType, Photometric
 from ..diagnostics import Diagnostics
 from ..photometry.light_shape import shape_key
-from ..photometry.scaled import BRIGHTEST, DARK, TOO_BRIGHT, given, scaled, within
+from ..photometry.scaled import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from .texture import Texture
 from .texture_set import TextureSet
 
@@ -47,20 +47,20 @@ class _Measure:
     def measured(self, light: Light) -> Light:
         if light.photometric is None:
             return light
-        found = scaled(light, light.photometric, self._of_one(light, light.photometric))
+        found = scaled_to(light, light.photometric, self._of_one(light, light.photometric))
         if found is None:
-            self._diagnostics.add("light-dark", light.path, DARK)
+            self._diagnostics.add("light-dark", light.path, DARK_TEXT)
             return replace(light, emission=(0.0, 0.0, 0.0), photometric=None)
-        if max(found.emission) > BRIGHTEST:
-            self._diagnostics.add("out-of-range", light.path, TOO_BRIGHT)
-        return within(found)
+        if max(found.emission) > BRIGHTEST_EMISSION:
+            self._diagnostics.add("out-of-range", light.path, TOO_BRIGHT_TEXT)
+        return clamped(found)
 
     def _of_one(self, light: Light, wanted: Photometric) -> Doubles:
         stands = light.world_from_light[:3, :3].tobytes() if light.type is LightType.DOME else shape_key(light)
         key = (light.texture, light.texture_format, light.type, light.shaping, wanted.distance, wanted.up, stands)
         if key not in self._known:
             image = None if light.texture is None else self._textures[light.texture][0][1].rgb()
-            self._known[key] = given(light, wanted, image)
+            self._known[key] = amount_of_unit_emission(light, wanted, image)
         return self._known[key]
 
 

@@ -22,7 +22,6 @@ from ..garbage import without_collection
 from ..process_memory import machine_bytes
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
-from .adapters.lights.light import light
 from .adapters.rendering.product_outputs import outputs_of
 from .adapters.rendering.render_pass import with_render_pass
 from .adapters.rendering.render_product import ProductSettings
@@ -37,12 +36,14 @@ from .adapters.shapes.points import POINT, point_sphere
 from .assembling.bounds import scene_bounds
 from .assembling.described import describe, note_missing_primvars
 from .assembling.groups import add_group, add_grouped, shared_paths
-from .assembling.lights import add_default_light
 from .assembling.motion import note_errors, settle
 from .assembling.scene import Adapters, LightAdapter, Scene, ShapeAdapter
-from .lights.geometry_lights import with_geometry_lights
+from .lights.assembly import add_default_light
+from .lights.geometry_light import with_geometry_lights
+from .lights.light import read_light
+from .lights.light_groups import light_groups
 from .lights.light_links import Links, find_links
-from .lights.portals import note_unnamed_portals
+from .lights.portals import report_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .moving.foreseen import Foreseen
 from .opening.file_names import file_names
@@ -52,7 +53,6 @@ from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit
 from .paths.point_steps import PointSteps
 from .querying.cameras import cameras_of
-from .querying.light_groups import light_groups
 from .querying.messages import scene_errors
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
@@ -95,7 +95,7 @@ SHAPES: dict[str, ShapeAdapter] = {
 SHAPES |= DRAW_MODES  # stand-ins for prims of any type
 SHAPES[POINT] = point_sphere
 LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
-    ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
+    ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), read_light
 )
 
 _PROTOTYPE = re.compile(r"/__Prototype_\d+")
@@ -236,7 +236,7 @@ def assemble(ctx: Context) -> Assembled:
     for g, group in enumerate(groups):
         add_group(scene, group, where, g, ctx)
     add_grouped(scene, groups, where)
-    note_unnamed_portals(ctx)
+    report_unnamed_portals(ctx)
     return Assembled(ctx, scene, groups, where)
 
 

@@ -30,10 +30,10 @@ from tests.described import (
 from tests.statistics.lights.placed_lights import irradiances
 
 from primray.description import Doubles, Light, LightType, Mesh, Placed, Prototype, Shape, Sphere, Surface
-from primray.usd.adapters.lights.geometry_light import LAMP
+from primray.usd.lights.geometry_light import EMISSION_ONLY
 
 GLOWING = lambert(0.0, emission=5.0)
-SURFACES = (lambert(1.0), GLOWING, lambert(0.0), LAMP)
+SURFACES = (lambert(1.0), GLOWING, lambert(0.0), EMISSION_ONLY)
 PLAIN, DARK, LAMP_SURFACE = 1, 2, 3
 DOWN = orthographic(look_at([0, 0.3, 0], [0, 0, 0], up=(0, 0, -1)), 0.1)
 MODES = pytest.mark.conforms("LightAPI.light:materialSyncMode", "MeshLightAPI.light:materialSyncMode")

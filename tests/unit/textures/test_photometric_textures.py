@@ -11,7 +11,7 @@ import pytest
 from primray.description import Doubles, Floats, Light, LightType, TextureFile
 from primray.description.lighting import Photometric
 from primray.diagnostics import Diagnostics
-from primray.photometry.scaled import given
+from primray.photometry.scaled import amount_of_unit_emission
 from primray.textures import light_textures
 from primray.textures.light_textures import with_read_textures
 from primray.textures.texture import Texture
@@ -65,9 +65,9 @@ def test_alike_lights_are_measured_once(monkeypatch: pytest.MonkeyPatch) -> None
 
     def counted(light: Light, wanted: Photometric, image: Floats | None) -> Doubles:
         calls.append(light)
-        return given(light, wanted, image)
+        return amount_of_unit_emission(light, wanted, image)
 
-    monkeypatch.setattr(light_textures, "given", counted)
+    monkeypatch.setattr(light_textures, "amount_of_unit_emission", counted)
     turned, larger = np.eye(4), np.diag([2.0, 1.0, 1.0, 1.0])
     turned[:3, :3], turned[:3, 3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]], (4, 5, 6)
     lights = [replace(asking(LightType.RECT, amount), world_from_light=m)

@@ -11,7 +11,8 @@ from ...arrays import Doubles
 from ...description import Placed, Placement, Prototype, Shape
 from ...description.instance_names import name_of
 from ...description.placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
-from ..adapters.lights.geometry_light import as_light, without_material
+from ..lights.assembly import add_lights
+from ..lights.geometry_light import with_light, without_material
 from ..moving.levels import do_move
 from ..moving.stands import Stands
 from ..querying.messages import tf_message
@@ -21,7 +22,6 @@ from ..resolving.notes import LightShapes
 from ..resolving.resolve import ResolvedPrim
 from ..walking.instances import Arrangement, Chain, Group, count_of
 from ..walking.record import Become, Record
-from .lights import add_lights
 from .scene import Scene
 
 
@@ -114,7 +114,7 @@ def shape_of(leaf: ResolvedPrim, ctx: Context, scene: Scene) -> Shape | None:
         if leaf.path not in ctx.kept.of(LightShapes):
             return adapter(leaf, ctx)
         shape = adapter(without_material(leaf, ctx), ctx)
-        return None if shape is None else as_light(shape, leaf, ctx, scene.links)
+        return None if shape is None else with_light(shape, leaf, ctx, scene.links)
     except Tf.ErrorException as error:
         ctx.warn("unsupported-prim", leaf.path, f"USD failed to read it: {tf_message(error)}")
         return None

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...description import Camera, CameraMotion, MotionSteps, Placement
+from ..lights.motion import with_motion, with_moving_portals
 from ..moving.levels import do_move
 from ..moving.pixels import pixels_of
 from ..moving.settle import Precision, settled
-from ..paths.lights import moving_light
-from ..paths.portals import with_moving_portals
 from ..resolving.context import Context
 from ..viewing.drawn import prototype_box
 from .scene import Scene
@@ -32,7 +31,7 @@ def settle(
 
     scene.placements = [at_seam(placement) for placement in scene.placements]
     for number, path in scene.moving_lights:
-        scene.lights[number] = moving_light(scene.lights[number], path, precision, ctx)
+        scene.lights[number] = with_motion(scene.lights[number], path, precision, ctx)
     for k, prototype in enumerate(scene.prototypes):
         if prototype.placements:
             scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))

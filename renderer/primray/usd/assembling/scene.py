@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ...arrays import Doubles
 from ...description import Light, MovingInstances, Placed, Placement, Prototype, Shape, Sphere
 from ..lights.light_links import Links
-from ..paths.lights import LightPath
+from ..lights.motion import LightPath
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
 from ..viewing.drawn import Drawn, drawn

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from ...diagnostics import Diagnostics
-from ..adapters.lights.light import TEXTURE, missing_texture_text
-from ..lights.ies_asset import FILE as PROFILE
-from ..lights.ies_asset import missing_text as missing_profile_text
+from ..lights.light import TEXTURE, missing_texture_text
+from ..lights.shaping import FILE as PROFILE
+from ..lights.shaping import missing_text as missing_profile_text
 from ..materials.texture_asset import missing_text
 from ..materialx.file_places import files_at, has_places, names_frame, tile_paths
 from ..querying.guarded import computed, default_value, shader_id, type_name

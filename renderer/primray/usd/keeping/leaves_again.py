@@ -14,9 +14,9 @@ from ...diagnostics import Diagnostic, Diagnostics
 from ..adapters.materials.material import Materials
 from ..adapters.shapes.draw_mode import DRAW_MODES
 from ..assembling.groups import linked, shape_of
-from ..assembling.lights import add_lights
 from ..assembling.scene import Scene
-from ..lights.ies_asset import Profiles
+from ..lights.assembly import add_lights
+from ..lights.shaping import Profiles
 from ..resolving.context import Context
 from ..resolving.notes import LightShapes, PhysicalSchemas, PortalsMet
 from ..shapes.topology import SharedFaces

@@ -16,7 +16,7 @@ from ...errors import PrimrayError
 from ...garbage import without_collection
 from ...settings import RenderSettings
 from ..assembling.scene import Scene
-from ..lights.ies_asset import Profiles
+from ..lights.shaping import Profiles
 from ..opening.file_names import file_names
 from ..opening.stage import usd_messages
 from ..querying.time_varying import changing, has_clips, is_timed

@@ -19,7 +19,7 @@ from ..resolving.context import Context
 from ..resolving.notes import PhysicalSchemas, not_for
 from ..resolving.read import flag, number
 from ..resolving.resolve import ResolvedPrim
-from .illuminant import ENABLED, TEMPERATURES, illuminant_of, white
+from .light_color import ENABLED, TEMPERATURES, illuminant_of, white
 
 AREA = frozenset({"RectLight", "SphereLight", "DiskLight", "CylinderLight"})
 _OTHERS = {"DomeLight": "Dome", "DomeLight_1": "Dome", "DistantLight": "Distant"}
@@ -49,7 +49,7 @@ FAMILIES = (
 NAMES = FAMILIES[0].names | FAMILIES[1].names
 
 
-class _Known(dict[str, "Photometric | None"]):
+class _Amounts(dict[str, "Photometric | None"]):
     """Photometric amounts by the path of a light; None if the light has none."""
 
 
@@ -58,7 +58,7 @@ def photometric_of(prim: ResolvedPrim, ctx: Context) -> Photometric | None:
     applied = ctx.kept.of(PhysicalSchemas)
     if prim.path not in applied and NAMES.isdisjoint(prim.names):
         return None
-    known = ctx.kept.of(_Known)
+    known = ctx.kept.of(_Amounts)
     if prim.path not in known:
         known[prim.path] = _read(prim, PHOTOMETRIC.intersection(applied.get(prim.path, ())), ctx)
     return known[prim.path]

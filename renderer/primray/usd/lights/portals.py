@@ -32,10 +32,10 @@ class PortalPrim:
 
 
 class PortalPrims(dict[int, PortalPrim]):
-    """Portals that may move while the shutter is open, by the id of the Portal (paths/portals.py)."""
+    """Portals that may move while the shutter is open, by the id of the Portal (lights/motion.py)."""
 
 
-def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
+def read_portals(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
     """Return the portals of a dome that have an area; invisible ones too, since portals do not change the expected image."""
     found = []
     for target in targets(dome.prim, "portals"):
@@ -56,9 +56,9 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
     path = ctx.shown(str(prim.GetPath()))
     width = abs(number(prim, "inputs:width", ctx.when, 1.0, ctx.diagnostics))
     height = abs(number(prim, "inputs:height", ctx.when, 1.0, ctx.diagnostics))
-    world, together = root_from_prim(prim, ctx), None
+    world, together = world_from_prim(prim, ctx), None
     if dome.prim.IsInPrototype() and prim.IsInPrototype():  # both move with the instance
-        root_from_dome = root_from_prim(dome.prim, ctx)
+        root_from_dome = world_from_prim(dome.prim, ctx)
         if abs(np.linalg.det(root_from_dome[:3, :3])) > 0:
             world, together = world_from_dome @ np.linalg.inv(root_from_dome) @ world, dome.prim
     area = width * height * float(np.linalg.norm(np.cross(world[:3, 0], world[:3, 1])))
@@ -71,12 +71,12 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
     return portal
 
 
-def root_from_prim(prim: Usd.Prim, ctx: Context, offset: float = 0.0) -> Doubles:
+def world_from_prim(prim: Usd.Prim, ctx: Context, offset: float = 0.0) -> Doubles:
     """Return world_from_prim (4, 4), or prototype_from_prim, at `offset` time codes after the frame."""
     when = ctx.when.after(offset) if offset else ctx.when
     cache = transforms(when)
     total = Gf.Matrix4d(1.0)
-    for each in way_to_root(prim):
+    for each in self_and_ancestors(prim):
         local, resets = local_matrix(each, frozenset(property_names(each)), when, cache)
         total = total * local
         if resets:
@@ -84,14 +84,14 @@ def root_from_prim(prim: Usd.Prim, ctx: Context, offset: float = 0.0) -> Doubles
     return matrix(total)
 
 
-def way_to_root(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+def self_and_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
     """Yield the prim and its ancestors, up to the world or the prototype that it is in."""
     while prim and not prim.IsPseudoRoot() and not prim.IsPrototype():
         yield prim
         prim = prim.GetParent()
 
 
-def note_unnamed_portals(ctx: Context) -> None:
+def report_unnamed_portals(ctx: Context) -> None:
     """Report PortalLights that no dome names; called after all lights are translated."""
     named = ctx.kept.of(_Named)
     for path in ctx.kept.of(PortalsMet):

@@ -9,10 +9,10 @@ from pxr import Usd
 from ...color.color_space import REC709, ColorSpace
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
+from ..lights.light_groups import NO_GROUPS, LightGroups
 from ..moving.foreseen import UNSEEN, Foreseen
 from ..moving.stands import Stands
 from ..moving.timing import AT_FRAME, Timing
-from ..querying.light_groups import NO_GROUPS, LightGroups
 from .color_scope import ColorScope
 from .kept import Kept
 from .read import When

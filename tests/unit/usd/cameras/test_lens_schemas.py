@@ -128,9 +128,7 @@ def test_a_look_up_table(tmp_path: Path) -> None:
     assert np.isnan(camera.project([[np.sin(1.57), 0, -np.cos(1.57)]], (64, 32))).all()
 
 
-@pytest.mark.parametrize(
-    ("path", "word"), [("@missing.exr@", "cannot be found"), ("@@", "no image")], ids=["missing", "empty"]
-)
+@pytest.mark.parametrize(("path", "word"), [("@missing.exr@", "cannot be found"), ("@@", "no image")], ids=["missing", "empty"])
 def test_a_table_that_is_not_there(path: str, word: str) -> None:
     values = {"nominalWidth": 64, "nominalHeight": 32, "rayEnterDirectionTexture": path}
     camera, said = camera_of(attributes("lut", values))

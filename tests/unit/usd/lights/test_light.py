@@ -10,7 +10,7 @@ from pxr import UsdLux
 
 from primray.description import Light, LightType
 from primray.settings import RenderSettings
-from primray.usd.adapters.lights.light import distant_size_factor
+from primray.usd.lights.light import distant_size_factor
 
 from ..usd_text import translate_text
 

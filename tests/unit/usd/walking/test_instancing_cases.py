@@ -143,7 +143,7 @@ def test_lights_inside_instancers_stand_where_their_instances_do() -> None:
 
 
 def test_of_many_lights_the_first_are_lit_and_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules["primray.usd.assembling.lights"], "MAX_LIGHT_INSTANCES", 1000)
+    monkeypatch.setattr(sys.modules["primray.usd.lights.assembly"], "MAX_LIGHT_INSTANCES", 1000)
     lamp = '    def SphereLight "bulb"\n    {\n    }\n'
     count = 1500
     arrays = f"int[] protoIndices = {[0] * count}\npoint3f[] positions = {[(float(i), 0.0, 0.0) for i in range(count)]}"

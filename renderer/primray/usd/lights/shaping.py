@@ -1,7 +1,7 @@
 """UsdLux ShapingAPI of one light: focus, cone and IES profile.
 
 Authored attributes count even if the schema is not applied. The schema's fallback values (a cone of 90 degrees) count only
-if it is applied.
+if it is applied. IES files are resolved by Ar, and read once even if many lights name the same file.
 """
 
 from __future__ import annotations
@@ -9,13 +9,16 @@ from __future__ import annotations
 import numpy as np
 from pxr import Sdf
 
-from ....arrays import Doubles
-from ....description import IesProfile, Shaping
-from ...lights.ies_asset import FILE, ies_profile
-from ...lights.light_color import light_color
-from ...resolving.context import Context
-from ...resolving.read import flag, number, read
-from ...resolving.resolve import ResolvedPrim
+from ...arrays import Doubles
+from ...description import IesProfile, Shaping
+from ...errors import AssetError
+from ...lfs_pointer import WHAT_IT_IS, is_pointer
+from ...textures.ies import MAX_BYTES, IesError, IesFile, parse_ies
+from ..querying.asset import read_asset
+from ..resolving.context import Context
+from ..resolving.read import flag, number, read
+from ..resolving.resolve import ResolvedPrim
+from .light_color import light_color
 
 FOCUS, TINT = "inputs:shaping:focus", "inputs:shaping:focusTint"
 ANGLE, SOFTNESS = "inputs:shaping:cone:angle", "inputs:shaping:cone:softness"
@@ -24,10 +27,10 @@ _NEUTRAL_ANGLE = 180.0
 _WHITE = (1.0, 1.0, 1.0)
 
 
-def shaping(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Shaping | None:
+def read_shaping(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Shaping | None:
     """Return the shaping of a light with this world matrix; None if it does not change the emission."""
-    applied = _is_applied(prim)
-    if not applied and not _authored(prim):
+    applied = _is_shaping_applied(prim)
+    if not applied and not _authored_shaping(prim):
         return None
     profile = _profile(prim, ctx)
     found = Shaping(
@@ -42,7 +45,7 @@ def shaping(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Shaping | None
     return found if _changes_anything(found, prim, matrix) else None
 
 
-def peak(found: Shaping | None) -> float:
+def peak_factor(found: Shaping | None) -> float:
     """Return the largest factor by which shaping scales any component of the emission."""
     if found is None:
         return 1.0
@@ -53,9 +56,9 @@ def peak(found: Shaping | None) -> float:
     return focus * float(found.ies.candela.max()) / divisor
 
 
-def note_unshaped(prim: ResolvedPrim, ctx: Context) -> None:
+def report_ignored_shaping(prim: ResolvedPrim, ctx: Context) -> None:
     """Report shaping attributes of a light type to which shaping does not apply."""
-    for name in sorted(_authored(prim)):
+    for name in sorted(_authored_shaping(prim)):
         raw = read(prim.prim, name, ctx.when)
         if name == FILE and not (isinstance(raw, Sdf.AssetPath) and raw.path):
             continue
@@ -65,11 +68,11 @@ def note_unshaped(prim: ResolvedPrim, ctx: Context) -> None:
         ctx.warn("light-input", prim.path, message, name)
 
 
-def _is_applied(prim: ResolvedPrim) -> bool:
+def _is_shaping_applied(prim: ResolvedPrim) -> bool:
     return bool(prim.prim.HasAPI("ShapingAPI"))
 
 
-def _authored(prim: ResolvedPrim) -> list[str]:
+def _authored_shaping(prim: ResolvedPrim) -> list[str]:
     return [name for name in prim.names if name.startswith("inputs:shaping:")]
 
 
@@ -124,3 +127,46 @@ def _is_straight(matrix: Doubles) -> bool:
     x, y, z = matrix[:3, :3].T
     size = float(np.linalg.norm(z))
     return all(abs(float(axis @ z)) <= 1e-9 * size * float(np.linalg.norm(axis)) for axis in (x, y)) and size > 0
+
+
+FILE = "inputs:shaping:ies:file"
+
+
+class Profiles(dict[str, IesFile | str]):
+    """IES files by resolved path: the parsed file, or why it cannot be used."""
+
+
+def missing_text(path: str) -> str:
+    """Return the message for an IES file that does not exist."""
+    return f"{path} cannot be found: the light is rendered without a profile."
+
+
+def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | None:
+    """Return the profile; None, with a diagnostic for the light at `path`, if it cannot be read."""
+    if not asset.resolvedPath:
+        ctx.warn("asset-missing", path, missing_text(asset.path), FILE)
+        return None
+    resolved = str(asset.resolvedPath)
+    known = ctx.kept.of(Profiles)
+    if resolved not in known:
+        known[resolved] = _read_ies_file(resolved)
+    found = known[resolved]
+    if isinstance(found, str):
+        ctx.warn("light-input", path, f"{asset.path} is ignored, and the light rendered without it: {found}.", FILE)
+        return None
+    for note in found.notes:
+        ctx.warn("light-input", path, f"{asset.path}: {note}.", FILE)
+    if not found.profile.candela.any():
+        ctx.warn("light-dark", path, f"{asset.path} has no intensity above 0: the light emits nothing.", FILE)
+    return found.profile
+
+
+def _read_ies_file(resolved: str) -> IesFile | str:
+    """Return the parsed file, or a sentence on why it cannot be used."""
+    try:
+        content = read_asset(resolved, MAX_BYTES)
+        return WHAT_IT_IS if is_pointer(content) else parse_ies(content)
+    except IesError as error:
+        return str(error)
+    except AssetError as error:
+        return error.message

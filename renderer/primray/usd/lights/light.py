@@ -1,4 +1,7 @@
-"""UsdLux lights: L = color * temperature * intensity * 2^exposure / sizeFactor (UsdLux LightAPI)."""
+"""UsdLux lights: L = color * temperature * intensity * 2^exposure / sizeFactor (UsdLux LightAPI).
+
+Lights given in lumens or lux are scaled to that amount here or, if they have a texture, once it is read.
+"""
 
 from __future__ import annotations
 
@@ -10,27 +13,27 @@ from functools import lru_cache
 import numpy as np
 from pxr import Sdf, UsdLux
 
-from ....arrays import Doubles
-from ....color.color_space import REC709, converted
-from ....description import Light, LightType, TextureFile
-from ....photometry.light_area import cylinder_area, disk_area, rect_area, sphere_area
-from ...lights.illuminant import illuminant_of
-from ...lights.light_color import light_color
-from ...lights.photometric import photometric_of
-from ...lights.portals import portals_of
-from ...materials.texture_asset import light_texture
-from ...opening.stage_metadata import up_axis
-from ...resolving.context import Context
-from ...resolving.read import flag, number, read, token
-from ...resolving.resolve import ResolvedPrim
-from .light_measured import measured
-from .light_notes import note_ignored_inputs
-from .light_shaping import note_unshaped, peak, shaping
+from ...arrays import Doubles
+from ...color.color_space import REC709, converted
+from ...description import Light, LightType, TextureFile
+from ...description.lighting import Photometric
+from ...photometry.light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ...photometry.scaled import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
+from ..materials.texture_asset import light_texture
+from ..opening.stage_metadata import up_axis
+from ..querying.guarded import targets
+from ..resolving.context import Context
+from ..resolving.read import flag, number, read, token
+from ..resolving.resolve import ResolvedPrim
+from .light_color import illuminant_of, light_color
+from .photometric import photometric_of
+from .portals import read_portals
+from .shaping import peak_factor, read_shaping, report_ignored_shaping
 
 Color = tuple[float, float, float]
 
 # Radiance is clamped to these, so that single precision does not overflow; the tint is multiplied by an image's texels.
-BRIGHTEST, BRIGHTEST_TINT = 1e30, 1e15
+BRIGHTEST_RADIANCE, BRIGHTEST_TINT = 1e30, 1e15
 # A normalized light of size 0 is the limit of small lights, a point or line of the same power; it gets this size.
 SMALLEST = 1e-12
 _FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCross")  # UsdLux, DomeLight
@@ -38,12 +41,12 @@ TEXTURE = "inputs:texture:file"
 COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # the range of UsdLux.BlackbodyTemperatureAsRgb
 
 
-def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light | None:
+def read_light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light | None:
     """Return the light at this matrix; None, with a diagnostic, if it emits nothing."""
-    note_ignored_inputs(prim, ctx)
+    report_ignored_inputs(prim, ctx)
     made = _BY_TYPE[prim.type_name](prim, world_from_light, ctx)
     wanted = photometric_of(prim, ctx)
-    return made if made is None or wanted is None else measured(prim, made, wanted, ctx)
+    return made if made is None or wanted is None else scaled_to_amount(prim, made, wanted, ctx)
 
 
 def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
@@ -55,7 +58,7 @@ def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
         tint = illuminant.color
         r, g, b = r * tint[0], g * tint[1], b * tint[2]
     elif "inputs:enableColorTemperature" in prim.names and flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
-        kelvin = _within(prim, "inputs:colorTemperature", 6500.0, COOLEST_K, HOTTEST_K, ctx)
+        kelvin = _clamped_number(prim, "inputs:colorTemperature", 6500.0, COOLEST_K, HOTTEST_K, ctx)
         rec709 = np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))  # "then transformed to the rendering color space"
         x, y, z = converted(rec709, REC709, ctx.rendering_space).tolist()
         r, g, b = r * x, g * y, b * z
@@ -66,16 +69,19 @@ def _emission(prim: ResolvedPrim, emission: Color, brightest: float, ctx: Contex
     """Return the emission clamped to [0, brightest], with a diagnostic if that changes it."""
     if min(emission) < 0:
         ctx.warn(
-            "out-of-range", prim.path, f"The emission {_shown(emission)} is negative: it is clamped to 0.", "inputs:intensity"
+            "out-of-range",
+            prim.path,
+            f"The emission {_color_text(emission)} is negative: it is clamped to 0.",
+            "inputs:intensity",
         )
     if max(emission) > brightest:
-        message = f"The emission {_shown(emission)} is clamped to {brightest:g}."
+        message = f"The emission {_color_text(emission)} is clamped to {brightest:g}."
         ctx.warn("out-of-range", prim.path, message, "inputs:intensity")
     r, g, b = (min(max(x, 0.0), brightest) for x in emission)
     return (r, g, b)
 
 
-def _shown(color: Color) -> str:
+def _color_text(color: Color) -> str:
     return f"({color[0]:g}, {color[1]:g}, {color[2]:g})"
 
 
@@ -83,12 +89,12 @@ def _exp2(exposure: float) -> float:
     return math.pow(2.0, min(exposure, 1000.0))
 
 
-def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Color | None:
+def _over_area(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Color | None:
     """Return `radiance`, divided by the area if normalize is on; None, with a diagnostic, if the area is 0 or infinite."""
     if area == 0 or not math.isfinite(area):
         ctx.warn("light-dark", prim.path, f"The light's area is {area:g}: it emits nothing.")
         return None
-    return _over(radiance, area) if _normalizes(prim, ctx) else radiance
+    return _divided(radiance, area) if _normalizes(prim, ctx) else radiance
 
 
 def _size(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
@@ -121,50 +127,52 @@ def _sphere(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
         if not normalizes and area == 0:
             ctx.warn("light-dark", prim.path, "A sphere light of radius 0 without normalize emits nothing.")
             return None
-        intensity = _times(radiance, 0.25 if normalizes else 0.25 * area)
-        return _light(prim, LightType.POINT, matrix, intensity, ctx)
-    emission = _sized(prim, radiance, area, ctx)
+        intensity = _multiplied(radiance, 0.25 if normalizes else 0.25 * area)
+        return _make_light(prim, LightType.POINT, matrix, intensity, ctx)
+    emission = _over_area(prim, radiance, area, ctx)
     if emission is None or not _has_depth(prim, matrix, ctx):
         return None
-    return _light(prim, LightType.SPHERE, matrix, emission, ctx, radius=radius)
+    return _make_light(prim, LightType.SPHERE, matrix, emission, ctx, radius=radius)
 
 
 def _disk(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
     radius = _size(prim, "inputs:radius", 0.5, ctx)
-    emission = _sized(prim, _radiance(prim, ctx), disk_area(matrix, radius), ctx)
-    return emission and _light(prim, LightType.DISK, matrix, emission, ctx, radius=radius)
+    emission = _over_area(prim, _radiance(prim, ctx), disk_area(matrix, radius), ctx)
+    return emission and _make_light(prim, LightType.DISK, matrix, emission, ctx, radius=radius)
 
 
 def _rect(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
     width, height = _size(prim, "inputs:width", 1.0, ctx), _size(prim, "inputs:height", 1.0, ctx)
-    emission = _sized(prim, _radiance(prim, ctx), rect_area(matrix, width, height), ctx)
+    emission = _over_area(prim, _radiance(prim, ctx), rect_area(matrix, width, height), ctx)
     if emission is None:
         return None
-    return _light(prim, LightType.RECT, matrix, emission, ctx, width=width, height=height, texture=_texture(prim, ctx))
+    return _make_light(prim, LightType.RECT, matrix, emission, ctx, width=width, height=height, texture=_texture(prim, ctx))
 
 
 def _cylinder(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
     length, radius = _size(prim, "inputs:length", 1.0, ctx), _size(prim, "inputs:radius", 0.5, ctx)
     area = cylinder_area(matrix, length, radius)
-    emission = _sized(prim, _radiance(prim, ctx), area, ctx)
+    emission = _over_area(prim, _radiance(prim, ctx), area, ctx)
     if emission is None:
         return None
     if flag(prim.prim, "treatAsLine", ctx.when, False) or (_normalizes(prim, ctx) and radius <= SMALLEST):
         # The limit of a thin cylinder: a length dl shows a projected area of 2 r dl across, its lateral area over pi (by
         # Cauchy's formula also the mean over directions of an elliptic one).
         stretched = length * float(np.linalg.norm(matrix[:3, 0]))
-        return _light(prim, LightType.LINE, matrix, _times(emission, area / (math.pi * stretched)), ctx, length=length)
+        return _make_light(
+            prim, LightType.LINE, matrix, _multiplied(emission, area / (math.pi * stretched)), ctx, length=length
+        )
     if not _has_depth(prim, matrix, ctx):
         return None
-    return _light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
+    return _make_light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
 
 
 def _distant(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
-    angle_deg = _within(prim, "inputs:angle", 0.53, 0.0, 360.0, ctx)
+    angle_deg = _clamped_number(prim, "inputs:angle", 0.53, 0.0, 360.0, ctx)
     radiance = _radiance(prim, ctx)
     if _normalizes(prim, ctx):
-        radiance = _over(radiance, distant_size_factor(angle_deg))
-    return _light(prim, LightType.DISTANT, matrix, radiance, ctx, angle_deg=angle_deg)
+        radiance = _divided(radiance, distant_size_factor(angle_deg))
+    return _make_light(prim, LightType.DISTANT, matrix, radiance, ctx, angle_deg=angle_deg)
 
 
 def distant_size_factor(angle_deg: float) -> float:
@@ -181,8 +189,8 @@ def _dome(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
     if prim.type_name == "DomeLight_1":
         matrix = matrix @ _pole_rotation(prim, ctx)
     texture = _texture(prim, ctx)
-    dome = _light(prim, LightType.DOME, matrix, _radiance(prim, ctx), ctx, texture=texture)
-    portals = portals_of(prim, matrix, ctx) if "portals" in prim.names else ()
+    dome = _make_light(prim, LightType.DOME, matrix, _radiance(prim, ctx), ctx, texture=texture)
+    portals = read_portals(prim, matrix, ctx) if "portals" in prim.names else ()
     return replace(dome, texture_format=_texture_format(prim, ctx) if texture else "automatic", portals=portals)
 
 
@@ -225,13 +233,15 @@ def _texture_format(prim: ResolvedPrim, ctx: Context) -> str:
     return "automatic"
 
 
-def geometry_light(prim: ResolvedPrim, ctx: Context) -> Light:
+def read_geometry_light(prim: ResolvedPrim, ctx: Context) -> Light:
     """Return the light of a shape that has LightAPI; its radiance is divided by the area later, once the shape is placed."""
-    note_ignored_inputs(prim, ctx)
-    return replace(_light(prim, LightType.GEOMETRY, np.eye(4), _radiance(prim, ctx), ctx), normalize=_normalizes(prim, ctx))
+    report_ignored_inputs(prim, ctx)
+    return replace(
+        _make_light(prim, LightType.GEOMETRY, np.eye(4), _radiance(prim, ctx), ctx), normalize=_normalizes(prim, ctx)
+    )
 
 
-def _light(
+def _make_light(
     prim: ResolvedPrim,
     kind: LightType,
     matrix: Doubles,
@@ -245,14 +255,14 @@ def _light(
     angle_deg: float = 0.0,
     texture: TextureFile | None = None,
 ) -> Light:
-    diffuse = _within(prim, "inputs:diffuse", 1.0, 0.0, BRIGHTEST, ctx)
-    specular = _within(prim, "inputs:specular", 1.0, 0.0, BRIGHTEST, ctx)
+    diffuse = _clamped_number(prim, "inputs:diffuse", 1.0, 0.0, BRIGHTEST_RADIANCE, ctx)
+    specular = _clamped_number(prim, "inputs:specular", 1.0, 0.0, BRIGHTEST_RADIANCE, ctx)
     shaped = None
     if kind in (LightType.DISTANT, LightType.DOME):
-        note_unshaped(prim, ctx)
+        report_ignored_shaping(prim, ctx)
     else:
-        shaped = shaping(prim, matrix, ctx)
-    brightest = (BRIGHTEST_TINT if texture else BRIGHTEST) / max(peak(shaped), 1.0)
+        shaped = read_shaping(prim, matrix, ctx)
+    brightest = (BRIGHTEST_TINT if texture else BRIGHTEST_RADIANCE) / max(peak_factor(shaped), 1.0)
     emission = _emission(prim, emission, brightest, ctx)
     sizes = (width, height, radius, length, angle_deg)
     return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaping=shaped)
@@ -265,7 +275,7 @@ def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> floa
     return number(prim.prim, name, ctx.when, default, ctx.diagnostics)
 
 
-def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: float, ctx: Context) -> float:
+def _clamped_number(prim: ResolvedPrim, name: str, default: float, low: float, high: float, ctx: Context) -> float:
     """Return a number clamped to [low, high], with a diagnostic if that changes it."""
     found = _number(prim, name, default, ctx)
     inside = min(max(found, low), high)
@@ -282,11 +292,11 @@ def _normalizes(prim: ResolvedPrim, ctx: Context) -> bool:
     return "inputs:normalize" in prim.names and flag(prim.prim, "inputs:normalize", ctx.when, False)
 
 
-def _over(color: Color, divisor: float) -> Color:
+def _divided(color: Color, divisor: float) -> Color:
     return (color[0] / divisor, color[1] / divisor, color[2] / divisor)
 
 
-def _times(color: Color, factor: float) -> Color:
+def _multiplied(color: Color, factor: float) -> Color:
     return (color[0] * factor, color[1] * factor, color[2] * factor)
 
 
@@ -299,3 +309,44 @@ _BY_TYPE: dict[str, Callable[[ResolvedPrim, Doubles, Context], Light | None]] = 
     "DomeLight": _dome,
     "DomeLight_1": _dome,
 }
+
+
+def scaled_to_amount(prim: ResolvedPrim, light: Light, wanted: Photometric, ctx: Context) -> Light:
+    """Return the light scaled to the wanted amount; dark, with a diagnostic, if no scale gives it."""
+    if not any(light.emission):
+        ctx.warn(
+            "light-dark",
+            prim.path,
+            "The light's colour, intensity or exposure makes its emission 0, which cannot be scaled to the requested amount.",
+        )
+        return light
+    if wanted.amount == 0:
+        ctx.warn("light-dark", prim.path, "The requested amount is 0 lumens or lux: the light emits nothing.")
+        return replace(light, emission=(0.0, 0.0, 0.0))
+    if light.texture is not None:
+        return replace(light, photometric=wanted)
+    found = scaled_to(light, wanted, amount_of_unit_emission(light, wanted))
+    if found is None:
+        ctx.warn("light-dark", prim.path, DARK_TEXT)
+        return replace(light, emission=(0.0, 0.0, 0.0))
+    if max(found.emission) > BRIGHTEST_EMISSION:
+        ctx.warn("out-of-range", prim.path, TOO_BRIGHT_TEXT)
+    return clamped(found)
+
+
+def report_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
+    """Report light filters, and a light:shaderId other than the schema's own."""
+    if "light:filters" in prim.names and targets(prim.prim, "light:filters"):
+        ctx.warn("light-input", prim.path, "Light filters are ignored.", "light:filters")
+    _report_foreign_shader(prim, ctx)
+
+
+def _report_foreign_shader(prim: ResolvedPrim, ctx: Context) -> None:
+    """Report a light:shaderId that is not the schema's own: no other shaders are implemented."""
+    if "light:shaderId" not in prim.names:
+        return
+    shader = read(prim.prim, "light:shaderId", ctx.when)
+    own = {prim.type_name, prim.type_name.removesuffix("_1"), "MeshLight", ""}
+    if shader not in own:
+        message = f"light:shaderId = {shader!r} is ignored: the light is rendered as a {prim.type_name}."
+        ctx.warn("light-input", prim.path, message, "light:shaderId")

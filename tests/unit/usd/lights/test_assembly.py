@@ -9,7 +9,7 @@ import pytest
 from pxr import Gf
 
 from primray.description import Light
-from primray.usd.assembling.lights import MAX_LIGHT_INSTANCES
+from primray.usd.lights.assembly import MAX_LIGHT_INSTANCES
 
 from ..usd_text import translate_text
 

@@ -1,4 +1,7 @@
-"""Moving lights: their motion is rigid, so that size and emission stay those of the frame."""
+"""Moving lights and portals: their motion is rigid, so that size and emission stay those of the frame.
+
+Portals move with their parents or alone, and stay in front of the openings that they guide a dome's samples to.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,21 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from pxr import Usd
 
 from ...arrays import Doubles
-from ...description import Light, LightType, MatrixMotion
+from ...description import Light, LightType, MatrixMotion, Portal
 from ...description.lighting import half_extent
 from ...description.placement import Instances
 from ..moving.between import have_rotations, rotation_matrices, taken_apart
 from ..moving.levels import product_at, times_of
 from ..moving.settle import MatrixPath, Precision, motion_of
 from ..moving.steps import corners_of, fractions
+from ..paths.changes import bends, blur_scale_of, moves, moving_operations
+from ..querying.guarded import property_names
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
-from .changes import moves
+from .portals import PortalPrims, self_and_ancestors, world_from_prim
 
 SIZES = ("inputs:radius", "inputs:width", "inputs:height", "inputs:length", "inputs:angle")
 SAME_SIZE = 1e-6
@@ -47,7 +53,7 @@ class LightPath:
         return times_of(self.levels)
 
 
-class Path(Protocol):
+class TransformPath(Protocol):
     """A transform over time: world matrices (4, 4) by time offset from the frame, and the offsets where the path may bend."""
 
     @property
@@ -58,7 +64,7 @@ class Path(Protocol):
     def blur_scale(self) -> float: ...
 
 
-def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
+def report_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
     """Report sizes of a light that change while the shutter is open: they are not blurred."""
     if ctx.timing.is_frame:
         return
@@ -67,7 +73,7 @@ def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
             ctx.warn("motion", prim.path, f"{name} is not blurred: a light keeps its size at the frame.", name)
 
 
-def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -> Light:
+def with_motion(light: Light, path: TransformPath, precision: Precision, ctx: Context) -> Light:
     """Return the light with its motion if it moves; report motion that cannot be rendered (a change of size)."""
     timing, scale = precision.timing, path.blur_scale
     bent = fractions(path.times, timing.span, scale)
@@ -83,7 +89,7 @@ def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -
     if all(np.array_equal(matrix, looked_at[0]) for matrix in looked_at):
         return light
     frame = path.at(0.0)
-    problem = _unlike(np.stack([frame, *looked_at]))
+    problem = _unrendered_motion(np.stack([frame, *looked_at]))
     if problem:
         ctx.warn("motion", light.path, problem)
     turns = have_rotations(np.stack([frame, *looked_at])[:, None, :3])
@@ -100,7 +106,7 @@ def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -
             moved[:3, 3] = then[:3, 3]
         return moved[None, :3]
 
-    found, steps = motion_of(_seen(light, rigid, bent, precision), precision.most, rigid=True)
+    found, steps = motion_of(_visible_path(light, rigid, bent, precision), precision.most, rigid=True)
     if len({rigid(time).tobytes() for time in steps.times}) == 1:
         return light
     precision.steps.append(steps.of(light.path, "lights"))
@@ -109,7 +115,7 @@ def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -
     return replace(light, motion=MatrixMotion(found.times, matrices, found.turns))
 
 
-def _unlike(matrices: Doubles) -> str:
+def _unrendered_motion(matrices: Doubles) -> str:
     """Return a sentence on what of a light's motion is not rendered; "" if all is."""
     if not have_rotations(matrices[:, None, :3]):
         flat = not np.array_equal(matrices[:, :3, :3], np.broadcast_to(matrices[0, :3, :3], matrices[:, :3, :3].shape))
@@ -121,7 +127,7 @@ def _unlike(matrices: Doubles) -> str:
     return "The light's size changes while the shutter is open: its position and rotation are blurred, its size is the frame's."
 
 
-def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precision) -> MatrixPath:
+def _visible_path(light: Light, rigid: object, bent: Sequence[float], precision: Precision) -> MatrixPath:
     """Return the path and how visible its errors are (pixels per unit), over the light's size and along its beam."""
     assert callable(rigid)
     half = np.array(half_extent(light))
@@ -137,3 +143,54 @@ def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precisi
     reach = np.abs(light.world_from_light[:3, :3]) @ half
     low, high = (places.min(axis=0) - reach)[None], (places.max(axis=0) + reach)[None]
     return MatrixPath(rigid, bent, corners_of(-half, half), precision.pixels.per_length(low, high), INFINITE_NO_ERROR)
+
+
+WHITE = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PortalPath:
+    """A portal's world transform by time offset from the frame."""
+
+    at: Callable[[float], Doubles]  # (4, 4)
+    times: tuple[float, ...]  # offsets at which the path may bend
+    blur_scale: float
+
+
+def with_moving_portals(dome: Light, path: LightPath | None, precision: Precision, ctx: Context) -> Light:
+    """Return the dome with the motion of its portals; `path` is the dome's own motion, if it moves."""
+    return replace(dome, portals=tuple(_moving_portal(portal, path, precision, ctx) for portal in dome.portals))
+
+
+def _moving_portal(portal: Portal, dome_path: LightPath | None, precision: Precision, ctx: Context) -> Portal:
+    known = ctx.kept.of(PortalPrims).get(id(portal))
+    if known is None:
+        return portal
+    path = _portal_path(known.prim, known.dome, known.world_from_dome, dome_path, ctx)
+    shape = Light(known.path, LightType.RECT, portal.world_from_portal, WHITE, width=portal.width, height=portal.height)
+    return replace(portal, motion=with_motion(shape, path, precision, ctx).motion)
+
+
+def _portal_path(
+    prim: Usd.Prim, dome: Usd.Prim | None, world_from_dome: Doubles, dome_path: LightPath | None, ctx: Context
+) -> PortalPath:
+    """Return a portal's path. `dome` is given if both are in one prototype, whose placement is known by the dome's."""
+    times = _bend_times(prim, ctx)
+    if dome is None:
+        return PortalPath(lambda offset: world_from_prim(prim, ctx, offset), times, blur_scale_of(prim))
+    own = () if dome_path is None else dome_path.times
+
+    def at(offset: float) -> Doubles:
+        world = world_from_dome if dome_path is None else dome_path.at(offset)
+        return np.asarray(world @ np.linalg.inv(world_from_prim(dome, ctx, offset)) @ world_from_prim(prim, ctx, offset))
+
+    return PortalPath(at, (*times, *own), 1.0 if dome_path is None else dome_path.blur_scale)
+
+
+def _bend_times(prim: Usd.Prim, ctx: Context) -> tuple[float, ...]:
+    found = [
+        operation
+        for above in self_and_ancestors(prim)
+        for operation in moving_operations(above, frozenset(property_names(above)), ctx.when, ctx.timing)
+    ]
+    return tuple(bends(found, ctx.when, ctx.timing))

@@ -9,16 +9,16 @@ from ...arrays import Doubles
 from ...description import Camera, Surface
 from ...description.placement import chunks
 from ...settings import StudioLight
-from ..adapters.lights.light_rules import rules_of
-from ..lights.default_light import default_lights
+from ..assembling.scene import Scene
 from ..moving.levels import do_move
 from ..opening.stage_metadata import up_axis
-from ..paths.lights import LightPath, note_changing_size
 from ..resolving.context import Context
 from ..resolving.convert import square
 from ..resolving.resolve import ResolvedPrim
 from ..walking.instances import Chain
-from .scene import Scene
+from .default_light import default_lights
+from .light_settings import read_light_settings
+from .motion import LightPath, report_changing_size
 
 # Each costs 55 microseconds and 1 kB here; the core samples among this many lights as fast as among 20.
 MAX_LIGHT_INSTANCES = 1 << 18
@@ -40,8 +40,8 @@ def add_lights(
             leaf.path,
             f"Only the first {MAX_LIGHT_INSTANCES} of the light's {count} instances are rendered.",
         )
-    note_changing_size(leaf, ctx)
-    rules = rules_of(leaf, ctx, scene.links)
+    report_changing_size(leaf, ctx)
+    rules = read_light_settings(leaf, ctx, scene.links)
     if count > 1:
         ctx = replace(ctx, when=replace(ctx.when, remembered={}))
     matrices = ((chain, k, row) for chain in chains for k, row in enumerate(row for rows in chunks(chain) for row in rows))
@@ -65,7 +65,7 @@ def add_default_light(scene: Scene, camera: Camera, ctx: Context) -> bool:
     if asked is StudioLight.AUTO:
         if scene.has_lights or ctx.settings.dome is not None:
             return False
-        if any(_emits(s) for s in ctx.surfaces):
+        if any(_is_emissive(s) for s in ctx.surfaces):
             return True
     scene.lights += default_lights(camera, up_axis(ctx.stage) == "Z")
     if asked is StudioLight.ON:
@@ -76,5 +76,5 @@ def add_default_light(scene: Scene, camera: Camera, ctx: Context) -> bool:
     return False
 
 
-def _emits(surface: Surface) -> bool:
+def _is_emissive(surface: Surface) -> bool:
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)

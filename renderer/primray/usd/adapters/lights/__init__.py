@@ -1,1 +1,0 @@
-"""UsdLux: emission, shaping, shadows, links and visibility of lights."""
