@@ -61,7 +61,7 @@ def _aperture(prim: Usd.Prim, lens: Lens, when: When, diagnostics: Diagnostics) 
     """Return the starburst's blades and rotation; None for the blades if depth of field has them."""
     own = read(prim, BLADES, when)
     if own is not None:
-        fault = "" if isinstance(own, int) and not isinstance(own, bool) else f"blades is a whole number, not {own!r}"
+        fault = "" if isinstance(own, int) and not isinstance(own, bool) else f"blades must be a whole number, not {own!r}"
         fault = fault or fault_of("blades", own)
         if not fault:
             return own, number(prim, ROTATION, when, 0.0, diagnostics)
