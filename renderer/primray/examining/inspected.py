@@ -37,7 +37,7 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
     from ..report.motion import motion_facts
     from ..report.summary import counts, primvar_names, summary
     from ..report.texture_sizes import texture_sizes
-    from ..textures.missing_tiles import note_missing_tiles
+    from ..textures.coverage import note_missing_tiles
     from ..textures.texture_set import note_unreadable
 
     opened = open_once(scene, settings)

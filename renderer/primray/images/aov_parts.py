@@ -13,7 +13,7 @@ import numpy as np
 from ..aov_data_types import Stored
 from ..aov_names import light_path_of
 from ..errors import SettingsError
-from ..textures.image_error import last_error
+from ..textures.image_errors import last_error
 from .aov import STDERR, Aov, Values
 from .opened_picture import open_picture
 

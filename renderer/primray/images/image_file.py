@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Floats
 from ..description import Frame, PixelWindow
 from ..errors import SettingsError
-from ..textures.image_error import fault_of_pixels, last_error
+from ..textures.image_errors import fault_of_pixels, last_error
 from .aov_parts import record_part
 from .opened_picture import open_picture
 

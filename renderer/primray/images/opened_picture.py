@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import SettingsError
-from ..textures.image_error import last_error
+from ..textures.image_errors import last_error
 
 if TYPE_CHECKING:
     import OpenImageIO as oiio

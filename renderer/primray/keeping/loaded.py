@@ -10,7 +10,7 @@ from ..diagnostics import Diagnostic, Diagnostics
 from ..render.steps import Textures, image_sizes, read_textures
 from ..report.summary import ImageSize
 from ..settings import DefaultWrap
-from ..textures.light_textures import with_read_textures
+from ..textures.texture_set import with_read_textures
 from .asset_files import State, state_of
 from .differing import differing
 

@@ -96,7 +96,7 @@ def load_textures(
     Domes whose texture cannot be read are removed; each unreadable file is a diagnostic.
     """
     from ..description import Wrap
-    from ..textures.light_textures import with_read_textures
+    from ..textures.texture_set import with_read_textures
 
     textures = read_textures(description, diagnostics, read, Wrap(default_wrap.value))
     return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
@@ -106,8 +106,7 @@ def read_textures(
     description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None, default_wrap: Wrap
 ) -> Textures:
     """Return the images only, with diagnostics about them."""
-    from ..textures.missing_tiles import note_missing_tiles
-    from ..textures.texture_outside import note_textures_outside
+    from ..textures.coverage import note_missing_tiles, note_textures_outside
     from ..textures.texture_set import load_texture_set
 
     textures = load_texture_set(description, diagnostics, read, default_wrap)

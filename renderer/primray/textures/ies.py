@@ -170,17 +170,17 @@ def _angles(numbers: _Numbers, count: int, what: str, low: float, high: float) -
 def _profile(t: _Table, notes: list[str]) -> IesProfile:
     if t.kind == "B":
         vertical, horizontal, candela = _type_b(t)
-        return _made(vertical, horizontal, candela, horizontal_pole=True)
+        return _profile_of(vertical, horizontal, candela, horizontal_pole=True)
     if len(t.horizontal) == 1:
         horizontal, candela = np.zeros(1), t.candela
     elif t.kind == "A":
         horizontal, candela = _type_a_planes(t)
     else:
         horizontal, candela = _type_c_planes(t, notes)
-    return _made(t.vertical + (90.0 if t.kind == "A" else 0.0), horizontal, candela, horizontal_pole=False)
+    return _profile_of(t.vertical + (90.0 if t.kind == "A" else 0.0), horizontal, candela, horizontal_pole=False)
 
 
-def _made(vertical: Doubles, horizontal: Doubles, candela: Doubles, horizontal_pole: bool) -> IesProfile:
+def _profile_of(vertical: Doubles, horizontal: Doubles, candela: Doubles, horizontal_pole: bool) -> IesProfile:
     power = profile_power(vertical, horizontal, candela, horizontal_pole)
     return IesProfile(
         vertical.astype(np.float32), horizontal.astype(np.float32), candela.astype(np.float32), power, horizontal_pole

@@ -1,4 +1,7 @@
-"""Header of an image file without its pixels: size, format and metadata."""
+"""Header of an image file without its pixels: size, format and metadata.
+
+A card that shows an image is placed by the "worldtoscreen" matrix in the image's metadata.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,11 @@ from collections.abc import Callable
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from .image_error import last_error
-from .windows import windows_of
+import numpy as np
+
+from ..arrays import Doubles
+from .image_errors import last_error
+from .image_layout import windows_of
 
 if TYPE_CHECKING:
     import OpenImageIO as oiio
@@ -40,3 +46,19 @@ def _of_file(path: str) -> oiio.ImageSpec | None:
         return spec
     finally:
         image.close()
+
+
+# OpenImageIO before 2.2 wrote "worldtoscreen" as "worldToNDC".
+_NAMES = ("worldtoscreen", "worldToNDC")
+
+
+def read_matrix(path: str, read: Callable[[str], bytes]) -> Doubles | None:
+    """Return the (4, 4) matrix for row vectors as written, None where the file has none; `read` as for read_header."""
+    header = read_header(path, read)
+    if header is None:
+        return None
+    for name in _NAMES:
+        values = header.getattribute(name)
+        if isinstance(values, tuple | list) and len(values) == 16:
+            return np.array(values, np.float64).reshape(4, 4)
+    return None

@@ -24,10 +24,8 @@ from ..color.color_space import REC709, SRGB, ColorSpace, linear, matrix, transf
 from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
 from ..lfs_pointer import WHAT_IT_IS, is_pointer_file
-from .image_error import fault_of_pixels, last_error
-from .layers import choose_layer
-from .texture_format import Layout, environment_of, is_srgb, wraps_of
-from .windows import Windows, windows_of
+from .image_errors import fault_of_pixels, last_error
+from .image_layout import Layout, Windows, choose_layer, environment_of, is_srgb, windows_of, wraps_of
 
 MAX_TEXTURE_MB = 4096  # as floats: slightly more than 16384 x 16384 in RGB
 
@@ -92,11 +90,12 @@ def load_texture(
     *,
     path: str | None = None,
     channels: frozenset[str] = frozenset("rgba"),
-    unsaid: Wrap = Wrap.BLACK,
+    default_wrap: Wrap = Wrap.BLACK,
 ) -> Texture:
     """Read one image, that at `path` for a tile; only the requested `channels` need to exist.
 
-    `read` returns the bytes of a path in a package ("package.usdz[member]"); `unsaid` is the wrap if the file names none.
+    `read` returns the bytes of a path in a package ("package.usdz[member]"); `default_wrap` is used if the file names no wrap
+    mode.
     """
     path = file.path if path is None else path
     if read is not None and path.endswith("]"):
@@ -104,13 +103,13 @@ def load_texture(
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
             unpacked.write(read(path))
             unpacked.flush()
-            return _loaded(unpacked.name, path, file, channels, unsaid)
-    return _loaded(path, path, file, channels, unsaid)
+            return _load_or_explain(unpacked.name, path, file, channels, default_wrap)
+    return _load_or_explain(path, path, file, channels, default_wrap)
 
 
-def _loaded(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsaid: Wrap) -> Texture:
+def _load_or_explain(path: str, shown: str, file: TextureFile, wanted: frozenset[str], default_wrap: Wrap) -> Texture:
     try:
-        return _load(path, shown, file, wanted, unsaid)
+        return _load(path, shown, file, wanted, default_wrap)
     except AssetError as error:
         error.message = error.message.replace(path, shown)
         if not is_pointer_file(path):
@@ -118,7 +117,7 @@ def _loaded(path: str, shown: str, file: TextureFile, wanted: frozenset[str], un
         raise AssetError(f"the texture cannot be read: {WHAT_IT_IS}", where=shown, code="texture-unreadable") from error
 
 
-def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsaid: Wrap) -> Texture:
+def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], default_wrap: Wrap) -> Texture:
     import OpenImageIO as oiio
 
     oiio.attribute("limits:imagesize_MB", MAX_TEXTURE_MB)
@@ -135,11 +134,11 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsa
             _check_size(size, layout, shown)
         stored = _read(image, spec, layout, path, shown)
         if windows.differ:
-            stored = _pictured(stored, windows, layout, wanted)
+            stored = _display_window(stored, windows, layout, wanted)
         space = _space_of(file, is_srgb(spec, path))
         turned = spec.getattribute("Orientation") not in (None, 0, 1)
         around = environment_of(spec)
-        wraps = wraps_of(spec, unsaid)
+        wraps = wraps_of(spec, default_wrap)
         if stored.dtype.kind == "u" and isinstance(space, ColorSpace) and (space.is_linear or _has_srgb_curve(space)):
             mixing = matrix(space, file.target) if file.is_color and layout.colors == 3 else None
             return Texture(stored, 0 if space.is_linear else layout.colors, mixing, 0, *wraps, turned, around)
@@ -199,7 +198,7 @@ def _read(image: Any, spec: Any, layout: Layout, path: str, shown: str) -> npt.N
     return np.ascontiguousarray(found[:, :, list(layout.channels)])
 
 
-def _pictured(stored: npt.NDArray[Any], windows: Windows, layout: Layout, wanted: frozenset[str]) -> npt.NDArray[Any]:
+def _display_window(stored: npt.NDArray[Any], windows: Windows, layout: Layout, wanted: frozenset[str]) -> npt.NDArray[Any]:
     """Return the display window; texels that are not stored are 0, their alpha too where the file itself has none."""
     has_alpha = len(layout.channels) > layout.colors
     if "a" in wanted and not has_alpha and not windows.covers:

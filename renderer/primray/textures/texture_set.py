@@ -1,19 +1,27 @@
-"""All textures of a description, each file read once, several in parallel; files that cannot be read are reported."""
+"""All textures of a description, each file read once, several in parallel, and the lights that use them.
+
+Files that cannot be read are reported. Lights are adjusted once their images are known: some are left out, domes get the
+layout of their image, and photometric lights their brightness.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import Doubles
 from ..description import LightType, SceneDescription, TextureFile, TextureInput, Wrap
+from ..description.lighting import Light, Photometric
 from ..description.pattern_reads import pattern_files
 from ..diagnostics import Diagnostics
 from ..errors import AssetError, LimitError
+from ..photometry.light_shape import shape_key
+from ..photometry.scaled import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from .texture import ReadAsset, Texture, load_texture
 
 TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
@@ -34,9 +42,12 @@ class _Use:
 
 
 def load_texture_set(
-    description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None, unsaid: Wrap = Wrap.BLACK
+    description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None, default_wrap: Wrap = Wrap.BLACK
 ) -> TextureSet:
-    """Return the images of all readable files with their tile numbers, or 0; files that name no wrap get `unsaid`."""
+    """Return the images of all readable files with their tile numbers, or 0.
+
+    Files that name no wrap mode get `default_wrap`.
+    """
     uses = _uses(description)
     same = _alpha_elsewhere(uses)
     for other in same.values():
@@ -45,13 +56,13 @@ def load_texture_set(
 
     def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
         file, _, path = job
-        return _loaded(file, path, uses[file], read, unsaid)
+        return _load(file, path, uses[file], read, default_wrap)
 
     found: TextureSet = {}
     with ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0)))) as threads:
         for (file, number, path), loaded in zip(jobs, threads.map(load, jobs), strict=True):
             if isinstance(loaded, Texture):
-                found.setdefault(file, []).append((number, _noted(loaded, path, uses[file], diagnostics)))
+                found.setdefault(file, []).append((number, _usable(loaded, path, uses[file], diagnostics)))
             else:
                 _note_unreadable(loaded, uses[file], diagnostics)
     return found | {file: found[other] for file, other in same.items() if other in found}
@@ -64,15 +75,15 @@ def note_unreadable(
     uses = _uses(description)
     for file in uses:
         for _, path in _images(file):
-            if path in unreadable and not isinstance(error := _loaded(file, path, uses[file], read), Texture):
+            if path in unreadable and not isinstance(error := _load(file, path, uses[file], read), Texture):
                 _note_unreadable(error, uses[file], diagnostics)
 
 
-def _loaded(
-    file: TextureFile, path: str, use: _Use, read: ReadAsset | None, unsaid: Wrap = Wrap.BLACK
+def _load(
+    file: TextureFile, path: str, use: _Use, read: ReadAsset | None, default_wrap: Wrap = Wrap.BLACK
 ) -> Texture | AssetError | LimitError:
     try:
-        return load_texture(file, read, path=path, channels=frozenset(use.channels), unsaid=unsaid)
+        return load_texture(file, read, path=path, channels=frozenset(use.channels), default_wrap=default_wrap)
     except (AssetError, LimitError) as error:
         return error
 
@@ -114,7 +125,7 @@ def _images(file: TextureFile) -> Iterator[tuple[int, str]]:
     yield from file.tiles or ((0, file.path),)
 
 
-def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> Texture:
+def _usable(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> Texture:
     bad, where = texture.bad_texels, use.light or use.surface
     if use.light is not None and texture.to_target is not None and (texture.to_target < 0).any():
         texture = replace(texture, stored=texture.pixels, srgb_channels=0, to_target=None)
@@ -147,3 +158,83 @@ def _note_unreadable(error: AssetError | LimitError, use: _Use, diagnostics: Dia
         diagnostics.add("texture-unreadable", use.light, f"{use.without}: {error.message} ({error.where})")
     if use.surface:
         diagnostics.add("texture-unreadable", use.surface, f"the fallback is used: {error.message} ({error.where})")
+
+
+FORMAT = "inputs:texture:format"
+
+
+def with_read_textures(lights: Iterable[Light], textures: TextureSet, diagnostics: Diagnostics) -> tuple[Light, ...]:
+    """Return the lights with textures that could be read.
+
+    Rectangles shine without a texture that could not be read; domes are left out, since a sky is not a plain colour.
+    """
+    kept = []
+    measure = _PhotometricScale(textures, diagnostics)
+    for light in lights:
+        if light.texture is None:
+            kept.append(light)
+        elif light.texture not in textures:
+            if light.type is LightType.RECT:
+                kept.append(measure.measured(replace(light, texture=None)))
+        elif light.type is LightType.DOME:
+            kept.append(measure.measured(_with_known_format(light, textures[light.texture][0][1], diagnostics)))
+        else:
+            kept.append(measure.measured(light))
+    return tuple(kept)
+
+
+class _PhotometricScale:
+    """Scaling of lights to their photometric values through their images, cached for lights that differ only in placement."""
+
+    def __init__(self, textures: TextureSet, diagnostics: Diagnostics) -> None:
+        self._textures = textures
+        self._diagnostics = diagnostics
+        self._known: dict[Hashable, Doubles] = {}
+
+    def measured(self, light: Light) -> Light:
+        if light.photometric is None:
+            return light
+        found = scaled_to(light, light.photometric, self._of_one(light, light.photometric))
+        if found is None:
+            self._diagnostics.add("light-dark", light.path, DARK_TEXT)
+            return replace(light, emission=(0.0, 0.0, 0.0), photometric=None)
+        if max(found.emission) > BRIGHTEST_EMISSION:
+            self._diagnostics.add("out-of-range", light.path, TOO_BRIGHT_TEXT)
+        return clamped(found)
+
+    def _of_one(self, light: Light, wanted: Photometric) -> Doubles:
+        stands = light.world_from_light[:3, :3].tobytes() if light.type is LightType.DOME else shape_key(light)
+        key = (light.texture, light.texture_format, light.type, light.shaping, wanted.distance, wanted.up, stands)
+        if key not in self._known:
+            image = None if light.texture is None else self._textures[light.texture][0][1].rgb()
+            self._known[key] = amount_of_unit_emission(light, wanted, image)
+        return self._known[key]
+
+
+def _with_known_format(dome: Light, image: Texture, diagnostics: Diagnostics) -> Light:
+    """Return the dome with the format that "automatic" stands for: what the file's metadata say, else by its aspect ratio."""
+    height, width, _ = image.shape
+    asked = dome.texture_format
+    if asked != "automatic":
+        _note_shape(dome, width, height, diagnostics)
+        return dome
+    if image.environment == "cube":
+        message = "The file is an OpenEXR cube map, which is not supported: it is read as lat-long."
+        diagnostics.add("light-input", dome.path, message, FORMAT)
+    elif not image.environment:
+        if 4 * width == 3 * height:
+            return replace(dome, texture_format="cubeMapVerticalCross")
+        if width == height > 1:
+            message = (
+                "The image is square and its metadata have no layout: it is read as lat-long, not mirroredBall or angular."
+            )
+            diagnostics.add("light-input", dome.path, message, FORMAT)
+    return replace(dome, texture_format="latlong")
+
+
+def _note_shape(dome: Light, width: int, height: int, diagnostics: Diagnostics) -> None:
+    shapes = {"mirroredBall": (1, 1), "angular": (1, 1), "cubeMapVerticalCross": (3, 4)}
+    across, down = shapes.get(dome.texture_format, (width, height))
+    if width * down != height * across:
+        message = f"The image is {width} x {height}, but {dome.texture_format} is {across} to {down}: it is stretched to that."
+        diagnostics.add("light-input", dome.path, message, FORMAT)

@@ -12,9 +12,9 @@ from primray.description import Doubles, Floats, Light, LightType, TextureFile
 from primray.description.lighting import Photometric
 from primray.diagnostics import Diagnostics
 from primray.photometry.scaled import amount_of_unit_emission
-from primray.textures import light_textures
-from primray.textures.light_textures import with_read_textures
+from primray.textures import texture_set
 from primray.textures.texture import Texture
+from primray.textures.texture_set import with_read_textures
 
 FILE = TextureFile("a", "raw")
 WEIGHTS = (0.2126, 0.7152, 0.0722)
@@ -67,7 +67,7 @@ def test_alike_lights_are_measured_once(monkeypatch: pytest.MonkeyPatch) -> None
         calls.append(light)
         return amount_of_unit_emission(light, wanted, image)
 
-    monkeypatch.setattr(light_textures, "amount_of_unit_emission", counted)
+    monkeypatch.setattr(texture_set, "amount_of_unit_emission", counted)
     turned, larger = np.eye(4), np.diag([2.0, 1.0, 1.0, 1.0])
     turned[:3, :3], turned[:3, 3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]], (4, 5, 6)
     lights = [replace(asking(LightType.RECT, amount), world_from_light=m)

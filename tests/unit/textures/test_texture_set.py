@@ -44,10 +44,10 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str | None, frozenset[s
     seen: list[tuple[str | None, frozenset[str]]] = []
 
     def load(
-        file: TextureFile, read: texture.ReadAsset | None, *, path: str, channels: frozenset[str], unsaid: Wrap
+        file: TextureFile, read: texture.ReadAsset | None, *, path: str, channels: frozenset[str], default_wrap: Wrap
     ) -> texture.Texture:
         seen.append((path, channels))
-        return texture.load_texture(file, read, path=path, channels=channels, unsaid=unsaid)
+        return texture.load_texture(file, read, path=path, channels=channels, default_wrap=default_wrap)
 
     monkeypatch.setattr(texture_set, "load_texture", load)
     return seen

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ...arrays import Floats
 from ...color.color_space import REC709, ColorSpace, matrix, transformed
 from ...errors import PrimrayError
-from ...textures.image_error import last_error
+from ...textures.image_errors import last_error
 from .encoding import Part
 
 LARGEST_RGBE = np.float32(2.0**127 * 255 / 256)

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...color.color_space import luminance_weights
-from ...color.illuminants import DAYLIGHT_K, black_body, daylight, of_chromaticity, rgb_of
-from ...color.spectrum import Spectrum
+from ...color.spectrum import DAYLIGHT_K, Spectrum, black_body, daylight, of_chromaticity, rgb_of
 from ..resolving.applied_schemas import ILLUMINANT as SCHEMA
 from ..resolving.color_spaces import color_in_rendering_space
 from ..resolving.context import Context

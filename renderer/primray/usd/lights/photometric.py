@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...color.color_space import luminance_weights
-from ...color.illuminants import black_body
-from ...color.spectrum import efficacy
+from ...color.spectrum import black_body, efficacy
 from ...description.lighting import Photometric
 from ..opening.stage_metadata import meters_per_unit, up_axis
 from ..resolving.applied_schemas import PHOTOMETRIC

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.color.test_illuminants import D65, STEPS
+from tests.unit.color.test_spectrum_illuminants import D65, STEPS
 
 from primray.color.color_space import ACESCG, REC709, luminance_weights
-from primray.color.illuminants import black_body, rgb_of
+from primray.color.spectrum import black_body, rgb_of
 
 from .physical_text import physical
 

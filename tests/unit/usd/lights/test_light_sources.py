@@ -10,8 +10,8 @@ import pytest
 from primray.description import Light, LightType, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostic, Diagnostics
 from primray.settings import RenderSettings
-from primray.textures.light_textures import with_read_textures
 from primray.textures.texture import Texture
+from primray.textures.texture_set import with_read_textures
 from primray.usd import translate
 
 from ..usd_text import stage_of

@@ -7,8 +7,7 @@ import math
 import pytest
 
 from primray.color.color_space import ACESCG, luminance_weights
-from primray.color.illuminants import of_chromaticity
-from primray.color.spectrum import efficacy
+from primray.color.spectrum import efficacy, of_chromaticity
 from primray.description import Light, LightType
 from primray.settings import RenderSettings
 

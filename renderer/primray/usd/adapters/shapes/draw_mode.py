@@ -16,7 +16,7 @@ from pxr import Kind, Sdf, Tf, Usd, UsdGeom
 
 from ....arrays import Doubles
 from ....description import Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
-from ....textures.texture_matrix import read_matrix
+from ....textures.image_header import read_matrix
 from ...materials.texture_asset import in_space
 from ...opening.stage import scratch_copy
 from ...opening.stage_metadata import up_axis

@@ -1,8 +1,13 @@
-"""Report of UDIM tiles that texture coordinates use and that do not exist: the fallback is visible there."""
+"""Reports of texture coordinates that lie where a texture has no texels, after a scene's textures are read.
+
+UDIM tiles that texture coordinates use and that do not exist show the fallback. Textures are invisible where they are black
+outside 0 to 1 and all texture coordinates of a surface are there: that follows UsdUVTexture, whose wraps are black unless the
+stage or the file says otherwise, but is rarely intended.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +24,12 @@ from ..description import (
     Surface,
     TextureFile,
     TextureInput,
+    Wrap,
 )
+from ..description.open_pbr import PREFIX
 from ..description.pattern_reads import plain_images
 from ..diagnostics import Diagnostics
+from .texture import Texture
 
 FIRST, ACROSS = 1001, 10  # ten tiles in s, then the next row in t (UsdShade: 1001 to 1100)
 _NEAR = 1e-4  # of a tile: smaller overlaps are rounding, or a bevel at its border
@@ -45,12 +53,12 @@ def note_missing_tiles(description: SceneDescription, diagnostics: Diagnostics) 
             for reads in inputs:
                 for shape in by_surface.get(number, []):
                     for st in _coordinates(shape, number, reads, per_instance):
-                        used |= tiles_met(_moved(st, reads), there | used)
+                        used |= overlapped_tiles(_transformed(st, reads), there | used)
             if used - there:
-                diagnostics.add("tile-missing", surface.path, _message(file, sorted(used - there)))
+                diagnostics.add("tile-missing", surface.path, _missing_message(file, sorted(used - there)))
 
 
-def _message(file: TextureFile, missing: list[int]) -> str:
+def _missing_message(file: TextureFile, missing: list[int]) -> str:
     tiles = [str(tile) for tile in missing if tile != _OUTSIDE]
     more = f" and {len(tiles) - _LISTED} more" if len(tiles) > _LISTED else ""
     parts = [f"{file.path} lacks tiles that texture coordinates use: {', '.join(tiles[:_LISTED])}{more}"] if tiles else []
@@ -125,12 +133,12 @@ def _corners(shape: Shape) -> tuple[Ints, Ints]:
     return np.stack([first, first + within + 1, first + within + 2], axis=1).astype(np.int32), face_of
 
 
-def _moved(st: Triangles, reads: TextureInput) -> Triangles:
+def _transformed(st: Triangles, reads: TextureInput) -> Triangles:
     m = np.asarray(reads.st_transform, np.float64).reshape(2, 3)
     return st @ m[:, :2].T + m[:, 2]
 
 
-def tiles_met(triangles: Triangles, known: set[int]) -> set[int]:
+def overlapped_tiles(triangles: Triangles, known: set[int]) -> set[int]:
     """Return the numbers of the tiles that triangles overlap by more than rounding; 0 for outside. `known` ones are skipped."""
     finite = triangles[np.isfinite(triangles).all(axis=(1, 2))]
     low = np.floor(finite.min(axis=1) + _NEAR)
@@ -160,3 +168,57 @@ def _any_overlaps(triangles: Triangles, center: Floats | npt.NDArray[np.float64]
     reach = (0.5 - _NEAR) * np.abs(normals).sum(axis=-1)
     apart = (along.min(axis=2) >= reach) | (along.max(axis=2) <= -reach)
     return bool((~apart.any(axis=1)).any())
+
+
+Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
+
+
+def note_textures_outside(description: SceneDescription, textures: Textures, diagnostics: Diagnostics) -> None:
+    """Report the textures of each surface that cannot be seen."""
+    black: dict[int, list[tuple[str, TextureInput, list[int]]]] = {}
+    for number, surface in enumerate(description.surfaces):
+        for name, reads in surface.inputs:
+            axes = _black_axes(reads, textures.get(reads.file, ())) if isinstance(reads, TextureInput) else []
+            if isinstance(reads, TextureInput) and axes:
+                black.setdefault(number, []).append((name, reads, axes))
+    shapes = _shapes_of(description.shapes, black) if black else {}
+    for number, found in shapes.items():
+        for name, reads, axes in black[number]:
+            if all(_outside(shape, reads, axes) for shape in found):  # usually decided by the first shape
+                diagnostics.add("texture-outside", description.surfaces[number].path, _outside_message(name, reads))
+
+
+def _outside_message(name: str, reads: TextureInput) -> str:
+    default_wrap = Wrap.USE_METADATA in (reads.wrap_s, reads.wrap_t)
+    why = "no wrap mode is set, which means black: use --default-wrap repeat" if default_wrap else "its wrap modes are black"
+    name = name.removeprefix(PREFIX)
+    return f"{name} is black: all its texture coordinates are outside 0 to 1, and {why}. ({reads.file.path})"
+
+
+def _black_axes(reads: TextureInput, tiles: Sequence[tuple[int, Texture]]) -> list[int]:
+    """Return the axes, of s and t, along which the image is black outside; sets of tiles have none."""
+    if len(tiles) != 1 or tiles[0][0]:
+        return []
+    own = tiles[0][1].wrap_s, tiles[0][1].wrap_t
+    wraps = [says if wrap is Wrap.USE_METADATA else wrap for wrap, says in zip((reads.wrap_s, reads.wrap_t), own, strict=True)]
+    return [axis for axis, wrap in enumerate(wraps) if wrap is Wrap.BLACK]
+
+
+def _shapes_of(shapes: Sequence[Shape], surfaces: Collection[int]) -> dict[int, list[Shape]]:
+    found: dict[int, list[Shape]] = {}
+    for shape in shapes:
+        for number in [shape.surface] if isinstance(shape.surface, int) else np.unique(shape.surface).tolist():
+            if number in surfaces:
+                found.setdefault(number, []).append(shape)
+    return found
+
+
+def _outside(shape: Shape, reads: TextureInput, axes: Sequence[int]) -> bool:
+    """Return whether a shape's coordinates are all outside along an axis; without the primvar, the fallback is inside."""
+    for primvar in shape.primvars:
+        values = primvar.values
+        if primvar.name == reads.st.name and values.ndim == 2 and values.shape[1] >= 2 and len(values):
+            m = np.asarray(reads.st_transform, np.float64).reshape(2, 3)
+            moved = [values[:, 0] * m[axis, 0] + values[:, 1] * m[axis, 1] + m[axis, 2] for axis in axes]
+            return any((v.max() <= 0 and v.min() < 0) or (v.min() >= 1 and v.max() > 1) for v in moved)
+    return False

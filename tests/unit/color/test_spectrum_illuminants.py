@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from primray.color.color_space import ACESCG, LUMINANCE_WEIGHTS, REC709, luminance_weights, xyz_from_rgb
-from primray.color.illuminants import black_body, daylight, of_chromaticity, rgb_of
-from primray.color.spectrum import LUMENS_PER_WATT, Spectrum, efficacy, watts, xyz
+from primray.color.spectrum import (
+    LUMENS_PER_WATT,
+    Spectrum,
+    black_body,
+    daylight,
+    efficacy,
+    of_chromaticity,
+    rgb_of,
+    watts,
+    xyz,
+)
 
 # CIE standard illuminant D65 at 380, 390, ... 780 nm: CIE 15:2004, table T.1.
 D65 = [

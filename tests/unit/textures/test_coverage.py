@@ -16,7 +16,7 @@ from primray.description.pattern_reads import plain_images
 from primray.description.patterns import NodeOutput, Pattern, PatternNode
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
-from primray.textures.missing_tiles import note_missing_tiles, tiles_met
+from primray.textures.coverage import note_missing_tiles, overlapped_tiles
 from primray.textures.texture import Texture
 
 SET = TextureFile("t.<UDIM>.exr", "raw", ((1001, "t.1001.exr"), (1012, "t.1012.exr")))
@@ -115,7 +115,7 @@ def test_a_large_triangle_meets_only_what_it_covers() -> None:
     rng = np.random.default_rng(3)
     w = rng.dirichlet((1, 1, 1), 400_000)
     inside = np.floor(w @ triangle[0]).astype(int)
-    assert tiles_met(triangle, set()) == set((1001 + inside[:, 0] + 10 * inside[:, 1]).tolist())
+    assert overlapped_tiles(triangle, set()) == set((1001 + inside[:, 0] + 10 * inside[:, 1]).tolist())
 
 
 def test_it_is_told_where_textures_are_loaded(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from tests.textured import FILE, UNIT_ST, glowing, look_at_plate, pixels_of, pla
 
 from primray.description import Wrap
 from primray.diagnostics import Diagnostics
+from primray.textures.coverage import note_textures_outside
 from primray.textures.texture import Texture
-from primray.textures.texture_outside import note_textures_outside
 
 DOWN = np.subtract(UNIT_ST, (0, 1))  # t from -1 to 0, as some tools write it
 UP = (1, 0, 0, 0, 1, 1.0)

@@ -13,7 +13,7 @@ import primray
 from primray.description.texture_file import TextureFile
 from primray.errors import AssetError, SettingsError
 from primray.images.image_file import read_image
-from primray.textures.image_error import last_error
+from primray.textures.image_errors import last_error
 from primray.textures.texture import load_texture
 
 

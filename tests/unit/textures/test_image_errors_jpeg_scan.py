@@ -10,7 +10,7 @@ import pytest
 
 from primray.description import TextureFile
 from primray.errors import AssetError
-from primray.textures.jpeg_scan import zeroed_part
+from primray.textures.image_errors import zeroed_part
 from primray.textures.texture import load_texture
 
 
