@@ -12,8 +12,8 @@ import numpy.typing as npt
 import pytest
 
 from primray import core, errors
-from primray.core.core_inputs import filled
-from primray.core.pixel_filter import inverse_cdf
+from primray.core.building import inverse_cdf
+from primray.core.native import filled
 from primray.core.scene_upload import upload
 from primray.core.surface_upload import Textures
 from primray.description import (

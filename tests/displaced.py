@@ -9,7 +9,7 @@ import numpy.typing as npt
 from pxr import Usd
 
 from primray import core, usd
-from primray.core.dicing.displacement import displacements
+from primray.core.displacement_upload import displacements
 from primray.description import Mesh, SceneDescription
 from primray.diagnostics import Diagnostics
 from primray.refine.dice import Dicing, Warnings, dice

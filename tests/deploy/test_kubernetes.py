@@ -98,7 +98,7 @@ def test_images() -> None:
 
 def test_names_of_the_environment_are_known() -> None:
     sources = "".join(path.read_text() for path in (ROOT / "service").rglob("*.py"))
-    sources += (ROOT / "renderer/primray/core/isa_class.py").read_text()
+    sources += (ROOT / "renderer/primray/core/native.py").read_text()
     database = yaml.safe_load((ROOT / "deploy/compose.yaml").read_text())["services"]["database"]["environment"]
     known = {*database, "PGDATA"}
     for pod in pods().values():

@@ -13,7 +13,7 @@ from tests.bench.peers.shapes import ball, rectangle
 from tests.bench.peers.write_usd import CAMERA, write_usd
 
 from primray import core
-from primray.core.isa_class import module
+from primray.core.native import module
 from primray.diagnostics import Diagnostics
 from primray.render import open_once, prepare
 from primray.report.report import Costs

@@ -13,7 +13,7 @@
 
 namespace primray {
 
-// Order of the names in core/dicing/displacement.py.
+// Order of the names in core/displacement_upload.py.
 enum class DisplacedAlong : int32_t { kNothing, kNormal, kTangents, kObjectAxes };
 
 // Primvar of a cage: its interpolation, and where the dicer has it.

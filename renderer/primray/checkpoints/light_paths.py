@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..aov_names import AovRequest, light_path_of
-from ..core.light_paths.routes import Routes
+from ..core.light_path_tables import Routes
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,14 @@
-"""A description to a scene in the core: cages are diced, everything is uploaded and accelerated."""
+"""A description to a scene in the core: cages are diced, everything is uploaded and accelerated.
+
+Pixel filters are tables of offsets, for the core's filter importance sampling.
+"""
 
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from .. import process_memory
 from ..description import SceneDescription, Shape
@@ -10,16 +16,13 @@ from ..errors import LimitError
 from ..refine import dice as dicing
 from ..refine.nurbs.description import with_patches_diced
 from ..refine.ribbons import dice_ribbons
-from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
-from .core_errors import raise_as_ours
-from .dicing.displacement import displacements
-from .isa_class import module
-from .light_paths.routes import missing_groups, routes_of
-from .limits import threads
-from .pixel_filter import inverse_cdf
+from ..settings import DEFAULT_FILTER_WIDTH, Filter, RenderSettings
+from .displacement_upload import displacements
+from .light_path_tables import missing_groups, routes_of
+from .native import module, raise_primray_error, threads
 from .scene import CoreScene
 from .scene_record import SceneRecord
-from .scene_upload import Uploaded, hand_over, noted_emitters
+from .scene_upload import UploadRecord, emitter_warnings, upload_scene
 from .surface_upload import MutableTextures, Textures
 
 
@@ -37,7 +40,7 @@ def dice(
         made, notes = with_patches_diced(dice_ribbons(made, chosen.pixels), chosen)
         return made, [*warnings, *notes]
     except module().CoreError as error:
-        raise_as_ours(error)
+        raise_primray_error(error)
 
 
 def build(
@@ -51,7 +54,7 @@ def build(
     record = SceneRecord() if description.aovs else None
     try:
         limit_hierarchies(settings)
-        scene, uploaded = hand_over(
+        scene, uploaded = upload_scene(
             module(), description, textures, width, inverse_cdf(settings.pixel_filter, width), shapes, record
         )
     except module().CoreError as error:
@@ -60,7 +63,7 @@ def build(
             allowed = settings.max_memory_bytes / process_memory.MIB
             sentence = f"acceleration structures need more than {held:.0f} MiB, which exceeds the limit of {allowed:.0f} MiB"
             raise LimitError(sentence, code=process_memory.CODE) from error
-        raise_as_ours(error)
+        raise_primray_error(error)
     finally:
         module().limit_embree_memory(2**62)
     return core_scene(scene, uploaded, description, record)
@@ -75,8 +78,8 @@ def limit_hierarchies(settings: RenderSettings) -> None:
     module().limit_embree_memory(int(max(left, 0)) + int(module().embree_memory()[0]))
 
 
-def core_scene(scene: Any, uploaded: Uploaded, d: SceneDescription, record: SceneRecord | None) -> CoreScene:
-    warnings = [*uploaded.warnings, *noted_emitters(scene)]
+def core_scene(scene: Any, uploaded: UploadRecord, d: SceneDescription, record: SceneRecord | None) -> CoreScene:
+    warnings = [*uploaded.warnings, *emitter_warnings(scene)]
     made = CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, uploaded.bounds)
     made.uploaded = uploaded
     made.light_groups = uploaded.light_groups
@@ -84,3 +87,30 @@ def core_scene(scene: Any, uploaded: Uploaded, d: SceneDescription, record: Scen
     if made.routes is not None:
         made.warnings += missing_groups(made.routes, uploaded.light_groups)
     return made
+
+
+CELLS = 512  # as PixelFilter::kCells in scene/camera.hpp
+
+
+def profile(filter: Filter, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the filter's value at x in [-1, 1], its full width."""
+    if filter is Filter.GAUSSIAN:
+        # Standard deviation: a quarter of the width; shifted so that it is 0 at the ends, two standard deviations away.
+        return np.asarray(np.exp(-2 * x * x) - np.exp(-2.0))
+    if filter is Filter.BLACKMAN_HARRIS:
+        # Harris 1978, "On the Use of Windows for Harmonic Analysis with the Discrete Fourier Transform", 4 terms, -92 dB.
+        t = np.pi * (x + 1)
+        return 0.35875 - 0.48829 * np.cos(t) + 0.14128 * np.cos(2 * t) - 0.01168 * np.cos(3 * t)
+    return np.ones_like(x)
+
+
+def inverse_cdf(filter: Filter, width: float) -> npt.NDArray[np.float32]:
+    """Return offsets in pixels at cumulative probability i / CELLS, (CELLS + 2,); empty for a box, which needs no table."""
+    if filter is Filter.BOX:
+        return np.zeros(0, np.float32)
+    x = np.linspace(-1, 1, 20001)
+    f = profile(filter, x)
+    cdf = np.concatenate([[0.0], np.cumsum((f[1:] + f[:-1]) / 2)])
+    cdf /= cdf[-1]
+    offsets = np.interp(np.arange(CELLS + 1) / CELLS, cdf, x) * (width / 2)
+    return np.append(offsets, offsets[-1]).astype(np.float32)

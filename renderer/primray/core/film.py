@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from ..arrays import Floats
 from ..settings import BIAS, RenderSettings
-from .core_errors import raise_as_ours
-from .isa_class import module
+from .native import module, raise_primray_error
 from .scene import CoreScene
 
 # Settings that remove sampled light from the picture, by the film's name for the removed light (film/film.hpp, Removal).
@@ -139,7 +138,7 @@ class Film:
         try:
             self._film.merge(other._film)
         except module().CoreError as error:
-            raise_as_ours(error)
+            raise_primray_error(error)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Return everything in the film as arrays, for `Film(scene, state)`."""

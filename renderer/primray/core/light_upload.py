@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Doubles, Floats
 from ..description import Light, LightType, MatrixMotion, Shaping, TextureFile
 from ..description.motion import handed_over
-from .core_inputs import filled
+from .native import filled
 from .surface_upload import Textures
 
 # The core's formats by UsdLux token; an unresolved `automatic` is read as lat-long.
@@ -49,7 +49,7 @@ class LightUpload:
         self._core = core
         self._builder = builder
         self.groups = LightGroups()
-        self.are_worn = False  # some lights are shapes (MeshLightAPI)
+        self.has_mesh_lights = False  # some lights are shapes (MeshLightAPI)
         self._profiles: dict[int, int] = {}  # the core's numbers by id(), since lights share profiles
         self._images: dict[TextureFile, int] = {}
 
@@ -69,14 +69,14 @@ class LightUpload:
                 portals=portals.reshape(-1, 14),
             )
             if light.motion is not None:
-                times, stances = _stances(light.motion)
+                times, stances = _motion_matrices(light.motion)
                 filled(made, times=times, stances=stances)
             for k, portal in enumerate(light.portals):
                 if portal.motion is not None:
-                    made.move_portal(k, *_stances(portal.motion))
+                    made.move_portal(k, *_motion_matrices(portal.motion))
             self._builder.add_light(made, image)
 
-    def add_worn(self, light: Light, group_from_object: Doubles) -> int:
+    def add_mesh_light(self, light: Light, group_from_object: Doubles) -> int:
         """Add the light of a shape with MeshLightAPI, placed at `group_from_object`; return its number."""
         made = filled(
             self._input(light, group_from_object),
@@ -84,7 +84,7 @@ class LightUpload:
             own_color=light.own_color,
             shows_own=light.shows_own,
         )
-        self.are_worn = True
+        self.has_mesh_lights = True
         number: int = self._builder.add_geometry_light(made)
         return number
 
@@ -147,7 +147,7 @@ class LightUpload:
         return self._profiles[id(profile)]
 
 
-def _stances(motion: MatrixMotion) -> tuple[Floats, Doubles]:
+def _motion_matrices(motion: MatrixMotion) -> tuple[Floats, Doubles]:
     """Return times and matrices (S + 1, 3, 4)."""
     return handed_over(motion.times), np.ascontiguousarray(motion.matrices[:, :3], np.float64)
 

@@ -7,12 +7,9 @@ from typing import Any, NamedTuple
 from ..color.color_space import REC709, ColorSpace
 from ..description.placement import Box
 from ..settings import RenderSettings
-from .core_errors import raise_as_ours
-from .core_inputs import integrator_settings
-from .isa_class import lanes, module
-from .light_paths.routes import Routes, tables_without_caustics
+from .light_path_tables import Routes, tables_without_caustics
 from .light_upload import LightGroups
-from .limits import max_depth, threads
+from .native import integrator_settings, lanes, max_depth, module, raise_primray_error, threads
 from .scene_record import InstanceNumbers, SceneRecord
 
 LARGEST_CLAMP = 3e38  # the core's clamp must be finite
@@ -67,7 +64,7 @@ class CoreScene:
             try:
                 self._splits[depth] = Splits(*module().choose_splits(self._scene, pilot, lanes()))
             except module().CoreError as error:
-                raise_as_ours(error)
+                raise_primray_error(error)
         return self._splits[depth]
 
     def guide(self, settings: RenderSettings, splits: Splits) -> Any:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import ctypes
+import mmap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,19 +34,17 @@ from ..refine.moving import by_clock
 from ..refine.rebasing import rebasing_origin
 from ..refine.skewed import bake_skewed
 from ..refine.stretched_curves import stretched_apart
-from .core_inputs import filled
 from .light_upload import LightGroups, LightUpload
-from .scene_record import SceneRecord
-from .shape_rows import ShapeRows
+from .native import filled
+from .scene_record import SceneRecord, ShapeRows
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
-from .spare_memory import WORTH_ITEMS, give_back
 from .surface_upload import MutableTextures, SurfaceUpload
 from .surface_upload import width as width_of
 
 NO_TEXELS = np.zeros((1, 1, 1), np.float32)
 
 
-def hand_over(
+def upload_scene(
     core: Any,
     description: SceneDescription,
     textures: MutableTextures,
@@ -52,7 +52,7 @@ def hand_over(
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
-) -> tuple[Any, Uploaded]:
+) -> tuple[Any, UploadRecord]:
     """Upload a description; return the core's Scene and a record of the upload. Empties `textures` to save memory.
 
     `shapes`, if given, replaces the description's shapes; it is emptied once the core has copies, before acceleration
@@ -66,11 +66,11 @@ def hand_over(
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = rebasing_origin(d.camera)
     low, high = world_boxes(d, boxes, prototype_boxes)
-    scale = power_of_two_scale(scene_reach(d, low, high, origin))
+    scale = power_of_two_scale(scene_extent(d, low, high, origin))
     builder = core.SceneBuilder(origin, scale)
     inputs, lights = SurfaceUpload(core, builder, textures, d.time_code or 0.0), LightUpload(core, builder)
     if record is not None:
-        note_names(record, description, shapes, inputs)
+        record_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))
     if d.linked.collections:
         builder.set_links(d.linked.members.astype(np.uint8))
@@ -104,8 +104,8 @@ def hand_over(
     if items > WORTH_ITEMS:
         give_back()
     scene = builder.finish()
-    may_stay = d.exposure is None and boxes is full_boxes and not lights.are_worn
-    return scene, Uploaded(
+    is_editable = d.exposure is None and boxes is full_boxes and not lights.has_mesh_lights
+    return scene, UploadRecord(
         d,
         warnings,
         origin,
@@ -117,7 +117,7 @@ def hand_over(
         rows,
         headers,
         lights.groups,
-        may_stay,
+        is_editable,
         handing.shape_rows,
     )
 
@@ -132,12 +132,12 @@ def upload(
     record: SceneRecord | None = None,
 ) -> tuple[Any, list[tuple[str, str, str]], Box | None]:
     """Return the core's Scene, all warnings, and the box of everything placed in the world, or None; see `hand_over`."""
-    scene, found = hand_over(core, description, textures, filter_width, filter_inverse_cdf, shapes, record)
-    return scene, [*found.warnings, *noted_emitters(scene)], found.bounds
+    scene, found = upload_scene(core, description, textures, filter_width, filter_inverse_cdf, shapes, record)
+    return scene, [*found.warnings, *emitter_warnings(scene)], found.bounds
 
 
 @dataclass(frozen=True)
-class Uploaded:
+class UploadRecord:
     """A record of what was uploaded and how, for replacing parts of it later."""
 
     description: SceneDescription  # without matrices that are singular in single precision
@@ -151,7 +151,7 @@ class Uploaded:
     rows: list[int]  # the core's first row of each static shape; -1 unless it is one plain mesh
     textures: MutableTextures  # headers of the textures that could be read, without texels
     light_groups: LightGroups
-    may_stay: bool  # the scene can be edited: no exposure, no shape is a light or an outlier
+    is_editable: bool  # the scene can be edited: no exposure, no shape is a light or an outlier
     shape_rows: ShapeRows
 
     @property
@@ -160,7 +160,7 @@ class Uploaded:
         return (self.low.min(axis=0), self.high.max(axis=0)) if len(self.low) else None
 
 
-def noted_emitters(scene: Any) -> list[tuple[str, str, str]]:
+def emitter_warnings(scene: Any) -> list[tuple[str, str, str]]:
     """Return a warning if some emissive instances are not sampled as lights."""
     if not scene.unsampled_emitters:
         return []
@@ -186,7 +186,7 @@ class PlacementUpload:
             path = self.description.prototypes[placement.prototype].path
             box = self.prototype_boxes[placement.prototype]
             with np.errstate(over="ignore", invalid="ignore"):
-                reach = _reach(placed_box(placement.levels, box), center) * scale
+                reach = _extent(placed_box(placement.levels, box), center) * scale
             far = None if reach < FARTHEST else FarInstances(box, center, FARTHEST / scale)
             left_out = add_placement(self.builder, placement, parent, self.numbers[placement.prototype], far)
             if self.record is not None and self.builder.placement_rows > len(self.record.placements):
@@ -203,7 +203,7 @@ class PlacementUpload:
                 self.warnings.append(("singular-transform", path, message))
 
 
-def note_names(record: SceneRecord, d: SceneDescription, shapes: Sequence[Shape], inputs: SurfaceUpload) -> None:
+def record_names(record: SceneRecord, d: SceneDescription, shapes: Sequence[Shape], inputs: SurfaceUpload) -> None:
     """Record the paths of shapes and surfaces, and the primvars that AOVs read."""
     record.shape_paths = [shape.path for shape in shapes]
     record.surface_paths = [surface.path for surface in d.surfaces]
@@ -336,7 +336,7 @@ def world_boxes(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box])
     return np.concatenate([low for low, _ in found]), np.concatenate([high for _, high in found])
 
 
-def scene_reach(d: SceneDescription, low: Doubles, high: Doubles, origin: npt.NDArray[np.float64]) -> float:
+def scene_extent(d: SceneDescription, low: Doubles, high: Doubles, origin: npt.NDArray[np.float64]) -> float:
     """Return the largest coordinate distance of geometry from the origin, ignoring a few outliers; 0 for an empty scene.
 
     `low`, `high`: as `world_boxes` returns them.
@@ -353,7 +353,7 @@ def scene_reach(d: SceneDescription, low: Doubles, high: Doubles, origin: npt.ND
         return min(reach, OUTLYING * min((r for r in usual if r > 0), default=reach))
 
 
-def _reach(box: Box, origin: npt.NDArray[np.float64]) -> float:
+def _extent(box: Box, origin: npt.NDArray[np.float64]) -> float:
     return float(np.fmax(np.abs(box[0] - origin).max(), np.abs(box[1] - origin).max()))
 
 
@@ -367,3 +367,41 @@ def _usual_distance(placement: Placement, origin: npt.NDArray[np.float64]) -> fl
 def power_of_two_scale(reach: float) -> float:
     """Return the power of two that scales `reach` into (0.5, 1]; 1 where it is 0."""
     return 1.0 if not reach > 0 else float(2.0 ** -np.ceil(np.log2(reach)))
+
+
+WORTH_ITEMS = 200_000  # triangles and instances; smaller scenes are not worth the time that reading the mappings takes
+_DONTNEED = getattr(mmap, "MADV_DONTNEED", None)
+
+
+def give_back() -> None:
+    """Release free pages of the heap and clean pages of mapped files."""
+    libc = ctypes.CDLL(None)
+    if not hasattr(libc, "malloc_trim") or _DONTNEED is None:
+        return
+    libc.malloc_trim(0)
+    libc.madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+    for start, size in _clean_file_pages():
+        libc.madvise(start, size, _DONTNEED)
+
+
+def _clean_file_pages() -> Iterator[tuple[int, int]]:
+    """Return start and size of mapped files (libraries, USD files) that were never written to.
+
+    Written pages ("Anonymous" in smaps) exist in no file.
+    """
+    try:
+        with open("/proc/self/smaps", encoding="utf-8", errors="replace") as file:
+            lines = file.readlines()
+    except OSError:
+        return
+    start = size = 0
+    for line in lines:
+        if line.startswith("Anonymous:"):
+            if size and line.split()[1] == "0":
+                yield start, size
+            size = 0
+        elif not line[0].isupper():  # first line of a mapping: range, rights, offset, device, inode, name
+            ends, rights, *rest = line.split(maxsplit=5)
+            start, end = (int(end, 16) for end in ends.split("-"))
+            is_file = len(rest) == 4 and rest[3].startswith("/") and rights in ("r--p", "r-xp")
+            size = end - start if is_file else 0

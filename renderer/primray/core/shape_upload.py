@@ -18,10 +18,9 @@ from ..description.motion import handed_over
 from ..description.pairs import is_paired
 from ..description.placement import transformed_boxes
 from ..refine.far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
-from .core_inputs import filled
 from .light_upload import LightUpload
-from .scene_record import SceneRecord
-from .shape_rows import ShapeRows
+from .native import filled
+from .scene_record import SceneRecord, ShapeRows
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
 
 NO_FLOATS = np.zeros((0, 3), np.float32)
@@ -88,7 +87,7 @@ class ShapeUpload:
         for i, p in self._in_order(placed):
             shape = self._shapes[p.shape]
             if shape.light is not None:
-                lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
+                lights[i] = self._lights.add_mesh_light(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
                 if shape.motion is None:
                     first = self._builder.mesh_rows
@@ -105,7 +104,7 @@ class ShapeUpload:
             for i, p in enumerate(placed):
                 shape = self._shapes[p.shape]
                 if isinstance(shape, Mesh) and (shape.motion is not None) == moving:
-                    self._rows[i] = -1 if self._wears_cutout(shape) else self._rows[i]
+                    self._rows[i] = -1 if self._has_cutout(shape) else self._rows[i]
                     self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=cutout)
                     self._note_mesh(p)
                 elif moving and not cutout and isinstance(shape, Curves) and shape.motion is not None and i not in near:
@@ -119,7 +118,7 @@ class ShapeUpload:
         """
         return self._rows
 
-    def _wears_cutout(self, mesh: Mesh) -> bool:
+    def _has_cutout(self, mesh: Mesh) -> bool:
         return bool(self._cutout[np.asarray(mesh.surface)].any())
 
     def _in_order(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
@@ -176,7 +175,7 @@ class ShapeUpload:
             raise ValueError(f"{shape.path} is not diced")
         if isinstance(shape.surface, int) and self._hole[shape.surface]:
             return
-        self._wear(shape)
+        self._set_link_row(shape)
         if isinstance(shape, Curves):
             add_curves(self._core, self._builder, shape, self._hole, world_from_object)
         elif not CURVED[kind](self._builder, shape, world_from_object):
@@ -187,7 +186,7 @@ class ShapeUpload:
         if light is not None:
             self._builder.set_light_of_shape(light, world_from_object)
 
-    def _wear(self, shape: Shape) -> None:
+    def _set_link_row(self, shape: Shape) -> None:
         """Set the light linking row of the shapes that follow, where it changes."""
         if shape.link_row != self._link_row:
             self._link_row = shape.link_row
@@ -198,8 +197,8 @@ class ShapeUpload:
     ) -> None:
         if isinstance(mesh.surface, int):
             if self._cutout[mesh.surface] == cutout and not self._hole[mesh.surface]:
-                part = whole(mesh, self._alone[mesh.surface])
-                self._add_mesh(part if near is None else part_of(part, near), world_from_object, light, cutout)
+                part = whole_part(mesh, self._alone[mesh.surface])
+                self._add_mesh(part if near is None else selected_part(part, near), world_from_object, light, cutout)
             return
         surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
         wanted = (self._cutout[surfaces] == cutout) & ~self._hole[surfaces]
@@ -207,11 +206,11 @@ class ShapeUpload:
             wanted &= near
         if not wanted.any():
             return
-        part = whole(mesh, surfaces) if wanted.all() else part_of(whole(mesh, surfaces), wanted)
+        part = whole_part(mesh, surfaces) if wanted.all() else selected_part(whole_part(mesh, surfaces), wanted)
         self._add_mesh(part, world_from_object, light, cutout)
 
     def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
-        self._wear(part.mesh)
+        self._set_link_row(part.mesh)
         kinds = self._core.Attribute
         mesh = filled(
             self._core.MeshInput(),
@@ -265,15 +264,18 @@ def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) 
     return m
 
 
-def whole(mesh: Mesh, surfaces: Ints) -> Part:
+def whole_part(mesh: Mesh, surfaces: Ints) -> Part:
     points, triangles = len(mesh.points), len(mesh.triangles)
-    normals = (NO_FLOATS if mesh.normals is None else mesh.normals, kind(mesh.normals, points, triangles, normals=True))
-    colors = (NO_FLOATS if mesh.colors is None else mesh.colors, kind(mesh.colors, points, triangles, normals=False))
+    normals = (
+        NO_FLOATS if mesh.normals is None else mesh.normals,
+        attribute_kind(mesh.normals, points, triangles, normals=True),
+    )
+    colors = (NO_FLOATS if mesh.colors is None else mesh.colors, attribute_kind(mesh.colors, points, triangles, normals=False))
     step_normals = None if mesh.motion is None or mesh.normals is None else mesh.motion.normals
     return Part(mesh, mesh.triangles, surfaces, normals, colors, mesh.primvars, step_normals)
 
 
-def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
+def selected_part(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
     """Return the part with the `wanted` triangles only."""
     corners = np.repeat(wanted, 3)
     rows = {"TRIANGLE": wanted, "CORNER": corners}
@@ -296,7 +298,7 @@ def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
     )
 
 
-def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *, normals: bool) -> str:
+def attribute_kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *, normals: bool) -> str:
     """Return which elements an attribute's values belong to, judged by their number: corners before points before triangles."""
     if values is None:
         return "NONE"

@@ -15,9 +15,9 @@ import numpy as np
 from ..arrays import Floats
 from ..description import Input, PatternInput, Primvar, Surface, TextureFile, TextureInput, Wrap
 from ..textures.texture import Texture
-from .core_inputs import filled, surface_input
-from .patterns.compiling import UnknownNodeError
-from .patterns.tape_upload import Outside, TooLargeError, tape_of
+from .native import filled, surface_input
+from .patterns.compiler import UnknownNodeError
+from .patterns.tape_upload import SharedInputs, TooLargeError, tape_of
 
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
@@ -61,7 +61,7 @@ def with_constants(surface: Surface, values: Mapping[str, tuple[float, float, fl
 
 def without_pattern(surface: Surface) -> Surface:
     """Return the surface with every input that reads its pattern replaced by that input's fallback."""
-    fallbacks = {name: three(i.fallback) for name, i in surface.inputs if isinstance(i, PatternInput)}
+    fallbacks = {name: repeated_to_three(i.fallback) for name, i in surface.inputs if isinstance(i, PatternInput)}
     return replace(with_constants(surface, fallbacks), pattern=None)
 
 
@@ -71,7 +71,7 @@ def channels_of(rgba: Sequence[float], channels: str) -> tuple[float, float, flo
     return float(r), float(g), float(b)
 
 
-def three(values: Sequence[float]) -> tuple[float, float, float]:
+def repeated_to_three(values: Sequence[float]) -> tuple[float, float, float]:
     """Return the first three of `values`, with the last one repeated where there are fewer."""
     r, g, b = (*values, *[values[-1]] * 2)[:3]
     return float(r), float(g), float(b)
@@ -93,9 +93,9 @@ def selected_channels(texture: Texture, channels: str) -> Floats:
     return texture.channels(at, at + 1)
 
 
-def tripled_if(three: bool, pixels: Floats) -> Floats:
-    """Return pixels with grey repeated in three channels if `three`: other tiles of the set have colours."""
-    return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))) if three else pixels
+def broadcast_grey(colored: bool, pixels: Floats) -> Floats:
+    """Return pixels with grey repeated in three channels if `colored`: other tiles of the set have colours."""
+    return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))) if colored else pixels
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class SurfaceUpload:
         self._textures = textures
         self._names: dict[str, int] = {}
         self._numbers: dict[TextureKey, int] = {}
-        self._outside = Outside(core, self._name, self._pattern_texture, self._pattern_wrap, frame)
+        self._outside = SharedInputs(core, self._name, self._pattern_texture, self._pattern_wrap, frame)
         self.warnings: list[tuple[str, str, str]] = []  # code, prim path, message
 
     def name_primvars(self, names: Sequence[str]) -> dict[str, int]:
@@ -162,16 +162,16 @@ class SurfaceUpload:
         """Return the core's InputSource for an input."""
         source = filled(self._core.InputSource(), field=self._core.InputField[field])
         if isinstance(value, PatternInput):
-            return filled(source, output=output, fallback=three(value.fallback))
+            return filled(source, output=output, fallback=repeated_to_three(value.fallback))
         if not isinstance(value, TextureInput):
-            filled(source, primvar=self._name(value.name), fallback=three(value.fallback))
+            filled(source, primvar=self._name(value.name), fallback=repeated_to_three(value.fallback))
             return filled(source, tangents=self._name(NORMAL_ST)) if field == "normal" else source
         texture = self._textures[value.file][0][1]
         st = self._name(value.st.name)
         return filled(
             source,
             primvar=st,
-            fallback=three(value.st.fallback),
+            fallback=repeated_to_three(value.st.fallback),
             texture=self._texture(value.file, value.channels, finest_only),
             wrap_s=self._wrap(value.wrap_s, texture.wrap_s),
             wrap_t=self._wrap(value.wrap_t, texture.wrap_t),
@@ -220,8 +220,8 @@ class SurfaceUpload:
         colored = any(texture.shape[2] > 2 for _, texture in tiles)
         for key, number in keys:
             for tile, texture in tiles:  # no local variable keeps an image's floats: one image is held at a time
-                three = key.channels == "rgb" and colored
-                self._builder.set_texture_image(number, tile, tripled_if(three, selected_channels(texture, key.channels)))
+                rgb = key.channels == "rgb" and colored
+                self._builder.set_texture_image(number, tile, broadcast_grey(rgb, selected_channels(texture, key.channels)))
 
 
 def width(values: Floats) -> int:

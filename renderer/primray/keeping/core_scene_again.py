@@ -12,15 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..core.building import core_scene
-from ..core.core_errors import raise_as_ours
-from ..core.core_inputs import filled
-from ..core.isa_class import module
+from ..core.building import core_scene, inverse_cdf
 from ..core.light_upload import LightUpload
-from ..core.pixel_filter import inverse_cdf
+from ..core.native import filled, module, raise_primray_error
 from ..core.scene import CoreScene
-from ..core.scene_upload import Uploaded, camera_input, power_of_two_scale, scene_reach
-from ..core.shape_upload import matrix, whole
+from ..core.scene_upload import UploadRecord, camera_input, power_of_two_scale, scene_extent
+from ..core.shape_upload import matrix, whole_part
 from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
 from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
 from ..description.placement import transformed_boxes
@@ -58,11 +55,11 @@ def build_again(
     try:
         return _built(scene, *placed, now, images, settings)
     except module().CoreError as error:
-        raise_as_ours(error)
+        raise_primray_error(error)
 
 
-def _may_stay(uploaded: Uploaded, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
-    if not (changed <= AGAIN and uploaded.may_stay and now.exposure is None and now.camera_motion is None):
+def _may_stay(uploaded: UploadRecord, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
+    if not (changed <= AGAIN and uploaded.is_editable and now.exposure is None and now.camera_motion is None):
         return False
     if not np.array_equal(uploaded.origin, rebasing_origin(now.camera)):
         return False
@@ -78,8 +75,8 @@ def _are_alike(one: Surface, other: Surface) -> bool:
 
 
 def _placed_again(
-    uploaded: Uploaded, before: SceneDescription, now: SceneDescription
-) -> tuple[Uploaded, list[tuple[int, Placed, Placed]]] | None:
+    uploaded: UploadRecord, before: SceneDescription, now: SceneDescription
+) -> tuple[UploadRecord, list[tuple[int, Placed, Placed]]] | None:
     """Return the upload for the new description, and the static shapes that moved: core's row, before and now. None:
     rebuild."""
     d = replace(now, prototypes=uploaded.description.prototypes, placements=uploaded.description.placements)
@@ -98,14 +95,14 @@ def _placed_again(
         reach = (
             np.maximum(np.abs(low[numbers] - uploaded.origin), np.abs(high[numbers] - uploaded.origin)).max() * uploaded.scale
         )
-    if not reach < OUTLYING or power_of_two_scale(scene_reach(d, low, high, uploaded.origin)) != uploaded.scale:
+    if not reach < OUTLYING or power_of_two_scale(scene_extent(d, low, high, uploaded.origin)) != uploaded.scale:
         return None
     return replace(uploaded, description=d, low=low, high=high), moved
 
 
 def _built(
     scene: CoreScene,
-    uploaded: Uploaded,
+    uploaded: UploadRecord,
     moved: list[tuple[int, Placed, Placed]],
     now: SceneDescription,
     images: LightImages,
@@ -130,7 +127,7 @@ def _built(
 
 def _placed(mesh: Mesh) -> Any:
     """Return a MeshInput with the fields that depend on the mesh's transform."""
-    part, core = whole(mesh, NO_SURFACES), module()
+    part, core = whole_part(mesh, NO_SURFACES), module()
     return filled(
         core.MeshInput(), points=mesh.points, normals=part.normals[0], normal_kind=core.Attribute[part.normals[1]], cutout=False
     )

@@ -94,8 +94,8 @@ def imports_point_one_way(path: PurePosixPath, text: str) -> Iterator[str]:
             yield f"imports {module}: the renderer knows no service"
         if is_under(path, USD) and names[0] == "primray" and names[1:2] and re.match(r"_?core|render$", names[1]):
             yield f"imports {module}: translation knows no core"
-        if names[-1].startswith("_core_v") and path != PurePosixPath("renderer/primray/core/isa_class.py"):
-            yield f"imports {module}: only primray/core/isa_class.py chooses the module"
+        if names[-1].startswith("_core_v") and path != PurePosixPath("renderer/primray/core/native.py"):
+            yield f"imports {module}: only primray/core/native.py chooses the module"
 
 
 def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:

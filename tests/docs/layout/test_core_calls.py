@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray import core
-from primray.core.core_inputs import filled
+from primray.core.native import filled
 from primray.description import Interpolation, LightType, Wrap
 from primray.render.prepare import FILM_PIXEL_BYTES
 

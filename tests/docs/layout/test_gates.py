@@ -83,7 +83,7 @@ def test_each_rule_can_fail(path, text):
         ("renderer/primray/usd/querying/time_varying.py", '"""Times."""\ndef f(a):\n    return a.HasSpline()\n'),
         ("renderer/primray/usd/querying/guarded.py", '"""Guarded."""\ndef f(a):\n    return a.Get()\n'),
         ("renderer/primray/usd/resolving/read.py", '"""Values."""\ndef f(a, when):\n    return value_at(a, when.time)\n'),
-        ("renderer/primray/core/isa_class.py", '"""The core."""\nfrom .. import _core_v3\n'),
+        ("renderer/primray/core/native.py", '"""The core."""\nfrom .. import _core_v3\n'),
         ("renderer/core/embree/embree.cpp", "// Embree\nrtcNewDevice(nullptr);\n"),
         ("renderer/core/film/film.cpp", "// as rtcIntersect1 does\n"),
         ("service/primray_service/worker.py", '"""Worker."""\nimport primray\n'),

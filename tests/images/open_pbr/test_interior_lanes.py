@@ -7,12 +7,12 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 import primray
-from primray.core import CoreScene, isa_class, passes
+from primray.core import CoreScene, native, passes
 from primray.core.scene import Splits
 
 from .worn import light, wear
 
-MOST = isa_class.lanes()
+MOST = native.lanes()
 GLASS = {"transmission_weight": 1.0, "specular_roughness": 0.0}
 AIR = {**GLASS, "specular_weight": 0.0, "transmission_depth": 0.3}
 SKIN = {"subsurface_weight": 1.0, "subsurface_color": (0.9, 0.6, 0.4), "subsurface_radius": 0.2}

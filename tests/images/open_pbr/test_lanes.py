@@ -7,11 +7,11 @@ import pytest
 from pxr import Usd, UsdGeom
 
 import primray
-from primray.core import isa_class, passes
+from primray.core import native, passes
 
 from .worn import light, wear
 
-MOST = isa_class.lanes()
+MOST = native.lanes()
 MATERIALS: tuple[dict[str, object], ...] = (
     {"base_color": (0.7, 0.1, 0.1)},
     {"base_metalness": 1.0, "specular_roughness": 0.0},

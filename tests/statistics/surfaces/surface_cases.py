@@ -9,7 +9,7 @@ import numpy.typing as npt
 from tests.described import kernels, lambert
 
 from primray import core
-from primray.core.core_inputs import surface_input
+from primray.core.native import surface_input
 from primray.description import Surface
 
 Floats = npt.NDArray[np.float32]

@@ -12,7 +12,7 @@ from tests.statistics.surfaces.preview_surface import PreviewSurface, diffuse_di
 from tests.statistics.surfaces.surface_cases import WHITE, direction, evaluate, lattice, rows, sample, side
 
 from primray import core
-from primray.core.core_inputs import surface_input
+from primray.core.native import surface_input
 from primray.description import Surface
 
 COSINES = (0.001, 0.003, 0.013, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0)

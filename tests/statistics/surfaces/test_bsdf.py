@@ -18,7 +18,7 @@ from tests.statistics.surfaces.surface_cases import (
 )
 
 from primray import core
-from primray.core.core_inputs import surface_input
+from primray.core.native import surface_input
 
 COSINES = (1.0, 0.7, 0.2)
 CASES = [(name, cos, True) for name in SURFACES for cos in COSINES]

@@ -48,7 +48,7 @@ def test_the_own_class_is_always_among_those_compiled(build: Any, asked: str, is
 def test_a_cpu_runs_the_classes_whose_flags_it_has(
     flags: tuple[str, ...], runnable: list[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("primray.core.isa_class._cpu_flags", lambda: set().union(*(core.ISA_FLAGS[name] for name in flags)))
+    monkeypatch.setattr("primray.core.native._cpu_flags", lambda: set().union(*(core.ISA_FLAGS[name] for name in flags)))
     assert core.runnable_isas() == runnable
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from tests.described import box, core_module, describe, kernels, lambert, orthographic, placement, translation
 
-from primray.core.core_inputs import filled
+from primray.core.native import filled
 from primray.core.scene_upload import add_placement, upload
 from primray.description import Doubles, Placed, Placement, Prototype, Shape
 

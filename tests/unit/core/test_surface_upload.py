@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from primray.core.core_inputs import surface_input
+from primray.core.native import surface_input
 from primray.core.surface_upload import with_constants, with_readable_inputs, without_pattern
 from primray.description import (
     CameraSight,

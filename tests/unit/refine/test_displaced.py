@@ -324,7 +324,7 @@ def test_world_space_is_where_a_shape_stands_once() -> None:
     copies = "".join(f'def Xform "i{k}" (instanceable = true\n prepend references = </g>) {{\n}}\n' for k in range(2))
     description, _ = described(group.replace("def Xform", "class Xform") + copies + material)
     (cage,) = description.shapes
-    from primray.core.dicing.displacement import displacements
+    from primray.core.displacement_upload import displacements
 
     made, told = dice(core.module(), description, uniform(2), 1, displacements(core.module(), description, {}))
     assert [(code, path) for code, path, _ in told] == [("displacement-space", cage.path)]

@@ -20,7 +20,7 @@ NO_SHIFT, FOOTPRINT_SHIFTS, SLOPE_SHIFTS = 0, (1, 2), (3, 4)
 Outputs = Value | dict[str, Value]  # a single output of any name, or outputs by name
 
 
-class Surroundings(Protocol):
+class NodeContext(Protocol):
     """Access of nodes to what is outside the graph."""
 
     object_space: bool  # set where a node reads object space
@@ -37,7 +37,7 @@ class Node:
     program: Program
     own: PatternNode
     shift: int  # 0: the shaded point; else a point nearby, for differences
-    around: Surroundings
+    around: NodeContext
     read: Callable[[str, int], Value]  # the value of an input at a shift
 
     def __getitem__(self, name: str) -> Value:

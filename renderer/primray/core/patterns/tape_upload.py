@@ -1,8 +1,11 @@
-"""Upload of the tapes of surfaces with patterns to the core's scene builder."""
+"""Upload of tapes, compiled shading graphs, to the core's scene builder: register allocation, code, and images.
+
+Images whose coordinates are an affine map of a primvar are marked: their visible resolution is known before rendering.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,12 +13,10 @@ import numpy as np
 
 from ...description import PatternInput, Surface, TextureFile, Wrap
 from ...description.patterns import UV_TEXTURE
-from ..core_inputs import filled
-from .affine import Affine, AffineForms
-from .compiling import Graph
-from .node import NO_SHIFT, Node
-from .program import Value
-from .registers import assemble
+from ..native import filled
+from .compiler import Graph
+from .node import NO_SHIFT, SHIFT_RANGE, Node
+from .program import Operation, Program, Value
 
 # Inputs that are evaluated alone, by cut-outs and by lights: first on the tape, so that nothing else runs for them.
 FIRST = ("opacity", "emissive_color")
@@ -29,7 +30,7 @@ class TooLargeError(Exception):
 
 
 @dataclass(frozen=True)
-class Outside:
+class SharedInputs:
     """Numbering of primvars and textures that a tape shares with the other inputs of surfaces."""
 
     core: Any
@@ -40,14 +41,14 @@ class Outside:
 
 
 @dataclass
-class TapeSurroundings:
-    outside: Outside
+class TapeContext:
+    outside: SharedInputs
     object_space: bool = False
     images: list[Any] = field(default_factory=list)
     _numbers: dict[tuple[Any, ...], int] = field(default_factory=dict)
     _forms: AffineForms | None = None
 
-    def _worn(self, node: Node) -> Affine | None:
+    def _affine_coordinates(self, node: Node) -> AffineMap | None:
         coordinates = _COORDINATES.get(node.own.category)
         if coordinates is None:
             return None
@@ -67,7 +68,7 @@ class TapeSurroundings:
 
     def image(self, file: TextureFile, width: int, node: Node) -> int | None:
         closest = node.text("filtertype") == "closest"
-        worn, channels = self._worn(node), node.text("channels", "r") if width == 1 else "rgb"
+        worn, channels = self._affine_coordinates(node), node.text("channels", "r") if width == 1 else "rgb"
         asked = (file, channels, width == 4, *map(node.text, _WRAP_INPUTS), closest, worn)
         if asked not in self._numbers:
             color = self.outside.texture(file, channels)
@@ -89,13 +90,13 @@ def pattern_inputs(surface: Surface) -> list[tuple[str, PatternInput]]:
     return sorted(found, key=lambda item: FIRST.index(item[0]) if item[0] in FIRST else len(FIRST))
 
 
-def tape_of(surface: Surface, outside: Outside) -> tuple[Any, dict[str, int]]:
+def tape_of(surface: Surface, outside: SharedInputs) -> tuple[Any, dict[str, int]]:
     """Return the core's Tape for the surface's pattern, and the output number of each input.
 
     Raise UnknownNodeError or TooLargeError.
     """
     assert surface.pattern is not None
-    around = TapeSurroundings(outside)
+    around = TapeContext(outside)
     graph = Graph(surface.pattern, around)
     wanted = pattern_inputs(surface)
     outputs = [_three_or_one(graph.value(reads.source)) for _, reads in wanted]
@@ -105,10 +106,10 @@ def tape_of(surface: Surface, outside: Outside) -> tuple[Any, dict[str, int]]:
         raise TooLargeError(f"it needs {used} registers, and there are {outside.core.pattern_registers}")
     tape = filled(
         outside.core.Tape(),
-        code=_rows(code, 9),
+        code=_int_rows(code, 9),
         constants=constants,
         images=around.images,
-        outputs=_rows(found, 3),
+        outputs=_int_rows(found, 3),
         asks_object_space=around.object_space,
     )
     return tape, {name: i for i, (name, _) in enumerate(wanted)}
@@ -119,5 +120,138 @@ def _three_or_one(value: Value) -> Value:
     return value.part(0, 3) if value.width >= 3 else value[0]
 
 
-def _rows(values: Sequence[Sequence[int]], columns: int) -> Any:
+def _int_rows(values: Sequence[Sequence[int]], columns: int) -> Any:
     return np.array(values, np.int32).reshape(-1, columns)
+
+
+class Registers:
+    """Free registers by length of their run; further ones are allocated where none fit."""
+
+    def __init__(self) -> None:
+        self.used = 0
+        self._free: dict[int, list[int]] = {}
+
+    def take(self, width: int) -> int:
+        if free := self._free.get(width):
+            return free.pop()
+        self.used += width
+        return self.used - width
+
+    def give(self, first: int, width: int) -> None:
+        self._free.setdefault(width, []).append(first)
+
+
+def last_readers(operations: Sequence[Operation], outputs: Sequence[Value]) -> dict[int, int]:
+    """Return the last reader of each operation that some output depends on; outputs count as read at the end."""
+    last = {v.operation: len(operations) for v in outputs}
+    for number in range(len(operations) - 1, -1, -1):
+        if number in last:
+            for operand, _, _ in operations[number].operands:
+                last.setdefault(operand, number)
+    return last
+
+
+def assemble(
+    operations: Sequence[Operation], outputs: Sequence[Value], numbers: Mapping[str, int]
+) -> tuple[list[list[int]], list[float], list[list[int]], int]:
+    """Return the core's code, constants and outputs, and the number of registers. `numbers`: the core's opcodes."""
+    last = last_readers(operations, outputs)
+    registers, at = Registers(), dict[int, int]()
+    code: list[list[int]] = []
+    constants: list[float] = []
+    made: dict[int, int] = {}  # length of the code once each operation is computed
+    for number in sorted(last):
+        operation = operations[number]
+        at[number] = registers.take(operation.width)
+        code.extend(_instructions(operation, at, at[number], numbers, constants))
+        made[number] = len(code)
+        for operand in {read for read, _, _ in operation.operands}:
+            if last[operand] == number:
+                registers.give(at[operand], operations[operand].width)
+    found = [[at[v.operation] + v.first, int(v.width > 1), made[v.operation]] for v in outputs]
+    return code, constants, found, registers.used
+
+
+def _instructions(
+    operation: Operation, at: Mapping[int, int], out: int, numbers: Mapping[str, int], constants: list[float]
+) -> list[list[int]]:
+    places = [at[number] + first for number, first, _ in operation.operands]
+    if operation.name == "pack":
+        return [[numbers["move"], 1, 0, out + c, place, 0, 0, 0, 0] for c, place in enumerate(places)]
+    steps = sum(step << k for k, (_, _, step) in enumerate(operation.operands))
+    data = operation.data
+    if isinstance(data, tuple):
+        constants.extend(data)
+        data = len(constants) - len(data)
+    return [[numbers[operation.name], operation.width, steps, out, *(places + [0] * 4)[:4], data]]
+
+
+@dataclass(frozen=True)
+class AffineForm:
+    """s x + t y + 1 z, for a primvar's s and t; a constant has no primvar."""
+
+    primvar: int | None
+    row: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class AffineMap:
+    """An affine map of a primvar's two numbers: a constant offset, rotation and scale."""
+
+    primvar: int
+    transform: tuple[float, ...]  # 2 x 3, row-major
+
+
+class AffineForms:
+    """Affine forms of the components of each operation; None where a component is not affine.
+
+    Operands precede the operations that read them.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._forms: list[list[AffineForm | None]] = []
+
+    def of(self, at: Value) -> AffineMap | None:
+        """Return the affine map that these coordinates are, or None."""
+        operations = self._program.operations
+        while len(self._forms) <= at.operation:
+            self._forms.append(self._made(operations[len(self._forms)]))
+        s, t = self._forms[at.operation][at.first : at.first + 2]
+        if s is None or t is None:
+            return None
+        primvars = {form.primvar for form in (s, t)} - {None}
+        return AffineMap(primvars.pop(), (*s.row, *t.row)) if len(primvars) == 1 else None  # type: ignore[arg-type]
+
+    def _made(self, operation: Operation) -> list[AffineForm | None]:
+        if isinstance(operation.data, tuple):
+            return [AffineForm(None, (0.0, 0.0, value)) for value in operation.data]
+        if operation.name == "primvar" and operation.width == 2 and operation.data % SHIFT_RANGE == 0:
+            number = operation.data // SHIFT_RANGE
+            return [AffineForm(number, (1.0, 0.0, 0.0)), AffineForm(number, (0.0, 1.0, 0.0))]
+        if operation.name == "pack":
+            return [self._forms[number][first] for number, first, _ in operation.operands]
+        if operation.name not in ("add", "subtract", "multiply", "divide"):
+            return [None] * operation.width
+        (a, a_first, a_step), (b, b_first, b_step) = operation.operands
+        return [
+            _combined(operation.name, self._forms[a][a_first + a_step * c], self._forms[b][b_first + b_step * c])
+            for c in range(operation.width)
+        ]
+
+
+def _combined(name: str, a: AffineForm | None, b: AffineForm | None) -> AffineForm | None:
+    if a is None or b is None:
+        return None
+    if name == "multiply" and a.primvar is None:
+        a, b = b, a
+    if name in ("multiply", "divide"):
+        if b.primvar is not None or (name == "divide" and not b.row[2]):
+            return None
+        factor = b.row[2] if name == "multiply" else 1 / b.row[2]
+        return AffineForm(a.primvar, (a.row[0] * factor, a.row[1] * factor, a.row[2] * factor))
+    if a.primvar is not None and b.primvar is not None and a.primvar != b.primvar:
+        return None
+    sign = 1 if name == "add" else -1
+    x, y, z = (p + sign * q for p, q in zip(a.row, b.row, strict=True))
+    return AffineForm(b.primvar if a.primvar is None else a.primvar, (x, y, z))

@@ -9,7 +9,7 @@ import pytest
 from tests import described
 
 from primray.core import module
-from primray.core.patterns.tape_upload import Outside, TooLargeError, tape_of
+from primray.core.patterns.tape_upload import SharedInputs, TooLargeError, tape_of
 from primray.core.scene_upload import upload
 from primray.description import NodeOutput, Pattern, PatternInput, PatternNode, Surface
 
@@ -19,8 +19,8 @@ from .test_places import plane
 NO_FLOATS = np.zeros(0, np.float32)
 
 
-def outside() -> Outside:
-    return Outside(module(), lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0)
+def outside() -> SharedInputs:
+    return SharedInputs(module(), lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0)
 
 
 def uploaded(surface: Surface) -> tuple[Any, list[tuple[str, str, str]]]:
@@ -95,5 +95,5 @@ def test_what_is_the_same_is_computed_once() -> None:
         Tape, Wrap, PatternImage = Kept, core.Wrap, core.PatternImage
         pattern_operations, pattern_registers = core.pattern_operations, core.pattern_registers
 
-    tape_of(surface, Outside(Module, lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0))
+    tape_of(surface, SharedInputs(Module, lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0))
     assert [row[0] for row in rows].count(core.pattern_operations.index("sin")) == 1

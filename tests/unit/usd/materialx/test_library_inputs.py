@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 from tests.unit.usd.material_text import material, node, surface_of
 
-from primray.core.patterns.compiling import Graph, UnknownNodeError
+from primray.core.patterns.compiler import NODES, Graph, UnknownNodeError
 from primray.core.patterns.node import Node
-from primray.core.patterns.nodes import NODES
 from primray.core.patterns.program import Value
 from primray.description import NodeOutput, Pattern, PatternNode, TextureFile
 from primray.description.pattern_reads import GEOMPROPS

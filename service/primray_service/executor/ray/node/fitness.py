@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from primray import __version__, core
-from primray.core.isa_class import runnable_isas
+from primray.core.native import runnable_isas
 from primray.errors import PrimrayError
 
 from ....files import DataDirectory

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Doubles, Floats
-from ...description import (
+from ..arrays import Doubles, Floats
+from ..description import (
     DisplacedMesh,
     Input,
     Interpolation,
@@ -18,10 +18,10 @@ from ...description import (
     Surface,
     TextureInput,
 )
-from ...description.pattern_reads import reads_world_space
-from ...description.shading import DISPLACEMENTS
-from ...refine.dice import Warnings, numbered, primvars_of
-from ..surface_upload import SurfaceUpload, Textures, channels_of
+from ..description.pattern_reads import reads_world_space
+from ..description.shading import DISPLACEMENTS
+from ..refine.dice import Warnings, numbered, primvars_of
+from .surface_upload import SurfaceUpload, Textures, channels_of
 
 # Enumerators in the order of the core's (displacer.hpp, mover.hpp).
 _KINDS = (Interpolation.CONSTANT, Interpolation.FACE, Interpolation.POINT, Interpolation.VARYING, Interpolation.CORNER)
@@ -50,7 +50,7 @@ class Displacements:
         self._upload = SurfaceUpload(
             core, self._displacer, {file: list(tiles) for file, tiles in textures.items()}, description.time_code or 0.0
         )
-        taken = self._upload.add_surfaces([Surface(""), *(_carrying(surfaces[i], textures) for i in moving)])
+        taken = self._upload.add_surfaces([Surface(""), *(_displacement_surface(surfaces[i], textures) for i in moving)])
         self._upload.add_images()
         self._numbers = np.zeros(max(len(surfaces), 1) + 1, np.int32)  # the last one: faces that are not drawn
         directions = [_STILL]
@@ -62,7 +62,7 @@ class Displacements:
             if not taken[number].inputs:
                 self._note(surfaces[i].path)
         self._displacer.set_directions(directions)
-        self._places = _places(description)
+        self._places = _single_placements(description)
 
     def _note(self, path: str) -> None:
         said = next((message for _, at, message in self._upload.warnings if at == path), "")
@@ -84,7 +84,7 @@ class Displacements:
             "surfaces": np.ascontiguousarray(numbers, np.int32),
             "world_from_object": np.ascontiguousarray(np.eye(4) if matrix is None else matrix, np.float64),
             "primvars": [_cage_primvar(p, at, name) for p, at, name in read],
-            "st": next((_place(p, at) for p, at in placed if p.name == _TANGENTS and p.values.shape[1] >= 2), (0, 0)),
+            "st": next((_value_place(p, at) for p, at in placed if p.name == _TANGENTS and p.values.shape[1] >= 2), (0, 0)),
             "normals": -1 if shape.normals is None else len(primvars_of(shape, Interpolation.CORNER)),
         }
 
@@ -98,7 +98,7 @@ class Displacements:
                 self.warnings.append(("displacement-space", shape.path, message))
 
 
-def _carrying(surface: Surface, textures: Textures) -> Surface:
+def _displacement_surface(surface: Surface, textures: Textures) -> Surface:
     """Return a surface with this surface's displacement and nothing else."""
     assert surface.displacement is not None
     value: Input = surface.displacement[1]
@@ -108,7 +108,7 @@ def _carrying(surface: Surface, textures: Textures) -> Surface:
     return Surface(surface.path, inputs=((_CARRIER, value),), pattern=pattern)
 
 
-def _places(description: SceneDescription) -> dict[int, Doubles]:
+def _single_placements(description: SceneDescription) -> dict[int, Doubles]:
     """Return the matrices, by shape index, of shapes that are placed exactly once."""
     inside = {placed.shape for prototype in description.prototypes for placed in prototype.shapes}
     found: dict[int, Doubles] = {}
@@ -134,7 +134,7 @@ def _cage_primvar(primvar: Primvar, at: int, name: int) -> dict[str, Any]:
     }
 
 
-def _place(primvar: Primvar, at: int) -> tuple[int, int]:
+def _value_place(primvar: Primvar, at: int) -> tuple[int, int]:
     """Return the core's ValuePlace; tangents need a primvar that varies over faces."""
     kind = primvar.interpolation
     return (_PLACES.index(kind), at) if kind in _PLACES else (0, 0)

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ...aov_names import AovRequest, light_paths_of
-from ..core_errors import raise_as_ours
-from ..isa_class import module
-from ..light_upload import LightGroups
+from ..aov_names import AovRequest, light_paths_of
+from .light_upload import LightGroups
+from .native import module, raise_primray_error
 
 if TYPE_CHECKING:
-    from ...light_paths.tables import Tables
+    from ..light_paths.tables import Tables
 
 
 # Light that reaches a diffuse surface or a medium through specular scattering alone (mirror, glossy or refracted, of any
@@ -34,25 +33,25 @@ def routes_of(requests: Sequence[AovRequest], groups: LightGroups) -> Routes | N
     expressions = light_paths_of(requests)
     if not expressions:
         return None
-    from ...light_paths.tables import tables_of
+    from ..light_paths.tables import tables_of
 
     made = tables_of(expressions, groups.names)
     try:
         tables = _tables(made)
     except module().CoreError as error:
-        raise_as_ours(error)
+        raise_primray_error(error)
     return Routes(expressions, made.masks(made.ends_at(groups.others, groups.domes)), tables)
 
 
 def tables_without_caustics(expressions: Sequence[str], groups: LightGroups) -> Any:
     """Return the core's tables of these expressions, with caustics removed from them and from the picture."""
-    from ...light_paths.tables import tables_of
+    from ..light_paths.tables import tables_of
 
     made = tables_of((*expressions, CAUSTICS), groups.names)
     try:
         return _tables(replace(made, expressions=len(expressions)), leaves_out=len(expressions))
     except module().CoreError as error:
-        raise_as_ours(error)
+        raise_primray_error(error)
 
 
 def _tables(made: Tables, leaves_out: int = -1) -> Any:
@@ -69,7 +68,7 @@ def _tables(made: Tables, leaves_out: int = -1) -> Any:
 
 def missing_groups(routes: Routes, groups: LightGroups) -> list[tuple[str, str, str]]:
     """Return a warning for each light group that an expression names and no light belongs to."""
-    from ...light_paths.grammar import parse
+    from ..light_paths.grammar import parse
 
     named = {label: text for text in routes.expressions for label in sorted(parse(text).labels) if label not in groups.names}
     return [

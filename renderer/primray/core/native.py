@@ -1,6 +1,7 @@
-"""Choice of the compiled core by the CPU's instruction set (x86-64 v2, v3, v4). Nothing else imports `_core_*`.
+"""The compiled core: choice of the module by the CPU, its settings, input structures and errors. Only this imports `_core_*`.
 
-The environment variables `PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16) override the choice.
+Modules exist for x86-64 v2, v3 and v4. The environment variables `PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16)
+override the choice.
 """
 
 from __future__ import annotations
@@ -8,12 +9,15 @@ from __future__ import annotations
 import hashlib
 import importlib
 import os
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from .. import errors
+from ..description import Surface
 from ..installed_packages import library_of, version_of
+from ..settings import RenderSettings
 
 # CPU flags that each class requires, as Linux names them (x86-64 psABI, section 3.1.1); newest class first.
 ISA_FLAGS = {
@@ -107,3 +111,52 @@ def build_digest() -> str:
 def versions() -> dict[str, str]:
     """Return the versions of Embree and of the package that carries it."""
     return {"embree": "4.4.0", "embreex": str(version_of("embreex"))}
+
+
+NO_DEPTH_LIMIT = 1 << 20
+
+
+def threads(settings: RenderSettings) -> int:
+    return settings.threads or len(os.sched_getaffinity(0))
+
+
+def max_depth(settings: RenderSettings) -> int:
+    return NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
+
+
+def raise_primray_error(error: Exception) -> NoReturn:
+    """Raise the PrimrayError that corresponds to a CoreError."""
+    code, message = error.args
+    if code in ("out-of-memory", "too-large"):
+        raise errors.LimitError(message, code=code) from error
+    if code == "settings-error":
+        raise errors.SettingsError(message) from error
+    raise errors.InternalError(message, code=code) from error
+
+
+def filled(made: Any, **values: Any) -> Any:
+    """Return `made` with these fields set.
+
+    Raise AttributeError for a field that it does not have.
+    """
+    for name, value in values.items():
+        setattr(made, name, value)
+    return made
+
+
+def surface_input(core: Any, surface: Surface) -> Any:
+    """Return the SurfaceInput of a surface: its constants."""
+    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair", "camera")]
+    made = filled(core.SurfaceInput(), **{name: getattr(surface, name) for name in names})
+    made.camera = getattr(core.CameraSight, surface.camera.value)
+    lobes = surface.open_pbr
+    if lobes is not None:
+        made.open_pbr = filled(core.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})
+    if surface.hair is not None:
+        made.hair = filled(core.HairInput(), **{f.name: getattr(surface.hair, f.name) for f in fields(surface.hair)})
+    return made
+
+
+def integrator_settings(core: Any, settings: RenderSettings, **values: Any) -> Any:
+    """Return IntegratorSettings for one thread at the render's depth, with these fields set."""
+    return filled(core.IntegratorSettings(), max_depth=max_depth(settings), **values)

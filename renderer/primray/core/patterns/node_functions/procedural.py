@@ -1,10 +1,11 @@
-"""Nodes of noise, cells and flakes."""
+"""Procedural nodes: noise, cells, flakes, and ramps over texture coordinates, with (0, 0) at the lower left corner."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from ..node import Node
+from ..node import Node, Outputs
 from ..program import Numbers, Value
 
 # Offset of the second noise of nodes that need one, from MaterialX's library.
@@ -15,12 +16,12 @@ FLAKE_ABOVE = (-26.19771808, 26.39663835)
 FLAKE_BELOW = (85.53857017, -102.35069432, -101.42634862, 118.45082288)
 
 
-def _place(n: Node) -> Value:
+def _coordinates(n: Node) -> Value:
     return n["position"] if n.has("position") else n["texcoord"]
 
 
 def noise(n: Node) -> Value:
-    p, at = n.program, _place(n)
+    p, at = n.program, _coordinates(n)
     name = f"noise{at.width}"
     value = p.apply(name, at, width=min(n.width, 3))
     if n.width == 4:
@@ -29,7 +30,7 @@ def noise(n: Node) -> Value:
 
 
 def fractal(n: Node) -> Value:
-    p, at = n.program, _place(n)
+    p, at = n.program, _coordinates(n)
     settings = [n[name] for name in ("octaves", "lacunarity", "diminish")]
 
     def of(place: Value, width: int) -> Value:
@@ -42,13 +43,13 @@ def fractal(n: Node) -> Value:
 
 
 def cellnoise(n: Node) -> Value:
-    at = _place(n)
+    at = _coordinates(n)
     return n.program.apply(f"cell{at.width}", at, width=1)
 
 
 def worleynoise(n: Node) -> Value:
     """Compute Worley noise: style 1 is the value of the nearest point's cell, any other the distances."""
-    p, at, style = n.program, _place(n), n["style"]
+    p, at, style = n.program, _coordinates(n), n["style"]
     name = f"worley{at.width}"
     if (known := style.constant) is not None:
         return p.apply(name, at, n["jitter"], width=n.width, data=int(known[0] == 1))
@@ -64,7 +65,7 @@ def _probability(coverage: Value) -> Value:
 
 def flake(n: Node) -> dict[str, Value]:
     """Compute flakes: randomly rotated cubes, with normals distributed by GGX for the roughness."""
-    p, at = n.program, _place(n)
+    p, at = n.program, _coordinates(n)
     place = at if at.width == 3 else p.pack([at, p.constant(0.0)])
     found = p.apply("flake", place / n["size"], _probability(p.clamp(n["coverage"], 0.0, 1.0)), width=4)
     presence, around, height, random = found.components
@@ -82,7 +83,29 @@ def flake(n: Node) -> dict[str, Value]:
     }
 
 
-NODES = {
+NOISE_NODES: dict[str, Callable[[Node], Outputs]] = {
     "noise2d": noise, "noise3d": noise, "fractal2d": fractal, "fractal3d": fractal, "cellnoise2d": cellnoise,
     "cellnoise3d": cellnoise, "worleynoise2d": worleynoise, "worleynoise3d": worleynoise, "flake2d": flake, "flake3d": flake,
 }  # fmt: skip
+
+
+def ramplr(n: Node) -> Value:
+    p = n.program
+    return p.mix(n["valuel"], n["valuer"], p.clamp(n["texcoord"][0], 0.0, 1.0))
+
+
+def ramptb(n: Node) -> Value:
+    p = n.program
+    return p.mix(n["valueb"], n["valuet"], p.clamp(n["texcoord"][1], 0.0, 1.0))
+
+
+def splitlr(n: Node) -> Value:
+    """Switch values at a sharp edge, which pixel samples antialias."""
+    return n.program.select(n.program.not_above(n["center"], n["texcoord"][0]), n["valuer"], n["valuel"])
+
+
+def splittb(n: Node) -> Value:
+    return n.program.select(n.program.not_above(n["center"], n["texcoord"][1]), n["valuet"], n["valueb"])
+
+
+RAMP_NODES = {"ramplr": ramplr, "ramptb": ramptb, "splitlr": splitlr, "splittb": splittb}

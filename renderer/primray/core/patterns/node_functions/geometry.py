@@ -90,7 +90,7 @@ def time(n: Node) -> Value:
     return n.program.constant(n.around.frame()) / n["fps"]
 
 
-NODES = {
+GEOMETRY_NODES = {
     "position": position, "normal": normal, "tangent": tangent, "bitangent": bitangent, "viewdirection": viewdirection,
     "texcoord": texcoord, "geomcolor": geomcolor, "geompropvalue": geompropvalue, "transformpoint": transformpoint,
     "transformvector": transformvector, "transformnormal": transformnormal, "frame": frame, "time": time,

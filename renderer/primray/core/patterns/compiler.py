@@ -1,14 +1,38 @@
-"""Compilation of a surface's graph: the nodes that wanted outputs depend on, in order, none compiled twice."""
+"""Compilation of a surface's graph: the nodes that wanted outputs depend on, in order, none compiled twice.
+
+`NODES` is the table of node functions; `NO_MEANING` has the reasons why nodes of some types cannot be computed.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ...description import NodeOutput, Pattern, PatternNode
 from ...description.pattern_reads import GEOMPROPS
-from .node import NO_SHIFT, Node, Outputs, Surroundings
-from .nodes import NO_MEANING, NODES
+from .node import NO_SHIFT, Node, NodeContext, Outputs
+from .node_functions.compositing import CHANNEL_NODES, COMPOSITING_NODES
+from .node_functions.geometry import GEOMETRY_NODES
+from .node_functions.images import HEXTILE_NODES, IMAGE_NODES, NORMAL_MAP_NODES, USD_NODES
+from .node_functions.math_nodes import ADJUSTMENT_NODES, MATH_NODES, MATRIX_NODES
+from .node_functions.pbr import PBR_NODES
+from .node_functions.procedural import NOISE_NODES, RAMP_NODES
 from .program import Program, Value
+
+# MaterialX's primitive nodes and USD's own, by category: the function that compiles a node.
+NODES: dict[str, Callable[[Node], Outputs]] = {
+    **ADJUSTMENT_NODES, **MATH_NODES, **NORMAL_MAP_NODES, **CHANNEL_NODES, **COMPOSITING_NODES, **GEOMETRY_NODES,
+    **HEXTILE_NODES, **IMAGE_NODES, **MATRIX_NODES, **NOISE_NODES, **PBR_NODES, **RAMP_NODES, **USD_NODES,
+}  # fmt: skip
+
+_CLOSURE = "describes how a surface scatters or emits light, and has no numeric value"
+_TEXT = "is a string, which has no numeric value"
+# Reasons by type of a node's first output.
+NO_MEANING = {
+    "BSDF": _CLOSURE, "EDF": _CLOSURE, "VDF": _CLOSURE, "surfaceshader": _CLOSURE, "volumeshader": _CLOSURE,
+    "lightshader": _CLOSURE, "material": _CLOSURE, "displacementshader": "displaces points, which takes place before shading",
+    "string": _TEXT, "filename": _TEXT,
+}  # fmt: skip
 
 
 class UnknownNodeError(Exception):
@@ -20,7 +44,7 @@ class Graph:
     """A pattern during compilation: values of each node's outputs, by node and shift."""
 
     pattern: Pattern
-    around: Surroundings
+    around: NodeContext
     program: Program = field(default_factory=Program)
     _values: dict[tuple[int, int], Outputs] = field(default_factory=dict)
     _steps: dict[int, list[Value]] = field(default_factory=dict)

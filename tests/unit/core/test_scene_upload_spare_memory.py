@@ -9,7 +9,7 @@ CODE = """
 import re
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, UsdSkel
-from primray.core.spare_memory import give_back
+from primray.core.scene_upload import give_back
 
 def held(kind):
     return int(re.search(kind + r":\\s+(\\d+) kB", open("/proc/self/status").read())[1])

@@ -1,6 +1,8 @@
-"""Nodes that hide an image's repetition: three hexagonal tiles around each point, rotated, scaled and offset at random.
+"""Nodes that read images: MaterialX's, UsdUVTexture and UsdTransform2d, hexagonal tiling, normal maps.
 
-Mikkelsen 2022, "Practical Real-Time Hex-Tiling" (JCGT 11 (3)), with the hash and the constants of MaterialX's library.
+(0, 0) is an image's lower left corner; cubic filters are replaced by linear ones. Hexagonal tiling hides an image's repetition
+by three tiles around each point, rotated, scaled and offset at random: Mikkelsen 2022, "Practical Real-Time Hex-Tiling"
+(JCGT 11 (3)), with the hash and the constants of MaterialX's library. USD's nodes follow the UsdPreviewSurface specification.
 """
 
 from __future__ import annotations
@@ -9,9 +11,63 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..node import Node
+from ....description.patterns import TRANSFORM_2D, UV_TEXTURE
+from ..node import FOOTPRINT_SHIFTS, NO_SHIFT, SLOPE_SHIFTS, Node
 from ..program import Program, Value
-from .images import offsets, texel
+
+
+def offsets(n: Node) -> list[Value]:
+    """Return the differences of the coordinates over the pixel's footprint, in two directions."""
+    return [n.read("texcoord", shift) - n.read("texcoord", NO_SHIFT) for shift in FOOTPRINT_SHIFTS]
+
+
+def texel(n: Node, image: int, at: Value, off: Sequence[Value], width: int, default: Value) -> Value:
+    """Return the image's value at coordinates, filtered over the footprint that the offsets span."""
+    return n.program.apply("image", at, at + off[0], at + off[1], default, width=width, data=image)
+
+
+def image(n: Node) -> Value:
+    file, default = n.file("file"), n["default"]
+    number = None if file is None else n.around.image(file, n.width, n)
+    if number is None:
+        return default
+    at = n["texcoord"]
+    found = texel(n, number, at, offsets(n), n.width, default)
+    for component, mode in enumerate(("uaddressmode", "vaddressmode")):
+        if n.text(mode) == "constant":
+            p, x = n.program, at[component]
+            found = p.select(p.not_above(0.0, x) * p.not_above(x, 1.0), found, default)
+    return found
+
+
+IMAGE_NODES = {"image": image}
+
+
+def uv_texture(n: Node) -> Value:
+    """Return channels of the texels, times scale plus bias. The fallback is neither scaled nor biased."""
+    channels, file = n.text("channels"), n.file("file")
+    scale, bias, fallback = (
+        n.program.pack([n[name]["rgba".index(c)] for c in channels]) for name in ("scale", "bias", "fallback")
+    )
+    number = None if file is None else n.around.image(file, n.width, n)
+    if number is None:
+        return fallback
+    at = n["st"]
+    off = [n.read("st", shift) - n.read("st", NO_SHIFT) for shift in FOOTPRINT_SHIFTS]
+    missing = (fallback - bias) / scale if all(scale.constant or (0.0,)) else fallback  # for missing tiles of a UDIM set
+    return texel(n, number, at, off, n.width, missing) * scale + bias
+
+
+def transform_2d(n: Node) -> Value:
+    """Scale, rotate counter-clockwise by degrees, and translate."""
+    p, scaled, angle = n.program, n["in"] * n["scale"], n["rotation"] * math.radians(1)
+    sine, cosine = p.apply("sin", angle), p.apply("cos", angle)
+    x, y = scaled.components
+    return p.pack([x * cosine - y * sine, x * sine + y * cosine]) + n["translation"]
+
+
+USD_NODES = {UV_TEXTURE: uv_texture, TRANSFORM_2D: transform_2d}
+
 
 GRID = 2 * math.sqrt(3)  # cells of the triangle grid in a unit of coordinates
 SKEW, STRETCH = -0.57735027, 1.15470054
@@ -21,7 +77,7 @@ LEAST_COSINE = 1e-8
 
 
 @dataclass(frozen=True)
-class Tile:
+class HexTile:
     at: Value
     off: list[Value]
     weight: Value
@@ -48,7 +104,7 @@ def _ranged(p: Program, ends: Value, share: Value) -> Value:
     return p.mix(ends[0], ends[1], share)
 
 
-def tiles(n: Node) -> list[Tile]:
+def hex_tiles(n: Node) -> list[HexTile]:
     p = n.program
     at = n["texcoord"] * n["tiling"]
     off = [o * n["tiling"] for o in offsets(n)]
@@ -63,7 +119,7 @@ def tiles(n: Node) -> list[Tile]:
     return [_tile(n, at, off, base + _pair(p, i, j), weight) for i, j, weight in cells]
 
 
-def _tile(n: Node, at: Value, off: Sequence[Value], cell: Value, weight: Value) -> Tile:
+def _tile(n: Node, at: Value, off: Sequence[Value], cell: Value, weight: Value) -> HexTile:
     p, random = n.program, _random(n.program, cell)
     i, j = (cell / GRID).components
     center = _pair(p, i + j * 0.5, j * (1 / STRETCH))
@@ -72,7 +128,7 @@ def _tile(n: Node, at: Value, off: Sequence[Value], cell: Value, weight: Value) 
     scale = p.mix(1.0, _ranged(p, n["scalerange"], random[1]), n["scale"])
     moved = p.mix(n["offsetrange"][0], n["offsetrange"][1], random * n["offset"])
     place = _turned(p, at - center, sine, cosine) / scale + center + moved
-    return Tile(place, [_turned(p, o, sine, cosine) / scale for o in off], weight, angle)
+    return HexTile(place, [_turned(p, o, sine, cosine) / scale for o in off], weight, angle)
 
 
 def _gained(p: Program, x: Value, gain: Value) -> Value:
@@ -81,7 +137,7 @@ def _gained(p: Program, x: Value, gain: Value) -> Value:
     return p.select(p.less(x, 0.5), x / (a + 1.0), (a - x) / (a - 1.0))
 
 
-def weights(n: Node, of: Sequence[Tile], brightness: Value) -> Value:
+def tile_weights(n: Node, of: Sequence[HexTile], brightness: Value) -> Value:
     """Return the blending weights of three tiles, which add up to 1."""
     p, one = n.program, n.program.constant(1.0, 1.0, 1.0)
     t = p.pack([tile.weight for tile in of])
@@ -99,15 +155,15 @@ def hextiledimage(n: Node) -> Value:
     number = None if file is None else n.around.image(file, n.width, n)
     if number is None:
         return default
-    of = tiles(n)
+    of = hex_tiles(n)
     found = [texel(n, number, tile.at, tile.off, n.width, default) for tile in of]
     one = p.constant(1.0, 1.0, 1.0)
     light = p.pack([p.dot(c.part(0, 3), n["lumacoeffs"]) for c in found])
-    by_light = weights(n, of, p.mix(one, light, n["falloffcontrast"]))
+    by_light = tile_weights(n, of, p.mix(one, light, n["falloffcontrast"]))
     color = _blended([c.part(0, 3) for c in found], by_light)
     if n.width == 3:
         return color
-    return p.pack([color, _blended([c[3] for c in found], weights(n, of, one))])
+    return p.pack([color, _blended([c[3] for c in found], tile_weights(n, of, one))])
 
 
 def _blended(values: Sequence[Value], w: Value) -> Value:
@@ -121,8 +177,8 @@ def hextilednormalmap(n: Node) -> Value:
     """
     p, file, normal = n.program, n.file("file"), n["normal"]
     number = None if file is None else n.around.image(file, 3, n)
-    of = tiles(n)
-    share = weights(n, of, p.constant(1.0, 1.0, 1.0))
+    of = hex_tiles(n)
+    share = tile_weights(n, of, p.constant(1.0, 1.0, 1.0))
     gradient: Value | None = None
     for i, tile in enumerate(of):
         coded = n["default"] if number is None else texel(n, number, tile.at, tile.off, 3, n["default"])
@@ -149,4 +205,29 @@ def _bent(n: Node, coded: Value, angle: Value) -> Value:
     return p.normalize(turned(n["tangent"]) * x + turned(n["bitangent"]) * y + normal * z)
 
 
-NODES = {"hextiledimage": hextiledimage, "hextilednormalmap": hextilednormalmap}
+HEXTILE_NODES = {"hextiledimage": hextiledimage, "hextilednormalmap": hextilednormalmap}
+
+
+SOBEL = 1 / 16  # the scale of MaterialX's Sobel filter over texels
+
+
+def normalmap(n: Node) -> Value:
+    """Decode a normal map in the space of its tangents, which is the world's by default. A texel of 0 is no map."""
+    p, coded = n.program, n["in"]
+    none = p.apply("equal", p.dot(coded, coded), 0.0)
+    x, y, z = p.select(none, p.constant(0.0, 0.0, 1.0), coded * 2.0 - 1.0).components
+    scale = p.wide(n["scale"], 2)
+    return p.normalize(n["tangent"] * (x * scale[0]) + n["bitangent"] * (y * scale[1]) + n["normal"] * z)
+
+
+def heighttonormal(n: Node) -> Value:
+    """Return the encoded normal of a height field, by finite differences over texture coordinates."""
+    p = n.program
+    h = [(n.read("in", s) - n.read("in", NO_SHIFT)) * n.read("scale", NO_SHIFT) * SOBEL for s in SLOPE_SHIFTS]
+    (u1, v1), (u2, v2) = ((n.read("texcoord", s) - n.read("texcoord", NO_SHIFT)).components for s in SLOPE_SHIFTS)
+    area = u1 * v2 - v1 * u2
+    slope = p.pack([(v1 * h[1] - h[0] * v2) / area, (h[0] * u2 - u1 * h[1]) / area, p.constant(1.0)])
+    return p.normalize(slope) * 0.5 + 0.5
+
+
+NORMAL_MAP_NODES = {"normalmap": normalmap, "heighttonormal": heighttonormal}

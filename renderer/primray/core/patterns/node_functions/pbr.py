@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
-from ..node import Node
+from ..node import Node, Outputs
 from ..program import Program, Value
 
 SMALL = 1e-8
@@ -104,7 +104,7 @@ def hair_absorption_of_melanin(n: Node) -> Value:
     return p.apply("max", 0.0 - absorbed, 0.0)
 
 
-NODES = {
+PBR_NODES: dict[str, Callable[[Node], Outputs]] = {
     "roughness_anisotropy": roughness_anisotropy, "roughness_dual": roughness_dual, "artistic_ior": artistic_ior,
     "blackbody": blackbody, "chiang_hair_roughness": hair_roughness,
     "chiang_hair_absorption_from_color": hair_absorption_of_color,

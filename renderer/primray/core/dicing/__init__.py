@@ -1,1 +1,0 @@
-"""Upload of displacement for dicing, beside the cages themselves."""

@@ -1,1 +1,0 @@
-"""Upload of light path expressions to the core."""
