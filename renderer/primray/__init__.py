@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from . import errors
 from .compare import compare
 from .errors import PrimrayError
-from .keeping.frames import render_frames
+from .incremental.frames import render_frames
 from .lens.diffusion import Diffusion
 from .render import render
 from .settings import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, RenderSettings, StopAt, StudioLight
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
     from .compare.sequences import SequenceComparison
-    from .examining.diagnosis import Diagnosis, doctor
-    from .examining.estimated import CostEstimate, estimate
-    from .examining.inspected import inspect
-    from .examining.machine import MachineCheck
+    from .diagnosis.doctor import Diagnosis, doctor
+    from .diagnosis.estimate import CostEstimate, estimate
+    from .diagnosis.inspection import inspect
+    from .diagnosis.machine import MachineCheck
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
     from .images.stereo import StereoImage
-    from .keeping.scene import Scene
+    from .incremental.scene import Scene
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
     from .notices.announcement import RenderWarning
     from .render.local_processes import LocalProcesses
@@ -92,24 +92,24 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Camera": "camera",
         "Checkpointing": "checkpoints.checkpointing",
         "Comparison": "compare.comparison",
-        "CostEstimate": "examining.estimated",
-        "Diagnosis": "examining.diagnosis",
+        "CostEstimate": "diagnosis.estimate",
+        "Diagnosis": "diagnosis.doctor",
         "DirectionTable": "lens.distortion",
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
         "LocalProcesses": "render.local_processes",
-        "MachineCheck": "examining.machine",
+        "MachineCheck": "diagnosis.machine",
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "notices.announcement",
-        "Scene": "keeping.scene",
+        "Scene": "incremental.scene",
         "SequenceComparison": "compare.sequences",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
-        "doctor": "examining.diagnosis",
-        "estimate": "examining.estimated",
-        "inspect": "examining.inspected",
+        "doctor": "diagnosis.doctor",
+        "estimate": "diagnosis.estimate",
+        "inspect": "diagnosis.inspection",
         "read_image": "images.reading",
         "render_products": "render.products",
         "render_stereo": "render.stereo",

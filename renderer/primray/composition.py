@@ -1,6 +1,6 @@
 """Settings of how a stage is composed: `--variant`, `--load`, `--mask` and `--session-layer`, checked as text.
 
-Whether the named prims, variant sets and variants exist is checked when the stage is open, in usd/opening/stage.py.
+Whether the named prims, variant sets and variants exist is checked when the stage is open, in usd/stage/open.py.
 """
 
 from __future__ import annotations

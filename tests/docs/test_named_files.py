@@ -48,7 +48,7 @@ def test_named_files_are_there() -> None:
 
 
 def test_a_lost_one_is_found() -> None:
-    files = ["renderer/primray/usd/opening/stage.py", "renderer/core/math/lanes.hpp"]
-    text = '"""Opened by opening/stage.py, not by usd/stage.py."""\nx = "none.py"  # as in lanes.hpp and lane.hpp\n'
+    files = ["renderer/primray/usd/stage/open.py", "renderer/core/math/lanes.hpp"]
+    text = '"""Opened by stage/open.py, not by usd/stage.py."""\nx = "none.py"  # as in lanes.hpp and lane.hpp\n'
     assert sorted(lost("a.py", text, files)) == ["lane.hpp", "usd/stage.py"]
     assert lost("a.hpp", "// math/lanes.hpp, light/lanes.hpp\n#include <none.hpp>\n", files) == ["light/lanes.hpp"]

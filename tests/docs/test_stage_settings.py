@@ -9,7 +9,7 @@ from pathlib import Path
 from primray.cli.commands.render import render
 from primray.cli.quick import TABLE
 from primray.usd.adapters.rendering.stage_settings import NAMES, VARIABLES
-from primray.usd.resolving.renderer_attributes import ERROR_THRESHOLDS, SETTINGS_OF_OTHERS
+from primray.usd.scene.schemas import ERROR_THRESHOLDS, SETTINGS_OF_OTHERS
 
 PAGE = (Path(__file__).parents[2] / "docs/stage-settings.md").read_text(encoding="utf-8")
 OURS = re.findall(r"^\| `(primray:\w+)` \| \w+ \| .* \| (.*) \|$", PAGE, re.MULTILINE)

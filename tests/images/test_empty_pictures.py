@@ -11,7 +11,7 @@ from pxr import Usd
 
 import primray
 from primray.errors import UnsupportedError
-from primray.usd import shapes_left_out
+from primray.usd import undrawn_shapes
 
 CAMERA = 'def Camera "cam" { double3 xformOp:translate = (0, 0, 10)\n uniform token[] xformOpOrder = ["xformOp:translate"]\n'
 NEAR = "float2 clippingRange = (20, 1000) }\n"
@@ -163,7 +163,7 @@ def test_what_one_crowd_draws_is_not_left_out_by_another(tmp_path: Path) -> None
     crowd = ELSEWHERE.rpartition("def")[2]
     both = ELSEWHERE % ("", HIDDEN) + "def" + (crowd % "").replace('"crowd"', '"seen"')
     path = written(tmp_path, CAMERA + "}\n" + both)
-    assert shapes_left_out(Usd.Stage.Open(str(path)), settings()) == {}
+    assert undrawn_shapes(Usd.Stage.Open(str(path)), settings()) == {}
 
 
 @pytest.mark.parametrize("lamp", ["", LAMP % 1])

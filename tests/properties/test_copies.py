@@ -12,10 +12,8 @@ from typing import Any
 import pytest
 from pxr import Sdf, Usd
 
-from primray.usd.opening.isolated import isolated
-from primray.usd.opening.reach import OpinionsLeak, check_reach
-from primray.usd.opening.stage import scratch_copy
-from primray.usd.opening.taking_out import editable
+from primray.usd.stage.edits import OpinionsLeak, check_reach, editable, isolated_copy
+from primray.usd.stage.open import scratch_copy
 
 from .random_arcs import stage_of
 
@@ -93,7 +91,7 @@ def test_edits_reach_what_they_name(start: int) -> None:
             refused += 1
         else:
             assert not_meant(before, values(copy), edits) == [], seed
-        alone = isolated(stage)
+        alone = isolated_copy(stage)
         assert not_meant(before, values(alone), []) == [], seed
         assert instances(alone) >= instances(stage), seed
         copy = scratch_copy(alone)

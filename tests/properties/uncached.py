@@ -9,18 +9,19 @@ import pytest
 
 from primray.usd.adapters.materials.material import Materials
 from primray.usd.adapters.shapes import implicit, mesh
+from primray.usd.instancing import prototypes
 from primray.usd.lights import light_color, photometric
 from primray.usd.materials.leaf_materials import bind_leaves, bindings_of
 from primray.usd.materials.network import ShaderIds
-from primray.usd.resolving import bindings, color_spaces, resolve
-from primray.usd.resolving.kept import Kept
+from primray.usd.resolving import color_spaces
+from primray.usd.scene import bindings, inheritance, walk
+from primray.usd.scene.context import Kept
 from primray.usd.shapes.topology import SharedFaces
-from primray.usd.walking import prototypes, walk
 
 # What only saves work. All others that are kept are records, which later steps read.
 CACHES = frozenset({
-    Materials, SharedFaces, ShaderIds, bindings._Wrong, color_spaces._Known, light_color._Illuminants, implicit._Shared,
-    mesh._Shared, photometric._Amounts, prototypes._HoldInstancers, resolve._Colored,
+    Materials, SharedFaces, ShaderIds, bindings._BindingFaults, color_spaces._Known, light_color._Illuminants, implicit._Shared,
+    mesh._Shared, photometric._Amounts, prototypes._HoldInstancers, inheritance._Colored,
 })  # fmt: skip
 
 

@@ -120,7 +120,7 @@ def frames_of(
     if default_time and (frames, count, increment) != (None, None, None):
         raise SettingsError("--defaultTime cannot be combined with frames; give one of them", code="frames")
     if frames is not None and scene is not None and names_ends(frames):
-        from ..usd.opening.time_range import time_range
+        from ..usd.stage.open import time_range
 
         frames = with_ends(frames, *time_range(scene, session_layer))
     if count is not None or increment is not None:

@@ -41,7 +41,7 @@ def require_files(outputs: list[str]) -> None:
 def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoImage | None:
     """Render both eyes; return None if interrupted before both have samples."""
     from ..images.stereo import StereoImage
-    from ..keeping.frames import quiet_frames
+    from ..incremental.frames import quiet_frames
     from ..render.stereo import StereoSettings
     from .terminal.progress import Show, showing
 

@@ -31,7 +31,7 @@ class Placed:
 class Prototype:
     """Geometry stored once and placed many times: shapes, or placements of prototypes that have shapes (at most two levels).
 
-    Deeper nesting is multiplied out by translation, up to a budget (usd/walking/instances.py).
+    Deeper nesting is multiplied out by translation, up to a budget (usd/instancing/instances.py).
     """
 
     path: str

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import usd
 from ..diagnostics import Diagnostics
-from ..keeping.kept_stage import KeptStage
+from ..incremental.scene import KeptStage
 from ..render.render import picture_of
 from ..render.snapshots import picture_so_far
 from ..report.report import Costs
@@ -92,7 +92,7 @@ class ViewedScene:
 
     def read_anew(self, files: Collection[str]) -> None:
         """Reload the stage after these files (absolute paths) have changed."""
-        usd.read_anew(self.path, files)
+        usd.reload_layers(self.path, files)
         self.open()
 
     def choose(self, prim: str, of_set: str, name: str) -> None:

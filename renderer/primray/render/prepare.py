@@ -136,7 +136,7 @@ def _prepare(
     diagnostics.raise_if_refused(settings.refusal)
     if scene.bounds is None:
         _require_something_to_render(diagnostics, settings)
-    left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
+    left_out = {} if scene.bounds is not None else usd.count_undrawn_shapes(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
     if description.aovs and stage.GetPrototypes():  # all instances may have been turned into copies
         assert scene.record is not None

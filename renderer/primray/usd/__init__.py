@@ -1,26 +1,23 @@
 """Translation of a USD stage to a SceneDescription: the only package that imports pxr, and it renders nothing.
 
-`stage` opens the stage; `walk` visits it once per distinct prototype, carries what prims inherit (`resolve`), and collects
-groups of leaf prims and instances; `instances` computes where groups are placed, as products of levels; `adapters` turn one
-resolved prim into description objects; `translate` holds the table of adapters and runs all of this in order. All matrices are
-double precision and column-vector.
+`stage` opens and reads the stage; `scene` visits it once per distinct prototype, carries what prims inherit, and collects
+groups of leaf prims and instances; `instancing` computes where groups are placed, as products of levels; adapters turn one
+resolved prim into description objects; `translate` holds the table of adapters and runs all of this in order. `inspect` has
+facts about a stage, `incremental` translates again after edits. All matrices are double precision and column-vector.
 """
 
 from .adapters.rendering.product_outputs import can_be_made_together, outputs_of, picture_of_product, picture_ordered
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import named_product, products
-from .facts.assets import assets_of
 from .facts.bound import bound_materials
-from .facts.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
-from .facts.labels import labels_of
-from .facts.left_out import left_out, shapes_left_out
-from .facts.names_in_instances import names_in_instances
 from .facts.output_facts import output_facts
-from .facts.stage_facts import stage_facts
-from .opening.reading_anew import read_anew
-from .opening.stage import open_stage
-from .opening.stage_metadata import stage_name, used_files
-from .querying.asset import read_asset
+from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
+from .inspect.prim_identity import assets_of, labels_of, names_in_instances
+from .inspect.stage_facts import stage_facts
+from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
+from .stage.metadata import stage_name, used_files
+from .stage.open import open_stage, reload_layers
+from .stage.reads import read_asset
 from .translate import camera_paths, translate
 from .viewing.drawn import drawn_bounds
 from .viewing.session_camera import has_camera, is_session_camera, place_camera
@@ -33,6 +30,7 @@ __all__ = [
     "bound_materials",
     "camera_paths",
     "can_be_made_together",
+    "count_undrawn_shapes",
     "dependencies",
     "drawn_bounds",
     "files_to_watch",
@@ -40,7 +38,6 @@ __all__ = [
     "is_session_camera",
     "labels_of",
     "layer_files",
-    "left_out",
     "named_product",
     "names_in_instances",
     "open_stage",
@@ -50,12 +47,12 @@ __all__ = [
     "picture_ordered",
     "place_camera",
     "products",
-    "read_anew",
     "read_asset",
-    "shapes_left_out",
+    "reload_layers",
     "stage_facts",
     "stage_name",
     "translate",
+    "undrawn_shapes",
     "used_files",
     "write_usdz",
 ]

@@ -1,29 +1,26 @@
-"""Translation of a stage to a SceneDescription: the table of adapters, and the order of the passes."""
+"""Translation of a stage to a SceneDescription: the table of adapters, and the order of the passes.
+
+One pass over the stage and its native prototypes finds the prims that are needed by type, wherever they are.
+"""
 
 from __future__ import annotations
 
 import re
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from pxr import Usd
 
 from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of, with_distances
-from ..description import (
-    Camera,
-    CameraMotion,
-    Frame,
-    MotionSteps,
-    SceneDescription,
-)
+from ..description import Camera, CameraMotion, Frame, MotionSteps, SceneDescription
 from ..diagnostics import Diagnostics
 from ..garbage import without_collection
 from ..process_memory import machine_bytes
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.rendering.product_outputs import outputs_of
-from .adapters.rendering.render_pass import with_render_pass
+from .adapters.rendering.render_pass import note_render_pass, with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
 from .adapters.shapes.curves import basis_curves_of, hermite_curves_of, nurbs_curves_of
@@ -33,11 +30,7 @@ from .adapters.shapes.mesh import mesh
 from .adapters.shapes.nurbs_patch import nurbs_patch
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
-from .assembling.bounds import scene_bounds
-from .assembling.described import describe, note_missing_primvars
-from .assembling.groups import add_group, add_grouped, shared_paths
-from .assembling.motion import note_errors, settle
-from .assembling.scene import Adapters, LightAdapter, Scene, ShapeAdapter
+from .instancing.instances import Arrangement, Group, arrange, at_instant, merge_coincident
 from .lights.assembly import add_default_light
 from .lights.geometry_light import with_geometry_lights
 from .lights.light import read_light
@@ -46,19 +39,32 @@ from .lights.light_links import Links, find_links
 from .lights.portals import report_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .moving.foreseen import Foreseen
-from .opening.file_names import file_names
-from .opening.isolated import isolated
-from .opening.reach import OpinionsLeak
-from .opening.stage import usd_messages
-from .opening.stage_metadata import meters_per_unit
 from .paths.point_steps import PointSteps
-from .querying.cameras import cameras_of
-from .querying.messages import scene_errors
+from .querying.cameras import cameras_in_instances, cameras_of
 from .resolving.color_spaces import rendering_space
-from .resolving.context import Context
-from .resolving.notes import LevelsMet
-from .resolving.read import When, when_of
-from .resolving.resolve import BlurScales, ResolvedPrim
+from .scene.assembly import (
+    add_group,
+    add_kept_groups,
+    choose_times,
+    describe,
+    note_errors,
+    note_missing_primvars,
+    scene_bounds,
+    shared_paths,
+)
+from .scene.context import Context
+from .scene.inheritance import BlurScales, ResolvedPrim
+from .scene.level_of_detail import with_levels_chosen
+from .scene.notes import LevelsMet
+from .scene.translated_scene import Adapters, LightAdapter, Record, ShapeAdapter, TranslatedScene
+from .scene.walk import walk
+from .stage.edits import OpinionsLeak, isolated_copy
+from .stage.messages import file_names, scene_errors
+from .stage.metadata import meters_per_unit
+from .stage.open import usd_messages
+from .stage.reads import type_name
+from .stage.traversal import exists, is_in_world, populated, prims_in_instances
+from .stage.values import When, when_of
 from .viewing.back_plates import Looks, plates_of, with_back_plates
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.diffusion import with_diffusion
@@ -67,12 +73,7 @@ from .viewing.near_plane import note_near_plane
 from .viewing.rolling import exposed
 from .viewing.shutter import note_closed_shutter, shutter_of_vectors, timing_of
 from .viewing.view import select_camera, view_through, view_without_things
-from .walking.find_by_type import Found, find_by_type
-from .walking.instances import Arrangement, Group, arrange, at_instant, merge_coincident
-from .walking.levels import with_levels_chosen
-from .walking.record import Record
 from .walking.skinning import are_drawn, posed
-from .walking.walk import walk
 
 # The adapter table: the function that translates prims of each type. The walk expands point instancers itself
 # (adapters.point_instancer); cameras and render settings are not adapted where they are, but selected (view.py).
@@ -136,7 +137,7 @@ class Assembled:
     """Translated content of the stage, independent of the view as long as the shutter is closed."""
 
     ctx: Context
-    scene: Scene
+    scene: TranslatedScene
     groups: list[Group[ResolvedPrim]]
     where: Arrangement
 
@@ -148,7 +149,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         return _edited(stage, settings, diagnostics, names)
     diagnostics.forget_after(count)
     names.clear()
-    return _edited(isolated(stage), settings, diagnostics, names)
+    return _edited(isolated_copy(stage), settings, diagnostics, names)
 
 
 def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
@@ -232,10 +233,10 @@ def assemble(ctx: Context) -> Assembled:
     where = _arranged(groups, ctx)
     ctx = replace(ctx, shares=shared_paths(groups))
     ctx.kept.of(Record).told = len(ctx.diagnostics)
-    scene = Scene(Adapters(SHAPES, LIGHTS), links)
+    scene = TranslatedScene(Adapters(SHAPES, LIGHTS), links)
     for g, group in enumerate(groups):
         add_group(scene, group, where, g, ctx)
-    add_grouped(scene, groups, where)
+    add_kept_groups(scene, groups, where)
     report_unnamed_portals(ctx)
     return Assembled(ctx, scene, groups, where)
 
@@ -259,7 +260,7 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
 
 
 def _timed(
-    scene: Scene, camera: Camera, frame: Frame, begun: Begun, ctx: Context
+    scene: TranslatedScene, camera: Camera, frame: Frame, begun: Begun, ctx: Context
 ) -> tuple[CameraMotion | None, list[MotionSteps]]:
     """Choose the times at which the camera and everything that moves are sampled; return the camera's motion and all steps."""
     motion, steps, error = None, list[MotionSteps](), ctx.settings.most_motion_error
@@ -268,7 +269,7 @@ def _timed(
     if moving is not None:
         motion = moving[0]
         steps.append(moving[1].of(camera.path, "camera"))
-    steps += [*settle(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
+    steps += [*choose_times(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
     note_errors(steps, ctx)
     return motion, steps
 
@@ -329,3 +330,51 @@ def _context(
 def camera_paths(stage: Usd.Stage) -> list[str]:
     """Return the paths of the cameras that a render may choose."""
     return [str(prim.GetPath()) for prim in cameras_of(stage)]
+
+
+_TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot", "GeometryLight"})
+
+
+@dataclass
+class Found:
+    """Prims of some types; cameras and settings are those in the world."""
+
+    cameras: list[Usd.Prim] = field(default_factory=list)  # in the order of cameras_of
+    in_prototypes: bool = False  # some cameras are in native prototypes
+    lights_in_prototypes: bool = False  # some geometry lights are
+    settings: list[Usd.Prim] = field(default_factory=list)
+    geometry_lights: list[Usd.Prim] = field(default_factory=list)  # in the world
+    shaders: list[Usd.Prim] = field(default_factory=list)  # including those in native prototypes
+    skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, including those in native prototypes
+
+
+def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics, render_pass: str | None = None) -> Found:
+    """Return the prims of these types. `render_pass` is the pass that is rendered; others are reported."""
+    found = Found()
+    for prim in populated(stage):
+        name = type_name(prim)
+        if name in _TYPES and exists(prim):
+            _add(found, prim, str(name), diagnostics, render_pass)
+    if found.in_prototypes:
+        found.cameras += cameras_in_instances(stage)
+    if found.lights_in_prototypes:
+        found.geometry_lights += prims_in_instances(stage, "GeometryLight")
+    return found
+
+
+def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics, render_pass: str | None) -> None:
+    if name == "Shader":
+        found.shaders.append(prim)
+    elif name == "SkelRoot":
+        found.skeletons.append(prim)
+    elif prim.IsInPrototype() or not is_in_world(prim):
+        found.in_prototypes |= name == "Camera"
+        found.lights_in_prototypes |= name == "GeometryLight"
+    elif name == "Camera":
+        found.cameras.append(prim)
+    elif name == "RenderSettings":
+        found.settings.append(prim)
+    elif name == "GeometryLight":
+        found.geometry_lights.append(prim)
+    elif render_pass is None:
+        note_render_pass(prim, diagnostics)

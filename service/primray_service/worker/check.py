@@ -14,11 +14,10 @@ from typing import Any, Protocol
 from primray.diagnostic_codes import CODES
 from primray.errors import AssetError, StageOpenError
 from primray.fidelity import Kind
-from primray.usd.facts.expansion import expansion
-from primray.usd.facts.layer_content import DAMAGED as DAMAGED_LAYER
-from primray.usd.facts.layer_content import LayerContent, layer_content
-from primray.usd.facts.nesting import nesting_depth
-from primray.usd.facts.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
+from primray.usd.inspect.layer_content import DAMAGED as DAMAGED_LAYER
+from primray.usd.inspect.layer_content import LayerContent, expansion, layer_content
+from primray.usd.inspect.nesting import nesting_depth
+from primray.usd.inspect.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
 from primray.usd.materialx.documents import names_in
 from primray.usd.materialx.stand_ins import is_document
 

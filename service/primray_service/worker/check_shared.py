@@ -14,9 +14,9 @@ from typing import Any
 
 from primray.errors import StageOpenError
 from primray.usd import dependencies
-from primray.usd.facts.layer_content import layer_content
-from primray.usd.facts.nesting import nesting_depth
-from primray.usd.facts.scene_facts import scene_facts
+from primray.usd.inspect.layer_content import layer_content
+from primray.usd.inspect.nesting import nesting_depth
+from primray.usd.inspect.scene_facts import scene_facts
 
 from ..limits import Limits
 from ..problems import Problem

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from primray.diagnostics import Diagnostics
-from primray.keeping.frugal_steps import KEPT_PART
-from primray.keeping.kept_stage import KeptStage
+from primray.incremental.scene import KeptStage
+from primray.incremental.steps import KEPT_PART
 from primray.process_memory import resident_bytes
 from primray.render import Prepared, prepare
 from primray.render.prepare import OpenedStage, composing_settings

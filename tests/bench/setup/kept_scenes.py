@@ -15,7 +15,7 @@ from functools import partial
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from primray.diagnostics import Diagnostics
-from primray.keeping.kept_stage import KeptStage
+from primray.incremental.scene import KeptStage
 from primray.render import open_once, prepare
 from primray.report.report import Costs
 from primray.settings import RenderSettings

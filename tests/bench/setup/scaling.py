@@ -49,7 +49,7 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     from primray.report.report import peak_rss_bytes
     from primray.report.summary import summary
     from primray.settings import RenderSettings
-    from primray.usd.walking import instances
+    from primray.usd.instancing import instances
 
     if kind == "multiplied":
         instances.MAX_FLAT_INSTANCES = count

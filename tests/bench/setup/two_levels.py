@@ -20,7 +20,7 @@ from primray import core, usd
 from primray.description import SceneDescription
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
-from primray.usd.walking import instances
+from primray.usd.instancing import instances
 
 SETTINGS = RenderSettings(resolution=(320, 180), spp=8, max_depth=4, threads=1)
 

@@ -33,25 +33,25 @@ STAGE_METADATA = """GetDefaultPrim GetEndTimeCode GetFramesPerSecond GetInfo Get
     GetStartTimeCode GetTimeCodesPerSecond HasAuthoredTimeCodeRange HasDefaultPrim HasTimeCodesPerSecond customLayerData
     defaultPrim endTimeCode expressionVariables framesPerSecond startTimeCode timeCodesPerSecond"""
 ONE_PLACE = {
-    f"{USD}/querying/guarded.py": frozenset(FALLIBLE.split()),
-    f"{USD}/querying/stage_values.py": frozenset(STAGE_METADATA.split()),
-    f"{USD}/querying/traversal.py": frozenset(SEARCHES.split()),
-    f"{USD}/querying/time_varying.py": frozenset(TIMES.split()),
+    f"{USD}/stage/reads.py": frozenset(FALLIBLE.split()),
+    f"{USD}/stage/metadata.py": frozenset(STAGE_METADATA.split()),
+    f"{USD}/stage/traversal.py": frozenset(SEARCHES.split()),
+    f"{USD}/stage/time_varying.py": frozenset(TIMES.split()),
 }
 # What reads at the time of the render by itself has to know what is read where there is no frame.
 TIMES_OF_RENDER = {
     f"{USD}/materials/texture_asset.py",  # the frame's number, which nodes of time and names of files hold
-    f"{USD}/resolving/read.py",
-    f"{USD}/resolving/resolve.py",  # transforms: local_matrix asks read where something has no default
-    f"{USD}/resolving/stage_bounds.py",  # at the earliest time of all
+    f"{USD}/stage/values.py",
+    f"{USD}/scene/inheritance.py",  # transforms: local_matrix asks read where something has no default
+    f"{USD}/scene/bounds.py",  # at the earliest time of all
     f"{USD}/walking/held_values.py",  # values that are held as defaults by then
 }
 DEFAULT_TIMES = {
-    f"{USD}/facts/missing_files.py",  # in which layers a default is authored
-    f"{USD}/keeping/translation.py",  # to make a When
-    f"{USD}/querying/guarded.py",
-    f"{USD}/querying/time_varying.py",
-    f"{USD}/resolving/read.py",
+    f"{USD}/inspect/scene_facts.py",  # in which layers a default is authored
+    f"{USD}/incremental/translation.py",  # to make a When
+    f"{USD}/stage/reads.py",
+    f"{USD}/stage/time_varying.py",
+    f"{USD}/stage/values.py",
     f"{USD}/walking/skeleton_bindings.py",  # values that are held as defaults by then
     f"{USD}/walking/skinning.py",  # likewise
 }
@@ -138,7 +138,7 @@ def one_place_for_what_is_asked_of_a_stage(path: PurePosixPath, text: str) -> It
 
 
 def one_rule_for_no_frame(path: PurePosixPath, text: str) -> Iterator[str]:
-    """Without a frame a value is read at its earliest time where it has no default (resolving/read.py)."""
+    """Without a frame a value is read at its earliest time where it has no default (stage/values.py)."""
     if path.suffix != ".py" or not is_under(path, USD):
         return
     for node in ast.walk(ast.parse(text)):
@@ -146,9 +146,9 @@ def one_rule_for_no_frame(path: PurePosixPath, text: str) -> Iterator[str]:
             continue
         of = node.value.attr if isinstance(node.value, ast.Attribute) else getattr(node.value, "id", "")
         if (of, node.attr) == ("when", "time") and str(path) not in TIMES_OF_RENDER:
-            yield f"asks when.time in line {node.lineno}: without a frame resolving/read.py knows at which time to read"
+            yield f"asks when.time in line {node.lineno}: without a frame stage/values.py knows at which time to read"
         if (of, node.attr) == ("TimeCode", "Default") and str(path) not in DEFAULT_TIMES:
-            yield f"reads defaults in line {node.lineno}: resolving/read.py knows what is read where there is none"
+            yield f"reads defaults in line {node.lineno}: stage/values.py knows what is read where there is none"
 
 
 def without_comments(text: str) -> str:

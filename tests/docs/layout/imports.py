@@ -38,7 +38,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
     "translation": ("textures", "refine", "usd"),
     "core": ("core",),
     "rendering": ("sampling", "staging", "images", "diffusing", "denoising", "report", "checkpoints", "parts", "render"),
-    "tools": ("examining", "keeping", "live", "compare"),
+    "tools": ("diagnosis", "incremental", "live", "compare"),
     "command line": ("cli",),
 }
 

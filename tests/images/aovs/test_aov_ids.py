@@ -10,7 +10,7 @@ from tests.images.aovs.test_aovs import picture, values
 from primray.images.image import Image
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.walking import instances as arrangement
+from primray.usd.instancing import instances as arrangement
 
 # Balls of radius 0.2 on whole coordinates, seen from (2, 1, 20) or so: which one is at a point is plain.
 NESTED = """

@@ -18,8 +18,8 @@ from primray.checkpoints.merge import merge
 from primray.cli.inspect_text import camera_rows
 from primray.compare.comparison import compare
 from primray.description.frame import Frame, PixelWindow
+from primray.diagnosis.inspection import camera_facts
 from primray.errors import CheckpointError, InvalidSceneError, LimitError, SettingsError
-from primray.examining.inspected import camera_facts
 from primray.images.image_file import read_image
 from primray.usd import translate
 

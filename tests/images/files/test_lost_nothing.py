@@ -173,6 +173,6 @@ def test_the_left_eye_is_kept_where_the_right_one_fails(stage: Path, monkeypatch
         yield made
         raise SettingsError("the right eye is blind")
 
-    monkeypatch.setattr("primray.keeping.frames.quiet_frames", frames)
+    monkeypatch.setattr("primray.incremental.frames.quiet_frames", frames)
     assert run(["render", "s.usda", "--stereo", "-o", "pair.exr", "-o", "pair.png", *QUICK]) == 2
     assert sorted(path.name for path in stage.parent.glob("pair*")) == ["pair_left.exr", "pair_left.png"]

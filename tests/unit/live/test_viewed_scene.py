@@ -13,7 +13,7 @@ from primray import usd
 from primray.errors import PrimrayError, SettingsError, StageOpenError
 from primray.images.image import Image
 from primray.live.viewed_scene import Size, View, ViewedScene
-from primray.usd.keeping import translation
+from primray.usd.incremental import translation
 
 STAGE = """#usda 1.0
 (
@@ -93,7 +93,7 @@ def test_only_what_a_move_touches_is_translated_again(scene: ViewedScene, monkey
     for _ in range(2):  # the first one makes the camera that moves
         scene.move(lambda orbit, camera: orbit.tumbled(0.01, 0.0))
         moved = picture(scene)
-    monkeypatch.setattr(translation, "_made_anew", None)
+    monkeypatch.setattr(translation, "_translated_recorded", None)
     scene.move(lambda orbit, camera: orbit.tumbled(0.01, 0.0))
     again = picture(scene)
     monkeypatch.undo()

@@ -115,7 +115,7 @@ def doctor(
 
 
 def _machine(as_json: bool) -> None:
-    from ...examining.machine import check_machine
+    from ...diagnosis.machine import check_machine
     from ..json_lines import print_line
 
     found = check_machine()
@@ -130,8 +130,8 @@ def _machine(as_json: bool) -> None:
 
 
 def _stage(scene: str, settings: RenderSettings, seconds: float, as_json: bool, verbose: bool) -> None:
-    from ...examining.diagnosis import diagnose
-    from ..doctor.stage import lines
+    from ...diagnosis.doctor import diagnose
+    from ...diagnosis.text import lines
     from ..json_lines import print_line
 
     facts = diagnose(scene, settings, seconds).as_json()

@@ -19,7 +19,7 @@ from .. import option_values, output_flags, render_flags, stage_flags
 from ..option_values import OnOff
 
 if TYPE_CHECKING:
-    from ...examining.estimated import CostEstimate
+    from ...diagnosis.estimate import CostEstimate
     from ...sampling.prediction import Prediction
 
 VAGUE = 2.0  # factor by which the pilot's error may be underestimated, from which a warning is printed
@@ -80,7 +80,7 @@ def estimate(
     verbose: output_flags.Verbose = False,
 ) -> None:
     """Predict the samples and seconds that a render needs to reach an error, without rendering it."""
-    from ...examining.estimated import estimate as cost
+    from ...diagnosis.estimate import estimate as cost
     from ...notices.diagnostics_text import print_diagnostics
     from ..json_lines import print_line
 

@@ -57,7 +57,7 @@ def inspect(
     allow: stage_flags.Allow = None,
 ) -> None:
     """Print a stage's contents and what would be rendered: layers, cameras, products, counts, memory, diagnostics."""
-    from ...examining.inspected import facts_of
+    from ...diagnosis.inspection import facts_of
     from ..inspect_text import lines
     from ..json_lines import print_line
 

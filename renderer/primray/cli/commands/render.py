@@ -382,7 +382,7 @@ def _render_shots(
     checkpointing: list[Checkpointing | None],
     snapshot_s: float | None,
 ) -> None:
-    from ...keeping.frames import quiet_frames
+    from ...incremental.frames import quiet_frames
 
     rendering: list[Shot] = []
 

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from ...arrays import Floats
 from ..paths.points import PointPath, point_path
-from ..resolving.context import Context
-from ..resolving.read import array, read
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
 from ..shapes.topology import LARGEST
+from ..stage.values import array, read
 from .curve_set import Ints
 
 

@@ -12,8 +12,8 @@ from ..moving.steps import fractions
 from ..paths.changes import bends, moves
 from ..paths.meshes import finite_points
 from ..paths.point_steps import point_steps
-from ..resolving.context import Context
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
 from .authored import AuthoredCurves
 from .curve_set import CurveSet
 from .values import fitting, name_of_widths, radii_of, read_widths

@@ -11,13 +11,13 @@ from pxr import UsdGeom
 from ...arrays import Floats
 from ...description import Interpolation, Surface
 from ...description import Primvar as SeamPrimvar
-from ..querying.guarded import element_size, metadatum
-from ..resolving.context import Context
-from ..resolving.read import When, array, as_columns, value
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
 from ..shapes.authored_mesh import read_normals
 from ..shapes.primvars import Primvar, checked_vectors, note_clamped_color, read_authored
 from ..shapes.surface_primvars import read_primvars
+from ..stage.reads import element_size, metadatum
+from ..stage.values import When, array, as_columns, value
 from .basis import Mask
 from .curve_set import EVENLY, CurveSet, Ints
 

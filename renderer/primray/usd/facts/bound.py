@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from pxr import Usd, UsdShade
 
-from ..querying.guarded import computed
+from ..stage.reads import computed
 
 
 def bound_materials(stage: Usd.Stage, paths: Iterable[str]) -> dict[str, str]:

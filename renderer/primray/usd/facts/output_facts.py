@@ -17,10 +17,10 @@ from ..adapters.rendering.render_pass import settings_of_pass
 from ..adapters.rendering.render_product import ProductSettings
 from ..adapters.rendering.render_settings import products
 from ..adapters.rendering.stage_settings import stage_settings
-from ..querying.guarded import targets, type_name
-from ..querying.messages import scene_errors
-from ..querying.traversal import in_world
-from ..resolving.read import When, when_of_few
+from ..stage.messages import scene_errors
+from ..stage.reads import targets, type_name
+from ..stage.traversal import world_prims
+from ..stage.values import When, when_of_few
 
 MOST = 500  # entries of each list
 
@@ -28,7 +28,7 @@ MOST = 500  # entries of each list
 @scene_errors()
 def output_facts(stage: Usd.Stage, settings: RenderSettings) -> dict[str, Any]:
     """Return the stage's RenderSettings and passes in order, and the products of the settings that a render uses."""
-    prims = list(in_world(stage))
+    prims = list(world_prims(stage))
     found = products(stage, settings, Diagnostics())
     followed = found[0].settings_path
     when = when_of_few(settings.time_code)

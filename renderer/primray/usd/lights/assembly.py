@@ -9,13 +9,13 @@ from ...arrays import Doubles
 from ...description import Camera, Surface
 from ...description.placement import chunks
 from ...settings import StudioLight
-from ..assembling.scene import Scene
+from ..instancing.instances import Chain
 from ..moving.levels import do_move
-from ..opening.stage_metadata import up_axis
-from ..resolving.context import Context
-from ..resolving.convert import square
-from ..resolving.resolve import ResolvedPrim
-from ..walking.instances import Chain
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..scene.translated_scene import TranslatedScene
+from ..stage.metadata import up_axis
+from ..stage.values import square
 from .default_light import default_lights
 from .light_settings import read_light_settings
 from .motion import LightPath, report_changing_size
@@ -25,7 +25,7 @@ MAX_LIGHT_INSTANCES = 1 << 18
 
 
 def add_lights(
-    scene: Scene,
+    scene: TranslatedScene,
     leaf: ResolvedPrim,
     group_from_prim: Doubles,
     chains: list[Chain],
@@ -54,7 +54,7 @@ def add_lights(
         scene.lights.append(rules.applied(made))
 
 
-def add_default_light(scene: Scene, camera: Camera, ctx: Context) -> bool:
+def add_default_light(scene: TranslatedScene, camera: Camera, ctx: Context) -> bool:
     """Add the studio light if it is asked for or the stage has no light (one that emits nothing is a light).
 
     Return whether the choice is left open: a surface emits, and how much of the picture it lights is not known yet.

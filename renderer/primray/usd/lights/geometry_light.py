@@ -15,14 +15,13 @@ from pxr import Sdf, Usd, UsdGeom
 
 from ...description import Shape, Surface
 from ...diagnostics import Diagnostics
-from ..opening.reach import check_reach
-from ..opening.stage import scratch_copy
-from ..opening.taking_out import editable
-from ..querying.guarded import property_names, purpose_of, schemas_applied, targets
-from ..resolving.context import Context
-from ..resolving.read import When, is_hidden, token
-from ..resolving.renderer_attributes import LEFT_OUT
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..scene.schemas import LEFT_OUT
+from ..stage.edits import check_reach, editable
+from ..stage.open import scratch_copy
+from ..stage.reads import property_names, purpose_of, schemas_applied, targets
+from ..stage.values import When, is_hidden, token
 from .light import read_geometry_light
 from .light_links import Links
 from .light_settings import read_light_settings

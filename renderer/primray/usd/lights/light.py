@@ -20,11 +20,11 @@ from ...description.lighting import Photometric
 from ...photometry.light_area import cylinder_area, disk_area, rect_area, sphere_area
 from ...photometry.scaled import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ..materials.texture_asset import light_texture
-from ..opening.stage_metadata import up_axis
-from ..querying.guarded import targets
-from ..resolving.context import Context
-from ..resolving.read import flag, number, read, token
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.metadata import up_axis
+from ..stage.reads import targets
+from ..stage.values import flag, number, read, token
 from .light_color import illuminant_of, light_color
 from .photometric import photometric_of
 from .portals import read_portals

@@ -14,12 +14,12 @@ import numpy as np
 
 from ...color.color_space import luminance_weights
 from ...color.spectrum import DAYLIGHT_K, Spectrum, black_body, daylight, of_chromaticity, rgb_of
-from ..resolving.applied_schemas import ILLUMINANT as SCHEMA
 from ..resolving.color_spaces import color_in_rendering_space
-from ..resolving.context import Context
-from ..resolving.notes import PhysicalSchemas
-from ..resolving.read import array, flag, number, read, token, vector
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..scene.notes import PhysicalSchemas
+from ..scene.schemas import ILLUMINANT as SCHEMA
+from ..stage.values import array, flag, number, read, token, vector
 
 Color = tuple[float, float, float]
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from pxr import Sdf, Usd
 
-from ..resolving.read import read
-from ..resolving.renderer_attributes import LIGHT_GROUPS
+from ..scene.schemas import LIGHT_GROUPS
+from ..stage.values import read
 
 if TYPE_CHECKING:
-    from ..resolving.context import Context
-    from ..resolving.resolve import ResolvedPrim
+    from ..scene.context import Context
+    from ..scene.inheritance import ResolvedPrim
 
 PREFIX = "lightGroup:"
 

@@ -19,11 +19,11 @@ from pxr import Sdf, Tf, Usd
 
 from ...description.lighting import Linked
 from ...diagnostics import Diagnostics
-from ..querying.messages import tf_message
-from ..querying.traversal import everything_in_instances
-from ..resolving.context import Context
-from ..resolving.prim_kinds import PropertyNames
-from ..resolving.resolve import Inherited, ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import Inherited, ResolvedPrim
+from ..scene.prim_kinds import PropertyNames
+from ..stage.messages import tf_message
+from ..stage.traversal import all_prims_in_instances
 
 LIGHT_LINK, SHADOW_LINK = "lightLink", "shadowLink"
 # A light in instances has one collection per instance if it holds parts of the instance; instances beyond are not linked.
@@ -202,7 +202,7 @@ class Links:
     def _paths_in(self, path: str, prototype: str) -> Iterable[Sdf.Path]:
         if prototype not in self._inside:
             root = self.ctx.stage.GetPrimAtPath(prototype)
-            self._inside[prototype] = [str(p.GetPath())[len(prototype) :] for p in everything_in_instances(root)]
+            self._inside[prototype] = [str(p.GetPath())[len(prototype) :] for p in all_prims_in_instances(root)]
         inside = self._inside[prototype]
         self._asked += len(inside)
         if self._asked > MAX_ASKED:

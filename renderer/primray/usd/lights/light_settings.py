@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ...description import Light, Shadow
-from ..resolving.context import Context
-from ..resolving.read import flag, number, read
-from ..resolving.renderer_attributes import CAMERA_VISIBILITY
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..scene.schemas import CAMERA_VISIBILITY
+from ..stage.values import flag, number, read
 from .light_color import light_color
 from .light_groups import read_group
 from .light_links import Links

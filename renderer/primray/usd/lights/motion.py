@@ -21,9 +21,9 @@ from ..moving.levels import product_at, times_of
 from ..moving.settle import MatrixPath, Precision, motion_of
 from ..moving.steps import corners_of, fractions
 from ..paths.changes import bends, blur_scale_of, moves, moving_operations
-from ..querying.guarded import property_names
-from ..resolving.context import Context
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.reads import property_names
 from .portals import PortalPrims, self_and_ancestors, world_from_prim
 
 SIZES = ("inputs:radius", "inputs:width", "inputs:height", "inputs:length", "inputs:angle")

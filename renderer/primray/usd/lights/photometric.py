@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from ...color.color_space import luminance_weights
 from ...color.spectrum import black_body, efficacy
 from ...description.lighting import Photometric
-from ..opening.stage_metadata import meters_per_unit, up_axis
-from ..resolving.applied_schemas import PHOTOMETRIC
-from ..resolving.context import Context
-from ..resolving.notes import PhysicalSchemas, not_for
-from ..resolving.read import flag, number
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..scene.notes import PhysicalSchemas, not_for_type
+from ..scene.schemas import PHOTOMETRIC
+from ..stage.metadata import meters_per_unit, up_axis
+from ..stage.values import flag, number
 from .light_color import ENABLED, TEMPERATURES, illuminant_of, white
 
 AREA = frozenset({"RectLight", "SphereLight", "DiskLight", "CylinderLight"})
@@ -89,10 +89,10 @@ def _unfit(prim: ResolvedPrim, kind: str, schemas: frozenset[str]) -> Iterator[t
     """Yield a message, and the attribute or "", for each schema and attribute that does not fit the kind of light."""
     for schema in sorted(schemas):
         if schema not in {f"{family.prefix}{kind}LightAPI" for family in FAMILIES}:
-            yield not_for(schema, prim.type_name), ""
+            yield not_for_type(schema, prim.type_name), ""
     for family in FAMILIES:
         for name in sorted(prim.names & (family.names - (_fitting(family, kind) if kind else frozenset()))):
-            yield not_for(name, prim.type_name), name
+            yield not_for_type(name, prim.type_name), name
 
 
 def _asked(prim: ResolvedPrim, family: _Family, kind: str, applied: bool, ctx: Context) -> Photometric | None:

@@ -10,12 +10,11 @@ from pxr import Gf, Usd
 
 from ...arrays import Doubles
 from ...description import Portal
-from ..querying.guarded import property_names, targets, type_name
-from ..resolving.context import Context
-from ..resolving.convert import matrix
-from ..resolving.notes import PortalsMet
-from ..resolving.read import number
-from ..resolving.resolve import ResolvedPrim, local_matrix, transforms
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim, local_matrix, transforms
+from ..scene.notes import PortalsFound
+from ..stage.reads import property_names, targets, type_name
+from ..stage.values import matrix, number
 
 
 class _Named(set[str]):
@@ -94,6 +93,6 @@ def self_and_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
 def report_unnamed_portals(ctx: Context) -> None:
     """Report PortalLights that no dome names; called after all lights are translated."""
     named = ctx.kept.of(_Named)
-    for path in ctx.kept.of(PortalsMet):
+    for path in ctx.kept.of(PortalsFound):
         if path not in named:
             ctx.warn("light-input", path, "No dome's `portals` names this PortalLight: it has no effect.", "portals")

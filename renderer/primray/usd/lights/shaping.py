@@ -14,10 +14,10 @@ from ...description import IesProfile, Shaping
 from ...errors import AssetError
 from ...lfs_pointer import WHAT_IT_IS, is_pointer
 from ...textures.ies import MAX_BYTES, IesError, IesFile, parse_ies
-from ..querying.asset import read_asset
-from ..resolving.context import Context
-from ..resolving.read import flag, number, read
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.reads import read_asset
+from ..stage.values import flag, number, read
 from .light_color import light_color
 
 FOCUS, TINT = "inputs:shaping:focus", "inputs:shaping:focusTint"

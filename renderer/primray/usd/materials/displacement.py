@@ -16,7 +16,7 @@ from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, Pr
 from ...description.pattern_reads import reads_view
 from ...settings import RenderContext
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
-from ..resolving.context import Context
+from ..scene.context import Context
 from .fed_inputs import FedInputs
 from .network import Constant, Node, as_numbers, find_source, node_path, text
 from .node_values import NodeValues, definition_of

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
-from ..resolving.context import Context
+from ..scene.context import Context
 from .network import Node, node_path
 from .node_values import NodeValues
 from .pruning import pruned

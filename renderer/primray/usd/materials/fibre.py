@@ -11,8 +11,8 @@ from ...description.hair import PREFIX
 from ..materialx.definitions import Definition
 from ..materialx.expressions import MOST_NODES, Expressions, TooManyNodesError
 from ..materialx.hair_nodes import hair_node
-from ..querying.guarded import property_names
-from ..resolving.context import Context
+from ..scene.context import Context
+from ..stage.reads import property_names
 from .network import Node, find_source, node_path
 from .node_values import NodeValues, definition_of
 from .pruning import pruned

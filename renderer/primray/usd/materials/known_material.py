@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from ...description import Surface
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
-from ..resolving.context import Context
-from ..resolving.notes import note_unknown_schemas
+from ..scene.context import Context
+from ..scene.notes import note_unknown_schemas
 from .known_surfaces.as_open_pbr import as_open_pbr, is_hole
 from .known_surfaces.by_name import READS
 from .known_surfaces.record import Reader

@@ -12,13 +12,13 @@ from functools import cached_property
 
 from pxr import Sdf, Usd
 
-from ..querying.guarded import property_names, targets
-from ..querying.traversal import there_below
-from ..resolving.bindings import BINDING, CollectionBindings, Subset, binding_names, strengths_of, subsets_of
-from ..resolving.context import Context
-from ..resolving.prim_kinds import PrimKind
-from ..resolving.renderer_attributes import OWN_MATERIAL
-from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
+from ..scene.bindings import BINDING, CollectionBindings, Subset, binding_names, strengths_of, subsets_of
+from ..scene.context import Context
+from ..scene.inheritance import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
+from ..scene.prim_kinds import PrimKind
+from ..scene.schemas import OWN_MATERIAL
+from ..stage.reads import property_names, targets
+from ..stage.traversal import find_below
 
 HAVE_SUBSETS = frozenset({"Mesh", "TetMesh", "BasisCurves"})  # prim types
 MAX_EXPRESSED = 1024  # instances that membership expressions may give prototypes of their own
@@ -51,7 +51,7 @@ class NativePrototype:
 def _binds_inside(prototype: Usd.Prim) -> bool:
     return any(
         binding_names(frozenset(property_names(prim))) or (prim.IsInstance() and _binds_inside(prim.GetPrototype()))
-        for prim in there_below(prototype)
+        for prim in find_below(prototype)
     )
 
 

@@ -13,11 +13,11 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from ..querying.document_marks import DEFAULT_NODE
-from ..querying.guarded import connections, shader_id
+from ..materialx.document_marks import DEFAULT_NODE
 from ..resolving.color_spaces import color_in_rendering_space, scope_of
-from ..resolving.context import Context
-from ..resolving.read import value
+from ..scene.context import Context
+from ..stage.reads import connections, shader_id
+from ..stage.values import value
 
 # Vectors of halves are missing: memoryview does not support them.
 VECTORS = frozenset({Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2i, Gf.Vec3i, Gf.Vec4i})

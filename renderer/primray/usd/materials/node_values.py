@@ -13,10 +13,10 @@ from ...description import Operand, TextureFile
 from ..materialx.definitions import CLOSURES, COLORS, WIDTHS, Definition, InputDefinition, definition
 from ..materialx.expressions import Expressions, Outputs
 from ..materialx.hair_nodes import hair_node, is_hair_node
-from ..querying.guarded import property_names
-from ..querying.stage_values import time_codes_per_second
-from ..resolving.context import Context
-from ..resolving.notes import note_unknown_schemas
+from ..scene.context import Context
+from ..scene.notes import note_unknown_schemas
+from ..stage.metadata import time_codes_per_second
+from ..stage.reads import property_names
 from .network import VECTORS, Constant, Node, as_numbers, constant_color, find_source, node_path
 from .texture_asset import frame_of, texture_file
 from .usd_nodes import USD_NODES, usd_outputs

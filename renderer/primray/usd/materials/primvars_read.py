@@ -13,8 +13,8 @@ from pxr import Usd
 
 from ...description.pattern_reads import primvar_of_set
 from ...diagnostics import Diagnostics
-from ..querying.guarded import shader_id
-from ..resolving.context import Context
+from ..scene.context import Context
+from ..stage.reads import shader_id
 from .foreign.principled import is_principled
 from .network import Node, ShaderIds, find_source, numbers, text
 from .usd_nodes import USD_NODES

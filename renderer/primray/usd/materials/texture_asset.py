@@ -13,11 +13,11 @@ from pxr import Sdf, Usd
 from ...color.color_space import SRGB, ColorSpace, matrix
 from ...description import TextureFile
 from ..materialx.file_places import Frames, frames_of, is_tiles, names_frame, resolved, tile_paths, with_frame
-from ..querying.guarded import color_space_name
 from ..resolving.color_spaces import authored_space, scope_at, space_named
-from ..resolving.context import Context
-from ..resolving.read import time_of
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.reads import color_space_name
+from ..stage.values import time_of
 from .network import Constant, Node, find_source, node_path, numbers, parameter, text
 
 # Nodes that pass a file name on, and the input that has it.

@@ -13,8 +13,8 @@ from ...description import Operand, Wrap
 from ...description.patterns import TRANSFORM_2D, UV_TEXTURE
 from ..materialx.definitions import WIDTHS, Definition, InputDefinition
 from ..materialx.expressions import Expressions, Outputs
-from ..querying.guarded import property_names
-from ..resolving.context import Context
+from ..scene.context import Context
+from ..stage.reads import property_names
 from .network import Node, node_path, numbers, text
 from .texture_asset import texture_file
 

@@ -16,7 +16,7 @@ from typing import Any
 from pxr import Ar
 
 from ...errors import AssetError, PrimrayError
-from ..querying.asset import read_asset
+from ..stage.reads import read_asset
 
 MOST_BYTES = 64 << 20  # of a document with its includes
 MOST_ELEMENTS = 200_000

@@ -11,7 +11,7 @@ from typing import Any
 
 from pxr import Sdf
 
-from ..querying.document_marks import DEFAULT_NODE
+from .document_marks import DEFAULT_NODE
 from .geometric_properties import GEOMPROP_NODES, GeometricProperties
 from .growth import fault
 from .units import UnitError, Units

@@ -14,8 +14,8 @@ from pxr import Ar, Sdf, Usd
 
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
-from ..querying.messages import error_text
-from ..querying.stage_values import asset_of_expression, authored_meters_per_unit, usable_length
+from ..stage.messages import error_text
+from ..stage.metadata import asset_of_expression, authored_meters_per_unit, usable_length
 from .documents import read_document
 from .layer_of import write_layer
 from .look.effects import Effects, write_effects

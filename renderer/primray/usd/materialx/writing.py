@@ -8,7 +8,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Vt
 
-from ..querying.document_marks import NOTES
+from .document_marks import NOTES
 
 ROOT = Sdf.Path("/MaterialX")
 _T = Sdf.ValueTypeNames

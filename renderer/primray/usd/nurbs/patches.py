@@ -9,10 +9,10 @@ import numpy as np
 from ...arrays import Doubles, Floats
 from ...description import Direction
 from ...description.nurbs import TrimLoop
-from ..resolving.context import Context
-from ..resolving.read import array, read, token
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
 from ..shapes.topology import LARGEST
+from ..stage.values import array, read, token
 from .directions import Unfit, direction_of, fits, whole
 from .trims import read_trims
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 from ...arrays import Doubles, Ints
 from ...description import TrimCurve
 from ...description.nurbs import TrimLoop
-from ..resolving.context import Context
-from ..resolving.read import array, read
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.values import array, read
 from .directions import Unfit, direction_of, fits
 
 PREFIX = "trimCurve:"

@@ -9,9 +9,9 @@ import numpy.typing as npt
 from pxr import Usd
 
 from ..moving.between import slerp
-from ..querying.guarded import value_at
-from ..querying.time_varying import bracket, is_linear, number_of
-from ..resolving.read import When, array, time_of
+from ..stage.reads import value_at
+from ..stage.time_varying import bracket, is_linear, number_of
+from ..stage.values import When, array, time_of
 
 Rows = npt.NDArray[Any]
 

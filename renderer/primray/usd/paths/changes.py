@@ -10,10 +10,9 @@ from pxr import Usd, UsdGeom
 from ...arrays import Doubles
 from ..moving.mover import Local
 from ..moving.timing import Timing
-from ..querying.guarded import local_transform_at
-from ..querying.time_varying import changes, might_change, number_of, scalar_operations, times_between
-from ..resolving.convert import matrix
-from ..resolving.read import When, time_of
+from ..stage.reads import local_transform_at
+from ..stage.time_varying import might_vary, number_of, scalar_operations, times_between, varies
+from ..stage.values import When, matrix, time_of
 
 
 def moving_operations(prim: Usd.Prim, names: frozenset[str], when: When, timing: Timing) -> list[Usd.Attribute]:
@@ -27,11 +26,11 @@ def moving_operations(prim: Usd.Prim, names: frozenset[str], when: When, timing:
 
 def moves(attribute: Usd.Attribute, when: When, timing: Timing) -> bool:
     """Return whether the attribute's value changes around the shutter."""
-    if not attribute or not might_change(attribute):
+    if not attribute or not might_vary(attribute):
         return False
     frame = number_of(time_of(attribute, when), attribute)
     first, last = timing.looked_at
-    return frame is not None and changes(attribute, frame + first, frame + last)
+    return frame is not None and varies(attribute, frame + first, frame + last)
 
 
 def bends(attributes: Iterable[Usd.Attribute], when: When, timing: Timing) -> list[float]:

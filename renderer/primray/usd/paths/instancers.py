@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Doubles
-from ..querying.stage_values import time_codes_per_second
-from ..resolving.context import Context
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.metadata import time_codes_per_second
 from .arrays import ArrayPath, Rows
 from .changes import bends, moves
 from .points import may_move, mismatch, note_unused, positions_after, rates_of

@@ -10,8 +10,8 @@ import numpy as np
 from ...arrays import Floats
 from ...description import PointMotion
 from ..moving.steps import fractions
-from ..resolving.context import Context
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
 from ..shapes.authored_mesh import AuthoredMesh, read_normals
 from ..shapes.polygons import Polygons, normals_of
 from ..shapes.primvars import AuthoredPrimvar

@@ -10,7 +10,7 @@ import numpy as np
 from ...arrays import Floats
 from ...description import MotionSteps
 from ..moving.steps import steps_of
-from ..resolving.context import Context
+from ..scene.context import Context
 
 SIZE_NO_ERROR = 1e-6  # of the swept extent: samples off the line by less are left out,
 PIXELS_NO_ERROR = 1e-3  # but only up to this many pixels

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles
-from ..querying.stage_values import time_codes_per_second
-from ..querying.time_varying import has_times
-from ..resolving.context import Context
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.metadata import time_codes_per_second
+from ..stage.time_varying import has_times
 from .arrays import ArrayPath, Rows
 from .changes import bends, moves
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..moving.steps import fractions
-from ..resolving.context import Context
-from ..resolving.read import When
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
 from ..shapes.seam_mesh import PolygonMotion, Values
 from ..shapes.tessellate import Tessellated, cap_rings, capsule
+from ..stage.values import When
 from .changes import bends, moves
 from .point_steps import point_steps
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...arrays import Doubles
 from ..moving.mover import Local
-from ..resolving.context import Context
-from ..resolving.read import read
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.values import read
 from .changes import bends, moves
 
 

@@ -6,17 +6,17 @@ from itertools import islice
 
 from pxr import Usd
 
-from .guarded import type_name
-from .traversal import in_instances, in_world
+from ..stage.reads import type_name
+from ..stage.traversal import prims_in_instances, world_prims
 
 MOST_IN_INSTANCES = 1000  # a crowd of assets may each have left one behind
 
 
 def cameras_of(stage: Usd.Stage) -> list[Usd.Prim]:
     """Return all cameras, in the order in which the default camera is chosen."""
-    return [prim for prim in in_world(stage) if type_name(prim) == "Camera"] + cameras_in_instances(stage)
+    return [prim for prim in world_prims(stage) if type_name(prim) == "Camera"] + cameras_in_instances(stage)
 
 
 def cameras_in_instances(stage: Usd.Stage) -> list[Usd.Prim]:
     """Return the instance proxies of cameras in native instances (each has its instance's transform), the first thousand."""
-    return list(islice(in_instances(stage, "Camera"), MOST_IN_INSTANCES))
+    return list(islice(prims_in_instances(stage, "Camera"), MOST_IN_INSTANCES))

@@ -10,7 +10,7 @@ from typing import Any
 
 from pxr import Sdf, Usd
 
-from .guarded import computed, type_name
+from ..stage.reads import computed, type_name
 
 WEIGHTS = "primvars:skel:jointWeights"
 NOT_APPLIED = "SkelBindingAPI is not applied to it"

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from pxr import Sdf, Usd
 
-from .traversal import stands_in_world
+from ..stage.traversal import is_in_world
 
 
 @contextmanager
@@ -28,7 +28,7 @@ def standing_in_world(stage: Usd.Stage, paths: Iterable[str]) -> Iterator[None]:
 
 def _undefined(prim: Usd.Prim) -> list[Sdf.Path]:
     """Return the paths of the prim and its ancestors that are not defined."""
-    if not prim or prim.IsInPrototype() or prim.IsInstanceProxy() or stands_in_world(prim):
+    if not prim or prim.IsInPrototype() or prim.IsInstanceProxy() or is_in_world(prim):
         return []
     stage = prim.GetStage()
     return [path for path in prim.GetPath().GetPrefixes() if stage.GetPrimAtPath(path).GetSpecifier() != Sdf.SpecifierDef]

@@ -19,11 +19,11 @@ from pxr import Sdf, Usd
 from ...color import ocio as color
 from ...color.color_space import REC709, ColorSpace, is_gamut
 from ...errors import SettingsError
-from ..querying.guarded import color_space_name, has_color_space
-from .applied_schemas import applied_schemas
+from ..scene.context import Context
+from ..scene.schemas import applied_schemas
+from ..stage.reads import color_space_name, has_color_space
+from ..stage.values import value
 from .color_scope import NOWHERE, ColorScope
-from .context import Context
-from .read import value
 
 _DEFINITION = "ColorSpaceDefinitionAPI:"
 # ColorSpaceDefinitionAPI's fallbacks: RGB equals XYZ.

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from ...arrays import Floats, Ints
-from ..querying.guarded import normals_interpolation
-from ..resolving.read import When, array, read, token, value
-from ..resolving.resolve import ResolvedPrim
+from ..scene.inheritance import ResolvedPrim
+from ..stage.reads import normals_interpolation
+from ..stage.values import When, array, read, token, value
 from .primvars import AuthoredPrimvar, read_authored
 
 

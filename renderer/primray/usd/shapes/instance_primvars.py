@@ -14,9 +14,9 @@ import numpy as np
 from pxr import UsdGeom
 
 from ...description import Interpolation, Placement, Primvar, Prototype, Shape, Surface
-from ..querying.guarded import interpolation
-from ..resolving.context import Context
-from ..resolving.resolve import Inherited, ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import Inherited, ResolvedPrim
+from ..stage.reads import interpolation
 from .primvars import Sizes, as_colors, finite, read_raw_primvar
 from .surface_primvars import names_read
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Floats, Ints
-from ..resolving.context import Context
+from ..scene.context import Context
 from .authored_mesh import AuthoredMesh, Owned
 from .normals import shading_normals
 from .pairs import paired

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from pxr import Usd, UsdGeom
 
 from ...arrays import Floats
-from ..querying.guarded import element_size, interpolation
 from ..resolving.color_spaces import in_rendering_space
-from ..resolving.context import Context
-from ..resolving.read import MAX_COLUMNS, When, array, as_columns, is_single, value
-from ..resolving.resolve import ResolvedPrim
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.reads import element_size, interpolation
+from ..stage.values import MAX_COLUMNS, When, array, as_columns, is_single, value
 from .triangulate import Triangles
 
 

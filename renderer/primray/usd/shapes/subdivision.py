@@ -14,7 +14,7 @@ import numpy as np
 from ...arrays import Floats, Ints
 from ...description import Interpolation, PointMotion
 from ...description import Primvar as SeamPrimvar
-from ..resolving.context import Context
+from ..scene.context import Context
 from .authored_mesh import AuthoredMesh, AuthoredSubdivision
 from .primvars import Primvar, Sizes
 from .topology import Faces, Flags, Topology, hole_indices, usable_faces

@@ -17,8 +17,8 @@ from ...aov_names import WIDE
 from ...description import Interpolation, PatternInput, PrimvarInput, Surface, TextureInput
 from ...description import Primvar as SeamPrimvar
 from ...description.pattern_reads import pattern_fallbacks, pattern_primvars
-from ..resolving.context import Context
-from ..resolving.resolve import ResolvedPrim, many_values
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim, element_count
 from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, note_many_values, per_corner, read_raw_primvar
 from .subdivision import Cage, on_cage
 from .triangulate import Triangles
@@ -152,7 +152,7 @@ def _handed_down(prim: ResolvedPrim, name: str, ctx: Context) -> Primvar | None:
     """Return an inherited primvar; only constant primvars are inherited (UsdGeomPrimvarsAPI)."""
     for handed, values in prim.inherited.primvars:
         if handed == name:
-            note_many_values(f"primvars:{name}", many_values(prim.inherited, f"primvars:{name}"), prim.path, ctx)
+            note_many_values(f"primvars:{name}", element_count(prim.inherited, f"primvars:{name}"), prim.path, ctx)
             return Primvar(np.array([values], np.float32), "constant")
     return None
 

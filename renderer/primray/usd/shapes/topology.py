@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Floats, Ints
-from ..resolving.context import Context
+from ..scene.context import Context
 from .authored_mesh import AuthoredMesh
 from .primvars import Sizes
 

@@ -21,14 +21,12 @@ from ...diagnostics import Diagnostics
 from ...errors import AssetError
 from ...textures.image_header import read_header
 from ..adapters.cameras.camera import usd_camera
-from ..opening.reach import check_reach, end_instance
-from ..opening.stage import scratch_copy
-from ..opening.taking_out import editable
-from ..querying.asset import read_asset
-from ..querying.guarded import color_space_name, schemas_applied
-from ..resolving.read import StandIns, When, is_hidden, read
-from ..resolving.renderer_attributes import OWN_MATERIAL
-from ..resolving.resolve import transforms
+from ..scene.inheritance import transforms
+from ..scene.schemas import OWN_MATERIAL
+from ..stage.edits import check_reach, editable, end_instance
+from ..stage.open import scratch_copy
+from ..stage.reads import color_space_name, read_asset, schemas_applied
+from ..stage.values import StandIns, When, is_hidden, read
 from .plate_relief import Card, Relief, depths_of, flat_card, relief
 
 if TYPE_CHECKING:

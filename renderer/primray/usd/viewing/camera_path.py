@@ -17,9 +17,9 @@ from ..moving.between import quaternions, rotation_matrices, slerp
 from ..moving.pixels import NEAREST
 from ..moving.steps import Steps, fractions, steps_of
 from ..paths.changes import bends, blur_scale_of, moves
-from ..querying.guarded import property_names
-from ..resolving.context import Context
-from ..resolving.read import When
+from ..scene.context import Context
+from ..stage.reads import property_names
+from ..stage.values import When
 from .drawn import Drawn
 
 _OPTICS = """horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ...arrays import Doubles, Floats
 from ...description import Mesh, NurbsPatch, Placed, Placement, Prototype, SceneDescription, Shape, Sphere, SubdivisionMesh
 from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
-from ..resolving.stage_bounds import Bounds
+from ..scene.bounds import Bounds
 from .outliers import outliers
 
 Mask = npt.NDArray[np.bool_]

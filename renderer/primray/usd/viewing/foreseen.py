@@ -12,7 +12,7 @@ from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..moving.foreseen import Foreseen
 from ..moving.pixels import pixels_of
-from ..resolving.context import Context
+from ..scene.context import Context
 from .camera_path import camera_when
 from .shutter import shutter_of, timing_of
 from .view import select_camera, view_without_things

@@ -9,7 +9,7 @@ import numpy as np
 from ...description import Camera, Projection
 from ..adapters.cameras.camera import Aperture, conform, window_of
 from ..adapters.rendering.render_product import ProductSettings
-from ..resolving.stage_bounds import Bounds
+from ..scene.bounds import Bounds
 
 # GfCamera's defaults: 50 mm, 35 mm projector aperture.
 FOCAL_LENGTH = 50.0

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ...arrays import Doubles
 from ...description import Camera, Mesh, Placed, Projection, Shape, Sphere, SubdivisionMesh
-from ..resolving.context import Context
+from ..scene.context import Context
 
 MOST_THINGS = 4096
 MOST_TRIANGLES = 1 << 22  # of one mesh

@@ -13,7 +13,7 @@ from ...arrays import Doubles, Floats, Ints
 from ...color.color_space import ColorSpace
 from ...description import TextureFile
 from ...textures.texture import load_texture
-from ..querying.asset import read_asset
+from ..stage.reads import read_asset
 
 MOST_TEXELS = 1 << 21  # larger images are subsampled: every second, third ... texel
 

@@ -7,8 +7,8 @@ from pxr import Usd
 from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..moving.timing import Rolling
-from ..querying.stage_values import time_codes_per_second
-from ..resolving.context import Context
+from ..scene.context import Context
+from ..stage.metadata import time_codes_per_second
 from .shutter import rolling_of, scan_of, shutter_of, whole_shutter
 from .view import lines_of
 

@@ -10,9 +10,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from ...arrays import Doubles
 from ...description import Camera, Projection
 from ..adapters.cameras.clipping import UNCLIPPED
-from ..querying.guarded import type_name
-from ..querying.time_varying import earliest_value
-from ..querying.traversal import all_children
+from ..stage.reads import type_name
+from ..stage.time_varying import earliest_value
+from ..stage.traversal import all_children
 
 PATH = "/primray_view"
 _FOCAL_MM = 50.0

@@ -9,8 +9,8 @@ from ..adapters.cameras.rolling_shutter import Scan, read_scan
 from ..adapters.cameras.shutter import INSTANT, Shutter, read_shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..moving.timing import AT_FRAME, Rolling, Timing
-from ..resolving.context import Context
-from ..resolving.read import has_samples_or_clips
+from ..scene.context import Context
+from ..stage.values import has_samples_or_clips
 
 
 def shutter_of(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) -> Shutter:

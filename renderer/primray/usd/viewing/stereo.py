@@ -10,7 +10,7 @@ from pxr import Usd
 
 from ...errors import SettingsError
 from ...settings import Eye
-from ..resolving.read import When, token
+from ..stage.values import When, token
 
 NAMED = 10  # cameras in a message
 

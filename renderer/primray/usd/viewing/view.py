@@ -21,10 +21,10 @@ from ..adapters.cameras.camera import Aperture, camera, note_one_eye, pixel_aspe
 from ..adapters.cameras.flaws import with_flaws
 from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
-from ..opening.stage_metadata import up_axis
-from ..querying.guarded import type_name
-from ..resolving.context import Context
-from ..resolving.stage_bounds import Bounds
+from ..scene.bounds import Bounds
+from ..scene.context import Context
+from ..stage.metadata import up_axis
+from ..stage.reads import type_name
 from .asked_camera import aperture_of, conformed, with_shutter
 from .camera_path import camera_when
 from .drawn import Drawn

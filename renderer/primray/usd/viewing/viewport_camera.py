@@ -17,10 +17,9 @@ from ...arrays import Doubles
 from ...description import Camera, Projection
 from ..adapters.cameras.camera import Aperture, window_of
 from ..adapters.cameras.clipping import UNCLIPPED
-from ..opening.stage_metadata import up_axis
-from ..querying.guarded import type_name
-from ..querying.stage_values import is_number, layer_data, shown
-from ..resolving.context import Context
+from ..scene.context import Context
+from ..stage.metadata import is_number, layer_data, shown, up_axis
+from ..stage.reads import type_name
 from .framing import APERTURE
 
 NAME = "cameraSettings"

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from pxr import Sdf, Usd
 
-from ..querying.guarded import authored_attributes
-from ..querying.time_varying import has_times
-from ..querying.traversal import there_below
-from ..resolving.read import When, value
+from ..stage.reads import authored_attributes
+from ..stage.time_varying import has_times
+from ..stage.traversal import find_below
+from ..stage.values import When, value
 from .pose_times import PoseTimes
 from .skeleton_bindings import SkeletonBinding
 
@@ -80,7 +80,7 @@ def leave_to_samples(layer: Sdf.Layer, bindings: list[SkeletonBinding]) -> None:
 def _involved(root: Usd.Prim, bindings: list[SkeletonBinding]) -> Iterator[Usd.Prim]:
     """Yield every prim that the pose depends on: the root with its ancestors and descendants, skeletons and animations."""
     yield from _above(root)
-    yield from there_below(root)
+    yield from find_below(root)
     for binding in bindings:
         if not binding.skeleton.GetPath().HasPrefix(root.GetPath()):
             yield binding.skeleton

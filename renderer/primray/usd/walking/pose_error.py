@@ -19,9 +19,8 @@ from pxr import Usd, UsdGeom
 from ...arrays import Doubles
 from ..moving.foreseen import Foreseen
 from ..moving.steps import corners_of
-from ..querying.guarded import default_value, targets, value_at, world_transform
-from ..resolving.convert import matrix
-from ..resolving.read import array
+from ..stage.reads import default_value, targets, value_at, world_transform
+from ..stage.values import array, matrix
 from .skeleton_bindings import SkeletonBinding
 
 if TYPE_CHECKING:

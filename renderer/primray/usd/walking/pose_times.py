@@ -12,9 +12,9 @@ from pxr import Usd
 from ..moving.foreseen import Foreseen
 from ..moving.steps import Steps, steps_of
 from ..paths.changes import bends, blur_scale_of, moves
-from ..querying.guarded import property_names
-from ..querying.time_varying import earliest_if_unset, number_of
-from ..resolving.read import When
+from ..stage.reads import property_names
+from ..stage.time_varying import earliest_if_unset, number_of
+from ..stage.values import When
 from .pose_error import PosedMesh
 from .skeleton_bindings import SkeletonBinding
 

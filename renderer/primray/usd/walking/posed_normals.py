@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from pxr import Gf, Usd, UsdGeom, Vt
 
-from ..querying.guarded import default_value, interpolation, normals_interpolation
-from ..resolving.read import array
+from ..stage.reads import default_value, interpolation, normals_interpolation
+from ..stage.values import array
 
 Vectors = npt.NDArray[np.float32]
 _ONE = (Gf.Vec3h, Gf.Vec3f, Gf.Vec3d)

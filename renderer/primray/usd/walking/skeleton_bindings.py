@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from pxr import Usd
 
-from ..querying.guarded import targets
-from ..querying.traversal import THERE_IN_INSTANCES
+from ..stage.reads import targets
+from ..stage.traversal import EXISTING_IN_INSTANCES
 
 if TYPE_CHECKING:
     from pxr import UsdSkel  # imported only for stages with skeletons: it takes as long as starting Python
@@ -29,9 +29,9 @@ def bindings_below(root: UsdSkel.Root) -> list[SkeletonBinding]:
     from pxr import UsdSkel
 
     cache = UsdSkel.Cache()
-    if not cache.Populate(root, THERE_IN_INSTANCES):
+    if not cache.Populate(root, EXISTING_IN_INSTANCES):
         return []
-    return [_binding(cache, found) for found in cache.ComputeSkelBindings(root, THERE_IN_INSTANCES)]
+    return [_binding(cache, found) for found in cache.ComputeSkelBindings(root, EXISTING_IN_INSTANCES)]
 
 
 def _binding(cache: UsdSkel.Cache, found: UsdSkel.Binding) -> SkeletonBinding:

@@ -13,12 +13,12 @@ from itertools import chain, count
 from pxr import Sdf, Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
-from ..opening.reach import OpinionsLeak, composers, end_instance
-from ..querying.guarded import FAILURES, property_names, targets, type_name
 from ..querying.skin_marks import copy_marks
-from ..querying.traversal import everything_in_instances, in_world, instanced_roots, stands_in_world, there_below
-from ..resolving.read import When, read
-from ..resolving.resolve import transforms, world_matrix
+from ..scene.inheritance import transforms, world_matrix
+from ..stage.edits import OpinionsLeak, composers, end_instance
+from ..stage.reads import FAILURES, property_names, targets, type_name
+from ..stage.traversal import all_prims_in_instances, find_below, instanced_roots, is_in_world, world_prims
+from ..stage.values import When, read
 from .skeleton_bindings import bindings_below, concerned
 
 _BINDING = ("skel:", "primvars:skel:")
@@ -31,19 +31,19 @@ class Crowd:
 
 
 def has_root(prim: Usd.Prim) -> bool:
-    return any(type_name(below) == "SkelRoot" for below in there_below(prim))
+    return any(type_name(below) == "SkelRoot" for below in find_below(prim))
 
 
 def drawn(stage: Usd.Stage) -> Iterable[Usd.Prim]:
     """Return the prims in the world, and point instancers' prototypes elsewhere."""
-    return chain(in_world(stage), *map(there_below, instanced_elsewhere(stage)))
+    return chain(world_prims(stage), *map(find_below, instanced_elsewhere(stage)))
 
 
 def instanced_elsewhere(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     """Yield point instancers' prototypes below `class` or `over` prims; for parts of a SkelRoot, the SkelRoot, which is posed
     as a whole."""
     for root in instanced_roots(stage):
-        if not root.IsInPrototype() and not stands_in_world(root):
+        if not root.IsInPrototype() and not is_in_world(root):
             above = map(stage.GetPrimAtPath, root.GetPath().GetPrefixes())
             yield next((prim for prim in above if type_name(prim) == "SkelRoot"), root)
 
@@ -109,7 +109,7 @@ def _with_roots(stage: Usd.Stage) -> list[Sdf.Path]:
 def _holding_prototypes(stage: Usd.Stage) -> set[str]:
     """Return the paths of prototypes that contain a skeleton, directly or in nested instances."""
     prototypes = stage.GetPrototypes()
-    held = {str(p.GetPath()): {str(i.GetPrototype().GetPath()) for i in there_below(p) if i.IsInstance()} for p in prototypes}
+    held = {str(p.GetPath()): {str(i.GetPrototype().GetPath()) for i in find_below(p) if i.IsInstance()} for p in prototypes}
     found = {str(p.GetPath()) for p in prototypes if has_root(p)}
     while more := {path for path, inner in held.items() if path not in found and inner & found}:
         found |= more
@@ -198,7 +198,7 @@ class _Bound:
 
 def _leads_outside(prototype: Usd.Prim) -> bool:
     """Return whether a prim in the prototype is bound to a skeleton outside it."""
-    bound = (target for prim in everything_in_instances(prototype) for target in targets(prim, "skel:skeleton"))
+    bound = (target for prim in all_prims_in_instances(prototype) for target in targets(prim, "skel:skeleton"))
     return any(not target.HasPrefix(prototype.GetPath()) for target in bound)
 
 

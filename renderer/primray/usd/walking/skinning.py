@@ -15,13 +15,13 @@ from pxr import Gf, Sdf, Usd
 
 from ...diagnostics import Diagnostics
 from ..moving.foreseen import Foreseen
-from ..opening.reach import check_reach
-from ..opening.stage import scratch_copy
-from ..querying.guarded import FAILURES, why
 from ..querying.skin_marks import NOT_APPLIED, UNBOUND, has_weights, is_marked, mark
 from ..querying.standing import standing_in_world
-from ..querying.traversal import instanced_roots, stands_in_world, there_below
-from ..resolving.read import When
+from ..stage.edits import check_reach
+from ..stage.open import scratch_copy
+from ..stage.reads import FAILURES, why
+from ..stage.traversal import find_below, instanced_roots, is_in_world
+from ..stage.values import When
 from .held_values import hold, leave_to_samples, time_code
 from .pose_times import PoseTimes, pose_times
 from .posed_normals import make_bakeable
@@ -38,7 +38,7 @@ _BAKED = ("points", "xformOp:transform")  # the last for shapes that one joint m
 
 def are_drawn(stage: Usd.Stage, skeletons: list[Usd.Prim]) -> bool:
     """Return whether any of these SkelRoots is in the world, in a native prototype, or in what a point instancer draws."""
-    if any(prim.IsInPrototype() or stands_in_world(prim) for prim in skeletons):
+    if any(prim.IsInPrototype() or is_in_world(prim) for prim in skeletons):
         return True
     return bool(skeletons) and any(map(has_root, instanced_elsewhere(stage)))
 
@@ -186,7 +186,7 @@ def _is_written(layer: Sdf.Layer, path: Sdf.Path) -> bool:
 
 def _mark_others(root: Usd.Prim, bindings: list[SkeletonBinding]) -> None:
     bound = {query.GetPrim().GetPath() for binding in bindings for query in binding.targets}
-    for prim in there_below(root):
+    for prim in find_below(root):
         if has_weights(prim) and not is_marked(prim):
             mark(prim, _why_not_baked(prim, bound))
 

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from pxr import Gf, Usd, UsdGeom, Vt
 
 from ..curves.basis import BEZIER, basis_curves
-from ..querying.guarded import default_value, world_transform
 from ..shapes.tetrahedra import surface_of
+from ..stage.reads import default_value, world_transform
 from .posed_normals import Vectors, authored_normals, integers, rows, vectors
 from .skeleton_bindings import SkeletonBinding
 

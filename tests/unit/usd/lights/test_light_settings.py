@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray.description import Light, Shadow
-from primray.usd.resolving.renderer_attributes import CAMERA_VISIBILITY
+from primray.usd.scene.schemas import CAMERA_VISIBILITY
 
 from ..usd_text import translate_text
 

@@ -148,7 +148,7 @@ def test_a_profile_inside_a_package(tmp_path: Path) -> None:
 
 def test_a_profile_is_among_the_stage_s_files_and_in_its_fingerprint(tmp_path: Path) -> None:
     from primray.checkpoints.fingerprint import fingerprint
-    from primray.usd.facts.dependencies import dependencies
+    from primray.usd.inspect.dependencies import dependencies
 
     def digest(content: str) -> str:
         with_file(tmp_path, content)

@@ -10,9 +10,9 @@ from pxr import Usd, UsdShade
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.materials import leaf_materials
-from primray.usd.resolving import resolve
+from primray.usd.scene import inheritance
 
-from ..resolving.test_bindings import MATERIALS
+from ..scene.test_bindings import MATERIALS
 from ..usd_text import stage_of
 
 STRONGER = ' (bindMaterialAs = "strongerThanDescendants")'
@@ -75,7 +75,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         counts.append(len(prims))
         return original(prims, purposes)
 
-    original = resolve.bind_materials
+    original = inheritance.bind_materials
     monkeypatch.setattr(leaf_materials, "bind_materials", counted)
     return counts
 

@@ -14,8 +14,8 @@ from tests.unit.usd.materialx.documents import RED, STAGE
 from primray.composition import Composition
 from primray.diagnostics import Diagnostics
 from primray.usd import open_stage
-from primray.usd.opening.reading_anew import read_anew
-from primray.usd.opening.stage_metadata import layer_names
+from primray.usd.stage.metadata import layer_names
+from primray.usd.stage.open import reload_layers
 
 
 def folder(tmp_path: Path, stage: str = STAGE) -> str:
@@ -144,10 +144,10 @@ def test_changed_files_are_read_anew_in_their_places(tmp_path: Path) -> None:
     path = folder(tmp_path)
     stage = opened(path)
     (tmp_path / "looks.mtlx").write_text(RED.replace("1, 0, 0", "0, 1, 0"))
-    read_anew(path, {str(tmp_path / "looks.mtlx")})
+    reload_layers(path, {str(tmp_path / "looks.mtlx")})
     assert color_at(stage, "/World/Looks/Red") == Gf.Vec3f(0, 1, 0)
     (tmp_path / "scene.usda").write_text(STAGE.replace("ball", "sphere"))
-    read_anew(path, {path})
+    reload_layers(path, {path})
     assert stage.GetPrimAtPath("/World/sphere")
     assert color_at(stage, "/World/Looks/Red") == Gf.Vec3f(0, 1, 0)
 

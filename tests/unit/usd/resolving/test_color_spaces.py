@@ -14,8 +14,8 @@ from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd.resolving.color_scope import NOWHERE
 from primray.usd.resolving.color_spaces import authored_space, scope_at
-from primray.usd.resolving.context import Context
-from primray.usd.resolving.read import when_of
+from primray.usd.scene.context import Context
+from primray.usd.stage.values import when_of
 
 from ..color_text import (
     AP1_HERE,

@@ -6,13 +6,13 @@ from pxr import Usd
 
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
-from primray.usd.resolving.context import Context
-from primray.usd.resolving.poses import Poses
-from primray.usd.resolving.read import When
-from primray.usd.resolving.resolve import Inherited, ResolvedPrim
+from primray.usd.scene.context import Context
+from primray.usd.scene.inheritance import Inherited, ResolvedPrim
+from primray.usd.scene.poses import Poses
 from primray.usd.shapes.authored_mesh import read_mesh
 from primray.usd.shapes.subdivision import Cage, make_cage
 from primray.usd.shapes.topology import topology_of
+from primray.usd.stage.values import When
 
 
 def resolved_cage(stage: Usd.Stage, path: str) -> tuple[ResolvedPrim, Cage, Context]:

@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom, Vt
 
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.resolving.stage_bounds import Bounds
+from primray.usd.scene.bounds import Bounds
 from primray.usd.viewing import framing
 from primray.usd.viewing.drawn import shape_bounds
 

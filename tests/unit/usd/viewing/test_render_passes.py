@@ -12,8 +12,8 @@ from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.adapters.rendering.render_settings import products
-from primray.usd.opening import taking_out
-from primray.usd.opening.reach import end_instance
+from primray.usd.stage import edits
+from primray.usd.stage.edits import end_instance
 
 from ..usd_text import stage_of
 
@@ -289,7 +289,7 @@ def test_instances_without_members_stay_instances(monkeypatch: pytest.MonkeyPatc
         ended.append(instance.GetName())
         end_instance(instance)
 
-    monkeypatch.setattr(taking_out, "end_instance", noted)
+    monkeypatch.setattr(edits, "end_instance", noted)
     assert total(rendered("rel collection:renderVisibility:excludes = </one>")[0]) == WHOLE - 2
     assert ended == []
     assert total(rendered("rel collection:renderVisibility:excludes = [</one>, </two/leaf>]")[0]) == WHOLE - 3

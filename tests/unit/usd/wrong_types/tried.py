@@ -13,7 +13,7 @@ Outcomes = dict[str, dict[str, Any]]
 
 def tried(folder: Path, timeout_s: float = 600) -> Outcomes:
     """By the stages' names: the codes of what was said, an error, or a defect. What hangs or dies is named."""
-    command = [sys.executable, "-m", "tests.unit.usd.opening.hostile_stages", str(folder)]
+    command = [sys.executable, "-m", "tests.unit.usd.stage.hostile_stages", str(folder)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, cwd=Path(__file__).parents[4])
     except subprocess.TimeoutExpired as hung:

@@ -11,9 +11,8 @@ from pxr import Gf, Usd, UsdGeom
 from ....arrays import Doubles
 from ....description import Camera, Projection
 from ....diagnostics import Diagnostics
-from ...resolving.convert import matrix
-from ...resolving.read import StandIns, When, number, token
-from ...resolving.resolve import transforms, world_matrix
+from ...scene.inheritance import transforms, world_matrix
+from ...stage.values import StandIns, When, matrix, number, token
 from ..rendering.render_product import ProductSettings
 from .clipping import clipping_planes, clipping_range
 from .distortion import Sensor, note_parallel, read_sensor

@@ -8,7 +8,7 @@ from typing import Any
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
-from ...resolving.read import When, read, vector
+from ...stage.values import When, read, vector
 
 Plane = tuple[float, float, float, float]
 UNCLIPPED = (0.0, 3e38)

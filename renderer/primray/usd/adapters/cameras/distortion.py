@@ -15,9 +15,9 @@ from pxr import Usd
 
 from ....diagnostics import Diagnostics
 from ....lens.distortion import Distortion, DistortionModel
-from ...querying.guarded import property_names
-from ...resolving.applied_schemas import applied_schemas
-from ...resolving.read import When, number, read, token, vector
+from ...scene.schemas import applied_schemas
+from ...stage.reads import property_names
+from ...stage.values import When, number, read, token, vector
 from .distortion_table import read_table
 
 PREFIX = "omni:lensdistortion:"

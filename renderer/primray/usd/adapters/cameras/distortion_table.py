@@ -9,7 +9,7 @@ from ....description import TextureFile
 from ....errors import PrimrayError
 from ....lens.distortion import DirectionTable
 from ....textures.texture import load_texture
-from ...querying.asset import read_asset
+from ...stage.reads import read_asset
 
 NOWHERE = 1e-3  # shorter than this is no direction
 UNIT = 0.05  # texels whose length differs more from 1 are no directions

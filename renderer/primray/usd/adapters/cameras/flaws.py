@@ -12,8 +12,8 @@ from pxr import Usd
 
 from ....description import Camera, Projection
 from ....diagnostics import Diagnostics
-from ...querying.guarded import property_names
-from ...resolving.read import When, flag, number, vector
+from ...stage.reads import property_names
+from ...stage.values import When, flag, number, vector
 
 PREFIX = "primray:lens:"
 NATURAL = f"{PREFIX}vignetting:natural"

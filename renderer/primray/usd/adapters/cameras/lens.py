@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
-from ...querying.guarded import property_names
-from ...resolving.read import When, number, read
-from ...resolving.renderer_attributes import CONVENTIONS, LENS_WORDS
+from ...scene.schemas import CONVENTIONS, LENS_WORDS
+from ...stage.reads import property_names
+from ...stage.values import When, number, read
 from .distortion import PREFIX
 from .flaws import PREFIX as FLAWS
 

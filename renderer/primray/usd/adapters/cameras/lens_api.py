@@ -10,8 +10,8 @@ from pxr import Usd
 
 from ....diagnostics import Diagnostics
 from ....lens.diffusion import NO_DIFFUSION, Diffusion, fault_of
-from ...querying.guarded import property_names
-from ...resolving.read import When, number, read
+from ...stage.reads import property_names
+from ...stage.values import When, number, read
 from .flaws import NAMES as FLAWS
 from .flaws import PREFIX
 from .lens import Lens, blades_of

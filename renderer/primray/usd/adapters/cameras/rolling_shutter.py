@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
-from ...querying.guarded import property_names
-from ...resolving.read import When, number, token, vector
-from ...resolving.renderer_attributes import ROLLING_SHUTTER
+from ...scene.schemas import ROLLING_SHUTTER
+from ...stage.reads import property_names
+from ...stage.values import When, number, token, vector
 
 ORDER, OFFSET, EXPOSURE = (f"{ROLLING_SHUTTER}{name}" for name in ("scanOrder", "lineOffset", "lineExposure"))
 READOUT = "primray:lens:rollingShutter:readout"  # time codes from the first row to the last

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
-from ...resolving.read import When, number
+from ...stage.values import When, number
 
 INSTANT = (0.0, 0.0)
 Shutter = tuple[float, float] | None  # None: it closes before it opens, so that there is no exposure

@@ -20,14 +20,13 @@ from ...materials.mdl.module import module_of
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
 from ...materials.reducing import NO_PRIMVAR
-from ...querying.document_marks import NOTES
-from ...querying.guarded import property_names
+from ...materialx.document_marks import NOTES
 from ...resolving.color_scope import ColorScope
-from ...resolving.context import Context
-from ...resolving.foreign_names import RENDERERS
-from ...resolving.notes import note_document, note_unknown_schemas
-from ...resolving.read import flag, number
-from ...resolving.resolve import Inherited
+from ...scene.context import Context
+from ...scene.inheritance import Inherited
+from ...scene.notes import RENDERERS, note_document, note_unknown_schemas
+from ...stage.reads import property_names
+from ...stage.values import flag, number
 
 
 @dataclass(frozen=True)

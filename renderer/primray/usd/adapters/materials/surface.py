@@ -12,12 +12,12 @@ from functools import lru_cache
 from pxr import Usd, UsdGeom
 
 from ....description import CameraSight, Input, PrimvarInput, Surface
-from ...querying.guarded import interpolation
-from ...resolving.context import Context
-from ...resolving.read import read, token
-from ...resolving.renderer_attributes import CAMERA_SIGHT
-from ...resolving.resolve import ResolvedPrim, many_values
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim, element_count
+from ...scene.schemas import CAMERA_SIGHT
 from ...shapes.primvars import note_clamped_color, note_many_values
+from ...stage.reads import interpolation
+from ...stage.values import read, token
 from .material import Material, material
 
 # UsdGeomGprim's displayColor has no fallback; 0.18 is UsdPreviewSurface's diffuseColor and Storm's default.
@@ -72,7 +72,7 @@ def _appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> 
         color = _constant_color(prim, ctx)
     opacity = 1.0
     if prim.inherited.opacity is not None:
-        note_many_values("primvars:displayOpacity", many_values(prim.inherited, "primvars:displayOpacity"), prim.path, ctx)
+        note_many_values("primvars:displayOpacity", element_count(prim.inherited, "primvars:displayOpacity"), prim.path, ctx)
         opacity = min(max(prim.inherited.opacity, 0.0), 1.0)
     if _varies(prim, _OPACITY) or (prim.inherited.opacity is None and _OPACITY in prim.inherited.per_instance):
         inputs.append(("opacity", PrimvarInput(_OPACITY, (1.0,))))
@@ -162,7 +162,7 @@ def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, flo
             message = "primvars:displayColor is not a usable colour: the fallback grey is used."
             ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         return FALLBACK_COLOR
-    note_many_values("primvars:displayColor", many_values(prim.inherited, "primvars:displayColor"), prim.path, ctx)
+    note_many_values("primvars:displayColor", element_count(prim.inherited, "primvars:displayColor"), prim.path, ctx)
     r, g, b = prim.inherited.color
     if 0.0 <= r <= 1.0 and 0.0 <= g <= 1.0 and 0.0 <= b <= 1.0:
         return prim.inherited.color

@@ -18,8 +18,8 @@ from pxr import Usd
 from ....aov_data_types import data_type_of
 from ....description.picture_file import COMPRESSIONS, OTHER_EXTENSIONS, HeaderValue, PictureFile, is_free_in_header
 from ....diagnostics import Diagnostics
-from ...querying.guarded import authored_attributes
-from ...resolving.read import When, value
+from ...stage.reads import authored_attributes
+from ...stage.values import When, value
 
 PREFIXES = ("driver:parameters:openexr:", "driver:parameters:", "arnold:driver_exr:", "arnold:")
 OF_VARIABLES = ("driver:parameters:aov:husk:", "driver:parameters:aov:")

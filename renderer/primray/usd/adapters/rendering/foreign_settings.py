@@ -16,9 +16,7 @@ from pxr import Usd
 from ....diagnostics import Diagnostics
 from ....settings.in_stage import Asked
 from ....settings.limits import MAX_SPP
-from ...querying.guarded import authored_attributes, connections, targets
-from ...resolving.read import When, value
-from ...resolving.renderer_attributes import (
+from ...scene.schemas import (
     ARNOLD,
     ARNOLD_BOUNCES,
     CYCLES_SAMPLES,
@@ -32,6 +30,8 @@ from ...resolving.renderer_attributes import (
     RENDERMAN_SAMPLES,
     TOTAL_BOUNCES,
 )
+from ...stage.reads import authored_attributes, connections, targets
+from ...stage.values import When, value
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,11 @@ from pxr import Kind, Sdf, Usd, UsdGeom, UsdLux
 from ....description import CameraSight
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
-from ...opening.reach import check_reach
-from ...opening.stage import scratch_copy
-from ...opening.taking_out import editable, take_out
-from ...querying.guarded import computed, property_names, targets, type_name
-from ...querying.model_marks import MODEL
-from ...querying.traversal import collected, drawn, in_world, placed_elsewhere
-from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY, LEFT_OUT
+from ...scene.schemas import CAMERA_SIGHT, CAMERA_VISIBILITY, LEFT_OUT
+from ...stage.edits import MODEL, check_reach, deactivate, editable
+from ...stage.open import scratch_copy
+from ...stage.reads import computed, property_names, targets, type_name
+from ...stage.traversal import collection_members, drawable_prims, prototypes_outside_world, world_prims
 
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
 COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
@@ -46,7 +44,7 @@ def render_pass(stage: Usd.Stage, asked: str) -> Usd.Prim:
     prim = stage.GetPrimAtPath(asked) if is_path else None
     if prim and type_name(prim) == "RenderPass":
         return prim
-    found = [str(p.GetPath()) for p in in_world(stage) if type_name(p) == "RenderPass"]
+    found = [str(p.GetPath()) for p in world_prims(stage) if type_name(p) == "RenderPass"]
     listed = ", ".join(found[:LISTED]) or "none"
     raise SettingsError(f"There is no RenderPass {asked}; the stage's: {listed}.", where=asked, code="unknown-render-pass")
 
@@ -66,7 +64,7 @@ def with_render_pass(stage: Usd.Stage, asked: str, diagnostics: Diagnostics) -> 
     prim = render_pass(made, asked)
     _note_unread(prim, diagnostics)
     collections = {name: _members(prim, name, diagnostics) for name in COLLECTIONS}
-    take_out(made, _drawn_members(made, collections["prune"]))
+    deactivate(made, _drawn_members(made, collections["prune"]))
     with Usd.EditContext(made, made.GetSessionLayer()):
         _leave_out(made, collections["renderVisibility"])
         _hold_out(made, collections["matte"])
@@ -90,7 +88,7 @@ def _members(prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> frozenset[S
     if not any(p.startswith(f"collection:{name}") for p in property_names(prim)):
         return None
     query = Usd.CollectionAPI(prim, name).ComputeMembershipQuery()
-    members = collected(query, prim.GetStage())
+    members = collection_members(query, prim.GetStage())
     if name == "prune":  # a pruned instancer draws nothing
         return members
     as_instancers = _as_their_instancers(prim.GetStage(), members, query)
@@ -115,7 +113,7 @@ def _as_their_instancers(
     """
     rules = {path for path in query.GetAsPathExpansionRuleMap() if path != Sdf.Path.absoluteRootPath}
     found: dict[Sdf.Path, set[bool]] = {}
-    for instancer, _, prims in placed_elsewhere(stage):
+    for instancer, _, prims in prototypes_outside_world(stage):
         at = instancer.GetPath()
         votes = found.get(at) or {at in members}
         for path in [prim.GetPath() for prim in prims if not prim.GetPath().HasPrefix(at)]:
@@ -126,14 +124,14 @@ def _as_their_instancers(
 
 
 def _drawn_members(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> list[Sdf.Path]:
-    return [path for prim in drawn(stage) if (path := prim.GetPath()) in members] if members else []
+    return [path for prim in drawable_prims(stage) if (path := prim.GetPath()) in members] if members else []
 
 
 def _leave_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     """Hide geometry and lights that are no members; those with members below are marked instead, as hiding is inherited."""
     if members is None:
         return
-    rendered = [prim.GetPath() for prim in drawn(stage) if _is_rendered(prim)]
+    rendered = [prim.GetPath() for prim in drawable_prims(stage) if _is_rendered(prim)]
     above = {prefix for path in rendered if path in members for prefix in path.GetPrefixes()}
     hidden = dict.fromkeys(_hidden_with(stage, path, above) for path in rendered if path not in members)
     for path in hidden:
@@ -169,7 +167,7 @@ def _is_rendered(prim: Usd.Prim) -> bool:
 def _hold_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     if members is None:
         return
-    for path in [prim.GetPath() for prim in drawn(stage) if prim.GetPath() in members and _is_shape(prim)]:
+    for path in [prim.GetPath() for prim in drawable_prims(stage) if prim.GetPath() in members and _is_shape(prim)]:
         _tell_camera(stage, path, CameraSight.MATTE)
 
 
@@ -177,7 +175,7 @@ def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> 
     """Hide shapes and lights that are no members from the camera."""
     if members is None:
         return
-    left_out = [prim for prim in drawn(stage) if prim.GetPath() not in members]
+    left_out = [prim for prim in drawable_prims(stage) if prim.GetPath() not in members]
     for path, is_shape, is_light in [(prim.GetPath(), _is_shape(prim), prim.HasAPI(UsdLux.LightAPI)) for prim in left_out]:
         if is_shape:
             _tell_camera(stage, path, CameraSight.HIDDEN)

@@ -13,8 +13,8 @@ from ....description.picture_file import PLAIN, PictureFile
 from ....diagnostics import Diagnostics
 from ....settings import PURPOSES
 from ....settings.in_stage import NOTHING_ASKED, StageSettings
-from ...querying.guarded import property_names, targets, type_name
-from ...resolving.read import When, value
+from ...stage.reads import property_names, targets, type_name
+from ...stage.values import When, value
 from .driver_parameters import product_file, variable_parameters
 from .stage_settings import PREFIX, VARIABLES, note_unknown, stage_settings
 

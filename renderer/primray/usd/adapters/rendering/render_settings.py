@@ -10,12 +10,12 @@ from pxr import Sdf, Usd
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ....settings import RenderSettings
-from ...querying.guarded import targets, type_name
-from ...querying.messages import scene_errors
-from ...querying.stage_values import render_settings_path
-from ...querying.time_varying import is_below_clips
-from ...querying.traversal import in_world
-from ...resolving.read import When, when_of
+from ...stage.messages import scene_errors
+from ...stage.metadata import render_settings_path
+from ...stage.reads import targets, type_name
+from ...stage.time_varying import is_below_clips
+from ...stage.traversal import world_prims
+from ...stage.values import When, when_of
 from .render_pass import settings_of_pass
 from .render_product import ProductSettings, product_of, settings_alone
 
@@ -32,7 +32,7 @@ def products(
     """
     settings = settings or RenderSettings()
     diagnostics = Diagnostics() if diagnostics is None else diagnostics
-    candidates = [prim for prim in in_world(stage) if type_name(prim) == "RenderSettings"]
+    candidates = [prim for prim in world_prims(stage) if type_name(prim) == "RenderSettings"]
     prim = _choose(stage, _asked(stage, settings), candidates, diagnostics)
     found = _products(stage, prim, diagnostics)
     when = when_of(stage, settings.time_code, any(map(is_below_clips, (prim, *found))))

@@ -18,8 +18,8 @@ from ....diagnostics import Diagnostics
 from ....errors import LimitError, SettingsError, did_you_mean
 from ....settings import MAX_STOPS, RenderSettings
 from ....settings.in_stage import CHECKPOINT_EVERY, STOPS, Asked, StageSettings
-from ...querying.guarded import authored_attributes
-from ...resolving.read import When, value
+from ...stage.reads import authored_attributes
+from ...stage.values import When, value
 from .foreign_settings import Authored, foreign_settings, has_integrator
 
 PREFIX = "primray:"

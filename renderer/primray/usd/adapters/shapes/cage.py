@@ -13,8 +13,8 @@ import numpy as np
 
 from ....arrays import Ints
 from ....description import DisplacedMesh, Interpolation, Primvar, SubdivisionMesh, Surface
-from ...resolving.context import Context
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.displacement_reach import reach_of
 from ...shapes.primvars import read_display_color
 from ...shapes.subdivision import Cage, is_closed_cage, on_cage

@@ -17,9 +17,9 @@ from ...curves.hermite import hermite_controls, hermite_curves
 from ...curves.moving import moving_controls, with_normals
 from ...curves.nurbs import nurbs_curves
 from ...curves.values import DISPLAY_COLOR, control_normals, curve_primvars, radii
-from ...resolving.context import Context
-from ...resolving.read import array, read, token
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
+from ...stage.values import array, read, token
 from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface, undisplaced
 from .segment_parts import segment_parts
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....description import DisplacedMesh, SubdivisionMesh
-from ...resolving.context import Context
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.polygon_cage import cage_of, welded
 from ...shapes.polygons import Polygons
 from .cage import cage

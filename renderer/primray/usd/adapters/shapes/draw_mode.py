@@ -18,19 +18,18 @@ from ....arrays import Doubles
 from ....description import Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 from ....textures.image_header import read_matrix
 from ...materials.texture_asset import in_space
-from ...opening.stage import scratch_copy
-from ...opening.stage_metadata import up_axis
-from ...querying.asset import read_asset
-from ...querying.model_marks import MODEL
-from ...querying.stage_values import start_time_code
 from ...querying.standing import standing_in_world
-from ...querying.time_varying import EARLIEST, earliest_value
-from ...querying.traversal import drawn_in_instances, stands_in_world
 from ...resolving.color_spaces import color_in_rendering_space
-from ...resolving.context import Context
-from ...resolving.read import read, token, vector
-from ...resolving.resolve import ResolvedPrim
-from ...resolving.stage_bounds import is_deep
+from ...scene.bounds import is_deep
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
+from ...stage.edits import MODEL
+from ...stage.metadata import start_time_code, up_axis
+from ...stage.open import scratch_copy
+from ...stage.reads import read_asset
+from ...stage.time_varying import EARLIEST, earliest_value
+from ...stage.traversal import is_in_world, world_prims_in_instances
+from ...stage.values import read, token, vector
 from ..materials.surface import camera_sight
 
 BAR_WIDTH = 0.01
@@ -233,7 +232,7 @@ def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
     else computed."""
     box = _extents_hint(prim.prim)
     if box is None:
-        box = _computed_box(prim.prim) if stands_in_world(prim.prim) else _box_elsewhere(prim.prim, ctx)
+        box = _computed_box(prim.prim) if is_in_world(prim.prim) else _box_elsewhere(prim.prim, ctx)
     if box is None or not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
         ctx.warn("draw-mode-input", prim.path, "The model has no bounds: nothing is drawn in its place.", "extentsHint")
         return None
@@ -253,7 +252,7 @@ def _box_elsewhere(prim: Usd.Prim, ctx: Context) -> tuple[Doubles, Doubles] | No
 def _computed_box(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
     """Return the bounds computed by USD at the earliest time, or at the stage's start time if splines have no finite value
     before their first knot."""
-    if not prim or is_deep(drawn_in_instances(prim)):
+    if not prim or is_deep(world_prims_in_instances(prim)):
         return None
     box = _box_at(prim, EARLIEST)
     is_finite = box is None or np.isfinite(box).all()

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....arrays import Ints
-from ...resolving.bindings import TETRAHEDRON, Subset
-from ...resolving.context import Context
-from ...resolving.read import array, read, token
-from ...resolving.resolve import ResolvedPrim
+from ...scene.bindings import TETRAHEDRON, Subset
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.authored_mesh import Owned
+from ...stage.values import array, read, token
 from ..materials.surface import Appearance, appearance_of
 
 

@@ -11,14 +11,14 @@ from ....arrays import Floats
 from ....description import Mesh, Shape, Sphere
 from ...nurbs.spheres import inward_sphere
 from ...paths.sizes import Call, growing_shape
-from ...resolving.context import Context
-from ...resolving.read import When, number, token
-from ...resolving.resolve import ResolvedPrim
-from ...resolving.stage_bounds import NotBounded
+from ...scene.bounds import NotBounded
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes import tessellate
 from ...shapes.seam_mesh import PolygonMotion, Values, seam_mesh
 from ...shapes.surface_primvars import constant_primvars
 from ...shapes.tessellate import Tessellated
+from ...stage.values import When, number, token
 from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface, undisplaced
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....arrays import Floats, Ints
-from ...resolving.context import Context
+from ...scene.context import Context
 
 
 def note_inside_out(points: Floats, triangles: Ints, path: str, ctx: Context) -> None:

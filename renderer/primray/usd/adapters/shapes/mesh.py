@@ -15,8 +15,8 @@ import numpy.typing as npt
 from ....arrays import Floats, Ints
 from ....description import Mesh, SubdivisionMesh
 from ...paths.meshes import mesh_path, moving_cage, moving_polygons, with_points
-from ...resolving.context import Context
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.authored_mesh import read_mesh
 from ...shapes.polygons import Polygons, make_polygons
 from ...shapes.primvars import is_per_point, per_corner, read_display_vectors

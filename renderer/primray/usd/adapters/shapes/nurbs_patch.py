@@ -18,8 +18,8 @@ from ....description import Primvar as SeamPrimvar
 from ....refine.nurbs.patches import coarse_mesh
 from ...nurbs.patches import AuthoredPatch, read_patch
 from ...paths.meshes import moving_points, path_of_points
-from ...resolving.context import Context
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.primvars import Primvar, Sizes, read_display_color
 from ...shapes.surface_primvars import TANGENT_ST, read_primvars
 from ..materials.surface import FALLBACK_COLOR, appearance_of, is_hidden, make_surface, undisplaced

@@ -16,11 +16,11 @@ from ....description.instance_names import Names
 from ....description.placement import PointInstances
 from ...moving.levels import MovingLevel, moving_level
 from ...paths.instancers import InstancerPath, Parts, instancer_path
-from ...querying.guarded import metadatum, targets
-from ...resolving.context import Context
-from ...resolving.read import array, read
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.instance_primvars import instance_primvars
+from ...stage.reads import metadatum, targets
+from ...stage.values import array, read
 
 
 def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointInstances | MovingLevel]]:

@@ -15,11 +15,11 @@ from ...moving.levels import moving_level
 from ...paths.arrays import ArrayPath
 from ...paths.changes import moves
 from ...paths.points import PointPath, by_samples, point_path
-from ...resolving.context import Context
-from ...resolving.read import array, read
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.instance_primvars import instance_primvars
 from ...shapes.surface_primvars import constant_primvars
+from ...stage.values import array, read
 from ..materials.surface import appearance_of, is_hidden, make_surface, undisplaced
 
 POINT = "Points: sphere"  # name of the sphere's adapter in the table of adapters

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...curves.curve_set import CurveSet, Ints
-from ...resolving.bindings import Subset
-from ...resolving.context import Context
-from ...resolving.read import array, read
-from ...resolving.resolve import ResolvedPrim
+from ...scene.bindings import Subset
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
+from ...stage.values import array, read
 from ..materials.surface import Appearance, appearance_of
 
 

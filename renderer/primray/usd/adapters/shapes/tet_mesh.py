@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....arrays import Ints
-from ...resolving.context import Context
-from ...resolving.read import array, read, token
-from ...resolving.resolve import ResolvedPrim
+from ...scene.context import Context
+from ...scene.inheritance import ResolvedPrim
 from ...shapes.authored_mesh import AuthoredMesh, read_normals
 from ...shapes.tetrahedra import FACES, sorted_rows, surface_of
+from ...stage.values import array, read, token
 
 TETS, SURFACE = "tetVertexIndices", "surfaceFaceVertexIndices"
 

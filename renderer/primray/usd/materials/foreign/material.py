@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...materialx.expressions import MOST_NODES, TooManyNodesError
-from ...resolving.context import Context
+from ...scene.context import Context
 from ..known_material import KnownMaterial
 from ..known_surfaces.as_open_pbr import as_open_pbr, is_hole, told
 from ..network import Node, node_path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pxr import Sdf, Usd
 
-from ...querying.guarded import default_value
+from ...stage.reads import default_value
 
 PRINCIPLED = "principledshader"
 _ASSETS = ("info:sourceAsset", "info:karma:sourceAsset", "info:vex:sourceAsset", "info:VEX:sourceAsset")

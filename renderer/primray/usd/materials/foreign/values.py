@@ -12,7 +12,7 @@ from typing import Any
 from ....description import Operand
 from ...materialx.definitions import WIDTHS, InputDefinition
 from ...materialx.expressions import Expressions, Outputs
-from ...querying.guarded import property_names
+from ...stage.reads import property_names
 from ..known_surfaces.record import NORMAL, KnownSurface, Reader
 from ..network import Constant, Node, as_numbers, find_source
 from ..node_values import DEEPEST, NodeValues

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ....description import Surface
-from ...resolving.context import Context
+from ...scene.context import Context
 from ..known_surfaces.as_open_pbr import as_open_pbr, is_hole, told
 from ..known_surfaces.record import KnownSurface
 from ..network import Node, node_path

@@ -11,7 +11,7 @@ from pxr import Sdf
 from ....description import Operand, TextureFile
 from ...materialx.definitions import InputDefinition
 from ...materialx.expressions import Expressions
-from ...querying.guarded import property_names
+from ...stage.reads import property_names
 from ..known_surfaces.record import NORMAL, Reader
 from ..network import Constant, Node, as_numbers, find_source
 from ..node_values import NodeValues

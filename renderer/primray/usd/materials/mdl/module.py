@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pxr import Sdf
 
-from ...querying.guarded import default_value
+from ...stage.reads import default_value
 from ..network import Node
 
 

@@ -15,9 +15,9 @@ from typing import Any
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from ....description import CameraSight
-from ...querying.document_marks import LOOK, NOTES
-from ...querying.traversal import THERE_IN_INSTANCES, children, drawn_in_instances
-from ...resolving.renderer_attributes import CAMERA_SIGHT, CAMERA_VISIBILITY
+from ...scene.schemas import CAMERA_SIGHT, CAMERA_VISIBILITY
+from ...stage.traversal import EXISTING_IN_INSTANCES, children, world_prims_in_instances
+from ..document_marks import LOOK, NOTES
 from ..writing import attribute, note
 from .assignments import Assignment, shares_of, strongest
 
@@ -91,7 +91,7 @@ def mark(layer: Sdf.Layer, effects: Mapping[Sdf.Path, Effects]) -> None:
 def write_effects(stage: Usd.Stage, layers: Mapping[str, Mapping[Sdf.Path, Effects]]) -> None:
     """Author the effects of looks on the prims that they apply to; `layers`: effects by layer identifier."""
     found: list[tuple[Sdf.PrimSpec, Effects, Usd.Prim]] = []
-    for prim in drawn_in_instances(stage.GetPseudoRoot()):
+    for prim in world_prims_in_instances(stage.GetPseudoRoot()):
         marked = prim.GetAttribute(LOOK) if prim.HasAttribute(LOOK) else None
         for spec in marked.GetPropertyStack() if marked else ():
             effects = layers.get(str(spec.layer.identifier), {}).get(Sdf.Path(str(spec.default)))
@@ -119,13 +119,13 @@ _Opinion = tuple[Sdf.PrimSpec, Sdf.Path, str, Sdf.ValueTypeName, Any]
 
 def _opinions(variant: Sdf.PrimSpec, effects: Effects, model: Usd.Prim) -> Iterator[_Opinion]:
     """Yield the opinions to author for a model's shapes and lights, by their paths below it."""
-    for prim in drawn_in_instances(model):
+    for prim in world_prims_in_instances(model):
         is_light = prim.HasAPI(UsdLux.LightAPI)
         if not (is_light or prim.IsA(UsdGeom.Boundable)):
             continue
         path = prim.GetPath().MakeRelativePath(model.GetPath())
         levels = [] if prim == model else [part.name for part in path.GetPrefixes()]
-        is_leaf = not any(child.IsA(UsdGeom.Imageable) for child in children(prim, THERE_IN_INSTANCES))
+        is_leaf = not any(child.IsA(UsdGeom.Imageable) for child in children(prim, EXISTING_IN_INSTANCES))
 
         def holds(of: list[Assignment], default: bool, at: Sequence[str] = levels, leaf: bool = is_leaf) -> bool:
             found = strongest(of, at, is_leaf=leaf)

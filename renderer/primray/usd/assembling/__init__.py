@@ -1,1 +1,0 @@
-"""Assembly of a description from translated shapes, prototypes, placements and lights."""

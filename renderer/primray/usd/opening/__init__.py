@@ -1,1 +1,0 @@
-"""Opening a stage: composed as asked, its metadata checked, its skeletons posed."""
