@@ -1,0 +1,133 @@
+"""Update of a scene in the core: other lights, surface values, camera, or transforms of a few meshes; everything else stays.
+
+The core's tables of shapes, Embree's hierarchies over them, and textures are reused. Where they would differ in a new scene, a
+new one is built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..core.building import core_scene, inverse_cdf
+from ..core.light_upload import LightUpload
+from ..core.native import filled, module, raise_primray_error
+from ..core.scene import CoreScene
+from ..core.scene_upload import UploadRecord, camera_input, power_of_two_scale, scene_extent
+from ..core.shape_upload import matrix, whole_part
+from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
+from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
+from ..description.placement import transformed_boxes
+from ..refine.far_geometry import OUTLYING
+from ..refine.rebasing import rebasing_origin
+from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
+from ..textures.texture import Texture
+
+# Fields of a description that may change while the tables of shapes stay.
+UPDATABLE = frozenset({"lights", "surfaces", "camera", "static", "resolution", "pixels", "pixel_aspect_ratio", "time_code"})
+NO_SURFACES = np.zeros(0, np.int32)
+LightImages = Mapping[TextureFile, list[tuple[int, Texture]]]
+
+
+def updated_core_scene(
+    scene: CoreScene,
+    before: SceneDescription,
+    now: SceneDescription,
+    changed: frozenset[str],
+    images: LightImages,
+    settings: RenderSettings,
+) -> CoreScene | None:
+    """Return the scene of `before` updated to `now`, where these differ in the fields `changed`; None where it has to be
+    rebuilt.
+
+    Descriptions are diced, with all of their shapes; `images` are those of lights. The scene of before is consumed, unless None
+    is returned on account of the descriptions alone.
+    """
+    uploaded = scene.uploaded
+    if uploaded is None or not _may_stay(uploaded, before, now, changed):
+        return None
+    placed = _updated_placements(uploaded, before, now)
+    if placed is None:
+        return None
+    try:
+        return _built(scene, *placed, now, images, settings)
+    except module().CoreError as error:
+        raise_primray_error(error)
+
+
+def _may_stay(uploaded: UploadRecord, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
+    if not (changed <= UPDATABLE and uploaded.is_editable and now.exposure is None and now.camera_motion is None):
+        return False
+    if not np.array_equal(uploaded.origin, rebasing_origin(now.camera)):
+        return False
+    return len(before.surfaces) == len(now.surfaces) and all(map(_are_alike, before.surfaces, now.surfaces))
+
+
+def _are_alike(one: Surface, other: Surface) -> bool:
+    """Return whether shapes bound to either surface are uploaded alike."""
+    if one is other:
+        return True
+    alike = one.inputs == other.inputs and one.pattern == other.pattern
+    return alike and is_cutout(one) == is_cutout(other) and is_hole(one) == is_hole(other)
+
+
+def _updated_placements(
+    uploaded: UploadRecord, before: SceneDescription, now: SceneDescription
+) -> tuple[UploadRecord, list[tuple[int, Placed, Placed]]] | None:
+    """Return the upload for the new description, and the static shapes that moved: core's row, before and now. None:
+    rebuild."""
+    d = replace(now, prototypes=uploaded.description.prototypes, placements=uploaded.description.placements)
+    if len(before.static) != len(now.static):
+        return None
+    numbers = [i for i, (a, b) in enumerate(zip(before.static, now.static, strict=True)) if a is not b]
+    if not numbers:
+        return replace(uploaded, description=d), []
+    moved = [(uploaded.rows[i], before.static[i], now.static[i]) for i in numbers]
+    if any(row < 0 or a.shape != b.shape or a.instance != b.instance for row, a, b in moved):
+        return None
+    own = uploaded.boxes[[b.shape for _, _, b in moved]]
+    low, high = uploaded.low.copy(), uploaded.high.copy()
+    with np.errstate(invalid="ignore", over="ignore"):
+        low[numbers], high[numbers] = transformed_boxes(np.array([b.matrix for _, _, b in moved]), own[:, 0], own[:, 1])
+        reach = (
+            np.maximum(np.abs(low[numbers] - uploaded.origin), np.abs(high[numbers] - uploaded.origin)).max() * uploaded.scale
+        )
+    if not reach < OUTLYING or power_of_two_scale(scene_extent(d, low, high, uploaded.origin)) != uploaded.scale:
+        return None
+    return replace(uploaded, description=d, low=low, high=high), moved
+
+
+def _built(
+    scene: CoreScene,
+    uploaded: UploadRecord,
+    moved: list[tuple[int, Placed, Placed]],
+    now: SceneDescription,
+    images: LightImages,
+    settings: RenderSettings,
+) -> CoreScene | None:
+    core, d = module(), uploaded.description
+    builder = core.SceneBuilder(scene._scene)
+    textures = {**uploaded.textures, **images}
+    SurfaceUpload(core, builder, textures, d.time_code or 0.0).add_surfaces(d.surfaces)
+    for row, old, new in moved:
+        shape = now.shapes[new.shape]
+        if not isinstance(shape, Mesh) or not builder.restand_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
+            return None
+    lights = LightUpload(core, builder)
+    lights.add(d.lights, textures)
+    uploaded = replace(uploaded, light_groups=lights.groups)
+    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
+    camera = camera_input(core, d.camera, d.frame)
+    builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)))
+    return core_scene(builder.finish(), uploaded, d, scene.record) if builder.keeps_levels() else None
+
+
+def _placed(mesh: Mesh) -> Any:
+    """Return a MeshInput with the fields that depend on the mesh's transform."""
+    part, core = whole_part(mesh, NO_SURFACES), module()
+    return filled(
+        core.MeshInput(), points=mesh.points, normals=part.normals[0], normal_kind=core.Attribute[part.normals[1]], cutout=False
+    )

@@ -1,0 +1,146 @@
+"""A stage that is rendered repeatedly, with edits between renders: what edits do not affect is kept from one to the next.
+
+KeptStage follows edits, and drops results of interrupted steps; Scene is what callers use.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal, Unpack
+
+from ..errors import SettingsError
+from ..render.prepare import composing_settings, prepare
+from ..render.render import OnInterrupt, OpenedFrames
+from ..render.settings_by_name import naming_settings
+from ..settings import RenderSettings, SettingsValues, with_values
+from .steps import CachedSteps, MemoryLimitedSteps
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ..diagnostics import Diagnostics
+    from ..images.image import Image
+    from ..render.snapshots import Snapshots
+    from ..render.steps import Steps
+    from ..report.prepared import Prepared
+    from ..report.report import Costs
+    from ..sampling.sampling import Progress
+    from ..settings import RenderSettings
+
+
+COMPOSING = ("variants", "load", "mask", "session_layer")
+PLAIN = composing_settings(RenderSettings())
+
+
+class Scene:
+    """A stage, given as a Usd.Stage or as the path of one, that stays ready to render.
+
+    >>> scene = primray.Scene("shot.usda")
+    >>> first = scene.render(resolution=(32, 18), spp=2)
+    >>> scene.stage.GetPrimAtPath("/sun").GetAttribute("inputs:intensity").Set(4.0)
+    True
+    >>> brighter = scene.render(resolution=(32, 18), spp=2)
+
+    Edits of `stage`, of its layers, or by reloading these are found by USD's notices, whoever makes them. A render equals
+    `primray.render(scene.stage, settings)` to the bit, and takes less time where less has changed. Scenes keep what they have
+    translated and built in memory, until `close()` or until they are garbage-collected.
+
+    One thread at a time may render, and none may edit the stage until the render's first call of `progress`.
+    `composition`: variants, load, mask and session_layer, as in RenderSettings; the same for all renders.
+    """
+
+    def __init__(self, stage: str | os.PathLike[str] | Any, **composition: Any) -> None:
+        unknown = sorted(composition.keys() - set(COMPOSING))
+        if unknown:
+            raise SettingsError(f"a scene is composed with {', '.join(COMPOSING)}, not with {unknown[0]}", where=unknown[0])
+        self._composition: dict[str, Any] = {name: value for name, value in composition.items() if value is not None}
+        self._kept = KeptStage(stage, RenderSettings(**self._composition))
+
+    @property
+    def stage(self) -> Any:
+        """The Usd.Stage that is rendered, to edit: the given one, unless `composition` asks for another one."""
+        return self._kept.opened.stage
+
+    @naming_settings
+    def render(
+        self,
+        settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+        *,
+        progress: Progress | Literal[False] | None = None,
+        on_interrupt: OnInterrupt = "raise",
+        snapshots: Snapshots | None = None,
+        **values: Unpack[SettingsValues],
+    ) -> Image:
+        """Render the stage as it is now, like primray.render; `snapshots` are those of primray.render_frames."""
+        from ..notices.announcement import Announcer
+        from ..render.notebook_bar import shown_progress
+
+        settings = self._composed(with_values(settings, values))
+        with shown_progress(progress) as shown:
+            tell = Announcer(self._kept.opened.name).tell
+            return self._kept.render(settings, shown, on_interrupt, None, () if snapshots is None else (snapshots,), tell)
+
+    def close(self) -> None:
+        """Free all that is kept; a later render starts from scratch."""
+        self._kept.forget()
+
+    def _composed(self, settings: RenderSettings) -> RenderSettings:
+        """Return the settings with the scene's composition, where they say nothing about composition themselves."""
+        if composing_settings(settings) == PLAIN and self._composition:
+            settings = replace(settings, **self._composition)
+        if composing_settings(settings) != self._kept.opened.composed_by:
+            raise SettingsError("all renders of a scene must have its composition: variants, load, mask, session_layer")
+        return settings
+
+
+class KeptStage(OpenedFrames):
+    """An opened stage and its kept steps. `opened`: the stage, as composed for the settings that it was opened with.
+
+    `is_frugal`: where the process is large, nothing is kept beside the picture that is rendered.
+    """
+
+    def __init__(self, stage: Any, settings: RenderSettings, *, is_frugal: bool = False) -> None:
+        from ..usd.incremental import StageChanges
+
+        super().__init__(stage, settings)
+        self._composition = settings.composition
+        self._is_given = self.opened.stage is stage  # a caller's stage, whose session layer primray does not write to
+        self._changes = StageChanges(self.opened.stage)
+        self._steps = MemoryLimitedSteps() if is_frugal else CachedSteps()
+
+    def forget(self) -> None:
+        self._steps.forget()
+
+    @contextmanager
+    def steps(self, costs: Costs) -> Iterator[Steps]:
+        with super().steps(costs):
+            self._catch_up(costs)
+            with self._steps.whole():
+                yield self._steps
+
+    def prepare(
+        self, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, fingerprinted: bool = False
+    ) -> Prepared:
+        """Prepare a render, as render.prepare does."""
+        with self.steps(costs) as steps:
+            stage, opening = self.opened.stage, self.opened.diagnostics
+            return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
+
+    def _catch_up(self, costs: Costs) -> None:
+        """Take the edits since the last render; after edits of the composition, repeat the checks of opening."""
+        if not self._is_given:
+            from ..usd.stage.composition import follow_session_layers
+
+            follow_session_layers(self.opened.stage)
+        changes = self._changes.take()
+        self._steps.changes.add(changes)
+        if changes.others:
+            from ..diagnostics import Diagnostics
+            from ..usd.stage.open import recheck_stage
+
+            told = Diagnostics()
+            with costs.stage("open"):
+                recheck_stage(self.opened.stage, told, self._composition)
+            self.opened = replace(self.opened, diagnostics=told)

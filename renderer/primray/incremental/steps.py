@@ -1,0 +1,350 @@
+"""The steps of preparing a render with the results of earlier ones: a step is repeated only if its inputs have changed.
+
+Inputs are compared by identity: an incremental translation returns unchanged parts as the same objects. Files count as
+unchanged if their sizes and times are.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..checkpoints.fingerprint import PARTS, fingerprint_of
+from ..description import SceneDescription, TextureFile, Wrap
+from ..diagnostics import Diagnostic, Diagnostics
+from ..process_memory import machine_bytes, resident_bytes
+from ..render.steps import Steps, Textures, image_sizes, read_textures
+from ..report.summary import ImageSize
+from ..settings import DefaultWrap, Filter, RenderSettings
+from ..textures.texture_set import with_read_textures
+
+if TYPE_CHECKING:
+    from ..core import CoreScene
+    from ..description import SceneDescription, Shape
+    from ..diagnostics import Diagnostics
+    from ..render.steps import Textures
+    from ..report.summary import ImageSize
+
+    Limits = list[tuple[str, str, str]]
+    Counts = tuple[dict[str, int], dict[str, Any] | None]
+    from ..settings import RenderSettings
+
+
+# Fields that decide how finely control cages are diced.
+SHAPED = frozenset({"shapes", "static", "prototypes", "placements"})
+LOOKED_AT = frozenset({"camera", "camera_motion", "exposure", "resolution", "pixels", "pixel_aspect_ratio"})
+
+DISPLACED = frozenset({"surfaces", "time_code"})  # also where materials displace surfaces
+
+
+def without_sampling_settings(settings: RenderSettings) -> RenderSettings:
+    """Return the settings without those that only sampling depends on."""
+    return replace(
+        settings,
+        spp=None,
+        target_error=None,
+        error_metric=None,
+        time_limit_s=None,
+        adaptive=None,
+        sample_range=None,
+        max_depth=None,
+        clamp_indirect=None,
+        caustics=True,
+        threads=None,
+        seed=0,
+        ground=None,
+        background=None,
+        orbit_deg=0.0,
+    )
+
+
+@dataclass
+class _Diced:
+    given: SceneDescription
+    asked: tuple[float, int | None]
+    made: SceneDescription
+    limits: Limits
+
+
+@dataclass
+class _Built:
+    given: SceneDescription
+    filtered: tuple[Filter, float | None]
+    scene: CoreScene
+    looks: tuple[int | None, bool]  # the settings that its learnt path guides are valid for
+
+
+class CachedSteps(Steps):
+    """Steps of one stage; `changes` are those that its translation has not taken yet."""
+
+    def __init__(self) -> None:
+        from ..usd.incremental import Changes, KeptTranslation
+
+        self.changes = Changes()
+        self._is_whole = True
+        self._translation = KeptTranslation()
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop the results of all earlier renders."""
+        self._translation.forget()
+        self._loaded: LoadedTextures | None = None
+        self._diced: _Diced | None = None
+        self._counted: tuple[SceneDescription, float, Counts] | None = None
+        self._digests: tuple[SceneDescription, dict[str, str]] | None = None
+        self._built: _Built | None = None
+
+    @contextmanager
+    def whole(self) -> Iterator[None]:
+        """Drop all results if an error stops the steps halfway; an interruption of sampling does not affect them."""
+        self._is_whole = False
+        try:
+            yield
+        finally:
+            if not self._is_whole:
+                self.forget()
+
+    def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+        from ..usd.incremental import Changes
+
+        if not self._files_are_the_same():
+            self.forget()
+        changes, self.changes = self.changes, Changes()
+        return self._translation.translate(stage, without_sampling_settings(settings), changes)
+
+    def _files_are_the_same(self) -> bool:
+        loaded = self._loaded
+        return loaded is None or (loaded.files is not None and file_states(loaded.files) == loaded.files)
+
+    def load_textures(
+        self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
+    ) -> tuple[SceneDescription, Textures]:
+        kept, self._loaded = self._loaded, None
+        textures: Textures = {}
+        if kept is not None and kept.default_wrap is settings.default_wrap and kept.serves(description):
+            self._loaded = kept.of(description)
+        else:
+            self._loaded, textures = load(description, settings.default_wrap, self._translation.files(description), diagnostics)
+        diagnostics.extend(self._loaded.told)
+        return self._loaded.made, textures
+
+    def image_sizes(self, textures: Textures) -> list[ImageSize]:
+        assert self._loaded is not None
+        return self._loaded.images
+
+    def _at_hand(self, textures: Textures) -> Textures:
+        """Return all textures, read again where this render did not need them so far."""
+        if textures or self._loaded is None or not self._loaded.images:
+            return textures
+        from ..diagnostics import Diagnostics
+
+        return load(self._loaded.given, self._loaded.default_wrap, (), Diagnostics())[1]
+
+    def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:
+        kept, self._digests = self._digests, None
+        changed = differing_fields(kept[0], description) if kept is not None else ALL_FIELDS
+        parts = {name for name, fields in PARTS.items() if changed.intersection(fields)}
+        found = kept[1] if kept is not None else {}
+        if parts:
+            made = fingerprint_of(description, self._at_hand(textures), parts)
+            found = {name: made.get(name, found.get(name, "")) for name in PARTS}
+        self._digests = description, found
+        return found
+
+    def add_missing_light(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings, diagnostics: Diagnostics
+    ) -> SceneDescription:
+        if not description.may_need_light:
+            return description
+        return super().add_missing_light(description, self._at_hand(textures), settings, diagnostics)
+
+    def dice(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings
+    ) -> tuple[SceneDescription, Limits]:
+        kept, self._diced = self._diced, None
+        asked = settings.dicing_rate, settings.max_memory_bytes
+        is_displaced = any(surface.displacement is not None for surface in description.surfaces)
+        counting = SHAPED | LOOKED_AT | DISPLACED if is_displaced else SHAPED | LOOKED_AT
+        if kept is None or kept.asked != asked or differing_fields(kept.given, description) & counting:
+            at_hand = self._at_hand(textures) if is_displaced else textures
+            made, limits = super().dice(description, at_hand, settings)
+        else:
+            made, limits = replace(description, shapes=kept.made.shapes), kept.limits
+        self._diced = _Diced(description, asked, made, limits)
+        return made, limits
+
+    def count(self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]) -> Counts:
+        kept, self._counted = self._counted, None
+        is_known = kept is not None and kept[1] == settings.dicing_rate and counts_alike(kept[0], description)
+        counted = kept[2] if kept and is_known else super().count(description, settings, images)
+        self._counted = description, settings.dicing_rate, counted
+        return counted
+
+    def build(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape]
+    ) -> CoreScene:
+        kept, self._built = self._built, None
+        description = replace(description, shapes=tuple(shapes))
+        looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.pixel_filter, settings.filter_width)
+        scene = None if kept is None else self._again(kept, description, filtered, looks, settings)
+        if scene is None:
+            kept = None  # freed before another one takes memory
+            scene = super().build(description, self._at_hand(textures), settings, shapes)
+        self._built = _Built(description, filtered, scene, looks)
+        self._is_whole = True
+        return scene
+
+    def _again(
+        self, kept: _Built, now: SceneDescription, filtered: Any, looks: Any, settings: RenderSettings
+    ) -> CoreScene | None:
+        """Return the earlier scene, updated where needed; None where it has to be rebuilt."""
+        from .core_update import updated_core_scene
+
+        changed = differing_fields(kept.given, now)
+        if changed or kept.filtered != filtered:
+            assert self._loaded is not None
+            return updated_core_scene(kept.scene, kept.given, now, changed, self._loaded.of_lights, settings)
+        if looks != kept.looks:
+            kept.scene.forget_guides()
+        return kept.scene
+
+
+@dataclass(frozen=True)
+class LoadedTextures:
+    given: SceneDescription
+    default_wrap: DefaultWrap
+    made: SceneDescription
+    read_told: list[Diagnostic]
+    lights_told: list[Diagnostic]
+    images: list[ImageSize]
+    of_lights: Textures  # images of lights, from which their power is computed
+    files: FileStates | None
+
+    @property
+    def told(self) -> list[Diagnostic]:
+        return [*self.read_told, *self.lights_told]
+
+    def serves(self, description: SceneDescription) -> bool:
+        """Return whether loading this description would find and report the same."""
+        changed = differing_fields(self.given, description)
+        if not changed:
+            return True
+        if changed & {"shapes", "prototypes", "placements"} or _light_files(self.given) != _light_files(description):
+            return False
+        before, now = ([(s.inputs, s.pattern) for s in d.surfaces] for d in (self.given, description))
+        return not self.images or before == now
+
+    def of(self, description: SceneDescription) -> LoadedTextures:
+        """Return the loaded textures for a description that they serve."""
+        if description is self.given:
+            return self
+        told = Diagnostics()
+        made = replace(description, lights=with_read_textures(description.lights, self.of_lights, told))
+        return replace(self, given=description, made=made, lights_told=list(told))
+
+
+def load(
+    description: SceneDescription, default_wrap: DefaultWrap, files: Iterable[str], heard: Diagnostics
+) -> tuple[LoadedTextures, Textures]:
+    """Load textures. Diagnostics are kept, not reported; `heard` only decides how they name files."""
+    from .. import usd
+
+    state = file_states(files)
+    read_told, lights_told = Diagnostics(heard.shown), Diagnostics(heard.shown)
+    textures = read_textures(description, read_told, usd.read_asset, Wrap(default_wrap.value))
+    made = replace(description, lights=with_read_textures(description.lights, textures, lights_told))
+    lit = {file: textures[file] for file in _light_files(description) if file in textures}
+    told = list(read_told), list(lights_told)
+    return LoadedTextures(description, default_wrap, made, *told, image_sizes(textures), lit, state), textures
+
+
+def _light_files(description: SceneDescription) -> list[TextureFile]:
+    return [light.texture for light in description.lights if light.texture is not None]
+
+
+FileStates = dict[str, tuple[int, ...]]
+
+
+def file_states(paths: Iterable[str]) -> FileStates | None:
+    """Return the state of files and folders, for members of packages that of the package; None where one does not exist."""
+    found: FileStates = {}
+    for path in paths:
+        try:
+            about = os.stat(path.partition("[")[0])
+        except (OSError, ValueError):
+            return None
+        found[path] = about.st_mtime_ns, about.st_size, about.st_ino
+    return found
+
+
+_LONG = frozenset({"shapes", "static", "prototypes", "placements", "lights", "surfaces"})
+
+_IGNORED_FIELD = "asked"  # the stage's requests to the renderer: no part of a scene depends on it
+ALL_FIELDS = frozenset(f.name for f in fields(SceneDescription))
+
+
+def differing_fields(one: SceneDescription, other: SceneDescription) -> frozenset[str]:
+    """Return the names of fields that differ. Long fields built twice from the same input count as different."""
+    if one is other:
+        return frozenset()
+    return frozenset(
+        f.name
+        for f in fields(one)
+        if f.name != _IGNORED_FIELD and not _same_field(f.name, getattr(one, f.name), getattr(other, f.name))
+    )
+
+
+def same_items(some: tuple[Any, ...], others: tuple[Any, ...]) -> bool:
+    """Return whether both have the very same objects, in order."""
+    return some is others or (len(some) == len(others) and all(map(lambda a, b: a is b, some, others)))
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two values, such as dataclasses of numbers and arrays, are equal."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if is_dataclass(one):
+        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    return bool(one == other)
+
+
+def counts_alike(one: SceneDescription, other: SceneDescription) -> bool:
+    """Return whether two diced descriptions have the same numbers of everything and the same images."""
+    long = ("lights", "surfaces")
+    return not differing_fields(one, other) - {*long, "static", "camera", "time_code"} and (
+        all(len(getattr(one, name)) == len(getattr(other, name)) for name in long)
+        and [p.shape for p in one.static] == [p.shape for p in other.static]
+        and [(s.inputs, s.pattern) for s in one.surfaces] == [(s.inputs, s.pattern) for s in other.surfaces]
+        and [light.texture for light in one.lights] == [light.texture for light in other.lights]
+    )
+
+
+def _same_field(name: str, one: Any, other: Any) -> bool:
+    return same_items(one, other) if name in _LONG else same(one, other)
+
+
+KEPT_PART = 0.125  # of the available memory: a larger process keeps nothing
+
+
+class MemoryLimitedSteps(CachedSteps):
+    def build(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape]
+    ) -> CoreScene:
+        scene = super().build(description, textures, settings, shapes)
+        there_is = machine_bytes()
+        if settings.max_memory_bytes is not None:
+            there_is = min(there_is, settings.max_memory_bytes)
+        if resident_bytes() > KEPT_PART * there_is:
+            self.forget()
+        return scene

@@ -1,0 +1,174 @@
+"""Updates of a translation after an edit: moved leaves, and shapes, lights and materials that are translated again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from pxr import Sdf, Usd
+
+from ...arrays import Doubles
+from ...description import Light, Placed, Surface
+from ...diagnostics import Diagnostic, Diagnostics
+from ..adapters.materials.material import Material, MaterialKey, Materials, translated
+from ..adapters.shapes.draw_mode import DRAW_MODES
+from ..lights.assembly import add_lights
+from ..lights.shaping import Profiles
+from ..materials.network import ShaderIds
+from ..resolving.surface_table import SurfaceTable
+from ..scene.assembly import linked, shape_of
+from ..scene.context import Context
+from ..scene.inheritance import local_matrix, transforms
+from ..scene.notes import LightShapes, PhysicalSchemas, PortalsFound
+from ..scene.translated_scene import Record, TranslatedLeaf, TranslatedScene
+from ..shapes.topology import SharedFaces
+from ..stage.reads import authored_attributes, connections, property_names
+from ..stage.traversal import all_prims_in_instances
+from .changes import UnknownEffect
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class LeafUpdates:
+    """Translator of single leaves. `scene` is changed in place; `told` are the diagnostics of the leaves' first translation."""
+
+    scene: TranslatedScene
+    ctx: Context
+    told: list[Diagnostic]
+
+    def stand(self, become: TranslatedLeaf, matrix: Doubles) -> None:
+        """Replace a leaf's transform."""
+        if become.leaf.type_name in self.scene.adapters.lights:
+            self.light(become, matrix)
+        elif become.shape is not None:
+            placed = self.scene.static[become.shape]
+            if placed.shape != become.shape:
+                raise UnknownEffect
+            self.scene.static[become.shape] = Placed(placed.shape, matrix, placed.instance)
+
+    def light(self, become: TranslatedLeaf, matrix: Doubles) -> None:
+        if become.light is None or self.ctx.kept.of(PortalsFound) or self.scene.lights[become.light].portals:
+            raise UnknownEffect
+        leaf, apart = become.leaf, TranslatedScene(self.scene.adapters, self.scene.links)
+
+        def make(ctx: Context) -> None:
+            add_lights(apart, leaf, matrix, [()], 1, leaf.inherited.blur_scale, ctx)
+
+        self._as_before(leaf.path, make)
+        made: list[Light] = apart.lights
+        if len(made) != 1 or made[0].portals:
+            raise UnknownEffect
+        self.scene.lights[become.light] = made[0]
+
+    def shape(self, become: TranslatedLeaf) -> None:
+        if become.shape is None or become.leaf.type_name in DRAW_MODES or self.ctx.kept.of(LightShapes):
+            raise UnknownEffect
+        before, surfaces = self.scene.shapes[become.shape], len(list(self.ctx.surfaces))
+        made = self._as_before(become.leaf.path, lambda ctx: shape_of(become.leaf, ctx, self.scene))
+        if made is None or not np.array_equal(made.surface, before.surface) or len(list(self.ctx.surfaces)) != surfaces:
+            raise UnknownEffect
+        self.scene.shapes[become.shape] = linked(made, become.leaf, self.scene)
+
+    def _as_before(self, path: str, make: Callable[[Context], T]) -> T:
+        """Return the translated object, if its diagnostics are those of before; else raise NotKnownError."""
+        apart = Diagnostics(self.ctx.diagnostics.shown)
+        kept = self.ctx.kept.sharing(Materials, Profiles, SharedFaces, LightShapes, PhysicalSchemas, Record)
+        made = make(replace(self.ctx, diagnostics=apart, kept=kept))
+        if list(apart) != [d for d in self.told if d.prim_path == path]:
+            raise UnknownEffect
+        return made
+
+
+@dataclass
+class MaterialUpdates:
+    """Translator of materials of one translation; new surfaces replace those of before where nothing else depends on it."""
+
+    beyond: list[MaterialKey] | None = None  # materials connected to prims that are not below them; None: not known yet
+
+    def surfaces(self, edited: set[Sdf.Path], ctx: Context) -> SurfaceTable:
+        """Return the table of surfaces with the materials that read these prims translated again; update their cache."""
+        known = ctx.kept.of(Materials)
+        ctx.kept.of(ShaderIds).clear()  # an edit may be of one
+        if ctx.kept.of(LightShapes):
+            raise UnknownEffect
+        if self.beyond is None:
+            self.beyond = [key for key in known if _reads_beyond(ctx.stage.GetPrimAtPath(key[0]))]
+        above = {prefix for path in edited for prefix in path.GetPrefixes()}
+        keys = [key for key in known if key[0] in above or key in self.beyond]
+        found = list(ctx.surfaces)
+        for key in keys:
+            made, told = translated(key, ctx)
+            if told != known[key][1]:
+                raise UnknownEffect
+            found = _replaced(found, known[key][0], made)
+            known[key] = made, told
+        if len(set(found)) != len(found):
+            raise UnknownEffect
+        table = SurfaceTable()
+        for surface in found:
+            table.index_of(surface)
+        return table
+
+
+def _reads_beyond(material: Usd.Prim) -> bool:
+    if not material or material.IsInPrototype():
+        return True
+    below = material.GetPath()
+    return any(not path.HasPrefix(below) for path in _connected(material))
+
+
+def _connected(material: Usd.Prim) -> Iterator[Sdf.Path]:
+    for prim in all_prims_in_instances(material):
+        for attribute in authored_attributes(prim):
+            yield from connections(attribute)
+
+
+def _replaced(surfaces: list[Surface], before: Material, now: Material) -> list[Surface]:
+    """Return the surfaces with the old material's replaced by the new one, thin and solid: shapes choose between these."""
+    old, new = before.surface, now.surface
+    if old == new and before.hidden == now.hidden:
+        return surfaces
+    if old is None or new is None or before.hidden or now.hidden or old.inputs != new.inputs or _asks(old) != _asks(new):
+        raise UnknownEffect
+    found = []
+    for surface in surfaces:
+        if surface.path == old.path:
+            if replace(surface, thin=old.thin) != old:
+                raise UnknownEffect
+            surface = replace(new, thin=surface.thin)
+        found.append(surface)
+    return found
+
+
+def _asks(surface: Surface) -> tuple[bool, bool, bool, float]:
+    """Return the properties that decide whether a shape's surface is thin, and which parts of it are holes."""
+    return surface.transmits, surface.bends_nothing, surface.thin, surface.opacity_threshold
+
+
+def moved_leaves(paths: Iterable[str], record: Record, ctx: Context) -> list[tuple[TranslatedLeaf, Doubles]]:
+    """Return leaves whose matrices (4, 4) have changed, with the new ones; the record's poses are updated."""
+    paths = list(paths)
+    if not paths or not record.poses:
+        return []
+    poses = next(iter(record.poses.values()))[0]
+    if any(other is not poses for other, _ in (*record.poses.values(), *record.used)):
+        raise UnknownEffect
+    before = poses.every().copy()
+    cache = transforms(ctx.when)
+    for path in paths:
+        if path not in record.poses:
+            raise UnknownEffect
+        prim = ctx.stage.GetPrimAtPath(path)
+        local, _ = local_matrix(prim, frozenset(property_names(prim)), ctx.when, cache)
+        poses.put(record.poses[path][1], local)
+    after = poses.every()
+    if not np.isfinite(after).all() or not np.isfinite(before).all():
+        raise UnknownEffect
+    is_moved = (before.view(np.uint64) != after.view(np.uint64)).any(axis=(1, 2))
+    if any(is_moved[pose] for _, pose in record.used):
+        raise UnknownEffect
+    found = [become for become in record.leaves.values() if is_moved[become.leaf.pose]]
+    return list(zip(found, poses.of([become.leaf.pose for become in found]), strict=True)) if found else []

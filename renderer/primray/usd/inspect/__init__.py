@@ -1,0 +1,1 @@
+"""Facts about a stage and its files, found without rendering it."""

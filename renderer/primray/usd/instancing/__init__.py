@@ -1,0 +1,1 @@
+"""Instances of prototypes: their placements, and the state that prototypes inherit."""

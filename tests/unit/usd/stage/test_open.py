@@ -1,0 +1,55 @@
+"""Opening: files that are not there, not text, or do not compose; messages that are not UTF-8."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pxr import Usd
+
+from primray.diagnostics import Diagnostics
+from primray.errors import StageOpenError, UnsupportedError
+from primray.refusal import STRICT
+from primray.settings import RenderSettings
+from primray.usd import open_stage, translate
+
+
+@pytest.mark.parametrize(
+    "content", [None, b"", b'#usda 1.0\ndef Xform "\xff\xfe" {\n', b"PXR-USDC\0\1\2\3", b"not usd", b"PK\3\4broken"]
+)
+@pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz", ".usd", ".txt"])
+def test_files_that_cannot_be_opened(tmp_path: Path, content: bytes | None, suffix: str) -> None:
+    path = tmp_path / f"file{suffix}"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(StageOpenError) as error:
+        open_stage(path, Diagnostics())
+    str(error.value).encode()
+    assert error.value.exit_code == 3
+
+
+def test_missing_references_are_diagnostics_and_keep_stderr_clean(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "scene.usda"
+    path.write_bytes(b'#usda 1.0\ndef "a" (\n    references = @gone.usda@\n)\n{\n}\ndef Sphere "s"\n{\n}\n')
+    diagnostics = Diagnostics()
+    stage = open_stage(path, diagnostics)
+    found = [(d.code, d.prim_path) for d in diagnostics]
+    assert found == [("composition-error", "/a")]
+    description, _ = translate(stage, RenderSettings())
+    assert [s.path for s in description.shapes] == ["/s"]
+    assert capfd.readouterr().err == ""
+    with pytest.raises(UnsupportedError):
+        diagnostics.raise_if_refused(STRICT)
+
+
+def test_stages_in_memory_are_taken_as_they_are() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    assert open_stage(stage, Diagnostics()) is stage
+
+
+def test_translation_leaves_the_stage_unchanged() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stage.DefinePrim("/m", "Mesh")
+    before = stage.GetRootLayer().ExportToString(), stage.GetSessionLayer().ExportToString()
+    translate(stage, RenderSettings())
+    assert (stage.GetRootLayer().ExportToString(), stage.GetSessionLayer().ExportToString()) == before
