@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from primray import Image, RenderSettings, core, usd
-from primray.images.image_file import ERROR_CHANNELS, MeasuredImage
+from primray.images.reading import ERROR_CHANNELS, MeasuredImage
 from primray.render import load_textures
 
 Sample = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]  # noise of mean 0 and variance 1

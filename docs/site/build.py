@@ -118,7 +118,7 @@ def command_line() -> str:
     from typer.main import get_command
 
     from primray.cli.app import app
-    from primray.cli.installed import LazyCommand, loaded
+    from primray.cli.command_group import LazyCommand, loaded
 
     group = get_command(app)
     context = group.make_context("primray", ["doctor"], resilient_parsing=True)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .images.stereo import StereoImage
     from .incremental.scene import Scene
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
-    from .notices.announcement import RenderWarning
+    from .messages.announcement import RenderWarning
     from .render.local_processes import LocalProcesses
     from .render.products import Product, render_products
     from .render.stereo import render_stereo
@@ -102,7 +102,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "MachineCheck": "diagnosis.machine",
         "Product": "render.products",
         "Projection": "camera",
-        "RenderWarning": "notices.announcement",
+        "RenderWarning": "messages.announcement",
         "Scene": "incremental.scene",
         "SequenceComparison": "compare.sequences",
         "StereoImage": "images.stereo",

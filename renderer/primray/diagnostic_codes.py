@@ -1,11 +1,25 @@
-"""The table of all diagnostic codes; docs/diagnostics.md and docs/fidelity.md are generated from it."""
+"""The table of all diagnostic codes, with severity and kind; docs/diagnostics.md and docs/fidelity.md are generated from it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
 
-from .fidelity import Kind
+
+class Kind(Enum):
+    """How a picture deviates from its stage, worst first."""
+
+    MISSING = "missing"  # a part of the picture, or of the input, is missing
+    IGNORED = "ignored"  # an authored opinion has no effect
+    APPROXIMATED = "approximated"  # an authored opinion is honoured, but not exactly
+    OUT_OF_RANGE = "out-of-range"  # a value is not allowed: the nearest allowed value is used
+    DEFAULTED = "defaulted"  # a value is unusable or missing: the default is used
+    CHOSEN = "chosen"  # the stage leaves something open: primray chose
+    NOTE = "note"  # the picture is what the stage specifies
+
+    @property
+    def changes_picture(self) -> bool:
+        return self not in (Kind.CHOSEN, Kind.NOTE)
 
 
 class Severity(Enum):

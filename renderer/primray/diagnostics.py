@@ -1,18 +1,18 @@
 """Diagnostics: everything that a stage specifies and that was ignored, approximated, defaulted or missing.
 
-Each has a code (see diagnostic_codes.py) and a prim path.
+Each has a code (see diagnostic_codes.py) and a prim path. `Refusal` combines the settings `strict`, `fail_on` and `allow`, by
+which diagnostics refuse a stage.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 
-from .diagnostic_codes import CODES, Severity
-from .errors import UnsupportedError
-from .fidelity import Kind
-from .refusal import Refusal
+from .diagnostic_codes import CODES, Kind, Severity
+from .errors import SettingsError, UnsupportedError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -91,3 +91,68 @@ class Diagnostics:
             error = UnsupportedError(message, where=first.prim_path, code=flag.removeprefix("--"))
             error.refused = tuple(diagnostic.as_json() for _, diagnostic in bad)
             raise error
+
+
+# Names for groups of codes. Any file that is missing or unreadable is reported with one of the codes of "missing".
+GROUPS: dict[str, tuple[str, ...]] = {
+    "missing": ("composition-error", "materialx-document", "asset-missing", "tile-missing", "texture-unreadable"),
+}
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """The diagnostics for which a stage is refused.
+
+    `fail_on` and `allow` hold diagnostic codes or names of `GROUPS`; allowed codes always pass.
+    """
+
+    strict: bool = False
+    fail_on: tuple[str, ...] = ()
+    allow: tuple[str, ...] = ()
+
+    def flag(self, code: str, changes_picture: bool) -> str | None:
+        """Return the command-line flag that refuses a diagnostic, or None if it passes.
+
+        `changes_picture`: the diagnostic is a warning or error that makes the picture differ from what was authored.
+        """
+        if self.allows(code):
+            return None
+        if code in codes_of(self.fail_on):
+            return "--fail-on"
+        return "--strict" if self.strict and changes_picture else None
+
+    def allows(self, code: str) -> bool:
+        return code in codes_of(self.allow)
+
+
+STRICT = Refusal(strict=True)
+
+
+def codes_of(names: Iterable[str]) -> frozenset[str]:
+    """Return the codes that are named, with groups expanded."""
+    return frozenset(code for name in names for code in GROUPS.get(name, (name,)))
+
+
+def check_codes(names: Iterable[str], where: str) -> None:
+    """Raise SettingsError for a name that is neither a diagnostic code nor a group."""
+    known = [*GROUPS, *CODES]
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, known, "docs/diagnostics.md lists them")
+            raise SettingsError(f"there is no diagnostic {name!r}; {hint}", where=where, code="unknown-diagnostic")
+
+
+UNFINISHED = "picture-unfinished"
+
+
+@contextmanager
+def kept_without(what: str, diagnostics: Diagnostics) -> Iterator[None]:
+    """Report any exception in the block as `what` being missing, and continue.
+
+    Hours of samples are worth more than a clean failure. Requests that cannot be fulfilled are refused before sampling, so this
+    covers the unforeseen: memory, a library, a disk.
+    """
+    try:
+        yield
+    except Exception as error:
+        diagnostics.add(UNFINISHED, "", f"{what} is missing: {error or type(error).__name__}")

@@ -11,7 +11,7 @@ from decimal import Decimal, DecimalException
 from typing import Any
 
 from primray.errors import LimitError, PrimrayError, SettingsError
-from primray.images.files.encoding import Encoding, compression_of
+from primray.images.encoding import Encoding, compression_of
 from primray.render.frame_numbers import parse_frames
 from primray.settings import (
     DIFFUSION,

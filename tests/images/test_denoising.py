@@ -18,7 +18,7 @@ from primray.compare.comparison import compare
 from primray.denoising import denoiser
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
-from primray.images.image_file import read_image as read_measured
+from primray.images.reading import read_measured
 from primray.render import prepare
 from primray.report.report import Costs
 

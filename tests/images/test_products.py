@@ -13,7 +13,7 @@ from pxr import Usd
 
 import primray
 from primray.cli import run
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 from primray.settings import RenderSettings
 
 SCENE = Path(__file__).parents[2] / "scenes/features/render-products/scene.usda"
@@ -55,7 +55,7 @@ def test_all_products_from_the_command_line(capsys: pytest.CaptureFixture[str]) 
     Path("out").mkdir()
     assert run(["render", str(SCENE), "--all-products", "--output-dir", "out", "--spp", "2", "--json"]) == 0
     assert files() == ["out/front.exr", "out/front_2.exr", "out/side.png"]
-    assert read_image("out/front_2.exr").resolution == (24, 16)
+    assert read_measured("out/front_2.exr").resolution == (24, 16)
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     reports = [line for line in lines if line["type"] == "report"]
     assert [report["settings"]["product"] for report in reports] == [FRONT, SIDE, ELSEWHERE]

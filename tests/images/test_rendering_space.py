@@ -18,7 +18,7 @@ from primray.cli import run
 from primray.color import ocio as color
 from primray.color.color_space import ACESCG, REC709, matrix, named, transformed
 from primray.images.image import encode
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 
 TO_AP1, FROM_AP1 = between(PUBLISHED, AP1), between(AP1, PUBLISHED)
 WALL, LIGHT = (0.7, 0.1, 0.05), (0.3, 0.6, 2.0)
@@ -169,7 +169,7 @@ def test_files_say_the_space_and_pictures_of_two_are_not_compared(tmp_path: Path
     corners = {name: list(getattr(ACESCG, name)) for name in ("red", "green", "blue", "white")}
     assert report["color_space"] == {"name": "lin_ap1_scene", **corners}
     assert report["settings"]["rendering_color_space"] == "lin_ap1_scene"
-    rec709 = read_image(tmp_path / "rec709.exr")
+    rec709 = read_measured(tmp_path / "rec709.exr")
     assert rec709.chromaticities is not None
     assert np.allclose(rec709.chromaticities, np.ravel(PUBLISHED), atol=1e-6)
     pair = [str(tmp_path / "rec709.exr"), str(tmp_path / "ap1.exr")]
@@ -194,7 +194,7 @@ def test_resumed_and_merged_pictures_stay_in_their_space(tmp_path: Path) -> None
         assert run([*flags, *span, "-o", str(tmp_path / "part.exr")]) == 0
     assert run(["merge", *parts, "-o", str(tmp_path / "m.exr"), "-o", str(tmp_path / "m.png")]) == 0
     assert run([*flags, "--spp", "8", "-o", str(tmp_path / "w.exr"), "-o", str(tmp_path / "w.png")]) == 0
-    merged, whole = read_image(tmp_path / "m.exr"), read_image(tmp_path / "w.exr")
+    merged, whole = read_measured(tmp_path / "m.exr"), read_measured(tmp_path / "w.exr")
     assert merged.metadata["color_space.name"] == "lin_ap1_scene"
     assert np.array_equal(merged.pixels, whole.pixels)
     shown = [np.asarray(oiio.ImageBuf(str(tmp_path / f"{name}.png")).get_pixels(oiio.UINT8)) for name in "mw"]

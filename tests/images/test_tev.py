@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from tests.tev_server import FakeTev, fake_tev
 
-from primray.cli import run, tev_outputs
+from primray.cli import output_targets, run
 from primray.images.image import CHANNELS, ERROR_CHANNELS, Image
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 from primray.images.tev import TevPicture
 
 SCENE = '#usda 1.0\ndef Sphere "s" {}\n'
@@ -21,13 +21,13 @@ SMALL = ["--res", "64", "48", "--spp", "512"]
 @pytest.fixture(autouse=True)
 def _a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tev_outputs, "EVERY_S", 1e-6)
-    monkeypatch.setattr(tev_outputs, "MOST_SHARE", 1.0)
+    monkeypatch.setattr(output_targets, "EVERY_S", 1e-6)
+    monkeypatch.setattr(output_targets, "MOST_SHARE", 1.0)
     Path("s.usda").write_text(SCENE)
 
 
 def assert_same(tev: FakeTev, name: str, file: str) -> None:
-    kept = read_image(file)
+    kept = read_measured(file)
     assert kept.stderr is not None
     assert (tev.picture(name, CHANNELS[:3]) == kept.pixels).all()
     assert (tev.picture(name, ("A",))[..., 0] == kept.alpha).all()

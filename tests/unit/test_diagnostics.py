@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 import primray
-from primray.cli.terminal.errors import print_error
+from primray.cli.console import print_error
 from primray.diagnostic_codes import CODES, Severity
-from primray.diagnostics import Diagnostics
+from primray.diagnostics import STRICT, Diagnostics
 from primray.errors import UnsupportedError
-from primray.refusal import STRICT
 
 SOURCES = [p.read_text() for p in Path(primray.__file__).parent.rglob("*.py") if p.name != "diagnostic_codes.py"]
 USED = {m for text in SOURCES for m in re.findall(r'(?:\.warn|diagnostics\.add|shown\.add)\(\s*"([a-z-]+)"', text)}

@@ -10,7 +10,7 @@ import pytest
 import primray
 from primray.cli import run
 from primray.errors import StageOpenError
-from primray.other_formats import advice_for
+from primray.file_formats import advice_for
 
 CONVERTER = "uvx --python 3.12 usd-convert-asset -i {0} -o {1} --preview-surface"
 HEADS = {

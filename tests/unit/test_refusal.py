@@ -10,11 +10,9 @@ import pytest
 import primray
 from primray import RenderSettings
 from primray.cli import run
-from primray.diagnostic_codes import CODES, Severity
-from primray.diagnostics import Diagnostic
+from primray.diagnostic_codes import CODES, Kind, Severity
+from primray.diagnostics import GROUPS, Diagnostic, Refusal
 from primray.errors import SettingsError, UnsupportedError
-from primray.fidelity import Kind
-from primray.refusal import GROUPS, Refusal
 from primray.settings.render_settings import with_values
 
 MATERIAL = """

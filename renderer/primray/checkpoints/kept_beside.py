@@ -18,10 +18,8 @@ from ..aov_names import CRYPTOMATTES, AovRequest, kind_of, primvar_of, taxonomy_
 from ..denoising.denoised import guides_of
 from ..denoising.denoiser import Guides
 from ..images.aov import Aov, make_aov
-from ..images.first_hit import aovs_of
-from ..images.labels import labels_of_view
-from ..images.mattes.cryptomatte import Coverage, cryptomatte
-from ..images.mattes.film_mattes import covered_names
+from ..images.cryptomatte import Coverage, covered_names, cryptomatte
+from ..images.first_hit import aovs_of, labels_of_view
 from ..report.prepared import Prepared
 from ..sampling.sampling import Sampling
 from .light_paths import requests_of_json

@@ -12,13 +12,12 @@ from typing import Any
 
 from .. import core
 from ..denoising.denoiser import Guides, has_denoiser
-from ..diagnostics import Diagnostics
+from ..diagnostics import UNFINISHED as PICTURE_UNFINISHED
+from ..diagnostics import Diagnostics, kept_without
 from ..images.aov import Aov
 from ..images.image import Image, pixels_sha256
-from ..images.light_paths.outputs import light_paths_of
+from ..images.light_path_aovs import light_paths_of
 from ..report.report import Costs, header_of, make_report, settings_as_json, subject_of
-from ..report.unfinished import CODE as PICTURE_UNFINISHED
-from ..report.unfinished import kept_without
 from ..sampling.sampling import Sampling
 from .checkpoint import Range, check, contents, gaps
 from .checkpoint_file import write_checkpoint

@@ -16,10 +16,9 @@ from typing import NoReturn
 from .. import process_memory
 from ..errors import InternalError, PrimrayError
 from ..render.interruption import INTERRUPTED, end_at_once, install, interrupt
-from .habits.command_line import without_habits
+from .console import exit_code_of, finish, make_lasting, print_error, print_json_error
+from .foreign_command_lines import translate_foreign_flags
 from .quick import render_arguments
-from .terminal.errors import exit_code_of, print_error, print_json_error
-from .terminal.streams import finish, make_lasting
 
 
 def main() -> None:
@@ -54,7 +53,7 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
     verbose, as_json = False, "--json" in arguments
     try:
         start()
-        arguments = without_habits(arguments)
+        arguments = translate_foreign_flags(arguments)
         verbose = "-V" in arguments or "--verbose" in arguments
         _call(arguments)
     except SystemExit as end:

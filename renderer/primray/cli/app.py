@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from . import output_flags, render_flags, show_flags, stage_flags
+from . import output_flags, render_flags, stage_flags
+from .command_group import CommandGroup
 from .commands import render as render_module
 from .commands.compare import compare
 from .commands.doctor import doctor
@@ -14,7 +15,6 @@ from .commands.estimate import estimate
 from .commands.inspect import inspect
 from .commands.merge import merge
 from .commands.sheet import sheet
-from .installed import CommandGroup
 
 app = typer.Typer(
     cls=CommandGroup,
@@ -51,7 +51,6 @@ _named = {
     "stage_flags": stage_flags,
     "render_flags": render_flags,
     "output_flags": output_flags,
-    "show_flags": show_flags,
 }
 vars(render_module).update(_named)  # names in its annotations, which it imports only for type checking
 app.command()(render_module.render)

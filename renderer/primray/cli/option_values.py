@@ -9,11 +9,11 @@ from typing import Literal
 
 from ..aov_names import AOVS
 from ..errors import SettingsError
-from ..images.files.encoding import BIT_DEPTHS, Encoding, compression_of
+from ..images.encoding import BIT_DEPTHS, Encoding, compression_of
 from ..process_memory import available_bytes
 from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK, check_stops
-from .standard_output import suffix_of
+from .output_targets import suffix_of
 
 _LEAST_MEMORY = 2**20  # a smaller number most likely lacks its unit
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import SettingsError
-from ..images.files.encoding import Encoding
-from ..notices.sequence import SequenceNotices
-from .standard_output import check_standard, is_standard, suffix_of, write_standard
-from .tev_outputs import TevOutputs, is_tev
+from ..images.encoding import Encoding
+from ..messages.diagnostics_text import SequenceNotices
+from .output_targets import TevOutputs, check_standard, is_standard, is_tev, suffix_of, write_standard
 
 if TYPE_CHECKING:
     from ..color.color_space import ColorSpace
@@ -109,7 +108,7 @@ def check_reports(files: Sequence[str], make_folders: bool) -> None:
 
 def check_outputs(files: list[str], report: str | None, looks: Looks, settings: RenderSettings | None = None) -> None:
     """Check before rendering that outputs can be written. `settings` are those of the render that follows, if any."""
-    from ..images.files.encoding import check_bit_depth, check_half
+    from ..images.encoding import check_bit_depth, check_half
     from ..images.image import check_output_path, shows_view
     from ..images.output_path import make_folder
 
@@ -240,14 +239,14 @@ def finished_report(image: Image, written: list[str], seconds: float, looks: Loo
 def write_report(report: Mapping[str, Any], file: str, looks: Looks) -> bool:
     """Write the report; return False if that failed, which is reported."""
     from ..images.image import write_text
-    from .json_lines import dumps
+    from .console import dumps
 
     return is_written(partial(write_text, Path(file), dumps(report, indent=2) + "\n"), looks)
 
 
 def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
-    from ..notices.diagnostics_text import print_diagnostics
-    from .json_lines import print_line
+    from ..messages.diagnostics_text import print_diagnostics
+    from .console import print_line
 
     settings = report["settings"]
     frame = settings["time_code"], settings.get("orbit_deg", 0.0)  # all frames of a turntable have one time code
@@ -270,7 +269,7 @@ def is_refused(image: Image, settings: RenderSettings, looks: Looks) -> bool:
     from ..diagnostics import Diagnostics
     from ..errors import UnsupportedError
     from ..render.in_parts import diagnostics_of
-    from .terminal.errors import print_error
+    from .console import print_error
 
     found = Diagnostics()
     found.extend(diagnostics_of(image))
@@ -304,7 +303,7 @@ def _held_by_exrs(image: Image, files: list[str], held: Held) -> list[Image]:
 
 
 def is_written(writing: Callable[[], None], looks: Looks) -> bool:
-    from .terminal.errors import print_error
+    from .console import print_error
 
     try:
         writing()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from copy import copy
+from typing import Annotated, Any, get_args
 
 import typer
+from typer.models import OptionInfo
 
 from ..settings import Filter, Metric
 from .option_values import OnOff
@@ -104,3 +106,11 @@ Ray = Annotated[
     ),
 ]
 PilotSeconds = Annotated[float, typer.Option("--pilot", metavar="S", help="Seconds of sampling for the pilot render.")]
+
+
+def with_own_default(flag: Any) -> OptionInfo:
+    """Return the option of a flag, showing the command's own default in the help."""
+    [option] = get_args(flag)[1:]
+    own: OptionInfo = copy(option)
+    own.show_default = True
+    return own

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 from ..errors import PrimrayError, SettingsError
 from ..settings import Eye
+from .output_targets import is_standard, is_tev
 from .pictures import Looks, finished_report, has_samples, is_finished, is_written, save, save_all, tell, write_report
-from .standard_output import is_standard
-from .tev_outputs import is_tev
 
 if TYPE_CHECKING:
     from ..images.image import Image
@@ -43,7 +42,7 @@ def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoIma
     from ..images.stereo import StereoImage
     from ..incremental.frames import quiet_frames
     from ..render.stereo import StereoSettings
-    from .terminal.progress import Show, showing
+    from .console import Show, showing
 
     showing_now: list[Show] = []
     eyes = StereoSettings(shot.settings)

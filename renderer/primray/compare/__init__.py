@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ..images.image import Image
-    from ..images.image_file import MeasuredImage
+    from ..images.reading import MeasuredImage
+    from .comparable import Comparable
     from .comparison import Comparison
-    from .opened import Comparable
     from .sequences import SequenceComparison
 
 
@@ -87,8 +87,8 @@ def compare(
     "b/shot.%04d.exr"), are compared pair by pair, and the result is a SequenceComparison.
     """
     from .aov_tests import compare_with_aovs
+    from .comparable import aovs_of, opened
     from .comparison import compare as compare_measured
-    from .opened import aovs_of, opened
     from .sequences import compare_pairs, pairing
 
     asked = [aovs] if isinstance(aovs, str) else list(aovs)

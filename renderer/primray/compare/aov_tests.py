@@ -18,8 +18,8 @@ from ..aov_names import CRYPTOMATTES, light_path_of
 from ..arrays import Doubles
 from ..errors import SettingsError
 from ..images.aov import Aov, Values
-from ..images.aov_parts import MADE_OF_PICTURE, read_aovs
-from ..images.image_file import MeasuredImage
+from ..images.exr_parts import MADE_OF_PICTURE, read_aovs
+from ..images.reading import MeasuredImage
 from .comparison import AovComparison, AovTile, Comparison, Tile, Verdict, compare
 from .difference_tests import Grid, threshold, tiles
 

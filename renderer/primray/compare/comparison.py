@@ -3,7 +3,8 @@
 `changed`: there is a difference of at least `tolerance` (relative) that noise explains with probability below `alpha`, over all
 tiles and statistics together. `undecided`: there is no such difference, but a tile is noisy enough to hide one. `unchanged`:
 neither. The tests are in difference_tests.py, their inputs in difference.py. If neither picture has error channels,
-by_values.py compares by size only, and nothing is undecided.
+differences are compared by size only, and nothing is undecided: scene-linear pictures by the RMS of their difference relative
+to the RMS of the pictures, display values (PNG, JPEG, TIFF) by the RMS of the difference itself, with white at 1.
 """
 
 from __future__ import annotations
@@ -16,9 +17,8 @@ import numpy as np
 
 from ..arrays import Doubles
 from ..errors import SettingsError
-from ..images.image_file import MeasuredImage
+from ..images.reading import MeasuredImage
 from ..settings import BIAS
-from .by_values import DISPLAY_NOTE, LINEAR_NOTE, apart
 from .difference import Difference, difference
 from .difference_tests import Family, Grid, Resolution, Tests, threshold
 from .difference_tests import tiles as tiles_of
@@ -407,3 +407,27 @@ def _needs(reach: Doubles, factor: Doubles, resolution: Resolution, tolerance: f
 
 def _further(has: float, factor: float) -> int:
     return math.ceil(has * (factor - 1))
+
+
+LINEAR_NOTE = "neither picture has standard errors: differences are judged by their size alone, noise among them"
+DISPLAY_NOTE = "both have display values, without standard errors: differences are judged by their size, noise among them"
+
+
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """Differences of regions of two pictures, (h, w) each."""
+
+    size: Doubles  # root mean square of the difference over all channels
+    signed: Doubles  # mean difference over R, G, B: B - A
+
+
+def apart(of: Difference, grid: Grid, display: bool) -> Apart:
+    """Compute the differences of a grid's regions, relative to the picture unless the values are display values."""
+    pixels = np.maximum(grid.sum(of.judged.astype(np.float64)), 1.0)
+    square = grid.sum((of.d**2).mean(axis=0)) / pixels
+    signed = grid.sum(of.d[:3].mean(axis=0)) / pixels
+    if display:
+        return Apart(np.sqrt(square), signed)
+    power = grid.sum((of.mean**2).mean(axis=0)) / pixels + of.floor**2
+    scale = np.sqrt(np.where(power > 0, power, 1.0))
+    return Apart(np.sqrt(square) / scale, signed / scale)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ..arrays import Doubles
 from ..description import Frame
 from ..errors import SettingsError
-from ..images.image_file import MeasuredImage, same_color_space
+from ..images.reading import MeasuredImage, same_color_space
 
 ALPHA = "A"
 WINDOW = 3  # radius in pixels of the neighbourhoods of local means

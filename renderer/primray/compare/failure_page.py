@@ -21,8 +21,7 @@ from ..arrays import Floats
 from ..errors import PrimrayError
 from ..images.exposure import View, exposure_that_serves
 from ..images.image import encode, write_png, write_text
-from ..images.image_file import MeasuredImage, read_image
-from ..images.reading import space_of
+from ..images.reading import MeasuredImage, read_measured, space_of
 from ..version import __version__
 from .difference import difference
 from .flip import Flip, flip, has_flip
@@ -117,7 +116,7 @@ def _pictures(evidence: Path) -> tuple[str, Flip | None]:
     shown = next(evidence.glob("reference.*"), evidence / "reference.exr")
     if shown.suffix != ".exr":
         return _views(evidence, shown.suffix), None
-    reference, made = read_image(shown), read_image(evidence / "render.exr")
+    reference, made = read_measured(shown), read_measured(evidence / "render.exr")
     before, after = _shown(reference, made)
     seen = flip(reference, made) if has_flip() else None
     figures = [
@@ -136,7 +135,7 @@ def _pictures(evidence: Path) -> tuple[str, Flip | None]:
 
 def _views(evidence: Path, suffix: str) -> str:
     """Return the figures of a comparison of display pictures, which are shown unchanged."""
-    reference, made = (read_image(next(evidence.glob(f"{name}{suffix}"))) for name in ("reference", "render"))
+    reference, made = (read_measured(next(evidence.glob(f"{name}{suffix}"))) for name in ("reference", "render"))
     before, after = (_png((np.clip(i.pixels, 0, 1) * 255 + 0.5).astype(np.uint8)) for i in (reference, made))
     return "".join(
         [

@@ -16,8 +16,7 @@ import numpy as np
 from ..arrays import Floats
 from ..color.color_space import REC709, matrix, transformed
 from ..errors import SettingsError
-from ..images.image_file import MeasuredImage
-from ..images.reading import space_of
+from ..images.reading import MeasuredImage, space_of
 
 PACKAGE = "flip_evaluator"
 

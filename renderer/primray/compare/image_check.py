@@ -1,4 +1,8 @@
-"""The fixture `primray_image`: renders a stage, compares it with its reference, and keeps evidence of a failure."""
+"""The fixture `primray_image`: renders a stage, compares it with its reference, and keeps evidence of a failure.
+
+A reference may be a view (PNG, JPEG, TIFF), which has no error channels. Its noise is that of the picture, propagated through
+the view, plus quantization; the reference is assumed to have the same, scaled by its number of samples.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +14,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from ..arrays import Floats
 from ..errors import PrimrayError, SettingsError
-from ..images.image_file import read_image
+from ..images.exposure import View
+from ..images.reading import MeasuredImage, read_measured, space_of
 from ..settings import RenderSettings
 from .aov_tests import aovs_in, compare_with_aovs
 from .comparison import DEFAULT_ALPHA, DEFAULT_TILE, DEFAULT_TOLERANCE, Comparison, Verdict, compare
 from .comparison_report import as_json, lines
-from .display_pictures import NOTE, with_noise
 
 
 def render_file(stage: Any, settings: RenderSettings, *paths: Path) -> int:
@@ -111,7 +117,7 @@ class ImageCheck:
         kept = self._folder_of(path)
         kept.mkdir(parents=True, exist_ok=True)
         rendered = kept / "render.exr"
-        if path.suffix.lower() != ".exr" and read_image(path).is_display:
+        if path.suffix.lower() != ".exr" and read_measured(path).is_display:
             shown = kept / f"render{path.suffix}"
             first = cap = render_file(stage, settings, rendered, shown)
             share = first / reference_spp if reference_spp else 1.0
@@ -146,7 +152,7 @@ class ImageCheck:
 
     def _keep(self, result: Comparison, path: Path, kept: Path) -> None:
         from ..images.image import write_text
-        from .difference_picture import save_difference
+        from .comparison_report import save_difference
 
         shutil.copyfile(path, kept / f"reference{path.suffix.lower()}")
         save_difference(result, kept / "difference.png")
@@ -157,8 +163,8 @@ class ImageCheck:
 
 def _compared(a: Path, b: Path, *, aovs: Sequence[str] = (), **criteria: Any) -> Comparison:
     if not aovs:
-        return compare(read_image(a), read_image(b), **criteria)
-    return compare_with_aovs((read_image(a), read_image(b)), (aovs_in(a), aovs_in(b)), aovs, **criteria)
+        return compare(read_measured(a), read_measured(b), **criteria)
+    return compare_with_aovs((read_measured(a), read_measured(b)), (aovs_in(a), aovs_in(b)), aovs, **criteria)
 
 
 def _compared_as_shown(
@@ -168,7 +174,7 @@ def _compared_as_shown(
         raise SettingsError(
             "a display picture has no outputs beside it: AOVs need an EXR", where=str(path), code="image-display"
         )
-    reference, now = with_noise(read_image(path), read_image(shown), read_image(record), of_reference)
+    reference, now = with_noise(read_measured(path), read_measured(shown), read_measured(record), of_reference)
     result = compare(reference, now, **criteria)
     return result if result.identical else replace(result, notes=(*result.notes, NOTE))
 
@@ -191,3 +197,43 @@ def _message(result: Comparison, path: Path, kept: Path, cap: int) -> str:
         advice = f"more than max_spp={cap} would be needed: raise it, ask for a larger tolerance, or allow_undecided=True"
     files = ", ".join(sorted(file.name for file in kept.iterdir()))
     return f"{said}\n  evidence: {kept} ({files})\n  {advice}"
+
+
+NOTE = "the reference is a display picture without errors: it is taken to be as noisy as the picture rendered now"
+STEPS = {"uint8": 255, "uint16": 65535}
+
+
+def with_noise(
+    reference: MeasuredImage, shown: MeasuredImage, record: MeasuredImage, of_reference: float
+) -> tuple[MeasuredImage, MeasuredImage]:
+    """Return the reference and the view `shown` of `record`, with standard errors.
+
+    `of_reference` scales the errors of the reference. Identical pictures need none.
+    """
+    if record.stderr is None or (reference.pixels.shape == shown.pixels.shape and (reference.pixels == shown.pixels).all()):
+        return reference, shown
+    noise = _through_view(record, shown)
+    made = []
+    for picture, scale in ((reference, of_reference), (shown, 1.0)):
+        step = 1.0 / STEPS.get(picture.stored, 255) / 12**0.5  # standard deviation of uniform quantization
+        made.append(replace(picture, stderr=np.sqrt((scale * noise) ** 2 + step**2).astype(np.float32)))
+    return made[0], made[1]
+
+
+def _through_view(record: MeasuredImage, shown: MeasuredImage) -> Floats:
+    """Return standard errors (H, W, 3) of display values, infinite where unknown.
+
+    Each is half the difference of the view at plus and minus one error.
+    """
+    assert record.stderr is not None
+    view = View(space=space_of(record.chromaticities))
+    alpha = np.ones_like(record.pixels[..., :1])
+    if shown.alpha is not None and record.alpha is not None:
+        alpha = np.clip(record.alpha[..., None], 0, 1)
+    inverse = np.divide(1, alpha, out=np.zeros_like(alpha), where=alpha > 0)
+    known = np.isfinite(record.stderr)
+    rgb = np.nan_to_num(record.pixels * inverse)
+    error = np.where(known, record.stderr, 0) * inverse
+    low, high = (np.clip(np.nan_to_num(view.shown((rgb + sign * error).astype(np.float32))), 0, 1) for sign in (-1, 1))
+    found: Floats = np.where(known, np.abs(high - low) / 2 * alpha, np.inf).astype(np.float32)
+    return found

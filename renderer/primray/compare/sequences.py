@@ -13,10 +13,9 @@ from typing import Any
 from ..errors import PrimrayError, SettingsError
 from ..render.frame_names import FrameName, frame_name, numbered_files
 from .aov_tests import compare_with_aovs
+from .comparable import SUFFIX, aovs_of, read_picture
 from .comparison import Comparison, Tile, Verdict, check_criteria, compare
 from .comparison_report import as_json, tile_line, worst_tiles
-from .numpy_pictures import SUFFIX
-from .opened import aovs_of, read_picture
 
 PICTURES = (".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".hdr", SUFFIX)
 _ORDER = (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED)

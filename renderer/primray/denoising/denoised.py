@@ -17,9 +17,8 @@ from .. import core
 from ..arrays import Doubles, Floats
 from ..images.image import Image
 from ..settings import RenderSettings
-from .cross_half import DenoisedError, cross_half_error
+from .denoised_error import DenoisedError, cross_half_error, halves_of
 from .denoiser import Denoiser, Guides, denoiser_name
-from .halves import halves_of
 
 GUIDES = ("albedo", "normal")
 LEAST_SHADOW = 0.002  # half an 8-bit step

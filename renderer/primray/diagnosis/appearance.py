@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..description import Surface
-from ..diagnostic_codes import CODES, Severity
-from ..fidelity import Kind
+from ..diagnostic_codes import CODES, Kind, Severity
 from ..images.exposure import View, view_fault
 from ..images.image import MISSING_TEXTURES
 from ..report.emptiness import IMAGES, why_empty

@@ -34,9 +34,7 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
     """Return the facts, and the diagnostics that they list."""
     from .. import usd
     from ..render.prepare import open_once, with_additions, with_stage_settings
-    from ..report.motion import motion_facts
-    from ..report.summary import counts, primvar_names, summary
-    from ..report.texture_sizes import texture_sizes
+    from ..report.summary import counts, motion_facts, primvar_names, summary, texture_sizes
     from ..textures.coverage import note_missing_tiles
     from ..textures.texture_set import note_unreadable
 

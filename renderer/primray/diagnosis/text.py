@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..notices.diagnostics_text import diagnostics_lines, fidelity_text
+from ..messages.diagnostics_text import diagnostics_lines, fidelity_text
 
 _PRIMS_SHOWN = 3
 _TITLES = {

@@ -20,18 +20,26 @@ from ..description import Camera, Frame
 from ..description.picture_file import OTHER_EXTENSIONS, PLAIN, HeaderValue, PictureFile
 from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
-from ..notices.announcement import Announcer
-from ..notices.notebook import picture_html
+from ..messages.announcement import Announcer
+from ..messages.notebook import picture_html
 from ..settings import check_stops
 from .aov import Aov, Values
-from .aov_parts import VIEW, Parts, parts_of
+from .encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
 from .exposure import View, as_viewed, exposure_that_serves, view_fault, where_lit
-from .files.as_product import as_ordered, store_as_product
-from .files.encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
-from .files.exr_header import describe_colors, exr_matrices, place_pixels, row_vector_floats
-from .files.writers import write_linear, write_parts_of, write_radiance, write_view
+from .exr_parts import DENOISED, DIFFUSED, VIEW, Parts, parts_of, picture_beside
 from .output_path import check_folder, name_beside, through_links
-from .pictures_beside import DENOISED, DIFFUSED, picture_beside
+from .writers import (
+    as_ordered,
+    describe_colors,
+    exr_matrices,
+    place_pixels,
+    row_vector_floats,
+    store_as_product,
+    write_linear,
+    write_parts_of,
+    write_radiance,
+    write_view,
+)
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
@@ -302,7 +310,7 @@ class Image:
         told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
         if self.errors is None:
             return picture_html(self._repr_png_, self.resolution, told)
-        from .interactive.page import figures_of, picture_page
+        from .showing import figures_of, picture_page
 
         shown = self.shown
         figures = figures_of(self.resolution, self.report)

@@ -15,9 +15,9 @@ from typing import Any
 
 from ..errors import SettingsError
 from ..settings import Eye
-from .aov_parts import PICTURE_PART, VIEW, Parts
+from .encoding import Encoding
 from .exposure import View
-from .files.encoding import Encoding
+from .exr_parts import PICTURE_PART, VIEW, Parts
 from .image import Image, check_output_path, stored_parts, write_parts
 
 NAME = "oiio:subimagename"

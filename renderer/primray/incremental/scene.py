@@ -74,7 +74,7 @@ class Scene:
         **values: Unpack[SettingsValues],
     ) -> Image:
         """Render the stage as it is now, like primray.render; `snapshots` are those of primray.render_frames."""
-        from ..notices.announcement import Announcer
+        from ..messages.announcement import Announcer
         from ..render.notebook_bar import shown_progress
 
         settings = self._composed(with_values(settings, values))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Literal
 
-from ..notices.notebook import Html, bar_html, display, in_notebook
+from ..messages.notebook import Html, bar_html, display, in_notebook
 from .speed import Speed, rate_text
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from .. import process_memory
 from ..aov_names import taxonomy_of
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError, UnsupportedError
-from ..garbage import without_collection
+from ..process_memory import without_collection
 from ..report.prepared import Prepared
 from ..settings import STAGING, Ground, Metric, RenderSettings
 from ..settings.in_stage import StageSettings
@@ -89,7 +89,7 @@ def _prepare(
     from ..description.background import is_lit_behind
     from ..description.picture_file import PLAIN
     from ..report.report import resolve_settings
-    from ..report.texture_sizes import texture_sizes
+    from ..report.summary import texture_sizes
 
     if process_memory.held is not None:
         process_memory.held.read_stage()

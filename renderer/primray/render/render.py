@@ -78,7 +78,7 @@ def _in_parts(
     on_interrupt: OnInterrupt,
     checkpointing: Checkpointing | None,
 ) -> Image:
-    from ..notices.announcement import Announcer
+    from ..messages.announcement import Announcer
     from .in_parts import diagnostics_of, render_in_parts
     from .notebook_bar import shown_progress
 
@@ -139,7 +139,7 @@ def rendered_frames(
 
     `is_quiet`: no warnings, log or progress bar, for callers that show these themselves.
     """
-    from ..notices.announcement import Announcer
+    from ..messages.announcement import Announcer
     from .notebook_bar import shown_progress
 
     own = None if progress is False else progress
@@ -208,10 +208,10 @@ def render_opened(
 
 def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:
     """Return the image of a render that has ended, with its report; diagnostics of sampling are added to `diagnostics`."""
+    from ..diagnostics import kept_without
     from ..images.image import Foreground, Image, pixels_sha256
     from ..report.emptiness import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
-    from ..report.unfinished import kept_without
     from ..report.vague_error import what_rules
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
@@ -323,11 +323,10 @@ def find_aovs(
     if not prepared.aovs:
         return {}, {}
     from ..aov_names import CRYPTOMATTES, light_path_of, taxonomy_of
-    from ..images.first_hit import aovs_of
-    from ..images.labels import labels_of_view
-    from ..images.light_paths.outputs import light_paths_of_film
-    from ..images.mattes.film_mattes import mattes_of
-    from ..report.unfinished import kept_without
+    from ..diagnostics import kept_without
+    from ..images.cryptomatte import mattes_of
+    from ..images.first_hit import aovs_of, labels_of_view
+    from ..images.light_path_aovs import light_paths_of_film
 
     mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
     labels = [request for request in prepared.aovs if taxonomy_of(request.source)]

@@ -55,8 +55,7 @@ class Steps:
         self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]
     ) -> tuple[dict[str, int], dict[str, Any] | None]:
         """Return the report's counts of scene contents, and its facts about motion."""
-        from ..report.motion import motion_facts
-        from ..report.summary import counts, summary
+        from ..report.summary import counts, motion_facts, summary
 
         return counts(summary(description, settings.dicing_rate, images)), motion_facts(description)
 

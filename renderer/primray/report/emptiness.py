@@ -9,9 +9,8 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 from ..description import Camera, Projection
-from ..diagnostic_codes import Severity
+from ..diagnostic_codes import Kind, Severity
 from ..diagnostics import Diagnostic
-from ..fidelity import Kind
 from .prepared import Prepared
 
 # Codes of missing texture files. They affect lights and materials, but hide no geometry.

@@ -1,4 +1,4 @@
-"""Counts and memory estimates of what would be rendered, for `primray inspect` and the report.
+"""Counts and memory estimates of what would be rendered, for `primray inspect` and the report: geometry, textures, motion.
 
 This module knows only the description, not USD.
 """
@@ -6,7 +6,7 @@ This module knows only the description, not USD.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, get_args
 
@@ -17,6 +17,7 @@ from ..description import (
     Curves,
     DisplacedMesh,
     Mesh,
+    MotionSteps,
     NurbsPatch,
     Placement,
     SceneDescription,
@@ -26,9 +27,11 @@ from ..description import (
     TextureInput,
 )
 from ..description.pattern_reads import pattern_files
+from ..errors import AssetError
 from ..refine.dice import estimated_triangles
 from ..refine.footprint import Footprint, footprints
 from ..settings import DEFAULT_DICING_RATE
+from ..textures.image_header import read_header
 
 # Peak bytes, fitted to measurements by `python -m tests.bench.setup.memory`. Arrays of the description are counted exactly,
 # twice because the core copies them; the constants below come on top.
@@ -224,3 +227,49 @@ _ARRAYS = {
     kind: [field.name for field in fields(kind) if "Floats" in str(field.type) or "Ints" in str(field.type)]
     for kind in get_args(Shape)
 }
+
+
+def motion_facts(description: SceneDescription) -> dict[str, Any] | None:
+    """Return the shutter and, by kind, how many things move and which has the most segments; None if nothing moves.
+
+    Shutter times are time codes relative to the frame.
+    """
+    exposure = description.exposure
+    if exposure is None:
+        return None
+    kinds = dict.fromkeys(steps.kind for steps in description.motion_steps)
+    of_kind = {kind: [steps for steps in description.motion_steps if steps.kind == kind] for kind in kinds}
+    return {
+        "shutter": [exposure.opens, exposure.closes],
+        "span": list(exposure.span),
+        "moving": {kind: _most(found) for kind, found in of_kind.items()},
+    }
+
+
+def _most(found: list[MotionSteps]) -> dict[str, Any]:
+    finest = max(found, key=lambda steps: steps.segments)
+    return {
+        "count": len(found),
+        "segments": finest.segments,
+        "why": "error" if finest.by_error else "samples",
+        "path": finest.path,
+        "error_pixels": max(steps.error for steps in found),
+    }
+
+
+def texture_sizes(description: SceneDescription, read: Callable[[str], bytes]) -> dict[str, ImageSize | None]:
+    """Return the image size by path; None for unreadable files. `read` is as in read_header."""
+    return {path: _size(path, read) for path in texture_files(description)}
+
+
+def _size(path: str, read: Callable[[str], bytes]) -> ImageSize | None:
+    import OpenImageIO as oiio
+
+    try:
+        header = read_header(path, read)
+    except AssetError:
+        return None
+    if header is None:
+        return None
+    kept = {oiio.UINT8: 1, oiio.UINT16: 2}.get(header.format.basetype, 4)
+    return ImageSize(header.width, header.height, header.nchannels, kept)

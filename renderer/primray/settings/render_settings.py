@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Unpack
 from ..aov_names import check_names, light_paths_of, requests_of
 from ..camera_choice import Matrix
 from ..composition import Composition
+from ..diagnostics import Refusal, check_codes
 from ..errors import SettingsError, did_you_mean
 from ..lens.diffusion import fault_of
-from ..refusal import Refusal, check_codes
 from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
 from .limits import (
     DEFAULT_DICING_RATE,

@@ -23,7 +23,7 @@ from ..color import ocio as color
 from ..color.color_space import REC709, SRGB, ColorSpace, linear, matrix, transformed
 from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
-from ..lfs_pointer import WHAT_IT_IS, is_pointer_file
+from ..file_formats import WHAT_IT_IS, is_pointer_file
 from .image_errors import fault_of_pixels, last_error
 from .image_layout import Layout, Windows, choose_layer, environment_of, is_srgb, windows_of, wraps_of
 

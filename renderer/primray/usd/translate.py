@@ -15,8 +15,7 @@ from pxr import Usd
 from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of, with_distances
 from ..description import Camera, CameraMotion, Frame, MotionSteps, SceneDescription
 from ..diagnostics import Diagnostics
-from ..garbage import without_collection
-from ..process_memory import machine_bytes
+from ..process_memory import machine_bytes, without_collection
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.rendering.product_outputs import outputs_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from primray.cli.json_lines import print_line
+from primray.cli.console import print_line
 
 from .cancel import Jobs
 from .connection import Json, KeyFile, Server, connected

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from primray.cli.json_lines import print_line
+from primray.cli.console import print_line
 
 from .connection import Json
 from .exits import USAGE, CommandError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from primray.cli.json_lines import print_line
+from primray.cli.console import print_line
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import USAGE, CommandError

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from primray.cli.json_lines import print_line
+from primray.cli.console import print_line
 
 from .job_text import error_text, frames_text, place_text, plain, print_warnings, seconds_text
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from primray.cli import option_values, output_flags, render_flags, show_flags, stage_flags
-from primray.cli.json_lines import print_line
+from primray.cli import option_values, output_flags, render_flags, stage_flags
+from primray.cli.console import print_line
 from primray.cli.option_values import OnOff
 from primray.settings import (
     DEFAULT_DICING_RATE,
@@ -74,7 +74,7 @@ def submit(
     dome_rotation: stage_flags.DomeRotation = 0.0,
     dome_visible: stage_flags.DomeVisible = OnOff.ON,
     ground: stage_flags.GroundBelow = None,
-    background: show_flags.Background = None,
+    background: output_flags.Background = None,
     product: output_flags.Products = None,
     all_products: output_flags.AllProducts = False,
     view: output_flags.View = None,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from primray.cli.json_lines import print_line
+from primray.cli.console import print_line
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import INTERRUPTED, CommandError, error_of_end

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
-from primray.cli.flag_defaults import with_own_default
 from primray.cli.option_values import OnOff
+from primray.cli.render_flags import with_own_default
 from primray.settings import AutoCamera, DefaultWrap, RenderContext, RenderSettings, StudioLight
 
 from ..cli.connection import need_extra

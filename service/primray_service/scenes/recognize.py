@@ -10,9 +10,8 @@ from typing import Literal
 from urllib.parse import unquote
 
 from primray.errors import StageOpenError
-from primray.lfs_pointer import WHAT_IT_IS, is_pointer
-from primray.other_formats import CODE as OTHER_FORMAT
-from primray.other_formats import advice_for, refers_to_other_format
+from primray.file_formats import CODE as OTHER_FORMAT
+from primray.file_formats import WHAT_IT_IS, advice_for, is_pointer, refers_to_other_format
 
 from ..problems import Problem
 from .zip_directory import STORED, Member, unsafe

@@ -11,9 +11,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, Protocol
 
-from primray.diagnostic_codes import CODES
+from primray.diagnostic_codes import CODES, Kind
 from primray.errors import AssetError, StageOpenError
-from primray.fidelity import Kind
 from primray.usd.inspect.layer_content import DAMAGED as DAMAGED_LAYER
 from primray.usd.inspect.layer_content import LayerContent, expansion, layer_content
 from primray.usd.inspect.nesting import nesting_depth

@@ -46,8 +46,8 @@ def write_pictures(
 
 def write_picture(image: Image, path: Path, diagnostics: Diagnostics, files: PictureFiles) -> None:
     """Write one file; a view that cannot be made is reported and the file is left out."""
+    from primray.diagnostics import kept_without
     from primray.images.image import faults_of_exr, shows_view
-    from primray.report.unfinished import kept_without
 
     view = files.view_of(image)
     if not shows_view(path, files.encoding):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from primray.images.files.encoding import Encoding, compression_of
+from primray.images.encoding import Encoding, compression_of
 
 if TYPE_CHECKING:
     from primray.images.exposure import View

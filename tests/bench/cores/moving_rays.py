@@ -23,7 +23,7 @@ from tests.bench.stages.moving_stages import CAMERA, write
 
 from primray import core, usd
 from primray.diagnostics import Diagnostics
-from primray.report.motion import motion_facts
+from primray.report.summary import motion_facts
 from primray.settings import Filter, RenderSettings
 
 CASES = (

@@ -22,10 +22,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from tests.bench.results import write_results
 
 from primray import usd
-from primray.cli.sheet.runs import Limits, render_all
+from primray.cli.sheet_renders import Limits, render_all
 from primray.diagnostics import Diagnostics
-from primray.report.summary import PROCESS_BYTES, summary
-from primray.report.texture_sizes import texture_sizes
+from primray.report.summary import PROCESS_BYTES, summary, texture_sizes
 from primray.settings import RenderSettings
 
 LIMITS = Limits(width=200, spp=1, timeout_s=300, memory_bytes=2**35, threads=None)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from primray.diagnostic_codes import CODES, Severity
-from primray.fidelity import Kind
+from primray.diagnostic_codes import CODES, Kind, Severity
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "fidelity.md"
 

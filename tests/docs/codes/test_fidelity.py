@@ -6,8 +6,7 @@ import json
 import re
 from pathlib import Path
 
-from primray.diagnostic_codes import CODES, Severity
-from primray.fidelity import Kind
+from primray.diagnostic_codes import CODES, Kind, Severity
 
 from .fidelity import KINDS, PAGE, page
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from primray.cli.habits.foreign_flags import DONE_ANYWAY, REFUSED
+from primray.cli.foreign_command_lines import DONE_ANYWAY, REFUSED
 from primray.cli.turntable import FPS_ALONE
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "from-usdrecord-and-husk.md"

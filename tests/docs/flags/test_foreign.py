@@ -7,8 +7,7 @@ from typer.main import get_command
 
 from primray.cli import run
 from primray.cli.app import app
-from primray.cli.habits.command_line import COMMANDS, without_habits
-from primray.cli.habits.foreign_flags import DONE_ANYWAY, REFUSED
+from primray.cli.foreign_command_lines import COMMANDS, DONE_ANYWAY, REFUSED, translate_foreign_flags
 
 from .foreign import PAGE, TABLES, Refused, Understood, marks, spellings, with_tables
 
@@ -25,7 +24,7 @@ def flags_of(command: str) -> set[str]:
 
 def parsed(arguments: list[str]) -> dict[str, object]:
     command = get_command(app).get_command(None, "render")  # type: ignore[attr-defined]
-    return dict(command.make_context("render", without_habits(arguments)[1:]).params)
+    return dict(command.make_context("render", translate_foreign_flags(arguments)[1:]).params)
 
 
 def test_the_tables_are_fresh() -> None:
@@ -73,9 +72,9 @@ def test_what_means_something_else_says_so(flag: str, values: str, capsys: pytes
 @pytest.mark.parametrize("flag", DONE_ANYWAY)
 def test_what_is_done_anyway_is_left_out(flag: str) -> None:
     values = ["1"] * DONE_ANYWAY[flag][0]
-    assert without_habits(["render", flag, *values, "s.usda"]) == ["render", "s.usda"]
+    assert translate_foreign_flags(["render", flag, *values, "s.usda"]) == ["render", "s.usda"]
     if values:
-        assert without_habits(["render", f"{flag}=1", "s.usda"]) == ["render", "s.usda"]
+        assert translate_foreign_flags(["render", f"{flag}=1", "s.usda"]) == ["render", "s.usda"]
 
 
 def test_the_tables_hold_all_flags_that_are_refused_or_done_anyway_and_no_other() -> None:

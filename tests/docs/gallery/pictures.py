@@ -19,7 +19,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 import primray
-from primray.images.interactive.heat import heat, relative_errors
+from primray.images.showing import heat, relative_errors
 
 from .scenes import FOLDER, NAMED, SHOWN, Shown
 

@@ -12,9 +12,8 @@ from pxr import Usd
 
 from primray import diagnostic_codes
 from primray.description import Sphere
-from primray.diagnostic_codes import Code, Severity
+from primray.diagnostic_codes import Code, Kind, Severity
 from primray.diagnostics import Diagnostics
-from primray.fidelity import Kind
 from primray.settings import RenderSettings
 from primray.usd.translate import SHAPES, translate
 from primray_service import app

@@ -18,8 +18,8 @@ from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
 from primray.cli import run
 from primray.errors import LimitError, SettingsError
-from primray.images.aov_parts import MOST_IDS, ids_text, read_aovs
-from primray.images.image_file import read_image
+from primray.images.exr_parts import MOST_IDS, ids_text, read_aovs
+from primray.images.reading import read_measured
 from primray.settings import RenderSettings
 
 PRODUCT = """
@@ -88,7 +88,7 @@ def test_every_aov_is_a_part_of_the_exr(tmp_path: Path) -> None:
 def test_who_reads_the_picture_alone_finds_it(tmp_path: Path) -> None:
     image = picture(stage_of(BODIES), ("depth", "prim"))
     path = image.save(tmp_path / "a.exr")
-    back = read_image(path)
+    back = read_measured(path)
     assert np.array_equal(back.pixels, image.pixels[..., :3])
     assert image.errors is not None
     assert back.stderr is not None

@@ -11,7 +11,7 @@ import pytest
 
 import primray
 from primray.checkpoints.checkpointing import Checkpointing
-from primray.images.mattes.cryptomatte import hash_of, murmur_hash
+from primray.images.cryptomatte import hash_of, murmur_hash
 
 FEATURES = Path(__file__).resolve().parents[3] / "scenes" / "features"
 SOURCES = ("crypto_object", "crypto_material", "crypto_asset")

@@ -16,7 +16,7 @@ from primray.checkpoints.merge import merge
 from primray.cli import run
 from primray.core import passes
 from primray.errors import CheckpointError
-from primray.images.aov_parts import read_aovs
+from primray.images.exr_parts import read_aovs
 from primray.settings import RenderSettings
 
 SIZE = (24, 18)

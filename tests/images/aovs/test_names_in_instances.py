@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import primray
-from primray.images.mattes.cryptomatte import hash_of
+from primray.images.cryptomatte import hash_of
 
 CARD = """def Mesh "card" (prepend apiSchemas = ["MaterialBindingAPI"])
 {

@@ -15,12 +15,12 @@ import primray
 from primray import RenderSettings
 from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
-from primray.cli.inspect_text import camera_rows
+from primray.cli.commands.inspect import camera_rows
 from primray.compare.comparison import compare
 from primray.description.frame import Frame, PixelWindow
 from primray.diagnosis.inspection import camera_facts
 from primray.errors import CheckpointError, InvalidSceneError, LimitError, SettingsError
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 from primray.usd import translate
 
 RESOLUTION = (50, 36)
@@ -148,7 +148,7 @@ def test_exr_windows(window: str, tmp_path: Path) -> None:
     p = image.frame.pixels
     assert (spec.x, spec.y, spec.width, spec.height) == (p.x, p.y, p.width, p.height)
     assert (spec.full_x, spec.full_y, spec.full_width, spec.full_height) == (0, 0, *RESOLUTION)
-    back = read_image(tmp_path / "a.exr")
+    back = read_measured(tmp_path / "a.exr")
     assert back.frame == image.frame
     np.testing.assert_array_equal(back.pixels, image.pixels[..., :3])
     assert back.samples == 8
@@ -224,7 +224,7 @@ def test_merging(tmp_path: Path) -> None:
 
 def test_comparing(tmp_path: Path) -> None:
     def saved(window: str, name: str, **settings: Any) -> Any:
-        return read_image(rendered(window, **settings).save(tmp_path / name))
+        return read_measured(rendered(window, **settings).save(tmp_path / name))
 
     a, b = saved("(0, 0.1, 0.5, 0.9)", "a.exr", spp=16), saved("(0, 0.1, 0.5, 0.9)", "b.exr", spp=16, seed=1)
     assert compare(a, b).verdict.value != "different"

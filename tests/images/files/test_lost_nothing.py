@@ -142,8 +142,8 @@ def test_a_view_that_fails_at_the_end_costs_nothing_else(
     ("where", "asked"),
     [
         ("primray.images.first_hit.aovs_of", ["--aov", "depth"]),
-        ("primray.images.mattes.film_mattes.mattes_of", ["--aov", "crypto_object"]),
-        ("primray.images.light_paths.outputs.light_paths_of_film", ["--aov", "C<RD>L"]),
+        ("primray.images.cryptomatte.mattes_of", ["--aov", "crypto_object"]),
+        ("primray.images.light_path_aovs.light_paths_of_film", ["--aov", "C<RD>L"]),
         ("primray.diffusing.diffuse.with_diffusion", ["--diffusion", "0.1"]),
     ],
 )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import primray
-from primray.images.files.encoding import Encoding
+from primray.images.encoding import Encoding
 from primray.images.image import faults_of_exr
 
 BRIGHT = """

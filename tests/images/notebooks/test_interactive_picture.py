@@ -15,8 +15,7 @@ import pytest
 from playwright.sync_api import Page, sync_playwright
 
 import primray
-from primray.images.interactive.heat import LEAST, RAMP, heat, relative_errors
-from primray.images.interactive.levels import DARKEST, LEVELS, logarithms, reduced
+from primray.images.showing import DARKEST, LEAST, LEVELS, RAMP, heat, logarithms, reduced, relative_errors
 
 CHROMIUM = "/usr/bin/chromium"
 ROOT = Path(__file__).resolve().parents[3]

@@ -13,7 +13,7 @@ from primray.checkpoints import kept_beside
 from primray.checkpoints.merge import merge
 from primray.denoising.denoiser import has_denoiser
 from primray.errors import CheckpointError, SettingsError
-from primray.images.mattes import film_mattes
+from primray.images import cryptomatte
 
 FEATURES = Path(__file__).resolve().parents[3] / "scenes" / "features"
 FIELD = str(FEATURES / "point-instancer" / "scene.usda")
@@ -82,7 +82,7 @@ def test_masks_are_of_the_samples_that_are_there(tmp_path: Path) -> None:
 
 
 def test_a_part_that_keeps_nonsense_is_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = film_mattes.covered_names
+    real = cryptomatte.covered_names
 
     def beyond(*arguments: Any) -> Any:
         counts, number, shares, names = real(*arguments)

@@ -19,7 +19,7 @@ from primray.cli import run
 from primray.color.color_space import REC709, luminance_weights
 from primray.core import passes
 from primray.errors import CheckpointError, SettingsError
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"
 CLOSED = SCENES / "analytic" / "closed_sphere.usda"
@@ -236,10 +236,10 @@ def test_comparing_asks_for_the_same_bias(tmp_path: Path) -> None:
         assert error.value.code == "different-bias"
     assert primray.compare(files["a"], files["b"], allow_bias=True, tolerance=1.0) is not None
     assert primray.compare(files["b"], clamped).identical
-    header = read_image(files["b"]).metadata
+    header = read_measured(files["b"]).metadata
     assert header["settings.clamp_indirect"] == 0.5
     assert "left_out.clamp_indirect.luminance" in header
-    assert not any("clamp" in name or "left_out" in name or "caustics" in name for name in read_image(files["a"]).metadata)
+    assert not any("clamp" in name or "left_out" in name or "caustics" in name for name in read_measured(files["a"]).metadata)
 
 
 def test_commands_state_the_bias(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

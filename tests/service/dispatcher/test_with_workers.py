@@ -16,10 +16,10 @@ from tests.service.faults import descendants
 
 from primray import RenderSettings, render
 from primray.denoising.denoiser import has_denoiser
-from primray.images.aov_parts import read_aovs
+from primray.images.exr_parts import read_aovs
 from primray.images.image import pixels_sha256
-from primray.images.image_file import read_image
 from primray.images.reading import read_image as read_picture
+from primray.images.reading import read_measured
 from primray_service.executor.base import Chunk, Handle, OnMessage
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run
@@ -96,7 +96,7 @@ def test_aovs_are_parts_of_the_exr(tmp_path: Path) -> None:
         name = next(row.name for row in rig.outputs(job.id) if row.name.endswith(".exr"))
         file = rig.data.outputs(job.id) / name
         image = render(str(SCENE), RenderSettings(resolution=SIZE, spp=2, seed=5, aovs=("depth", "prim")))
-        assert np.array_equal(read_image(file).pixels, image.pixels[..., :3])
+        assert np.array_equal(read_measured(file).pixels, image.pixels[..., :3])
         parts = read_aovs(file)
         assert list(parts) == ["depth", "prim"]
         for name, aov in parts.items():

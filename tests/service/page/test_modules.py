@@ -15,7 +15,7 @@ import pytest
 import primray_service
 from primray.color.color_space import ACESCG, REC709, linear_spaces
 from primray.color.ocio import is_rendering_space, to_display
-from primray.other_formats import SUFFIXES
+from primray.file_formats import SUFFIXES
 from primray_service.pictures.request import Space
 from primray_service.worker.preview import preview_of, write_preview
 

@@ -11,7 +11,7 @@ import pytest
 from tests.service.page.conftest import pictures, until, until_pictures
 from tests.service.page.scenes import SMALL, submit, upload
 
-from primray.images.aov_parts import read_aovs
+from primray.images.exr_parts import read_aovs
 
 AOVS = ["depth", "normal", "albedo", "prim", "samples", "crypto_object"]
 SCALE = "new DOMMatrix(getComputedStyle(document.querySelector('.sheet')).transform).a"

@@ -18,7 +18,7 @@ from tests.service.scenes.raw_http import answer, connect, head, is_closed
 from tests.service.scenes.zips import LAYER, Entry, zip_of
 from tests.service.serving import RunningServer, start
 
-from primray.other_formats import advice_for
+from primray.file_formats import advice_for
 
 LIMIT = 2**20
 

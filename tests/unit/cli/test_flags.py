@@ -8,9 +8,9 @@ import pytest
 from typer.main import get_command
 from typer.models import OptionInfo
 
-from primray.cli import output_flags, render_flags, show_flags, stage_flags
+from primray.cli import output_flags, render_flags, stage_flags
 from primray.cli.app import app
-from primray.cli.installed import LazyCommand, loaded
+from primray.cli.command_group import LazyCommand, loaded
 
 COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "merge", "view")
 OPEN_A_STAGE = {"render", "estimate", "inspect", "doctor", "submit"}
@@ -78,4 +78,4 @@ def test_the_commands_that_should_have_a_flag_do(names: list[str], commands: set
 
 def test_every_flag_of_two_commands_is_in_a_module_of_flags() -> None:
     shared = {name for found in FOUND.values() for name in found if sum(name in other for other in FOUND.values()) > 1}
-    assert shared - {"--help"} <= {*STAGE, *LIKE_RENDER, *OUTPUT, *names_of(show_flags)}
+    assert shared - {"--help"} <= {*STAGE, *LIKE_RENDER, *OUTPUT}

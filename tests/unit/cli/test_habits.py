@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from primray.cli import run
-from primray.cli.habits.command_line import without_habits
+from primray.cli.foreign_command_lines import translate_foreign_flags
 from primray.errors import SettingsError
 
 
@@ -36,7 +36,7 @@ from primray.errors import SettingsError
     ],
 )
 def test_what_the_parsers_read(line: str, plain: str) -> None:
-    assert without_habits(line.split()) == plain.split()
+    assert translate_foreign_flags(line.split()) == plain.split()
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_what_the_parsers_read(line: str, plain: str) -> None:
 )
 def test_spellings_of_what_is_refused(line: str) -> None:
     with pytest.raises(SettingsError):
-        without_habits(["render", "s.usda", *line.split()])
+        translate_foreign_flags(["render", "s.usda", *line.split()])
 
 
 SCENE = '#usda 1.0\ndef Sphere "s" {}\ndef Camera "one" {}\ndef "a" {\n def Camera "two" {}\n}\n'

@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from primray.cli.terminal import progress
-from primray.cli.terminal.progress import showing
+from primray.cli import console
+from primray.cli.console import showing
 from primray.render import speed
 
 
@@ -23,7 +23,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    for module in (progress, speed):
+    for module in (console, speed):
         monkeypatch.setattr(module, "time", clock)
     return clock
 

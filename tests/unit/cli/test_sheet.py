@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from primray.cli import run
-from primray.cli.sheet.page import page
-from primray.cli.sheet.runs import Outcome
+from primray.cli.sheet_pictures import page
+from primray.cli.sheet_renders import Outcome
 
 BALL = '#usda 1.0\ndef Sphere "s"\n{\n color3f[] primvars:displayColor = [(1, 0.5, 0)]\n}\n'
 HIDDEN = """#usda 1.0
@@ -112,7 +112,7 @@ def test_further_flags_win_and_are_checked_first(tmp_path: Path, monkeypatch: py
     code, rows, _ = sheet(folder, "--", "--res", "20", "10", "--spp", "4")
     assert (code, rows["ball.usda"]["report"]["settings"]["resolution"]) == (0, [20, 10])
     assert rows["ball.usda"]["report"]["settings"]["spp"] == 4
-    monkeypatch.setattr("primray.cli.sheet.runs.run_limited", None)
+    monkeypatch.setattr("primray.cli.sheet_renders.run_limited", None)
     for flags in (["--ress", "20", "10"], ["--spp", "many"], ["--engine", "xpu"], ["--res", "4", "4", "-w", "4"]):
         assert run(["sheet", str(folder), "-o", str(tmp_path / "s.html"), "--", *flags]) == 2
 

@@ -10,11 +10,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from primray.cli import run
-from primray.cli.sheet import contact, shot
-from primray.cli.sheet.contact import _fits, _lines, contact_sheet, reason
-from primray.cli.sheet.runs import Ended, Limits, Outcome
-from primray.cli.sheet.shot import grid_of, render_cells, variant_choices
+from primray.cli import run, sheet_pictures, sheet_renders
+from primray.cli.sheet_pictures import _fits, _lines, contact_sheet, reason
+from primray.cli.sheet_renders import Ended, Limits, Outcome, grid_of, render_cells, variant_choices
 from primray.errors import SettingsError
 
 STAGE = """#usda 1.0
@@ -57,7 +55,7 @@ def Camera "far"
 """
 
 
-def labels(grid: shot.Grid) -> list[list[str]]:
+def labels(grid: sheet_renders.Grid) -> list[list[str]]:
     return [[cell.label for cell in group] for group in grid.groups]
 
 
@@ -108,11 +106,10 @@ def test_a_shot_in_one_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert said.err.count("failed: ") == 4
     assert "There is no camera none" in said.err
     sheet = read(out)
-    height = (sheet.shape[0] - contact._TITLE - contact._GAP) // 6
+    top, gap = sheet_pictures._TITLE, sheet_pictures._GAP
+    height = (sheet.shape[0] - top - gap) // 6
     cells = {
-        (row, column): sheet[contact._TITLE + row * height :, contact._GAP + column * (100 + contact._GAP) :][
-            : height - 30 - contact._LINE, :100
-        ]
+        (row, column): sheet[top + row * height :, gap + column * (100 + gap) :][: height - 30 - sheet_pictures._LINE, :100]
         for row in range(6)
         for column in range(2)
     }
@@ -124,7 +121,7 @@ def test_a_shot_in_one_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert (blue[0, 1], red[3, 1]) == (0, 0)  # variants
     assert blue[3, 1] == pytest.approx(red[0, 1], rel=0.05)
     for row in (2, 5):
-        np.testing.assert_allclose(cells[row, 0][-1, -1], contact._FAILED, atol=1 / 255)
+        np.testing.assert_allclose(cells[row, 0][-1, -1], sheet_pictures._FAILED, atol=1 / 255)
         assert cells[row, 0].max() > 0.8  # words
 
 
@@ -152,7 +149,7 @@ def fake_runs(monkeypatch: pytest.MonkeyPatch, missing: str, exit_code: int) -> 
                     assert buffer.write(output.replace("%g", frame), "half" if output.endswith("exr") else "uint8")
         return Ended(exit_code, 1.0, 1, f"error: broken: frame {missing}\n")
 
-    monkeypatch.setattr(shot, "run_limited", run_limited)
+    monkeypatch.setattr(sheet_renders, "run_limited", run_limited)
     return asked
 
 
@@ -189,8 +186,8 @@ def test_reasons(exit_code: int | str, message: str, says: str) -> None:
 def test_long_words_stay_in_their_cells() -> None:
     one = outcome(3, "error: x: " + "word " * 200)
     sheet = contact_sheet("a" * 500, [[one], [one]], 1, 120)
-    assert sheet.shape[1] == 120 + 2 * contact._GAP
-    assert (sheet[:, -contact._GAP :] == round(contact._SHEET * 255)).all()
+    assert sheet.shape[1] == 120 + 2 * sheet_pictures._GAP
+    assert (sheet[:, -sheet_pictures._GAP :] == round(sheet_pictures._SHEET * 255)).all()
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from primray.compare.difference import Relation, difference
 from primray.compare.difference_tests import blocks, log_p_of, threshold, tiles
 from primray.errors import SettingsError
 from primray.images.image import Image
-from primray.images.image_file import MeasuredImage
+from primray.images.reading import MeasuredImage
 
 RAMP = np.ones((48, 64, 3)) * np.linspace(0.2, 1, 64)[None, :, None]
 NOISE: dict[str, Sample] = {"gaussian": gaussian, "log-normal": log_normal, "spikes": spikes}

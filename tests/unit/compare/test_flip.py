@@ -11,11 +11,11 @@ import pytest
 from primray.cli import run
 from primray.color.color_space import REC709, matrix, named
 from primray.compare import flip as flip_module
+from primray.compare.comparable import measured
 from primray.compare.flip import flip, has_flip
 from primray.errors import SettingsError
 from primray.images.image import Image
-from primray.images.image_file import MeasuredImage
-from primray.images.measured import measured
+from primray.images.reading import MeasuredImage
 
 needs_package = pytest.mark.skipif(not has_flip(), reason="primray[flip] is not installed")
 

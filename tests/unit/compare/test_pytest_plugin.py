@@ -23,10 +23,10 @@ from tests.measured import BuiltScene, save
 from primray import RenderSettings
 from primray.compare import image_check, pytest_plugin
 from primray.compare.comparison import compare
-from primray.compare.difference_picture import save_difference
+from primray.compare.comparison_report import save_difference
 from primray.compare.failure_page import write_page
 from primray.compare.flip import has_flip
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 
 pytest_plugins = ["pytester"]
 ROOT = Path(__file__).parents[3]
@@ -50,7 +50,7 @@ def _everything_is_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("imports")
     write_room(folder)
     image = BuiltScene(str(folder / "shot.usda"), RenderSettings(resolution=(8, 8))).render(0, 2)
-    image = read_image(save(image, folder / "a.exr"))
+    image = read_measured(save(image, folder / "a.exr"))
     save_difference(compare(image, image), folder / "a.png")
     write_page([], folder / "a.html")
 

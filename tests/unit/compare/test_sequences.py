@@ -14,7 +14,7 @@ from primray import Verdict
 from primray.cli import run
 from primray.compare.sequences import pairing
 from primray.errors import SettingsError
-from primray.images.image_file import MeasuredImage
+from primray.images.reading import MeasuredImage
 
 TRUTH = np.ones((32, 32, 3)) * [0.5, 0.4, 0.3]
 DARKER, MUCH_DARKER = TRUTH * 0.9, TRUTH * 0.5

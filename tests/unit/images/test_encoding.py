@@ -15,7 +15,7 @@ from primray.errors import SettingsError
 from primray.images.aov import Aov
 from primray.images.image import Image
 from primray.images.reading import read_image
-from primray.notices.announcement import RenderWarning
+from primray.messages.announcement import RenderWarning
 
 
 def _image(**changes: Any) -> Any:

@@ -12,8 +12,8 @@ import pytest
 from primray.description import Projection
 from primray.errors import PrimrayError, SettingsError
 from primray.images import image as image_module
-from primray.images.files.exr_header import exr_matrices
 from primray.images.image import Image, check_output_path, encode, pixels_sha256
+from primray.images.writers import exr_matrices
 
 from ..conftest import make_camera
 

@@ -13,7 +13,7 @@ from primray import render_frames
 from primray.cli import run
 from primray.errors import PrimrayError, SettingsError
 from primray.images.image import Image
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 from primray.render.snapshots import Snapshots
 
 SCENE = '#usda 1.0\ndef Sphere "s" {}\n'
@@ -63,7 +63,7 @@ def test_they_are_written_to_the_outputs_of_their_frame(monkeypatch: pytest.Monk
     for frame in ("a.1.exr", "a.2.exr"):
         assert (frame, True) in written
         assert [unfinished for name, unfinished in written if name == frame][-1] is False
-        assert read_image(frame).sample_span == (4096, 4096)
+        assert read_measured(frame).sample_span == (4096, 4096)
 
 
 def test_one_that_cannot_be_written_ends_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ import pytest
 import primray
 from primray.description.texture_file import TextureFile
 from primray.errors import AssetError, SettingsError
-from primray.images.image_file import read_image
+from primray.images.reading import read_measured
 from primray.textures.image_errors import last_error
 from primray.textures.texture import load_texture
 
@@ -44,7 +44,7 @@ def test_an_exr_with_a_channel_list_that_is_no_text_is_a_picture_that_cannot_be_
     assert channel in path.read_bytes()
     path.write_bytes(path.read_bytes().replace(channel, b"\x7f\xff\xff\xff\xff\xff\xff\xff"))
     with pytest.raises(SettingsError, match="not text"):
-        read_image(path)
+        read_measured(path)
 
 
 @pytest.mark.parametrize("name", [b"\xff\0", b"\x80\0"])
@@ -59,7 +59,7 @@ def test_a_channel_whose_name_is_no_text_is_refused(name: bytes, tmp_path: Path)
     out.close()
     path.write_bytes(path.read_bytes().replace(b"R\0\x01\0\0\0", name + b"\x01\0\0\0"))
     with pytest.raises(SettingsError):
-        read_image(path)
+        read_measured(path)
 
 
 def jpeg(path: Path, *, progressive: bool = False) -> bytes:
@@ -79,7 +79,7 @@ def jpeg(path: Path, *, progressive: bool = False) -> bytes:
 
 def is_damaged(path: Path) -> bool:
     """As a texture and as a picture to compare, which agree."""
-    found = [_is_refused(lambda: load_texture(TextureFile(str(path), "raw"))), _is_refused(lambda: read_image(path))]
+    found = [_is_refused(lambda: load_texture(TextureFile(str(path), "raw"))), _is_refused(lambda: read_measured(path))]
     assert found[0] == found[1]
     return found[0]
 

@@ -114,11 +114,10 @@ def names_of(texts: list[str] | None) -> list[str]:
 
 def _compare_pictures(asked: Asked) -> str:
     from ...compare.aov_tests import compare_with_aovs
-    from ...compare.comparison_report import as_json, lines
-    from ...compare.difference_picture import check_difference_path, save_difference
+    from ...compare.comparable import aovs_of, read_picture
+    from ...compare.comparison_report import as_json, check_difference_path, lines, save_difference
     from ...compare.flip import check_flip, flip
-    from ...compare.opened import aovs_of, read_picture
-    from ..json_lines import print_line
+    from ..console import print_line
 
     if asked.with_flip:
         check_flip()
@@ -153,18 +152,18 @@ def _check_outputs(asked: Asked, pictures: list[Path]) -> None:
 
 def _write_report(asked: Asked, facts: dict[str, Any]) -> None:
     from ...images.image import write_text
-    from ..json_lines import dumps
+    from ..console import dumps
 
     if asked.report is not None:
         write_text(Path(asked.report), dumps(facts, indent=2) + "\n")
 
 
 def _compare_pairs(asked: Asked, found: Pairing) -> int:
-    from ...compare.difference_picture import save_difference
+    from ...compare.comparable import read_picture
+    from ...compare.comparison_report import save_difference
     from ...compare.flip import check_flip, flip
-    from ...compare.opened import read_picture
     from ...compare.sequences import compare_pairs
-    from ..json_lines import print_line
+    from ..console import print_line
 
     if asked.with_flip:
         check_flip()
@@ -199,7 +198,7 @@ def _compare_pairs(asked: Asked, found: Pairing) -> int:
 
 def _difference_names(asked: Asked, found: Pairing) -> Callable[[Pair], Path] | None:
     """Return the path of each pair's difference: the name with its frame number filled in, or the pair's name in a folder."""
-    from ...compare.difference_picture import check_difference_path
+    from ...compare.comparison_report import check_difference_path
     from ...images.output_path import make_folder
     from ...render.frame_names import frame_name
 

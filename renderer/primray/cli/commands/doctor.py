@@ -116,7 +116,7 @@ def doctor(
 
 def _machine(as_json: bool) -> None:
     from ...diagnosis.machine import check_machine
-    from ..json_lines import print_line
+    from ..console import print_line
 
     found = check_machine()
     if as_json:
@@ -132,7 +132,7 @@ def _machine(as_json: bool) -> None:
 def _stage(scene: str, settings: RenderSettings, seconds: float, as_json: bool, verbose: bool) -> None:
     from ...diagnosis.doctor import diagnose
     from ...diagnosis.text import lines
-    from ..json_lines import print_line
+    from ..console import print_line
 
     facts = diagnose(scene, settings, seconds).as_json()
     if as_json:

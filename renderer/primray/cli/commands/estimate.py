@@ -81,8 +81,8 @@ def estimate(
 ) -> None:
     """Predict the samples and seconds that a render needs to reach an error, without rendering it."""
     from ...diagnosis.estimate import estimate as cost
-    from ...notices.diagnostics_text import print_diagnostics
-    from ..json_lines import print_line
+    from ...messages.diagnostics_text import print_diagnostics
+    from ..console import print_line
 
     targets = target_errors or []
     settings = RenderSettings(

@@ -9,9 +9,9 @@ import typer
 
 from ...settings import RenderSettings
 from .. import output_flags
-from ..flag_defaults import with_own_default
 from ..option_values import encoding_of, exposure_of
 from ..pictures import Looks, check_outputs, is_written, write
+from ..render_flags import with_own_default
 from ..shots import Shot
 
 

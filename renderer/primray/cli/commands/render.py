@@ -8,6 +8,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,23 +16,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from ... import process_memory
 from ...errors import SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import (
-    DEFAULT_DICING_RATE,
-    AutoCamera,
-    DefaultWrap,
-    RenderContext,
-    RenderSettings,
-    StopAt,
-    StudioLight,
-)
+from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, RenderContext, RenderSettings, StopAt, StudioLight
 from .. import option_values
-from ..on_ray import ray_executor, require_parts
 from ..option_values import OnOff
+from ..output_targets import EVERY_S, MOST_SHARE, is_standard, is_tev, output_name
 from ..pictures import Looks, check_outputs, check_reports, check_shots, has_samples, is_refused, save, tell_of_all, write
 from ..shots import Shot, moments, product_shots, require_only_products
-from ..standard_output import is_standard
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
-from ..tev_outputs import EVERY_S, MOST_SHARE, is_tev, output_name
 from ..turntable import movie_of, turntable_numbers, turntable_shots, write_movie
 
 if TYPE_CHECKING:
@@ -39,10 +30,11 @@ if TYPE_CHECKING:
 
     from ...checkpoints.checkpointing import Checkpointing
     from ...images.image import Image
+    from ...parts.executor import PartsExecutor
     from ...render import OpenedStage
     from ...render.snapshots import Snapshots
     from ...sampling.sampling import Progress
-    from .. import output_flags, render_flags, show_flags, stage_flags
+    from .. import output_flags, render_flags, stage_flags
 
 
 def render(
@@ -122,10 +114,10 @@ def render(
     dome_rotation: stage_flags.DomeRotation = 0.0,
     dome_visible: stage_flags.DomeVisible = OnOff.ON,
     ground: stage_flags.GroundBelow = None,
-    background: show_flags.Background = None,
-    turntable: show_flags.Turntable = None,
-    fps: show_flags.FramesPerSecond = None,
-    preview: show_flags.Preview = False,
+    background: output_flags.Background = None,
+    turntable: output_flags.Turntable = None,
+    fps: output_flags.FramesPerSecond = None,
+    preview: output_flags.Preview = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     no_translated_shaders: stage_flags.NoTranslatedShaders = False,
@@ -304,7 +296,7 @@ def _render_products(
 def _list_cameras(scene: str, settings: RenderSettings, as_json: bool) -> None:
     from ... import usd
     from ...render import open_once
-    from ..json_lines import print_line
+    from ..console import print_line
 
     cameras = usd.camera_paths(open_once(scene, settings).stage)
     if as_json:
@@ -418,7 +410,7 @@ def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot
     holds the current shot.
     """
     from ...render.interruption import INTERRUPTED, terminate_as_interrupt
-    from ..terminal.progress import Show, showing
+    from ..console import Show, showing
 
     showing_now: list[Show] = []
     missed = unsaved = refused = False
@@ -506,3 +498,28 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
 def _how_to_go_on(report: Mapping[str, Any]) -> str:
     saved = report.get("checkpoint", {"failed": "none was requested"})
     return "" if saved["failed"] else f"; continue with --resume {shlex.quote(str(saved['file']))}"
+
+
+GROUP, RAY = "primray.executors", "ray"
+
+
+def ray_executor(address: str) -> AbstractContextManager[PartsExecutor]:
+    """Return the executor for the Ray cluster at `address`; it connects when a frame begins.
+
+    SettingsError if no package provides one.
+    """
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group=GROUP, name=RAY):
+        made: AbstractContextManager[PartsExecutor] = entry.load()(address)
+        return made
+    raise SettingsError("--ray needs the render service: pip install 'primray[server,ray]'", code="ray-missing")
+
+
+def require_parts(flags: Mapping[str, Any]) -> None:
+    """Raise SettingsError for flags that need a render on this machine."""
+    for flag, value in flags.items():
+        if value is not None:
+            raise SettingsError(
+                f"{flag} cannot be combined with --ray; it is for renders on this machine", code="parts-setting"
+            )

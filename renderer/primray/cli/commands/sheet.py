@@ -15,10 +15,10 @@ import typer
 
 from ...errors import SettingsError
 from .. import option_values, render_flags, stage_flags
-from ..flag_defaults import with_own_default
+from ..render_flags import with_own_default
 
 if TYPE_CHECKING:
-    from ..sheet.runs import Limits, Outcome
+    from ..sheet_renders import Limits, Outcome
 
 PICTURES = (".png", ".jpg", ".jpeg")
 PAGES = (".html", ".htm")
@@ -83,7 +83,7 @@ def sheet(
 
     The exit code is 1 if any render fails.
     """
-    from ..sheet.runs import Limits
+    from ..sheet_renders import Limits
 
     if min(width, spp, at_once, 1 if columns is None else columns) < 1 or timeout <= 0:
         raise SettingsError("width, samples, simultaneous renders, columns and the time limit must be above 0")
@@ -112,9 +112,9 @@ def _checked(flags: list[str]) -> tuple[tuple[str, ...], int | None]:
     from typer.main import get_command
 
     from ..app import app
-    from ..habits.command_line import without_habits
+    from ..foreign_command_lines import translate_foreign_flags
 
-    flags = without_habits(["render", *flags])[1:]
+    flags = translate_foreign_flags(["render", *flags])[1:]
     render = get_command(app).get_command(None, "render")  # type: ignore[attr-defined]
     with render.make_context("render", ["scene.usda", *flags]) as context:
         given = context.params
@@ -125,8 +125,8 @@ def _checked(flags: list[str]) -> tuple[tuple[str, ...], int | None]:
 
 def _sheet_of_folder(root: Path, output: str, limits: Limits, at_once: int, roots_only: bool) -> list[Outcome]:
     from ...images.image import write_text
-    from ..sheet.page import page
-    from ..sheet.runs import render_all, stage_files
+    from ..sheet_pictures import page
+    from ..sheet_renders import render_all, stage_files
 
     stages = stage_files(root)
     if roots_only:
@@ -149,9 +149,8 @@ def _sheet_of_folder(root: Path, output: str, limits: Limits, at_once: int, root
 
 def _sheet_of_shot(stage: Path, asked: tuple[Any, ...], output: str, limits: Limits, at_once: int) -> list[Outcome]:
     from ...images.image import write_png, write_text
-    from ..sheet.contact import contact_sheet, reason
-    from ..sheet.page import page
-    from ..sheet.shot import grid_of, render_cells, variant_choices
+    from ..sheet_pictures import contact_sheet, page, reason
+    from ..sheet_renders import grid_of, render_cells, variant_choices
 
     time_codes, cameras, variants, columns = asked
     if not stage.exists():
@@ -189,7 +188,7 @@ def _check_output(output: str, suffixes: tuple[str, ...]) -> None:
 
 def _write_json(output: str, outcomes: list[Outcome]) -> None:
     from ...images.image import write_text
-    from ..json_lines import dumps
+    from ..console import dumps
 
     write_text(Path(output).with_suffix(".json"), dumps([_as_json(outcome) for outcome in outcomes], indent=1) + "\n")
 

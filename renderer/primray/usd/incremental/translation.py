@@ -13,7 +13,7 @@ from ...description import SceneDescription, TextureFile, TextureInput
 from ...description.pattern_reads import pattern_files
 from ...diagnostics import Diagnostic, Diagnostics
 from ...errors import PrimrayError
-from ...garbage import without_collection
+from ...process_memory import without_collection
 from ...settings import RenderSettings
 from ..lights.shaping import Profiles
 from ..scene.context import Context

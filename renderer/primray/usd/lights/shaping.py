@@ -12,7 +12,7 @@ from pxr import Sdf
 from ...arrays import Doubles
 from ...description import IesProfile, Shaping
 from ...errors import AssetError
-from ...lfs_pointer import WHAT_IT_IS, is_pointer
+from ...file_formats import WHAT_IT_IS, is_pointer
 from ...textures.ies import MAX_BYTES, IesError, IesFile, parse_ies
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim

@@ -17,9 +17,8 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 from ...composition import Composition
 from ...diagnostics import Diagnostics
 from ...errors import AssetError, InvalidSceneError, LimitError, PrimrayError, SettingsError, StageOpenError
-from ...lfs_pointer import WHAT_IT_IS, is_pointer_file
-from ...other_formats import CODE as OTHER_FORMAT
-from ...other_formats import advice_for_file, refers_to_other_format
+from ...file_formats import CODE as OTHER_FORMAT
+from ...file_formats import WHAT_IT_IS, advice_for_file, is_pointer_file, refers_to_other_format
 from ..materialx.redirecting import Redirection, is_of_documents, make_anew, refers_to_documents
 from ..materialx.stand_ins import without_marks
 from .composition import add_load_rules, check_population, choose_variants, note_unloaded, populate, session_over

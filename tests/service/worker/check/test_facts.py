@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from tests.service.worker.check.checking import SPHERE, Checked, Files, check, usda
 
-from primray.fidelity import Kind
+from primray.diagnostic_codes import Kind
 
 KINDS = {kind.value for kind in Kind}
 SHOT = """

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from primray.description import PrimvarInput, TextureFile, TextureInput, Wrap
+from primray.diagnostics import STRICT
 from primray.errors import UnsupportedError
-from primray.refusal import STRICT
 from primray.settings import RenderSettings
 from primray.usd import translate
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 from pxr import Usd
 
-from primray.diagnostics import Diagnostics
+from primray.diagnostics import STRICT, Diagnostics
 from primray.errors import StageOpenError, UnsupportedError
-from primray.refusal import STRICT
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 

@@ -1,1 +1,0 @@
-"""`primray sheet`: render processes, and the contact sheet of their results."""

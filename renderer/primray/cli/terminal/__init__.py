@@ -1,1 +1,0 @@
-"""Output to the terminal: progress, errors, and standard streams that survive failures."""

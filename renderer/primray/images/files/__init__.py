@@ -1,1 +1,0 @@
-"""Storage of pictures in files: bit depths, EXR parts and headers."""

@@ -1,1 +1,0 @@
-"""AOVs of light path expressions."""

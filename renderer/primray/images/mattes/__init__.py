@@ -1,1 +1,0 @@
-"""Cryptomattes: ids of the objects that cover each pixel, and their coverage."""
