@@ -77,7 +77,7 @@ def body_of(image: primray.Image) -> float:
 def test_an_led_does_not_switch_the_studio_off() -> None:
     image, dark = rendered(BODY + LED), rendered(BODY + LED, studio_light="off")
     (message,) = says(image)
-    assert "what glows lights" in message
+    assert "emissive surfaces light" in message
     assert says(dark) == []
     assert body_of(dark) < DARK
     assert body_of(image) == pytest.approx(body_of(rendered(BODY)), rel=0.1)

@@ -18,7 +18,7 @@ from primray.settings import RenderSettings
         ("C<RD", "character 2, the < has no >"),
         ("C<RX>L", "character 4, 'X' is not a kind of scattering, which are D G S s"),
         ("C<XD>L", "character 3, 'X' is not a kind of event"),
-        ("C<LD>", "character 4, only surfaces (R and T) scatter in a way of their own"),
+        ("C<LD>", "character 4, only surfaces (R and T) have a kind of scattering"),
         ("C<RD'floor'>L", "character 5, only lights (L, O, B) have labels"),
         ("C'key'", "character 2, labels are written within an event: <L.'key'>"),
         ("C.*<L.'key>", "character 7, the label's quote does not end"),
