@@ -10,7 +10,7 @@ from primray.description import SceneDescription
 from primray.description.motion import segment_of
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.viewing.camera_path import between
+from primray.usd.camera.motion import interpolated_camera
 
 from ..unit.usd.paths.reference import matrix_at, world_at
 from .random_motion import FRAME, stage_text
@@ -78,7 +78,7 @@ def test_lights_and_cameras_are_where_usd_has_them(seed: int) -> None:
         camera = d.camera
         if d.camera_motion is not None:
             k, u = segment_of(d.camera_motion.times, fraction)
-            camera = between(d.camera_motion.cameras[k], d.camera_motion.cameras[k + 1], u)
+            camera = interpolated_camera(d.camera_motion.cameras[k], d.camera_motion.cameras[k + 1], u)
         true = world_of_usd(stage, "/far/cam", time)
         points = np.array([[x, y, -20.0, 1.0] for x in (-3, 0, 3) for y in (-2, 0, 2)]) @ true.T
         expected = (points @ np.linalg.inv(true).T)[:, :3]

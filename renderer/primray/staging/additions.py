@@ -15,7 +15,7 @@ from ..diagnostics import Diagnostics
 from ..errors import SettingsError
 from ..settings import Ground, RenderSettings
 from ..textures.texture_set import LIGHT_LEFT_OUT
-from ..usd import drawn_bounds
+from ..usd import framed_bounds
 from ..usd.lights.default_light import KEY, STUDIO, default_lights
 
 DOME, GROUND = "primray:dome", "primray:ground"
@@ -57,7 +57,7 @@ def _turned(degrees: float, up: int) -> Doubles:
 def _orbited(description: SceneDescription, degrees: float, diagnostics: Diagnostics) -> SceneDescription:
     """Rotate the camera about the scene's centre; the studio light rotates with it, lights of the stage do not."""
     up = _up(description)
-    low, high = drawn_bounds(description, up)
+    low, high = framed_bounds(description, up)
     turned, middle = _turned(degrees, up), (low + high) / 2
     turned[:3, 3] = middle - turned[:3, :3] @ middle
 
@@ -137,7 +137,7 @@ def require_dome(description: SceneDescription, settings: RenderSettings, diagno
 def _with_ground(description: SceneDescription, ground: Ground, diagnostics: Diagnostics) -> SceneDescription:
     """Add a grey square below the scene; a ground that only shows its shadow is hidden from the camera."""
     up = _up(description)
-    low, high = drawn_bounds(description, up)
+    low, high = framed_bounds(description, up)
     radius = float(np.linalg.norm(high - low)) / 2
     right, forward = [axis for axis in range(3) if axis != up]
     middle = (low + high) / 2

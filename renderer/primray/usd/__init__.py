@@ -9,6 +9,8 @@ facts about a stage, `incremental` translates again after edits. All matrices ar
 from .adapters.rendering.product_outputs import can_be_made_together, outputs_of, picture_of_product, picture_ordered
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import named_product, products
+from .camera.framed_objects import framed_bounds
+from .camera.session_camera import has_camera, is_session_camera, place_camera
 from .facts.bound import bound_materials
 from .facts.output_facts import output_facts
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
@@ -19,8 +21,6 @@ from .stage.metadata import stage_name, used_files
 from .stage.open import open_stage, reload_layers
 from .stage.reads import read_asset
 from .translate import camera_paths, translate
-from .viewing.drawn import drawn_bounds
-from .viewing.session_camera import has_camera, is_session_camera, place_camera
 
 __all__ = [
     "Dependencies",
@@ -32,8 +32,8 @@ __all__ = [
     "can_be_made_together",
     "count_undrawn_shapes",
     "dependencies",
-    "drawn_bounds",
     "files_to_watch",
+    "framed_bounds",
     "has_camera",
     "is_session_camera",
     "labels_of",

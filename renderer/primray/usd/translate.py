@@ -17,7 +17,6 @@ from ..description import Camera, CameraMotion, Frame, MotionSteps, SceneDescrip
 from ..diagnostics import Diagnostics
 from ..process_memory import machine_bytes, without_collection
 from ..settings import RenderSettings
-from .adapters.cameras.shutter import Shutter
 from .adapters.rendering.product_outputs import outputs_of
 from .adapters.rendering.render_pass import note_render_pass, with_render_pass
 from .adapters.rendering.render_product import ProductSettings
@@ -29,6 +28,21 @@ from .adapters.shapes.mesh import mesh
 from .adapters.shapes.nurbs_patch import nurbs_patch
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
+from .camera.back_plates import RenderedCamera, find_back_plates, with_back_plates
+from .camera.lens import with_diffusion
+from .camera.motion import camera_motion, nearest_distance
+from .camera.near_plane import report_clipped_geometry
+from .camera.shutter import Shutter, motion_vector_shutter, render_timing, report_closed_shutter
+from .camera.view import (
+    cameras_in_instances,
+    cameras_of,
+    estimate_view,
+    estimate_view_through,
+    exposure_times,
+    select_camera,
+    view_through,
+    view_without_scene,
+)
 from .instancing.instances import Arrangement, Group, arrange, at_instant, merge_coincident
 from .lights.assembly import add_default_light
 from .lights.geometry_light import with_geometry_lights
@@ -39,7 +53,6 @@ from .lights.portals import report_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .moving.foreseen import Foreseen
 from .paths.point_steps import PointSteps
-from .querying.cameras import cameras_in_instances, cameras_of
 from .resolving.color_spaces import rendering_space
 from .scene.assembly import (
     add_group,
@@ -64,14 +77,6 @@ from .stage.open import usd_messages
 from .stage.reads import type_name
 from .stage.traversal import exists, is_in_world, populated, prims_in_instances
 from .stage.values import When, when_of
-from .viewing.back_plates import Looks, plates_of, with_back_plates
-from .viewing.camera_path import camera_motion, nearest_to
-from .viewing.diffusion import with_diffusion
-from .viewing.foreseen import as_seen, foreseen
-from .viewing.near_plane import note_near_plane
-from .viewing.rolling import exposed
-from .viewing.shutter import note_closed_shutter, shutter_of_vectors, timing_of
-from .viewing.view import select_camera, view_through, view_without_things
 from .walking.skinning import are_drawn, posed
 
 # The adapter table: the function that translates prims of each type. The walk expands point instancers itself
@@ -161,7 +166,7 @@ def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics
         purposes = context_of(stage, settings, found, when, Diagnostics(), {})[0].purposes
         stage = with_geometry_lights(stage, found.geometry_lights, purposes, when, diagnostics)
         found = find_by_type(stage, Diagnostics())
-    if plates := plates_of(found.cameras):
+    if plates := find_back_plates(found.cameras):
         stage = with_back_plates(stage, plates, _looks(stage, settings, found, when), when, diagnostics)
         found = find_by_type(stage, Diagnostics())
     if are_drawn(stage, found.skeletons):
@@ -216,14 +221,14 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
     camera = select_camera(ctx.stage, ctx, product, found.cameras)
-    shutter, rolling = exposed(camera, ctx, product)
+    shutter, rolling = exposure_times(camera, ctx, product)
     is_vectored = any(request.source in VECTORS for request in aovs)
-    vectors = shutter_of_vectors(camera, shutter, ctx) if is_vectored else None
+    vectors = motion_vector_shutter(camera, shutter, ctx) if is_vectored else None
     if is_vectored:
-        note_closed_shutter(shutter, vectors, ctx)
-    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, vectors, rolling))
+        report_closed_shutter(shutter, vectors, ctx)
+    ctx = replace(ctx, timing=render_timing(shutter, bool(aovs), ctx, vectors, rolling))
     if ctx.timing.is_open:
-        ctx = replace(ctx, foreseen=as_seen(camera, shutter, ctx, product))
+        ctx = replace(ctx, foreseen=estimate_view_through(camera, shutter, ctx, product))
     return Begun(ctx, product, camera, shutter, aovs)
 
 
@@ -244,9 +249,9 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
     """Add what only a view decides (camera, default light, motion steps), and return the finished description."""
     ctx, scene, product = assembled.ctx, assembled.scene, begun.product
     bounds = partial(scene_bounds, scene, assembled.groups, assembled.where, ctx)
-    camera, frame = view_through(begun.camera, ctx, product, begun.shutter, bounds, lambda: scene.drawn)
+    camera, frame = view_through(begun.camera, ctx, product, begun.shutter, bounds, lambda: scene.framed_objects)
     camera = with_diffusion(camera, ctx.settings)
-    note_near_plane(camera, scene.shapes, scene.static, ctx)
+    report_clipped_geometry(camera, scene.shapes, scene.static, ctx)
     may_need_light = add_default_light(scene, camera, ctx)
     note_missing_primvars(scene, ctx)
     motion, steps = None, list[MotionSteps]()
@@ -263,7 +268,7 @@ def _timed(
 ) -> tuple[CameraMotion | None, list[MotionSteps]]:
     """Choose the times at which the camera and everything that moves are sampled; return the camera's motion and all steps."""
     motion, steps, error = None, list[MotionSteps](), ctx.settings.most_motion_error
-    nearest = nearest_to(camera, scene.drawn)
+    nearest = nearest_distance(camera, scene.framed_objects)
     moving = camera_motion(begun.camera, camera, ctx, begun.product, frame.resolution, nearest, error)
     if moving is not None:
         motion = moving[0]
@@ -273,18 +278,18 @@ def _timed(
     return motion, steps
 
 
-def _looks(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Looks | None:
+def _looks(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> RenderedCamera | None:
     """Return the camera of the stage that the picture is taken through, with its frame; None without one."""
     begun = begin(found, context_of(stage, settings, found, when, Diagnostics(), {}))
-    camera, frame = view_without_things(begun.camera, begun.ctx, begun.product, begun.shutter)
-    return None if begun.camera is None or camera is None else Looks(begun.camera, camera, frame)
+    camera, frame = view_without_scene(begun.camera, begun.ctx, begun.product, begun.shutter)
+    return None if begun.camera is None or camera is None else RenderedCamera(begun.camera, camera, frame)
 
 
 def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Foreseen:
     """Return how large things will appear. Diagnostics here are discarded; they are reported when the posed stage is
     translated."""
     ctx, product = context_of(stage, settings, found, when, Diagnostics(), {})
-    return foreseen(ctx, product, found.cameras)
+    return estimate_view(ctx, product, found.cameras)
 
 
 def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:

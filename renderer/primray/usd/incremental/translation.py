@@ -15,6 +15,7 @@ from ...diagnostics import Diagnostic, Diagnostics
 from ...errors import PrimrayError
 from ...process_memory import without_collection
 from ...settings import RenderSettings
+from ..camera.back_plates import find_back_plates
 from ..lights.shaping import Profiles
 from ..scene.context import Context
 from ..scene.notes import LevelsMet
@@ -25,7 +26,6 @@ from ..stage.time_varying import changing, has_clips, has_time_values
 from ..stage.traversal import populated
 from ..stage.values import When, when_of
 from ..translate import Assembled, Begun, Found, assemble, begin, context_of, find_by_type, finish, translate, with_names
-from ..viewing.back_plates import plates_of
 from .changes import Changes, UnknownEffect, affected_by
 from .updates import LeafUpdates, MaterialUpdates, moved_leaves
 
@@ -112,7 +112,7 @@ def _translated_recorded(stage: Usd.Stage, settings: RenderSettings) -> Translat
     diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
     with usd_messages(diagnostics), without_collection():
         found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
-        if found.skeletons or found.geometry_lights or plates_of(found.cameras):
+        if found.skeletons or found.geometry_lights or find_back_plates(found.cameras):
             return None
         counts = [len(diagnostics)]
         ctx, product = context_of(stage, settings, found, when, diagnostics, names)

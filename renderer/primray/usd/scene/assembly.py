@@ -15,6 +15,7 @@ from ...description import Camera, CameraMotion, Frame, MotionSteps, Placed, Pla
 from ...description.instance_names import name_of
 from ...description.lighting import NO_LINKS
 from ...description.placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
+from ..camera.framed_objects import prototype_box, shape_bounds
 from ..instancing.instances import Arrangement, Chain, Group, count_of
 from ..lights.assembly import add_lights
 from ..lights.geometry_light import with_light, without_material
@@ -28,7 +29,6 @@ from ..stage.messages import tf_message
 from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.traversal import is_in_world
 from ..stage.values import square
-from ..viewing.drawn import prototype_box, shape_bounds
 from .bounds import Bounds, NotBounded, stage_bounds
 from .context import Context
 from .inheritance import ResolvedPrim

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pxr import Gf, Sdf, Tf, Usd, UsdLod
 
 from ...diagnostics import Diagnostics
-from ..adapters.cameras.camera import usd_camera
+from ..camera.camera import usd_camera
 from ..stage.edits import check_reach, deactivate
 from ..stage.open import scratch_copy
 from ..stage.reads import schemas_applied, targets, type_name

@@ -132,7 +132,7 @@ LEFT_OUT = "primray:leftOut"
 # Mark on a back plate's card: its own material binding counts, whatever stronger binding is above it.
 OWN_MATERIAL = "primray:ownMaterial"
 
-ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/rolling_shutter.py
+ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; camera/shutter.py
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 from ...arrays import Doubles
 from ...description import Light, MovingInstances, Placed, Placement, Prototype, Shape, Sphere
+from ..camera.framed_objects import FramedObjects, framed_objects
 from ..lights.light_links import Links
 from ..lights.motion import LightPath
-from ..viewing.drawn import Drawn, drawn
 from .context import Context
 from .inheritance import ResolvedPrim
 from .poses import Poses
@@ -48,8 +48,8 @@ class TranslatedScene:
     moving_lights: list[tuple[int, LightPath]] = field(default_factory=list)  # light's index, and its path over time
 
     @property
-    def drawn(self) -> Drawn:
-        return drawn(self.shapes, self.static, self.prototypes, self.placements)
+    def framed_objects(self) -> FramedObjects:
+        return framed_objects(self.shapes, self.static, self.prototypes, self.placements)
 
     @property
     def moves(self) -> bool:

@@ -9,8 +9,8 @@ import pytest
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd import camera_paths, translate
+from primray.usd.camera.view import MOST_IN_INSTANCES, cameras_of
 from primray.usd.inspect.scene_facts import scene_facts
-from primray.usd.querying.cameras import MOST_IN_INSTANCES, cameras_of
 
 from ..usd_text import stage_of, translate_text
 

@@ -25,7 +25,7 @@ NO_TRIANGLES = np.empty((0, 3), np.int64)
 LOOKED_AT = 512  # rays are traced against this many triangles; of more, centres are projected to the rays
 
 
-def note_near_plane(camera: Camera, shapes: Sequence[Shape], static: Sequence[Placed], ctx: Context) -> None:
+def report_clipped_geometry(camera: Camera, shapes: Sequence[Shape], static: Sequence[Placed], ctx: Context) -> None:
     """Report geometry in front of the near plane that would be visible."""
     near = camera.clipping_range[0]
     is_plain = camera.path and camera.projection is Projection.PERSPECTIVE and camera.distortion is None
@@ -176,7 +176,7 @@ def _sphere_hits(shape: Sphere, start: Doubles, way: Doubles) -> Doubles:
 def _triangle_hits(corners: Doubles, way: Doubles, along: Doubles) -> Doubles:
     """Return fractions (N,) of the distance at which rays from the origin first hit triangles (T, 3, 3); inf if they miss."""
     found = np.full(len(way), np.inf)
-    corners = corners[_parts_pyramid(corners, way)]
+    corners = corners[_splits_pyramid(corners, way)]
     if not len(corners):
         return found
     low, high = np.minimum(way.min(axis=0), 0), np.maximum(way.max(axis=0), 0)
@@ -188,7 +188,7 @@ def _triangle_hits(corners: Doubles, way: Doubles, along: Doubles) -> Doubles:
     return found
 
 
-def _parts_pyramid(corners: Doubles, way: Doubles) -> npt.NDArray[np.bool_]:
+def _splits_pyramid(corners: Doubles, way: Doubles) -> npt.NDArray[np.bool_]:
     """Return whether the eye and the corners of the rays' grid are on different sides of each triangle's plane."""
     a = corners[:, 0]
     normals = np.cross(corners[:, 1] - a, corners[:, 2] - a)

@@ -15,18 +15,17 @@ from pxr import Sdf, Usd
 
 from ...arrays import Doubles
 from ...description import Camera, Projection
-from ..adapters.cameras.camera import Aperture, window_of
-from ..adapters.cameras.clipping import UNCLIPPED
 from ..scene.context import Context
 from ..stage.metadata import is_number, layer_data, shown, up_axis
 from ..stage.reads import type_name
-from .framing import APERTURE
+from .automatic import APERTURE
+from .camera import UNCLIPPED, Aperture, window_of
 
-NAME = "cameraSettings"
+CAMERA_SETTINGS = "cameraSettings"
 PERSPECTIVE = "Perspective"
 BOUND_TO_PERSPECTIVE = "/OmniverseKit_Persp"
-OF_KIT = {BOUND_TO_PERSPECTIVE: PERSPECTIVE} | {f"/OmniverseKit_{name}": name for name in ("Front", "Right", "Top")}
-FOCAL_LENGTH = 18.147562  # Kit's perspective camera, for GfCamera's aperture: 60 degrees
+KIT_CAMERAS = {BOUND_TO_PERSPECTIVE: PERSPECTIVE} | {f"/OmniverseKit_{name}": name for name in ("Front", "Right", "Top")}
+KIT_FOCAL_LENGTH = 18.147562  # Kit's perspective camera, for GfCamera's aperture: 60 degrees
 # Kit's orthographic cameras by up axis: the world axis each looks along, its usual side, the up direction of its image.
 Side = tuple[int, float, tuple[float, float, float]]
 SIDES: dict[str, dict[str, Side]] = {
@@ -37,7 +36,7 @@ SIDES: dict[str, dict[str, Side]] = {
 
 def bound_camera(ctx: Context) -> Usd.Prim | None:
     """Return the stage's camera that the viewport looked through, with a diagnostic; None if it was none of these."""
-    settings = layer_data(ctx.stage, NAME)
+    settings = layer_data(ctx.stage, CAMERA_SETTINGS)
     path = settings.get("boundCamera") if isinstance(settings, Mapping) else None
     if not isinstance(path, str) or not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsolutePath():
         return None
@@ -50,7 +49,7 @@ def bound_camera(ctx: Context) -> Usd.Prim | None:
 
 def viewport_camera(ctx: Context) -> Camera | None:
     """Return the tool's own camera that the viewport looked through; None without one. Report an unusable one."""
-    settings = layer_data(ctx.stage, NAME)
+    settings = layer_data(ctx.stage, CAMERA_SETTINGS)
     if settings is None:
         return None
     bound = settings.get("boundCamera", BOUND_TO_PERSPECTIVE) if isinstance(settings, Mapping) else None
@@ -60,9 +59,9 @@ def viewport_camera(ctx: Context) -> Camera | None:
             if isinstance(settings, Mapping)
             else f"is {shown(settings)}"
         )
-        _note_useless(ctx, why)
+        _report_unusable(ctx, why)
         return None
-    name = OF_KIT.get(bound)
+    name = KIT_CAMERAS.get(bound)
     if name is None:
         ctx.warn("camera-viewport", "", f"The authoring tool's viewport used the camera {bound}, which does not exist.")
         return None
@@ -71,14 +70,14 @@ def viewport_camera(ctx: Context) -> Camera | None:
     made = _perspective(settings[name], ctx) if name == PERSPECTIVE else _orthographic(settings[name], name, ctx)
     if made is None:
         wanted = "a target away from it" if name == PERSPECTIVE else "a radius above 0"
-        _note_useless(ctx, f"has an unusable {name}: a position and {wanted} are needed, not {shown(settings[name])}")
+        _report_unusable(ctx, f"has an unusable {name}: a position and {wanted} are needed, not {shown(settings[name])}")
         return None
     ctx.warn("camera-viewport", "", f"The stage has no camera: {name} of the authoring tool's viewport is used.")
     return made
 
 
-def _note_useless(ctx: Context, why: str) -> None:
-    ctx.warn("stage-metadata", "", f"customLayerData's {NAME} {why}: it is ignored.", "customLayerData")
+def _report_unusable(ctx: Context, why: str) -> None:
+    ctx.warn("stage-metadata", "", f"customLayerData's {CAMERA_SETTINGS} {why}: it is ignored.", "customLayerData")
 
 
 def _perspective(values: Any, ctx: Context) -> Camera | None:
@@ -91,7 +90,7 @@ def _perspective(values: Any, ctx: Context) -> Camera | None:
     up = np.array([0.0, 0, 1] if up_axis(ctx.stage) == "Z" else [0.0, 1, 0])
     if np.linalg.norm(np.cross(up, back)) < 1e-6:  # straight down or up: the image's up is that of Top
         up = np.array(SIDES[up_axis(ctx.stage)]["Top"][2], float) * math.copysign(1.0, float(up @ back))
-    window = window_of(APERTURE, 1 / FOCAL_LENGTH)
+    window = window_of(APERTURE, 1 / KIT_FOCAL_LENGTH)
     return Camera("", _looking(position, back, up), Projection.PERSPECTIVE, window, UNCLIPPED)
 
 

@@ -2,7 +2,8 @@
 
 The card is written to a copy of the stage as a mesh below the camera, with an unlit material that shows the image. The plate
 of the rendered camera fills its conformed window, plates of other cameras (visibility `all`) fill their own apertures. Decoded
-colours are graded: (in * slope + offset) ^ power.
+colours are graded: (in * slope + offset) ^ power. With a depth image the card is a relief with a vertex per texel at its depth:
+(texel - minOffset) * normalizingFactor + cameraSpaceOffset.
 """
 
 from __future__ import annotations
@@ -11,26 +12,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from ...arrays import Doubles, Floats, Ints
 from ...camera import Camera, Projection
 from ...color.color_space import ColorSpace
 from ...color.ocio import space_named
-from ...description import Frame
+from ...description import Frame, TextureFile
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
 from ...textures.image_header import read_header
-from ..adapters.cameras.camera import usd_camera
+from ...textures.texture import load_texture
 from ..scene.inheritance import transforms
 from ..scene.schemas import OWN_MATERIAL
 from ..stage.edits import check_reach, editable, end_instance
 from ..stage.open import scratch_copy
 from ..stage.reads import color_space_name, read_asset, schemas_applied
 from ..stage.values import StandIns, When, is_hidden, read
-from .plate_relief import Card, Relief, depths_of, flat_card, relief
+from .camera import usd_camera
 
 if TYPE_CHECKING:
     import OpenImageIO as oiio
+
 
 SCHEMA = "BackPlateAPI"
 UNITS_PER_TENTH = 0.1  # UsdGeomCamera: focalLength is in tenths of a scene unit
@@ -60,7 +64,7 @@ class Plate:
 
 
 @dataclass(frozen=True)
-class Looks:
+class RenderedCamera:
     """The rendered camera, conformed to its frame."""
 
     prim: Usd.Prim
@@ -68,7 +72,7 @@ class Looks:
     frame: Frame
 
 
-def plates_of(cameras: Sequence[Usd.Prim]) -> list[Plate]:
+def find_back_plates(cameras: Sequence[Usd.Prim]) -> list[Plate]:
     """Return the back plates of all cameras of the stage."""
     return [
         Plate(camera, schema.partition(":")[2])
@@ -79,7 +83,7 @@ def plates_of(cameras: Sequence[Usd.Prim]) -> list[Plate]:
 
 
 def with_back_plates(
-    stage: Usd.Stage, plates: Sequence[Plate], looks: Looks | None, when: When, diagnostics: Diagnostics
+    stage: Usd.Stage, plates: Sequence[Plate], looks: RenderedCamera | None, when: When, diagnostics: Diagnostics
 ) -> Usd.Stage:
     """Return a copy of the stage with the plates as meshes; `looks` is the rendered camera if it is one of the stage."""
     made = scratch_copy(stage)
@@ -97,7 +101,7 @@ def with_back_plates(
                 end_instance(camera)
             through = looks if path == own else None
             card = _card(plate, None if through is None else through.camera, when)
-            _note_unread(plate, when, diagnostics)
+            _report_unreadable_images(plate, when, diagnostics)
             _write(made, plate, card, _shape(plate, card, when, diagnostics), through, when)
     check_reach(made)
     return made
@@ -127,7 +131,7 @@ def _shape(plate: Plate, card: Card, when: When, diagnostics: Diagnostics) -> Re
         for name, default in (("minOffset", 0.0), ("normalizingFactor", 1.0), ("cameraSpaceOffset", 0.0))
     )
     try:
-        return relief(card, depths_of(file, _depth_space(plate, diagnostics), least, factor, offset))
+        return relief(card, read_depths(file, _depth_space(plate, diagnostics), least, factor, offset))
     except AssetError as error:
         message = f"The plate {plate.name} is rendered flat: its depth image cannot be read ({error.message})."
         diagnostics.add("asset-missing", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:depth:image")
@@ -144,7 +148,7 @@ def _depth_space(plate: Plate, diagnostics: Diagnostics) -> str | ColorSpace:
     return "raw" if space is None or (isinstance(space, ColorSpace) and space.is_data) else space
 
 
-def _note_unread(plate: Plate, when: When, diagnostics: Diagnostics) -> None:
+def _report_unreadable_images(plate: Plate, when: When, diagnostics: Diagnostics) -> None:
     """Report images of the plate that cannot be opened or have no opacity; damaged pixels are reported as for any texture."""
     for what, without in (("image", "black"), ("alpha:image", "opaque")):
         file = plate.file(what, when)
@@ -156,7 +160,7 @@ def _note_unread(plate: Plate, when: When, diagnostics: Diagnostics) -> None:
         diagnostics.add("asset-missing", str(plate.camera.GetPath()), message, f"backPlate:{plate.name}:{what}")
 
 
-def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: Looks | None, when: When) -> None:
+def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: RenderedCamera | None, when: When) -> None:
     path = plate.camera.GetPath().AppendChild(f"__backPlate_{plate.name.replace(':', '_')}")
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(shape.points))
@@ -174,10 +178,10 @@ def _write(stage: Usd.Stage, plate: Plate, card: Card, shape: Relief, through: L
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     mesh.GetPrim().CreateAttribute(OWN_MATERIAL, Sdf.ValueTypeNames.Bool).Set(True)
     mesh.CreatePurposeAttr(UsdGeom.Tokens.default_)  # rigs are often guides
-    _wear(_Nodes(stage, material.GetPath()), material, plate, through, when)
+    _bind_image(_Nodes(stage, material.GetPath()), material, plate, through, when)
 
 
-def _wear(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: Looks | None, when: When) -> None:
+def _bind_image(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: RenderedCamera | None, when: When) -> None:
     unlit = nodes.node("unlit", "ND_surface_unlit")
     material.CreateSurfaceOutput("mtlx").ConnectToSource(unlit.CreateOutput("out", Sdf.ValueTypeNames.Token))
     image = plate.file("image", when)
@@ -200,7 +204,7 @@ def _wear(nodes: _Nodes, material: UsdShade.Material, plate: Plate, through: Loo
         nodes.set(unlit, "opacity", "float", found if number is None else nodes.extract(kind, found, number))
 
 
-def _is_as_fine(path: str, through: Looks | None) -> bool:
+def _is_as_fine(path: str, through: RenderedCamera | None) -> bool:
     """Return whether an image is at least as wide as the render: then a pixel is the mean of the texels in it alone."""
     header = _header(path)
     return header is not None and through is not None and header.width >= through.frame.resolution[0]
@@ -272,3 +276,62 @@ class _Nodes:
         self.set(made, "in", kind, first)
         made.CreateInput("index", Sdf.ValueTypeNames.Int).Set(number)
         return made.CreateOutput("out", _TYPES["float"])
+
+
+MOST_TEXELS = 1 << 21  # larger images are subsampled: every second, third ... texel
+
+
+@dataclass(frozen=True)
+class Card:
+    """A plate without depth: its sides at the distance `away`, in scene units; `flat` if rays are parallel."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    away: float
+    flat: bool
+
+    @property
+    def center(self) -> tuple[float, float, float]:
+        return (self.left + self.right) / 2, (self.bottom + self.top) / 2, -self.away
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Mesh of a plate."""
+
+    points: Floats  # (N, 3) from the card's centre
+    quads: Ints  # (F, 4)
+    st: Floats  # (N, 2)
+
+
+def flat_card(card: Card) -> Relief:
+    x, y = (card.right - card.left) / 2, (card.top - card.bottom) / 2
+    points = np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)], np.float32)
+    st = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    return Relief(points, np.array([[0, 1, 2, 3]], np.int32), st)
+
+
+def read_depths(path: str, space: str | ColorSpace, least: float, factor: float, offset: float) -> Doubles:
+    """Return depths (H, W), the lowest row first; `space` is the texels' encoding. AssetError if the image cannot be read."""
+    texels = load_texture(TextureFile(path, space, is_color=False), read_asset).channels(0, 1)[::-1, :, 0]
+    step = int(np.ceil(np.sqrt(texels.size / MOST_TEXELS)))
+    return (texels[::step, ::step].astype(np.float64) - least) * factor + offset
+
+
+def relief(card: Card, depths: Doubles) -> Relief:
+    """Return a mesh with a vertex per texel and along the edges; it has holes where depth is not positive."""
+    deep = np.pad(depths, 1, mode="edge")
+    t, s = (np.concatenate([[0.0], (np.arange(n) + 0.5) / n, [1.0]]) for n in depths.shape)
+    s, t = np.broadcast_arrays(s[None, :], t[:, None])
+    x, y = card.left + (card.right - card.left) * s, card.bottom + (card.top - card.bottom) * t
+    scale = np.ones_like(deep) if card.flat else deep / card.away
+    points = np.stack([x * scale, y * scale, -deep], axis=2) - card.center
+    good = np.isfinite(deep) & (deep > 0)
+    number = np.arange(deep.size).reshape(deep.shape)
+    quads = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=2).reshape(-1, 4)
+    quads = quads[good.ravel()[quads].all(axis=1)]
+    points = np.where(good[..., None], points, 0.0)
+    st = np.stack([s, t], axis=2).reshape(-1, 2)
+    return Relief(points.reshape(-1, 3).astype(np.float32), quads.astype(np.int32), st.astype(np.float32))

@@ -10,8 +10,8 @@ from primray.arrays import Doubles
 from primray.description import Camera, Mesh, Placed, SceneDescription, SubdivisionMesh
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.viewing import drawn as drawn_module
-from primray.usd.viewing.three_quarter import GROUND_ROOM, MARGIN
+from primray.usd.camera import framed_objects as drawn_module
+from primray.usd.camera.automatic import GROUND_MARGIN, MARGIN
 
 from ..usd_text import stage_of, translate_text
 
@@ -81,9 +81,9 @@ def test_a_ground_that_is_added_is_framed_where_it_is_near(header: str) -> None:
     """The ground around the set, some way out by the set's height, is inside the frame with the margin."""
     up = 2 if header else 1
     description, _ = translate_text(header + KITCHEN, RenderSettings(resolution=(320, 240), ground="shadow"))
-    things = drawn_module.drawn(description.shapes, description.static, (), ())
+    things = drawn_module.framed_objects(description.shapes, description.static, (), ())
     low, high = things.low.min(axis=0), things.high.max(axis=0)
-    room = np.full(3, GROUND_ROOM * (high[up] - low[up]))
+    room = np.full(3, GROUND_MARGIN * (high[up] - low[up]))
     corners = np.array([[(low - room, high + room)[i >> k & 1][k] for k in range(3)] for i in range(8)])
     corners[:, up] = low[up]
     seen = description.camera.project(corners, (320, 240)) / (320, 240)
@@ -222,7 +222,7 @@ def test_boxes_that_are_not_finite_are_no_boxes() -> None:
     shape = translate_text(cube("a", (0, 0, 0)))[0].shapes[0]
     beyond, overflowing = np.diag([1e200, 1, 1, 1]), np.diag([1e308, 1, 1, 1])
     overflowing[0, 3] = 1.7e308
-    found = drawn_module.drawn([shape], [Placed(0, m) for m in (np.eye(4), beyond, overflowing)], [], [])
+    found = drawn_module.framed_objects([shape], [Placed(0, m) for m in (np.eye(4), beyond, overflowing)], [], [])
     np.testing.assert_allclose([found.low, found.high], [[[-0.5] * 3], [[0.5] * 3]])
 
 
@@ -288,7 +288,7 @@ def test_instances_are_framed_one_by_one(monkeypatch: pytest.MonkeyPatch) -> Non
     alone = translate(instancer(places), RenderSettings())[0].camera
     reach = distances(alone, places)
     assert reach.max() == pytest.approx(0, abs=1e-5)  # a sphere touches the frame's margin, none crosses it
-    monkeypatch.setattr(drawn_module, "MANY", 10)
+    monkeypatch.setattr(drawn_module, "MOST_BOUNDED_INSTANCES", 10)
     assert distances(translate(instancer(places), RenderSettings())[0].camera, places).max() < -1  # by the box around all
 
 

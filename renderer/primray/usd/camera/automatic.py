@@ -1,4 +1,8 @@
-"""Automatic camera: a three-quarter view from above, as near as the scene fits into the frame with a margin."""
+"""Automatic cameras of stages without one: a three-quarter view from above, or usdrecord's framing.
+
+The three-quarter view is as near as the scene fits into the frame with a margin; usdrecord's (UsdAppUtilsFrameRecorder) looks
+at the centre of the stage's bounds.
+"""
 
 from __future__ import annotations
 
@@ -9,23 +13,26 @@ import numpy as np
 from ...arrays import Doubles
 from ...description import Camera, Projection
 from ...description.placement import Box
-from ..adapters.cameras.camera import conform, window_of
 from ..adapters.rendering.render_product import ProductSettings
-from .drawn import Drawn
-from .framing import APERTURE, FOCAL_LENGTH
-from .outliers import outliers
+from ..scene.bounds import Bounds
+from .camera import Aperture, conform, window_of
+from .framed_objects import FramedObjects, outliers
+
+# GfCamera's defaults: 50 mm, 35 mm projector aperture.
+FOCAL_LENGTH = 50.0
+APERTURE = Aperture(20.955, 15.2908)
 
 AZIMUTH_DEG = 35.0  # from the front towards +X
 ELEVATION_DEG = 25.0
 MARGIN = 0.06  # share of the frame, on each side
-GROUND_ROOM = 0.15  # share of the set's height: width of the ground around it that is framed for its shadow
+GROUND_MARGIN = 0.15  # share of the set's height: width of the ground around it that is framed for its shadow
 CLEARANCE = 0.1  # share of the set's size: least distance of the camera in front of it
 PASSES = 8  # iterations that centre the axis that does not limit the distance
-CENTRED = 1e-4  # relative change of the slope at which they end
+CENTERING_TOLERANCE = 1e-4  # relative change of the slope at which they end
 
 
 def three_quarter_camera(
-    drawn: Drawn, z_up: bool, resolution: tuple[int, int], product: ProductSettings, *, has_ground: bool = False
+    drawn: FramedObjects, z_up: bool, resolution: tuple[int, int], product: ProductSettings, *, has_ground: bool = False
 ) -> tuple[Camera, list[str]]:
     """Return the camera, which clips nothing, and the paths of outliers that its frame need not hold.
 
@@ -44,10 +51,10 @@ def three_quarter_camera(
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window, (0.0, 3e38)), left_out
 
 
-def _near_ground(framed: Drawn, up: int) -> Box:
+def _near_ground(framed: FramedObjects, up: int) -> Box:
     """Return the low and high corner (3,) of the flat box of ground around the base of the framed objects."""
     low, high = framed.low.min(axis=0), framed.high.max(axis=0)
-    room = np.full(3, GROUND_ROOM * (high[up] - low[up]))
+    room = np.full(3, GROUND_MARGIN * (high[up] - low[up]))
     room[up] = 0.0
     low, high = low - room, high + room
     high[up] = low[up]
@@ -63,7 +70,7 @@ def _axes(z_up: bool) -> Doubles:
     return np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) @ axes if z_up else axes
 
 
-def _position(drawn: Drawn, axes: Doubles, tan_x: float, tan_y: float) -> Doubles:
+def _position(drawn: FramedObjects, axes: Doubles, tan_x: float, tan_y: float) -> Doubles:
     """Return the nearest position from which everything is within the tangents, centred horizontally and vertically."""
     low, high = drawn.low.min(axis=0), drawn.high.max(axis=0)
     back = axes[:, 2]
@@ -83,7 +90,7 @@ class _Wedge:
     Depths are measured from `origin` towards the camera.
     """
 
-    def __init__(self, drawn: Drawn, side: Doubles, back: Doubles, origin: Doubles, tangent: float) -> None:
+    def __init__(self, drawn: FramedObjects, side: Doubles, back: Doubles, origin: Doubles, tangent: float) -> None:
         self._drawn, self._side, self._back, self._origin, self._tangent = drawn, side, back, origin, tangent
         self._touching = self._reaches(tangent)
 
@@ -106,7 +113,25 @@ class _Wedge:
         (right, left), before = self._touching, self._tangent
         for _ in range(PASSES):
             tangent = (right + left) / (2 * depth)
-            if tangent > before * (1 - CENTRED):
+            if tangent > before * (1 - CENTERING_TOLERANCE):
                 break
             (right, left), before = self._reaches(tangent), tangent
         return (right - left) / 2
+
+
+def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], product: ProductSettings) -> Camera:
+    """Return a camera that looks at the centre of the bounds, far enough away for them to fit; nothing is clipped."""
+    center, size = bounds
+    up, depth = (2, 1) if z_up else (1, 2)
+    radius = math.hypot(size[0], size[up]) / 2
+    tan_half = APERTURE.width / (2 * FOCAL_LENGTH)
+    distance = radius / tan_half + size[depth] / 2
+    if distance < 1:  # GfCamera's near plane
+        distance += 1
+    world_from_camera = np.eye(4)
+    if z_up:  # looks along +Y with +Z up
+        world_from_camera[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    world_from_camera[:3, 3] = center
+    world_from_camera[depth, 3] += -distance if z_up else distance
+    aperture = conform(APERTURE, resolution, product)
+    return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))

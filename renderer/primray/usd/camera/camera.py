@@ -1,27 +1,26 @@
-"""UsdGeomCamera to the description's camera: rigid transform, window conformed to the image, thin lens, exposure."""
+"""UsdGeomCamera to the description's camera: rigid transform, window conformed to the image, lens, exposure, clipping."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from ....arrays import Doubles
-from ....description import Camera, Projection
-from ....diagnostics import Diagnostics
-from ...scene.inheritance import transforms, world_matrix
-from ...stage.values import StandIns, When, matrix, number, token
-from ..rendering.render_product import ProductSettings
-from .clipping import clipping_planes, clipping_range
-from .distortion import Sensor, note_parallel, read_sensor
-from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
-from .lens_api import note_unknown_names, read_diffusion
+from ...arrays import Doubles
+from ...description import Camera, Projection
+from ...diagnostics import Diagnostics
+from ..adapters.rendering.render_product import ProductSettings
+from ..scene.inheritance import transforms, world_matrix
+from ..stage.values import StandIns, When, matrix, number, read, token, vector
+from .distortion import Sensor, read_sensor, report_ignored_distortion
+from .lens import MM, WIDEST_TANGENT, Lens, read_diffusion, read_lens, report_ignored_lens, report_unknown_lens_names
 from .shutter import INSTANT, Shutter
 
 # Larger exposures would overflow single precision, as radiance is multiplied by them.
-BRIGHTEST = 2.0**64
+BRIGHTEST_EXPOSURE = 2.0**64
 
 
 @dataclass(frozen=True)
@@ -41,20 +40,20 @@ class Aperture:
 def read_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
     """Return the film's aperture; for a camera with lens distortion that of the calibrated sensor, in pixels."""
     if not _is_orthographic(prim, when) and (sensor := read_sensor(prim, when, diagnostics)) is not None:
-        return _of_sensor(sensor)
-    return _of_film(prim, when, diagnostics)
+        return _sensor_aperture(sensor)
+    return _film_aperture(prim, when, diagnostics)
 
 
 def _is_orthographic(prim: Usd.Prim, when: When) -> bool:
     return token(prim, "projection", when, "perspective") == "orthographic"
 
 
-def _of_sensor(sensor: Sensor) -> Aperture:
+def _sensor_aperture(sensor: Sensor) -> Aperture:
     x, y = sensor.center
     return Aperture(sensor.width, sensor.height, sensor.width / 2 - x, y - sensor.height / 2)
 
 
-def _of_film(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
+def _film_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
     def positive(name: str, default: float) -> float:
         size = number(prim, name, when, default, diagnostics)
         if size > 0:
@@ -96,7 +95,7 @@ def pixel_aspect_ratio(aperture: Aperture, resolution: tuple[int, int], product:
     return product.pixel_aspect_ratio
 
 
-def camera(
+def read_camera(
     prim: Usd.Prim,
     when: When,
     resolution: tuple[int, int],
@@ -118,23 +117,23 @@ def camera(
     if sensor is not None:
         window, distortion = _sensor_window(sensor, resolution, product), sensor.distortion
         if not _is_usable(window):
-            diagnostics.add("camera-input", path, f"{_unusable(window)}: lens distortion is ignored.")
+            diagnostics.add("camera-input", path, f"{_unusable_window_text(window)}: lens distortion is ignored.")
             window = distortion = None
     if window is None:
-        aperture = conform(_of_film(prim, then, diagnostics), resolution, product)
+        aperture = conform(_film_aperture(prim, then, diagnostics), resolution, product)
         window = window_of(aperture, MM if orthographic else 1.0 / focal)
     if not _is_usable(window):
-        diagnostics.add("camera-input", path, f"{_unusable(window)}: apertures are ignored.")
+        diagnostics.add("camera-input", path, f"{_unusable_window_text(window)}: apertures are ignored.")
         focal, aperture = max(focal, 50.0), conform(Aperture(20.955, 15.2908), resolution, ProductSettings())
         window = window_of(aperture, MM if orthographic else 1.0 / focal)
     lens = Lens()
     if orthographic:
-        note_parallel(prim, when, diagnostics)
-        note_no_lens(prim, then, product.disable_depth_of_field, diagnostics)
+        report_ignored_distortion(prim, when, diagnostics)
+        report_ignored_lens(prim, then, product.disable_depth_of_field, diagnostics)
     else:
         lens = read_lens(prim, focal, then, product.disable_depth_of_field, diagnostics)
     exposure_scale = _exposure_scale(prim, when, diagnostics)
-    note_unknown_names(prim, diagnostics)
+    report_unknown_lens_names(prim, diagnostics)
     return Camera(
         path,
         _world_from_camera(prim, then, diagnostics),
@@ -161,12 +160,12 @@ def window_of(aperture: Aperture, scale: float) -> tuple[float, float, float, fl
 
 def _sensor_window(sensor: Sensor, resolution: tuple[int, int], product: ProductSettings) -> tuple[float, float, float, float]:
     """Return the conformed sensor's window: pixels over the focal length, which may differ in x and y."""
-    left, right, bottom, top = window_of(conform(_of_sensor(sensor), resolution, product), 1.0)
+    left, right, bottom, top = window_of(conform(_sensor_aperture(sensor), resolution, product), 1.0)
     across, down = sensor.focal
     return left / across, right / across, bottom / down, top / down
 
 
-def _unusable(window: tuple[float, float, float, float]) -> str:
+def _unusable_window_text(window: tuple[float, float, float, float]) -> str:
     """Return the beginning of a message about a window that is not usable."""
     return f"The film's window ({', '.join(f'{side:g}' for side in window)}) at unit distance is unusable"
 
@@ -175,7 +174,7 @@ def _is_usable(window: tuple[float, float, float, float]) -> bool:
     """Return whether the window's sides are distinct in single precision and their squares finite."""
     with np.errstate(over="ignore"):
         left, right, bottom, top = map(np.float32, window)
-    return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST)
+    return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST_TANGENT)
 
 
 def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> float:
@@ -198,7 +197,7 @@ def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> flo
     # In double precision products and squares of these floats do not overflow; 2^exposure would, so it is clamped.
     scale = responsivity * time * iso / 100.0 / f_stop / f_stop
     scale *= math.pow(2.0, min(max(get("exposure", 0.0), -1000.0), 400.0))
-    if not scale < BRIGHTEST:
+    if not scale < BRIGHTEST_EXPOSURE:
         note(f"The exposure multiplies the picture by {scale:g}, which overflows: 1 is used.")
         return 1.0
     if scale < 1e-37:
@@ -235,9 +234,47 @@ def usd_camera(prim: Usd.Prim, when: When, stand_ins: StandIns, cache: UsdGeom.X
     return found
 
 
-def note_one_eye(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+def report_single_eye(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
     """Report a stereo camera that is rendered alone."""
     role = token(prim, "stereoRole", when, "mono")
     if role != "mono":
         message = f"stereoRole = {role} is ignored: only this eye is rendered; --stereo renders the pair."
         diagnostics.add("camera-input", str(prim.GetPath()), message, "stereoRole")
+
+
+Plane = tuple[float, float, float, float]
+UNCLIPPED = (0.0, 3e38)
+
+
+def clipping_range(prim: Usd.Prim, when: When, orthographic: bool, diagnostics: Diagnostics) -> tuple[float, float]:
+    """Return the near and far distance in scene units; UNCLIPPED, with a diagnostic, if they are invalid."""
+    near, far = vector(prim, "clippingRange", when, (1.0, 1e6), diagnostics)
+    if near < far and (near >= 0 or orthographic):
+        return (near, far)
+    message = f"clippingRange = ({near:g}, {far:g}) is ignored: nothing is clipped."
+    diagnostics.add("camera-input", str(prim.GetPath()), message, "clippingRange")
+    return UNCLIPPED
+
+
+def clipping_planes(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[Plane, ...]:
+    """Return planes (a, b, c, d) in camera space; points with a x + b y + c z + d < 0 are clipped."""
+    raw = read(prim, "clippingPlanes", when)
+    if raw is None:
+        return ()
+    try:
+        planes = [_finite_plane(row) for row in raw]
+    except TypeError:
+        planes = [None]
+    bad = planes.count(None)
+    if bad:
+        message = f"{bad} of {len(planes)} clippingPlanes are not four finite numbers and are ignored."
+        diagnostics.add("camera-input", str(prim.GetPath()), message, "clippingPlanes")
+    return tuple(plane for plane in planes if plane is not None)
+
+
+def _finite_plane(row: Any) -> Plane | None:
+    try:
+        a, b, c, d = (float(x) for x in row)
+    except (TypeError, ValueError):
+        return None
+    return (a, b, c, d) if all(map(math.isfinite, (a, b, c, d))) else None

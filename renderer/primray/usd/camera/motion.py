@@ -11,7 +11,6 @@ from pxr import Usd
 from ...arrays import Doubles
 from ...description import Camera, CameraMotion
 from ...diagnostics import Diagnostics
-from ..adapters.cameras.camera import camera as read_camera
 from ..adapters.rendering.render_product import ProductSettings
 from ..moving.between import quaternions, rotation_matrices, slerp
 from ..moving.pixels import NEAREST
@@ -20,7 +19,8 @@ from ..paths.changes import bends, blur_scale_of, moves
 from ..scene.context import Context
 from ..stage.reads import property_names
 from ..stage.values import When
-from .drawn import Drawn
+from .camera import read_camera
+from .framed_objects import FramedObjects
 
 _OPTICS = """horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength
     clippingRange fStop focusDistance"""
@@ -44,7 +44,7 @@ def camera_motion(
     most: float,
 ) -> tuple[CameraMotion, Steps] | None:
     """Return the camera's motion, None if it does not move; `nearest` is the distance of the nearest object it may see."""
-    if prim is None or not (moving := list(_moving(prim, ctx))):
+    if prim is None or not (moving := list(_animated_attributes(prim, ctx))):
         return None
     scale, timing = blur_scale_of(prim), ctx.timing
     known: dict[float, Camera] = {}
@@ -53,12 +53,12 @@ def camera_motion(
         if fraction not in known:
             when = ctx.when.after(scale * timing.offset(fraction))
             found = read_camera(prim, ctx.when, resolution, product, frame.shutter, Diagnostics(), when)
-            known[fraction] = as_made(found, frame)
+            known[fraction] = with_static_values(found, frame)
         return known[fraction]
 
     def error(a: float, b: float, time: float) -> float:
-        made = between(at(a), at(b), (time - a) / (b - a))
-        return _difference(made, at(time), nearest, resolution)
+        made = interpolated_camera(at(a), at(b), (time - a) / (b - a))
+        return _pixel_error(made, at(time), nearest, resolution)
 
     bent = fractions(bends(moving, ctx.when, timing), timing.span, scale)
     if all(at(time) == at(0.0) for time in (0.5, 1.0, *(t for t in bent if 0 < t < 1))):
@@ -67,7 +67,7 @@ def camera_motion(
     return CameraMotion(np.array(steps.times), tuple(at(time) for time in steps.times)), steps
 
 
-def as_made(found: Camera, frame: Camera) -> Camera:
+def with_static_values(found: Camera, frame: Camera) -> Camera:
     """Return the camera found, with what is not animated as it is at the frame."""
     return replace(
         found,
@@ -80,7 +80,7 @@ def as_made(found: Camera, frame: Camera) -> Camera:
     )
 
 
-def _moving(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
+def _animated_attributes(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
     """Yield attributes of the camera and its ancestors that change while the shutter is open."""
     names = OPTICS & frozenset(property_names(prim))
     yield from (a for name in sorted(names) if moves(a := prim.GetAttribute(name), ctx.when, ctx.timing))
@@ -92,7 +92,7 @@ def _moving(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
         above = above.GetParent()
 
 
-def between(a: Camera, b: Camera, u: float) -> Camera:
+def interpolated_camera(a: Camera, b: Camera, u: float) -> Camera:
     """Return the camera between two, as the core interpolates it: rotation by slerp, the rest linear."""
     matrix = np.eye(4)
     first, last = (quaternions(camera.world_from_camera[None, :3, :3]) for camera in (a, b))
@@ -110,7 +110,7 @@ def between(a: Camera, b: Camera, u: float) -> Camera:
     )
 
 
-def nearest_to(camera: Camera, things: Drawn) -> float:
+def nearest_distance(camera: Camera, things: FramedObjects) -> float:
     """Return the distance of the nearest object, at least that of the near plane."""
     eye = camera.world_from_camera[:3, 3]
     apart = np.linalg.norm(np.maximum(np.maximum(things.low - eye, eye - things.high), 0.0), axis=1)
@@ -122,7 +122,7 @@ def _mix(a: Doubles, b: Doubles, u: float) -> Doubles:
     return np.asarray(a + u * (b - a))
 
 
-def _difference(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
+def _pixel_error(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
     """Return the largest error in pixels at the corners and centre of the true camera's view, near and far, undistorted."""
     found, true = replace(found, distortion=None), replace(true, distortion=None)
     left, right, bottom, top = true.window
@@ -136,10 +136,10 @@ def _difference(found: Camera, true: Camera, nearest: float, resolution: tuple[i
         with np.errstate(invalid="ignore"):
             off = np.linalg.norm(found.project(world, resolution) - true.project(world, resolution), axis=1)
         apart = max(apart, float(np.where(np.isfinite(off), off, np.inf).max()))
-    return max(apart, _defocus(found, true, nearest, resolution))
+    return max(apart, _defocus_error(found, true, nearest, resolution))
 
 
-def _defocus(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
+def _defocus_error(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
     """Return the error in pixels of the circle of confusion for the nearest object and at infinity."""
     left, right, _, _ = true.window
     per_unit = resolution[0] / abs(right - left)

@@ -2,6 +2,7 @@
 
 Names and defaults are those of the ovrtx 0.7 documentation ("Lens Distortion Schemas"), which gives no formulas. Film
 points are in pixels of the calibrated sensor from its upper left corner, (0.5, 0.5) being the first pixel's centre.
+OmniLensDistortionLutAPI's table is an image of directions (X, Y, Z in camera space) over the calibrated sensor.
 docs/decisions/images/lens-distortion.md has the choices that the schemas leave open.
 """
 
@@ -11,17 +12,20 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from pxr import Usd
+import numpy as np
+from pxr import Sdf, Usd
 
-from ....diagnostics import Diagnostics
-from ....lens.distortion import Distortion, DistortionModel
-from ...scene.schemas import applied_schemas
-from ...stage.reads import property_names
-from ...stage.values import When, number, read, token, vector
-from .distortion_table import read_table
+from ...description import TextureFile
+from ...diagnostics import Diagnostics
+from ...errors import PrimrayError
+from ...lens.distortion import DirectionTable, Distortion, DistortionModel
+from ...textures.texture import load_texture
+from ..scene.schemas import applied_schemas
+from ..stage.reads import property_names, read_asset
+from ..stage.values import When, number, read, token, vector
 
-PREFIX = "omni:lensdistortion:"
-MODEL = f"{PREFIX}model"
+DISTORTION_PREFIX = "omni:lensdistortion:"
+MODEL = f"{DISTORTION_PREFIX}model"
 # Models by the name of the schema.
 SCHEMAS = {
     "OmniLensDistortionFthetaAPI": "ftheta",
@@ -41,7 +45,7 @@ _OF_POLYNOMIAL = {
     "maxFov": "fthetaMaxFov",
     **{f"k{power}": f"fthetaPoly{letter}" for power, letter in enumerate("ABCDE")},
 }
-SIXTH = "fthetaPolyF"  # coefficient of the fifth power, which ftheta does not have
+FIFTH_POWER = "fthetaPolyF"  # coefficient of the fifth power, which ftheta does not have
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Sensor:
     distortion: Distortion
 
 
-class _Unusable(Exception):
+class _UnusableDistortion(Exception):
     """Distortion attributes that cannot be used; the message says why, `name` is the attribute's."""
 
     def __init__(self, sentence: str, name: str) -> None:
@@ -73,7 +77,7 @@ class _Attributes:
     diagnostics: Diagnostics
 
     def name(self, short: str) -> str:
-        return f"{PREFIX}{self.model}:{short}"
+        return f"{DISTORTION_PREFIX}{self.model}:{short}"
 
     def number(self, short: str, default: float = 0.0) -> float:
         return number(self.prim, self.name(short), self.when, default, self.diagnostics)
@@ -91,7 +95,7 @@ class _Attributes:
     def above_0(self, short: str, default: float) -> float:
         found = self.number(short, default)
         if not found > 0:
-            raise _Unusable(f"{self.name(short)} = {found:g} is not above 0", self.name(short))
+            raise _UnusableDistortion(f"{self.name(short)} = {found:g} is not above 0", self.name(short))
         return found
 
     def nominal(self) -> tuple[float, float, tuple[float, float]]:
@@ -104,7 +108,8 @@ class _Attributes:
         """Return width, height, optical centre and focal lengths in pixels of OpenCV's models."""
         width, height = self.pair("imageSize", (2048.0, 1024.0))
         if not min(width, height) > 0:
-            raise _Unusable(f"{self.name('imageSize')} = ({width:g}, {height:g}) is not a size", self.name("imageSize"))
+            name = self.name("imageSize")
+            raise _UnusableDistortion(f"{name} = ({width:g}, {height:g}) is not a size", name)
         focal = self.above_0("fx", 900.0), self.above_0("fy", 800.0)
         return width, height, (self.number("cx", 1024.0), self.number("cy", 512.0)), focal
 
@@ -166,13 +171,13 @@ def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor 
         if model == POLYNOMIAL:
             return _polynomial(_PolynomialAttributes(prim, model, when, diagnostics))
         return _READERS[model](_Attributes(prim, model, when, diagnostics))
-    except _Unusable as why:
+    except _UnusableDistortion as why:
         message = f"{why}: lens distortion is ignored."
         diagnostics.add("camera-input", str(prim.GetPath()), message, why.name)
         return None
 
 
-def note_parallel(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+def report_ignored_distortion(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
     """Report the lens distortion of an orthographic camera, which has no lens."""
     if distortion_model(prim, when, diagnostics):
         message = "An orthographic camera has no lens: its distortion is ignored."
@@ -186,14 +191,16 @@ def _ftheta(a: _Attributes) -> Sensor:
     focal = 1 / k[1] if k[1] > 0 else max(width, height) / 2
     scaled = tuple(c * focal**power for power, c in enumerate(k))
     if not (k[1] >= 0 and any(c > 0 for c in k[1:]) and all(map(math.isfinite, scaled))):
-        raise _Unusable("the polynomial k0 to k4 has no angle that grows with the distance", a.name("k1"))
+        raise _UnusableDistortion("the polynomial k0 to k4 has no angle that grows with the distance", a.name("k1"))
     return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.RADIUS_TO_ANGLE, scaled, a.half_fov(200.0)))
 
 
 def _polynomial(a: _PolynomialAttributes) -> Sensor:
-    sixth = number(a.prim, SIXTH, a.when, 0.0, a.diagnostics)
+    sixth = number(a.prim, FIFTH_POWER, a.when, 0.0, a.diagnostics)
     if sixth != 0:
-        a.diagnostics.add("camera-input", str(a.prim.GetPath()), f"{SIXTH} = {sixth:g} is left out of the polynomial.", SIXTH)
+        a.diagnostics.add(
+            "camera-input", str(a.prim.GetPath()), f"{FIFTH_POWER} = {sixth:g} is left out of the polynomial.", FIFTH_POWER
+        )
     return _ftheta(a)
 
 
@@ -202,7 +209,7 @@ def _kannala_brandt(a: _Attributes) -> Sensor:
     width, height, center = a.nominal()
     k = a.numbers("k0 k1 k2 k3")
     if not k[0] > 0:
-        raise _Unusable(f"{a.name('k0')} = {k[0]:g}, pixels by radian at the axis, is not above 0", a.name("k0"))
+        raise _UnusableDistortion(f"{a.name('k0')} = {k[0]:g}, pixels by radian at the axis, is not above 0", a.name("k0"))
     scaled = (*(c / k[0] for c in k), 0.0)
     return Sensor(width, height, center, (k[0], k[0]), Distortion(DistortionModel.ANGLE_TO_RADIUS, scaled, a.half_fov(200.0)))
 
@@ -226,7 +233,7 @@ def _rad_tan_thin_prism(a: _Attributes) -> Sensor:
     length = number(a.prim, "focalLength", a.when, 50.0, a.diagnostics)
     aperture = number(a.prim, "horizontalAperture", a.when, 20.955, a.diagnostics)
     if not min(length, aperture) > 0:
-        raise _Unusable("focalLength and horizontalAperture must be above 0", "focalLength")
+        raise _UnusableDistortion("focalLength and horizontalAperture must be above 0", "focalLength")
     focal = width * length / aperture
     k = (k0, k1, p0, p1, k2, k3, k4, k5, s0, s1, s2, s3)
     half = min(a.half_fov(180.0), 90.0)
@@ -238,9 +245,9 @@ def _lut(a: _Attributes) -> Sensor:
     if read(a.prim, a.name("opticalCenter"), a.when) is None:
         center = width / 2, height / 2
     name = a.name("rayEnterDirectionTexture")
-    table = read_table(read(a.prim, name, a.when), (width, height), center)
+    table = read_direction_table(read(a.prim, name, a.when), (width, height), center)
     if isinstance(table, str):
-        raise _Unusable(f"{name}: {table}", name)
+        raise _UnusableDistortion(f"{name}: {table}", name)
     focal, directions = table
     # The table covers the whole sensor; another optical centre shifts all of it.
     return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.TABLE, (), 180.0, directions))
@@ -254,3 +261,67 @@ _READERS: Mapping[str, Callable[[_Attributes], Sensor]] = {
     "opencvFisheye": _opencv_fisheye,
     "opencvPinhole": _opencv_pinhole,
 }
+
+
+SHORTEST_DIRECTION = 1e-3  # shorter than this is no direction
+UNIT_TOLERANCE = 0.05  # texels whose length differs more from 1 are no directions
+
+
+def read_direction_table(
+    asset: object, size: tuple[float, float], center: tuple[float, float]
+) -> tuple[float, DirectionTable] | str:
+    """Return the focal length at the centre in pixels and the table in units of it; or a sentence on why there is none.
+
+    Texels are centred in equal parts of the sensor, from its upper left. The lens sees nothing at texels that are (0, 0, 1)
+    (straight back), (0, 0, 0) or not finite. `size` and `center` are the sensor's, in pixels; the table's axis is at the
+    sensor's centre and moves with the optical centre.
+    """
+    if not isinstance(asset, Sdf.AssetPath) or not asset.path:
+        return "no image of directions is given"
+    if not asset.resolvedPath:
+        return f"{asset.path} cannot be found"
+    try:
+        texture = load_texture(TextureFile(str(asset.resolvedPath), "raw"), read_asset)
+    except PrimrayError as error:
+        return error.message
+    if texture.shape[2] < 3 or texture.stored.dtype.kind != "f":
+        return f"{asset.path} does not have three float channels"
+    directions = unit_directions(texture.channels(0, 3))
+    if directions is None:
+        return f"{asset.path} does not hold unit directions"
+    width, height = size
+    focal = _pixels_per_radian(directions, width, height)
+    left, top = -width / 2 / focal, height / 2 / focal
+    return focal, DirectionTable((left, width / focal + left, top - height / focal, top), directions)
+
+
+def unit_directions(texels: np.ndarray) -> np.ndarray | None:
+    """Return unit directions (H, W, 3), float32, NaN where nothing is seen; None if nothing is, or lengths are not 1."""
+    found = np.array(texels, np.float64)
+    with np.errstate(invalid="ignore"):
+        length = np.linalg.norm(found, axis=2)
+        back = (found[..., 2] > 0) & (np.hypot(found[..., 0], found[..., 1]) <= 1e-6 * length)
+        seen = (length > SHORTEST_DIRECTION) & np.isfinite(length) & ~back
+    if not seen.any() or np.abs(length[seen] - 1).max() > UNIT_TOLERANCE:
+        return None
+    found[~seen] = np.nan
+    found[seen] /= length[seen][:, None]
+    return found.astype(np.float32)
+
+
+def _pixels_per_radian(directions: np.ndarray, width: float, height: float) -> float:
+    """Return the sensor's pixels per radian at the texel whose direction is nearest to straight ahead."""
+    ahead = np.nan_to_num(-directions[..., 2], nan=-2.0)
+    j, i = np.unravel_index(int(ahead.argmax()), ahead.shape)
+    rows, columns = ahead.shape
+    scales = []
+    for other, pixels in (
+        ((j, i + 1 if i + 1 < columns else i - 1), width / columns),
+        ((j + 1 if j + 1 < rows else j - 1, i), height / rows),
+    ):
+        apart = (
+            float(np.linalg.norm(directions[other].astype(np.float64) - directions[j, i])) if min(rows, columns) > 1 else 0.0
+        )
+        if apart > 0 and np.isfinite(apart):
+            scales.append(pixels / apart)
+    return float(np.mean(scales)) if scales else width / 2

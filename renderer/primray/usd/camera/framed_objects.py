@@ -1,7 +1,8 @@
 """Rendered objects with their world boxes, and their exact extent along a direction, to frame cameras by.
 
 An object is a shape that is placed once, or one instance of a prototype. Objects come from the translated scene, so hidden
-prims and purposes that are not rendered are not among them.
+prims and purposes that are not rendered are not among them. Outliers (skies, grounds and stray objects that would make the
+rest a dot if they were framed) are judged by world boxes and by `detail`, the weight of each object.
 """
 
 from __future__ import annotations
@@ -18,18 +19,19 @@ from ...arrays import Doubles, Floats
 from ...description import Mesh, NurbsPatch, Placed, Placement, Prototype, SceneDescription, Shape, Sphere, SubdivisionMesh
 from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
 from ..scene.bounds import Bounds
-from .outliers import outliers
+
+Ints = npt.NDArray[np.intp]
 
 Mask = npt.NDArray[np.bool_]
 CURVED_FACES = 64  # faces that a sphere counts as
-LOOKED_AT = 256  # objects whose points are tested along one direction; others count by their boxes
+MOST_EXACT_OBJECTS = 256  # objects whose points are tested along one direction; others count by their boxes
 FARTHEST = 1e100  # boxes beyond are left out: sums and products of their corners could overflow
-MANY = 1_000_000  # up to this many instances, the corners of each are bounded
+MOST_BOUNDED_INSTANCES = 1_000_000  # up to this many instances, the corners of each are bounded
 ROWS = 1 << 18  # points in double precision at a time
 
 
 @dataclass(frozen=True)
-class Thing:
+class FramedObject:
     """An object in its own space, which may be placed several times; without `parts` only its box is known."""
 
     path: str
@@ -40,10 +42,10 @@ class Thing:
 
 
 @dataclass(frozen=True, eq=False)
-class Stand:
+class ObjectPlacements:
     """Placements of one object: all instances of a Placement in order, or a single matrix (3, 4)."""
 
-    thing: Thing
+    thing: FramedObject
     low: Doubles  # (K, 3) world
     high: Doubles
     where: Placement | Doubles
@@ -61,10 +63,10 @@ class Stand:
         return world[:3]
 
 
-class Drawn:
+class FramedObjects:
     """Objects with finite boxes: `low` and `high` (N, 3) are the world boxes, `detail` (N,) grows with the number of faces."""
 
-    def __init__(self, stands: Sequence[Stand], kept: Mask | None = None) -> None:
+    def __init__(self, stands: Sequence[ObjectPlacements], kept: Mask | None = None) -> None:
         self._stands = stands
         self._sizes = [len(stand.low) for stand in stands]
         self._ends = np.cumsum(self._sizes)
@@ -79,17 +81,19 @@ class Drawn:
     def __len__(self) -> int:
         return len(self._numbers)
 
-    def only(self, kept: Mask) -> Drawn:
+    def only(self, kept: Mask) -> FramedObjects:
         """Return the objects that the mask (N,) chooses."""
         chosen = np.zeros(sum(self._sizes), bool)
         chosen[self._numbers[kept]] = True
-        return Drawn(self._stands, chosen)
+        return FramedObjects(self._stands, chosen)
 
-    def with_box(self, low: Doubles, high: Doubles) -> Drawn:
+    def with_box(self, low: Doubles, high: Doubles) -> FramedObjects:
         """Return these objects and one more, of which only its world box is known: corners (3,)."""
         chosen = np.zeros(sum(self._sizes) + 1, bool)
         chosen[self._numbers] = chosen[-1] = True
-        return Drawn([*self._stands, Stand(Thing("", (low, high)), low[None], high[None], np.eye(4)[:3])], chosen)
+        return FramedObjects(
+            [*self._stands, ObjectPlacements(FramedObject("", (low, high)), low[None], high[None], np.eye(4)[:3])], chosen
+        )
 
     @cached_property
     def detail(self) -> Doubles:
@@ -111,10 +115,10 @@ class Drawn:
         best = self._reach_of(first, bounds, direction, origin, -math.inf)
         others = np.flatnonzero(bounds > best)
         others = others[np.argsort(-bounds[others], kind="stable")]
-        for k in others[:LOOKED_AT].tolist():
+        for k in others[:MOST_EXACT_OBJECTS].tolist():
             if bounds[k] > best and k != first:
                 best = max(best, self._reach_of(k, bounds, direction, origin, best))
-        return max(best, float(bounds[others[LOOKED_AT]])) if len(others) > LOOKED_AT else best
+        return max(best, float(bounds[others[MOST_EXACT_OBJECTS]])) if len(others) > MOST_EXACT_OBJECTS else best
 
     @cached_property
     def _centers(self) -> Doubles:
@@ -133,11 +137,11 @@ class Drawn:
         offset = float(direction @ (world[:, 3] - origin))
         along = direction @ world[:, :3]
         if not stand.thing.parts:
-            return min(offset + _box_reach(stand.thing.box, along), float(bounds[k]))
+            return min(offset + _box_extent(stand.thing.box, along), float(bounds[k]))
         found = -math.inf
         for shape, matrix in stand.thing.parts:
             own, start = along @ matrix[:3, :3], offset + float(along @ matrix[:3, 3])
-            if start + _box_reach(self._box(shape), own) > max(found, enough):
+            if start + _box_extent(self._box(shape), own) > max(found, enough):
                 found = max(found, start + self._shape_reach(shape, own))
         return min(found, float(bounds[k]))
 
@@ -151,7 +155,7 @@ class Drawn:
         if isinstance(shape, Mesh | SubdivisionMesh | NurbsPatch):
             points = self._drawn_points(shape)
             return max(float((points[k : k + ROWS].astype(np.float64) @ along).max()) for k in range(0, len(points), ROWS))
-        return abs(shape.radius) * float(np.linalg.norm(along)) if type(shape) is Sphere else _box_reach(shape.box(), along)
+        return abs(shape.radius) * float(np.linalg.norm(along)) if type(shape) is Sphere else _box_extent(shape.box(), along)
 
     def _drawn_points(self, shape: Mesh | SubdivisionMesh | NurbsPatch) -> Floats:
         if id(shape) not in self._points:
@@ -159,22 +163,22 @@ class Drawn:
         return self._points[id(shape)]
 
 
-def drawn(
+def framed_objects(
     shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
-) -> Drawn:
+) -> FramedObjects:
     """Return the scene's objects, without geometry lights unless there is nothing else; a unit box if it is empty."""
-    stands = [*_static(shapes, static), *_instances(shapes, prototypes, placements)]
-    found = Drawn(stands)
+    stands = [*_static_objects(shapes, static), *_instanced_objects(shapes, prototypes, placements)]
+    found = FramedObjects(stands)
     if len(found) == 0:
         half = np.full(3, 0.5)
-        return Drawn([Stand(Thing("", (-half, half)), -half[None], half[None], np.eye(4)[:3])])
+        return FramedObjects([ObjectPlacements(FramedObject("", (-half, half)), -half[None], half[None], np.eye(4)[:3])])
     is_mixed = found.is_light.any() and not found.is_light.all()
     return found.only(~found.is_light) if is_mixed else found
 
 
-def drawn_bounds(description: SceneDescription, up: int) -> Box:
+def framed_bounds(description: SceneDescription, up: int) -> Box:
     """Return the low and high corner (3,) of the scene without outliers; the lowest point along the up axis is exact."""
-    things = drawn(description.shapes, description.static, description.prototypes, description.placements)
+    things = framed_objects(description.shapes, description.static, description.prototypes, description.placements)
     things = things.only(~outliers(things.low, things.high, things.detail, up))
     low, high = things.low.min(axis=0), things.high.max(axis=0)
     down = np.zeros(3)
@@ -183,7 +187,7 @@ def drawn_bounds(description: SceneDescription, up: int) -> Box:
     return low, high
 
 
-def _static(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[Stand]:
+def _static_objects(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[ObjectPlacements]:
     if not static:
         return
     boxes = [shapes[placed.shape].box() for placed in static]
@@ -192,32 +196,36 @@ def _static(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[Stand
         low, high = transformed_boxes(matrices, np.array([b[0] for b in boxes]), np.array([b[1] for b in boxes]))
     for k, placed in enumerate(static):
         shape = shapes[placed.shape]
-        thing = Thing(shape.path, boxes[k], ((shape, np.eye(4)),), _detail([shape]), shape.light is not None)
-        yield Stand(thing, low[k : k + 1], high[k : k + 1], matrices[k, :3])
+        thing = FramedObject(shape.path, boxes[k], ((shape, np.eye(4)),), _detail([shape]), shape.light is not None)
+        yield ObjectPlacements(thing, low[k : k + 1], high[k : k + 1], matrices[k, :3])
 
 
-def _instances(shapes: Sequence[Shape], prototypes: Sequence[Prototype], placements: Sequence[Placement]) -> Iterator[Stand]:
-    things = {number: _prototype(shapes, prototypes, number) for number in {p.prototype for p in placements}}
+def _instanced_objects(
+    shapes: Sequence[Shape], prototypes: Sequence[Prototype], placements: Sequence[Placement]
+) -> Iterator[ObjectPlacements]:
+    things = {number: _prototype_object(shapes, prototypes, number) for number in {p.prototype for p in placements}}
     for placement in placements:
         thing = things[placement.prototype]
-        if len(placement) > MANY:
+        if len(placement) > MOST_BOUNDED_INSTANCES:
             low, high = placed_box(placement.levels, thing.box)
-            around = Thing(thing.path, (low, high), (), thing.detail + math.log2(len(placement)), thing.is_light)
-            yield Stand(around, low[None], high[None], np.eye(4)[:3])
+            around = FramedObject(thing.path, (low, high), (), thing.detail + math.log2(len(placement)), thing.is_light)
+            yield ObjectPlacements(around, low[None], high[None], np.eye(4)[:3])
         elif len(placement):
             with np.errstate(over="ignore", invalid="ignore"):
                 boxes = [transformed_box(rows, thing.box) for rows in placement.chunks()]
-            yield Stand(thing, np.concatenate([b[0] for b in boxes]), np.concatenate([b[1] for b in boxes]), placement)
+            yield ObjectPlacements(
+                thing, np.concatenate([b[0] for b in boxes]), np.concatenate([b[1] for b in boxes]), placement
+            )
 
 
-def _prototype(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Thing:
+def _prototype_object(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> FramedObject:
     prototype = prototypes[number]
     parts = tuple((shapes[placed.shape], placed.matrix) for placed in prototype.shapes)
     inner = [prototypes[p.prototype] for p in prototype.placements]
     members = [shape for shape, _ in parts] + [shapes[placed.shape] for p in inner for placed in p.shapes]
     known = () if inner else parts
     are_lights = all(shape.light is not None for shape in members)
-    return Thing(prototype.path, prototype_box(shapes, prototypes, number), known, _detail(members), are_lights)
+    return FramedObject(prototype.path, prototype_box(shapes, prototypes, number), known, _detail(members), are_lights)
 
 
 def _detail(shapes: Sequence[Shape]) -> float:
@@ -231,7 +239,7 @@ def _face_count(shape: Shape) -> int:
     return len(shape.face_counts) if isinstance(shape, SubdivisionMesh) else CURVED_FACES
 
 
-def _box_reach(box: Box, along: Doubles) -> float:
+def _box_extent(box: Box, along: Doubles) -> float:
     return float(np.where(along > 0, box[1], box[0]) @ along)
 
 
@@ -241,7 +249,7 @@ def shape_bounds(
     """Return centre and size of the translated scene, by the corners of shapes' boxes; a unit box if it is empty."""
     corners = [corners_of(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
     for placement in placements:
-        if prototypes[placement.prototype].placements or len(placement) > MANY:
+        if prototypes[placement.prototype].placements or len(placement) > MOST_BOUNDED_INSTANCES:
             corners.append(np.array(placed_box(placement.levels, prototype_box(shapes, prototypes, placement.prototype))))
             continue
         for p in prototypes[placement.prototype].shapes:
@@ -271,3 +279,107 @@ def corners_of(shape: Shape) -> Doubles:
     low, high = shape.box()
     pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
     return np.where(pick, high, low)
+
+
+STRAY = 10.0  # strays are this many times as far from the middle as anything nearer
+MAJORITY = 2 / 3  # share of the detail that is never stray
+GROUND = 4.0  # a ground is this many times as wide as all that is on it
+SKY = 8.0  # a sky is this many times as wide as all that it encloses
+LONE = 3.0  # factor on both if a single object would remain, which may be a small part of a large one
+# Range of what a sky encloses, as shares from its middle to its sides and from its bottom to its top; objects on or in a solid
+# body are often beyond it.
+INNER, BELOW = 0.5, 0.75
+FLAT = 0.1  # a ground's height over its width
+MOST_SURROUNDINGS = 1000  # objects that are tested as surroundings
+SAMPLED = 1 << 16  # objects by which the median is estimated
+SURROUND_TOLERANCE = 0.05  # tolerance, as a share of its size, by which surroundings may miss what they surround
+
+
+def outliers(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
+    """Return the mask (N,) of outliers, which are never all objects."""
+    out = np.zeros(len(low), bool)
+    for found in (strays, surroundings, strays):  # a ground hides what has strayed, and the other way round
+        rest = np.flatnonzero(~out) if out.any() else slice(None)
+        more = found(low[rest], high[rest], detail[rest], up)
+        out[rest] = more
+        if found is surroundings and not more.any():
+            break
+    return out
+
+
+def strays(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
+    """Return the mask of objects far from the majority, by distance from its middle, without objects in between."""
+    middle = np.array([_weighted_quantile(0.5, (low + high)[:, axis] / 2, detail) for axis in range(3)])
+    above, below = high - middle, middle - low
+    far = _row_maximum(np.maximum(np.abs(above), np.abs(below)))
+    near = _row_maximum(np.maximum(-above, -below))
+    reach = _weighted_quantile(MAJORITY, far, detail)
+    while (farther := near[near <= STRAY * reach].max(initial=reach)) > reach:
+        reach = farther
+    return np.asarray((near > STRAY * reach) & (reach > 0))
+
+
+def surroundings(low: Doubles, high: Doubles, detail: Doubles, up: int) -> Mask:
+    """Return the mask of the widest objects that surround everything narrower: flat below it, or enclosing it."""
+    across = [axis for axis in range(3) if axis != up]
+    size = high - low
+    wide = size[:, across].max(axis=1)
+    order = _widest(wide)
+    is_flat = size[order, up] <= FLAT * wide[order]
+    slack = SURROUND_TOLERANCE * size[order]
+    slack[is_flat, up] = np.inf
+    # Row k: bounds of everything narrower than the k-th, and of the k-th and everything wider.
+    around_low = _accumulated_from_end(np.maximum, low[order] - slack)
+    around_high = _accumulated_from_end(np.minimum, high[order] + slack)
+    left = len(low) - len(order) + np.arange(len(order))  # things
+    holds = _accumulated_from_end(np.minimum, wide[order] / np.where(is_flat, GROUND, SKY)) / np.where(left == 1, LONE, 1.0)
+    inner_low, inner_high = _narrower(np.minimum, low, order), _narrower(np.maximum, high, order)
+    extent = (inner_high - inner_low).max(axis=1)
+    goes_around = (around_low <= inner_low).all(axis=1) & (around_high >= inner_high).all(axis=1)
+    is_inside = is_flat | _is_well_inside(inner_low, inner_high, low[order], high[order], up)
+    is_inside = np.logical_and.accumulate(is_inside[::-1])[::-1]
+    found = goes_around & is_inside & (holds >= extent) & (extent > 0)
+    out = np.zeros(len(low), bool)
+    if found.any():
+        out[order[np.argmax(found) :]] = True
+    return out
+
+
+def _is_well_inside(inner_low: Doubles, inner_high: Doubles, low: Doubles, high: Doubles, up: int) -> Mask:
+    """Return whether what is enclosed is near the sky's horizontal middle and not near its top, (M,)."""
+    across = [axis for axis in range(3) if axis != up]
+    with np.errstate(over="ignore", invalid="ignore"):
+        aside = np.abs((inner_low + inner_high) - (low + high))[:, across] <= INNER * (high - low)[:, across]
+    return np.asarray(aside.all(axis=1) & (inner_high[:, up] <= low[:, up] + BELOW * (high - low)[:, up]))
+
+
+def _widest(wide: Doubles) -> Ints:
+    """Return the indices of at most MOST widest objects, never of all, in ascending order of width."""
+    most = min(MOST_SURROUNDINGS, len(wide) - 1)
+    chosen = np.argpartition(wide, -most)[-most:] if most > 0 else np.zeros(0, np.intp)
+    return np.asarray(chosen[np.argsort(wide[chosen], kind="stable")])
+
+
+def _narrower(combine: np.ufunc, values: Doubles, order: Ints) -> Doubles:
+    """Return (M, 3): row k combines all values but those of the k-th in the order and later ones."""
+    is_rest = np.ones(len(values), bool)
+    is_rest[order] = False
+    return np.asarray(combine.accumulate(np.vstack([combine.reduce(values[is_rest])[None], values[order]]))[:-1])
+
+
+def _weighted_quantile(part: float, values: Doubles, weights: Doubles) -> float:
+    """Return the weighted quantile: for a half, the median."""
+    every = 1 + len(values) // SAMPLED
+    values, weights = values[::every], weights[::every]
+    order = np.argsort(values, kind="stable")
+    sums = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(sums, part * sums[-1])]])
+
+
+def _row_maximum(rows: Doubles) -> Doubles:
+    """Return the maximum (N,) of rows (N, 3); NumPy's own maximum along short rows takes five times as long."""
+    return np.asarray(np.maximum(np.maximum(rows[:, 0], rows[:, 1]), rows[:, 2]))
+
+
+def _accumulated_from_end(combine: np.ufunc, values: Doubles) -> Doubles:
+    return np.asarray(combine.accumulate(values[::-1])[::-1])

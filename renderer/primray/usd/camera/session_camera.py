@@ -9,10 +9,10 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...description import Camera, Projection
-from ..adapters.cameras.clipping import UNCLIPPED
 from ..stage.reads import type_name
 from ..stage.time_varying import earliest_value
 from ..stage.traversal import all_children
+from .camera import UNCLIPPED
 
 PATH = "/primray_view"
 _FOCAL_MM = 50.0
@@ -28,7 +28,7 @@ def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoo
     """
     prim = stage.GetPrimAtPath(PATH)
     if not prim or prim.GetCustomDataByKey("like") != like.path:
-        prim = _made(stage, like)
+        prim = _define_camera(stage, like)
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         prim.GetAttribute(_OP).Set(Gf.Matrix4d(world_from_camera.T.tolist()))
         if zoom != 1.0 or prim.GetCustomDataByKey("zoomed"):
@@ -45,7 +45,7 @@ def has_camera(stage: Usd.Stage, path: str) -> bool:
     return bool(prim) and type_name(prim) == "Camera"
 
 
-def _made(stage: Usd.Stage, like: Camera) -> Usd.Prim:
+def _define_camera(stage: Usd.Stage, like: Camera) -> Usd.Prim:
     mask = stage.GetPopulationMask()
     if mask != Usd.StagePopulationMask.All() and not mask.Includes(PATH):
         stage.SetPopulationMask(mask.Add(PATH))

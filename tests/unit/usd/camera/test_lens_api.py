@@ -15,8 +15,8 @@ from primray.errors import SettingsError
 from primray.lens.diffusion import NO_DIFFUSION, Diffusion
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.adapters.cameras import lens_api
-from primray.usd.adapters.cameras.flaws import PREFIX
+from primray.usd.camera import lens
+from primray.usd.camera.lens import LENS_PREFIX
 
 from ..usd_text import stage_of
 
@@ -99,9 +99,9 @@ def test_blades_of_a_pinhole_are_read_for_the_star() -> None:
 def test_the_schema_names_what_is_read() -> None:
     layer = Sdf.Layer.FindOrOpen(str(SCHEMA / "generatedSchema.usda"))
     declared = layer.GetPrimAtPath("/PrimrayLensAPI").properties
-    assert {p.name for p in declared} == set(lens_api.NAMES)
-    for name, member in lens_api.DIFFUSION.items():
-        fallback = declared[f"{PREFIX}diffusion:{name}"].default
+    assert {p.name for p in declared} == set(lens.LENS_NAMES)
+    for name, member in lens.DIFFUSION_ATTRIBUTES.items():
+        fallback = declared[f"{LENS_PREFIX}diffusion:{name}"].default
         assert fallback == pytest.approx(getattr(NO_DIFFUSION, member))
 
 
@@ -124,6 +124,6 @@ def test_the_schema_can_be_registered() -> None:
     ran = subprocess.run([sys.executable, "-c", REGISTERED], env=known, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
     names, diffusion = ran.stdout.strip().splitlines()
-    assert names.split() == sorted(lens_api.NAMES)
+    assert names.split() == sorted(lens.LENS_NAMES)
     assert diffusion.startswith("Diffusion(strength=0.5, glare=0.2")
     assert diffusion.endswith("blades=None, blade_rotation_deg=0.0)")

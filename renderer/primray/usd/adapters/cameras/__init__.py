@@ -1,1 +1,0 @@
-"""UsdGeomCamera: window, lens, lens distortion, shutter and clipping."""

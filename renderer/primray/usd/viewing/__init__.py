@@ -1,1 +1,0 @@
-"""The view: choice of the camera, resolution of its image, shutter and camera motion."""
