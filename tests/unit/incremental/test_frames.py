@@ -42,7 +42,7 @@ def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
         monkeypatch.setattr(owner, name, counting)
 
-    counted(translation, "_made_anew")
+    counted(translation, "_translated_recorded")
     counted(Steps, "build")
     return found
 
@@ -59,7 +59,7 @@ def test_frames_are_those_of_renders_by_themselves(stage: Usd.Stage, built: list
     expected = alone(stage)
     built.clear()
     assert bits(primray.render_frames(stage, SETTINGS)) == expected
-    assert built.count("_made_anew") == 1
+    assert built.count("_translated_recorded") == 1
     assert built.count("build") < len(SETTINGS)
 
 
@@ -68,7 +68,7 @@ def test_where_memory_is_short_nothing_is_kept(stage: Usd.Stage, built: list[str
     built.clear()
     monkeypatch.setattr(steps, "resident_bytes", lambda: float("inf"))
     assert bits(primray.render_frames(stage, SETTINGS)) == expected
-    assert built == ["_made_anew", "build"] * len(SETTINGS)
+    assert built == ["_translated_recorded", "build"] * len(SETTINGS)
 
 
 def test_a_frame_alone_keeps_nothing(stage: Usd.Stage, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -133,6 +133,6 @@ def test_layers_that_are_loaded_again_are_rendered_again(tmp_path: Path) -> None
 def test_composition_is_the_scenes(stage: Usd.Stage) -> None:
     with pytest.raises(primray.errors.SettingsError, match="its composition"):
         primray.Scene(stage).render(SETTINGS, mask=("/world",))
-    with pytest.raises(primray.errors.SettingsError, match="not by spp"):
+    with pytest.raises(primray.errors.SettingsError, match="not with spp"):
         primray.Scene(stage, spp=4)
     assert primray.Scene(stage, mask=("/eyes", "/world/g1")).render(SETTINGS).report["scene"]["meshes"] == 3

@@ -1,21 +1,14 @@
 """Light groups, by which light path expressions name lights (<L.'key'>).
 
-They are collections lightGroup:NAME of the stage's render settings, or attributes of the lights for other renderers.
+They are collections lightGroup:NAME of the stage's render settings; light_settings reads other renderers' attributes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pxr import Sdf, Usd
-
-from ..scene.schemas import LIGHT_GROUPS
-from ..stage.values import read
-
-if TYPE_CHECKING:
-    from ..scene.context import Context
-    from ..scene.inheritance import ResolvedPrim
 
 PREFIX = "lightGroup:"
 
@@ -48,20 +41,3 @@ def light_groups(stage: Usd.Stage, settings_path: str) -> LightGroups:
         if name.startswith(PREFIX) and len(name) > len(PREFIX):
             found.append((name.removeprefix(PREFIX), collection.ComputeMembershipQuery()))
     return LightGroups(tuple(sorted(found, key=lambda row: row[0])))
-
-
-ARNOLD, ARNOLD_DEFAULT = "primvars:arnold:aov", "default"
-
-
-def read_group(prim: ResolvedPrim, ctx: Context) -> str:
-    """Return the group's name; "" if the light is in none. Groups in render settings come before attributes of the light."""
-    named = ctx.light_groups.name_of(prim.prim)
-    if named:
-        return named
-    for name in LIGHT_GROUPS:
-        if name not in prim.names:
-            continue
-        value = read(prim.prim, name, ctx.when)
-        if isinstance(value, str) and value.strip() and not (name == ARNOLD and value == ARNOLD_DEFAULT):
-            return value.strip().replace("'", "")
-    return ""

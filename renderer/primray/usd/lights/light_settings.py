@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 from ...description import Light, Shadow
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
-from ..scene.schemas import CAMERA_VISIBILITY
+from ..scene.schemas import CAMERA_VISIBILITY, LIGHT_GROUPS
 from ..stage.values import flag, number, read
 from .light_color import light_color
-from .light_groups import read_group
 from .light_links import Links
+
+ARNOLD, ARNOLD_DEFAULT = "primvars:arnold:aov", "default"
 
 
 @dataclass(frozen=True)
@@ -129,3 +130,17 @@ def is_visible_to_camera(prim: ResolvedPrim, ctx: Context) -> bool:
         if other != seen:
             ctx.warn("light-input", prim.path, f"{name} is ignored: {decides} has another value and comes first.", name)
     return seen
+
+
+def read_group(prim: ResolvedPrim, ctx: Context) -> str:
+    """Return the group's name; "" if the light is in none. Groups in render settings come before attributes of the light."""
+    named = ctx.light_groups.name_of(prim.prim)
+    if named:
+        return named
+    for name in LIGHT_GROUPS:
+        if name not in prim.names:
+            continue
+        value = read(prim.prim, name, ctx.when)
+        if isinstance(value, str) and value.strip() and not (name == ARNOLD and value == ARNOLD_DEFAULT):
+            return value.strip().replace("'", "")
+    return ""
