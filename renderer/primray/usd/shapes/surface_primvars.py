@@ -20,7 +20,6 @@ from ...description.pattern_reads import pattern_fallbacks, pattern_primvars
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim, element_count
 from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, note_many_values, per_corner, read_raw_primvar
-from .subdivision import Cage, on_cage
 from .triangulate import Triangles
 
 NO_SIZES = Sizes(0, 0, 0)  # for shapes that take constant primvars only
@@ -54,11 +53,6 @@ def mesh_primvars(
     if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
         return ()
     return tuple(_on_triangles(name, found, triangles) for name, found in read_primvars(prim, surfaces, sizes, ctx))
-
-
-def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], cage: Cage, ctx: Context) -> tuple[SeamPrimvar, ...]:
-    """Return primvars per face, point or corner, as SubdivisionMesh has them."""
-    return tuple(on_cage(name, found, cage) for name, found in read_primvars(prim, surfaces, cage.sizes, ctx))
 
 
 def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:

@@ -12,7 +12,7 @@ from primray.description import Direction, Interpolation, Mesh, NurbsPatch, Poin
 from primray.refine.nurbs.basis import bases
 from primray.refine.nurbs.grid import Fineness
 from primray.refine.nurbs.patches import dice_patches
-from primray.usd.adapters.shapes.mesh import is_closed
+from primray.usd.adapters.shapes.inside_out import is_closed
 
 from .known_patches import AROUND, STRAIGHT, areas, cone, diced, plane, seen, sphere, torus
 

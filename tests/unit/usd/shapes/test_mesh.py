@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from primray.description import Mesh, SceneDescription
-from primray.usd.adapters.shapes.mesh import is_closed
+from primray.usd.adapters.shapes.inside_out import is_closed
 
 from ..usd_text import translate_text
 

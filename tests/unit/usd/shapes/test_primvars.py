@@ -11,7 +11,7 @@ import pytest
 from primray.description import Interpolation, Mesh, Primvar, PrimvarInput, SceneDescription, Sphere
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.shapes.surface_primvars import cage_primvars
+from primray.usd.adapters.shapes.cage import cage_primvars
 
 from ..usd_text import stage_of, translate_text
 from .resolved_cage import resolved_cage

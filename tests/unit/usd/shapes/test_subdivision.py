@@ -10,7 +10,7 @@ import pytest
 from primray import core
 from primray.description import Interpolation, PrimvarInput, SubdivisionMesh, Surface
 from primray.settings import RenderSettings
-from primray.usd.shapes.surface_primvars import cage_primvars
+from primray.usd.adapters.shapes.cage import cage_primvars
 
 from ..usd_text import stage_of, translate_text
 from .resolved_cage import resolved_cage

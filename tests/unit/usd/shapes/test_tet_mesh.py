@@ -10,7 +10,7 @@ from tests.translation.describe import describe
 from primray.description import Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.adapters.shapes.mesh import is_closed
+from primray.usd.adapters.shapes.inside_out import is_closed
 from primray.usd.adapters.shapes.tet_mesh import Tetrahedra
 from primray.usd.shapes.tetrahedra import surface_of
 

@@ -6,19 +6,21 @@ Authored normals are ignored: the limit surface has its own.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from ....arrays import Ints
-from ....description import DisplacedMesh, Interpolation, Primvar, SubdivisionMesh, Surface
+from ....description import DisplacedMesh, Interpolation, SubdivisionMesh, Surface
+from ....description import Primvar as SeamPrimvar
 from ...scene.context import Context
 from ...scene.inheritance import ResolvedPrim
 from ...shapes.displacement_reach import reach_of
 from ...shapes.primvars import read_display_color
 from ...shapes.subdivision import Cage, is_closed_cage, on_cage
-from ...shapes.surface_primvars import cage_primvars
+from ...shapes.surface_primvars import read_primvars
 from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
 from .face_parts import FaceParts, face_parts
 from .inside_out import fans, note_inside_out
@@ -65,6 +67,11 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | No
     return replace(made, reach=max(reach_of(surface, made.primvars) for surface in surfaces.values()))
 
 
+def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], cage: Cage, ctx: Context) -> tuple[SeamPrimvar, ...]:
+    """Return primvars per face, point or corner, as SubdivisionMesh has them."""
+    return tuple(on_cage(name, found, cage) for name, found in read_primvars(prim, surfaces, cage.sizes, ctx))
+
+
 def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage, path: str, ctx: Context) -> dict[int, Surface]:
     """Return the surface of each appearance that at least one face uses, keyed by its index in `parts`; hidden ones are left
     out."""
@@ -93,7 +100,7 @@ def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> 
 
 def _colors(
     prim: ResolvedPrim, found: Cage, varying: np.ndarray[tuple[int], np.dtype[np.bool_]], ctx: Context
-) -> Primvar | None:
+) -> SeamPrimvar | None:
     """Return displayColor for the faces whose surface reads it (`varying`, (F,)), and white for faces whose material has its
     own colour."""
     read = read_display_color(found.sizes, prim, ctx)
@@ -107,4 +114,4 @@ def _colors(
     indices = found.face_points if colors.indices is None else colors.indices
     white = np.ones((1, 3), np.float32)
     indices = np.where(np.repeat(varying, found.face_counts), indices, len(colors.values)).astype(np.int32)
-    return Primvar(colors.name, Interpolation.CORNER, np.concatenate([colors.values, white]), indices)
+    return SeamPrimvar(colors.name, Interpolation.CORNER, np.concatenate([colors.values, white]), indices)

@@ -1,4 +1,5 @@
-"""Detection of closed, light-transmitting shapes whose faces point inwards, so that their interior is everything outside.
+"""Closed meshes: test whether light can enter a shape, and report shapes whose faces point inwards, so that their interior is
+everything outside.
 
 Mirroring transforms do not matter: USD defines orientation in the shape's own space, where the volume is measured.
 """
@@ -9,6 +10,24 @@ import numpy as np
 
 from ....arrays import Floats, Ints
 from ...scene.context import Context
+
+
+def is_closed(points: Floats, triangles: Ints) -> bool:
+    """Return whether every edge is shared by exactly two triangles that traverse it in opposite directions (a closed
+    2-manifold).
+
+    Coincident points count as one, so that meshes with split vertices count as closed.
+    """
+    _, welded = np.unique(points, axis=0, return_inverse=True)
+    t = welded.reshape(-1)[triangles].astype(np.int64)
+    edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    if len(edges) == 0:
+        return False
+    size = int(edges.max()) + 1
+    forward = np.sort(edges[:, 0] * size + edges[:, 1])
+    backward = np.sort(edges[:, 1] * size + edges[:, 0])
+    return bool((forward[1:] != forward[:-1]).all() and (forward == backward).all())
 
 
 def note_inside_out(points: Floats, triangles: Ints, path: str, ctx: Context) -> None:

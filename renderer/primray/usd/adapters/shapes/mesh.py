@@ -12,7 +12,6 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from ....arrays import Floats, Ints
 from ....description import Mesh, SubdivisionMesh
 from ...paths.meshes import mesh_path, moving_cage, moving_polygons, with_points
 from ...scene.context import Context
@@ -28,7 +27,7 @@ from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, displ
 from .cage import cage
 from .displaced import displaced_polygons
 from .face_parts import FaceParts, face_parts
-from .inside_out import note_inside_out
+from .inside_out import is_closed, note_inside_out
 from .tet_mesh import read_tet_mesh
 
 
@@ -159,21 +158,3 @@ def _is_body(geometry: Polygons, path: str, ctx: Context) -> bool:
         return False
     note_inside_out(points, triangles, path, ctx)
     return True
-
-
-def is_closed(points: Floats, triangles: Ints) -> bool:
-    """Return whether every edge is shared by exactly two triangles that traverse it in opposite directions (a closed
-    2-manifold).
-
-    Coincident points count as one, so that meshes with split vertices count as closed.
-    """
-    _, welded = np.unique(points, axis=0, return_inverse=True)
-    t = welded.reshape(-1)[triangles].astype(np.int64)
-    edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-    edges = edges[edges[:, 0] != edges[:, 1]]
-    if len(edges) == 0:
-        return False
-    size = int(edges.max()) + 1
-    forward = np.sort(edges[:, 0] * size + edges[:, 1])
-    backward = np.sort(edges[:, 1] * size + edges[:, 0])
-    return bool((forward[1:] != forward[:-1]).all() and (forward == backward).all())

@@ -23,8 +23,7 @@ from ...scene.inheritance import ResolvedPrim
 from ...shapes.primvars import Primvar, Sizes, read_display_color
 from ...shapes.surface_primvars import TANGENT_ST, read_primvars
 from ..materials.surface import FALLBACK_COLOR, appearance_of, is_hidden, make_surface, undisplaced
-from .inside_out import note_inside_out
-from .mesh import is_closed
+from .inside_out import is_closed, note_inside_out
 
 INTERPOLATIONS = {
     "constant": Interpolation.CONSTANT,
