@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles
-from ..description import Mesh, Placed, Placement, Prototype, SceneDescription, Shape
+from ..description import MatrixInstances, Mesh, MovingInstances, Placed, Placement, Prototype, SceneDescription, Shape
 from ..description.instance_names import all_names
-from ..description.placement import Instances, MatrixInstances, MovingInstances, PointInstances, chunks, named_levels
+from ..description.placement import Instances, PointInstances, chunks, named_levels
 
 # Volume spanned by the images of the axes, relative to a box of their lengths: instances below this are skewed.
 SKEWED = 0.02

@@ -6,10 +6,11 @@ from collections.abc import Collection
 
 import numpy as np
 
-from ...description import Primvar, PrimvarInput, Surface, TextureInput
+from ...description import Primvar as SeamPrimvar
+from ...description import PrimvarInput, Surface, TextureInput
 
 
-def reach_of(surface: Surface, primvars: Collection[Primvar]) -> float:
+def reach_of(surface: Surface, primvars: Collection[SeamPrimvar]) -> float:
     """Return the largest displacement distance of a surface, in the shape's own units; 0 if it is unknown, as for a node
     graph."""
     if surface.displacement is None:

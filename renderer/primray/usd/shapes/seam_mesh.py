@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Floats, Ints
-from ...description import Interpolation, Mesh, PointMotion, Primvar
+from ...description import Interpolation, Mesh, PointMotion
+from ...description import Primvar as SeamPrimvar
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def seam_mesh(
     normals: Values | None,
     colors: Values | None,
     surface: int | Ints,
-    primvars: tuple[Primvar, ...] = (),
+    primvars: tuple[SeamPrimvar, ...] = (),
     motion: PolygonMotion | None = None,
 ) -> Mesh:
     if (normals or colors) and len(points) == 3 * len(triangles):
