@@ -26,7 +26,9 @@ from .face_parts import FaceParts, face_parts
 from .inside_out import fans, note_inside_out
 
 
-def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | None = None) -> SubdivisionMesh | None:
+def make_subdivision_mesh(
+    prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | None = None
+) -> SubdivisionMesh | None:
     """Return the subdivision cage with its surfaces and primvars: a DisplacedMesh where any of its materials has displacement.
     None if no face is drawn."""
     whole = face_parts(prim, found.sizes.faces, ctx) if parts_of is None else parts_of

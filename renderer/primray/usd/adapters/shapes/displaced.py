@@ -9,11 +9,11 @@ from ...scene.context import Context
 from ...scene.inheritance import ResolvedPrim
 from ...shapes.polygon_cage import cage_of, welded
 from ...shapes.polygons import Polygons
-from .cage import cage
+from .cage import make_subdivision_mesh
 from .face_parts import FaceParts
 
 
 def displaced_polygons(prim: ResolvedPrim, geometry: Polygons, parts: FaceParts, ctx: Context) -> SubdivisionMesh | None:
     found, normals = cage_of(geometry)
-    made = cage(prim, found, ctx, parts)
+    made = make_subdivision_mesh(prim, found, ctx, parts)
     return welded(replace(made, normals=normals)) if isinstance(made, DisplacedMesh) else made

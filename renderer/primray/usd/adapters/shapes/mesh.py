@@ -24,7 +24,7 @@ from ...shapes.subdivision import Cage, make_cage
 from ...shapes.surface_primvars import mesh_primvars, moved
 from ...shapes.topology import topology_of
 from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, displaces, is_hidden, make_surface
-from .cage import cage
+from .cage import make_subdivision_mesh
 from .displaced import displaced_polygons
 from .face_parts import FaceParts, face_parts
 from .inside_out import is_closed, note_inside_out
@@ -44,7 +44,7 @@ def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
     if prim.path in ctx.shares:
         shared[key] = geometry
     if isinstance(geometry, Cage):
-        return cage(prim, geometry, ctx)
+        return make_subdivision_mesh(prim, geometry, ctx)
     if prim.subsets:
         parts = face_parts(prim, geometry.sizes.faces, ctx, geometry.tets)
         if any(displaces(parts.appearances[k]) for k in np.unique(parts.of_face[geometry.triangles.faces]).tolist()):
