@@ -10,9 +10,8 @@ import numpy.typing as npt
 from tests.described import core_module, look_at
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
-from primray.refine.camera_poses import Pose
-from primray.refine.dice import Dicing, core_arrays
-from primray.refine.footprint import Footprint, Projected
+from primray.tessellation.dice import Dicing, core_arrays
+from primray.tessellation.footprint import Footprint, Pose, Projected
 
 HERE = Pose(np.eye(4), np.zeros(3))
 NOWHERE = Footprint(Projected((HERE,), False, 1.0, (-1, 1, -1, 1)), np.zeros((0, 3, 4)), 0.0, np.zeros((0, 3)))

@@ -13,8 +13,8 @@ from tests.textured import FILE, glowing, plate, primvar, texture, with_primvars
 from primray import core
 from primray.core.surface_upload import DIRECTIONS
 from primray.description import Input, Interpolation, OpenPbr, Placed, PrimvarInput, Prototype, Surface, TextureFile
-from primray.description.hair import PREFIX as HAIR
-from primray.description.open_pbr import PREFIX
+from primray.description.shading import HAIR_PREFIX as HAIR
+from primray.description.shading import OPEN_PBR_PREFIX
 
 INPUT_FIELDS = [field.name for field in core.module().InputField]
 
@@ -26,7 +26,7 @@ def numbers(surface: Surface, name: str) -> tuple[float, ...]:
 
 def connected(surface: Surface) -> Surface:
     """Every input a primvar that nothing has; the constants themselves are other ones."""
-    lobes = [p for p, own in ((PREFIX, surface.open_pbr), (HAIR, surface.hair)) if own is None]
+    lobes = [p for p, own in ((OPEN_PBR_PREFIX, surface.open_pbr), (HAIR, surface.hair)) if own is None]
     names = [n for n in INPUT_FIELDS if n not in DIRECTIONS and not n.startswith(tuple(lobes))]
     inputs = tuple((name, PrimvarInput("nobody's", numbers(surface, name))) for name in names)
     blank = Surface(surface.path, open_pbr=OpenPbr())

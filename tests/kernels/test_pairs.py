@@ -9,7 +9,7 @@ from tests.described import box, describe, kernels, lambert, mesh, placement, ro
 from tests.kernels.test_intersection import rays
 
 from primray.description import Placed, Prototype, Shape
-from primray.description.pairs import is_paired
+from primray.description.geometry import is_paired
 
 SIDE = 24
 

@@ -11,7 +11,7 @@ import pytest
 from tests.cages import cube, dice, octahedron, seen_from, uniform
 from tests.described import describe, kernels, lambert, mesh
 
-from primray.refine.dice import Dicing
+from primray.tessellation.dice import Dicing
 
 MESHES = {
     "uniform": lambda: uniform(cube(), 4),

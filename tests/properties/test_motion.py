@@ -12,7 +12,7 @@ from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.camera.motion import interpolated_camera
 
-from ..unit.usd.paths.reference import matrix_at, world_at
+from ..unit.usd.motion.reference import matrix_at, world_at
 from .random_motion import FRAME, stage_text
 
 RESOLUTION = (640, 360)

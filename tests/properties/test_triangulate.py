@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.refine.ear_clip import ear_clip
-from primray.usd.shapes.triangulate import fan_of, flipped, triangulate
+from primray.tessellation.ear_clip import ear_clip
+from primray.usd.mesh.triangulate import fan_of, reversed_triangles, triangulate
 
 
 def simple_polygon(rng: np.random.Generator, n: int, kind: str) -> np.ndarray:
@@ -72,7 +72,7 @@ def test_mixed_faces_keep_their_order_and_corners(seed: int) -> None:
     assert ((made.corners >= starts[made.faces][:, None]) & (made.corners < starts[made.faces + 1][:, None])).all()
     assert set(made.faces.tolist()) <= set(np.flatnonzero(keep).tolist())
     assert np.bincount(made.faces, minlength=50)[keep].tolist() == (counts[keep] - 2).tolist()
-    assert (flipped(made).points[:, [0, 2, 1]] == made.points).all()
+    assert (reversed_triangles(made).points[:, [0, 2, 1]] == made.points).all()
 
 
 def test_a_polygon_that_crosses_itself_still_ends() -> None:

@@ -8,20 +8,21 @@ from typing import Any
 import pytest
 
 from primray.usd.adapters.materials.material import Materials
-from primray.usd.adapters.shapes import implicit, mesh
 from primray.usd.instancing import prototypes
 from primray.usd.lights import light_color, photometric
 from primray.usd.materials.leaf_materials import bind_leaves, bindings_of
 from primray.usd.materials.network import ShaderIds
+from primray.usd.mesh import adapter
+from primray.usd.mesh.authored import FacesByContent
 from primray.usd.resolving import color_spaces
 from primray.usd.scene import bindings, inheritance, walk
 from primray.usd.scene.context import Kept
-from primray.usd.shapes.topology import SharedFaces
+from primray.usd.shapes import implicit
 
 # What only saves work. All others that are kept are records, which later steps read.
 CACHES = frozenset({
-    Materials, SharedFaces, ShaderIds, bindings._BindingFaults, color_spaces._Known, light_color._Illuminants, implicit._Shared,
-    mesh._Shared, photometric._Amounts, prototypes._HoldInstancers, inheritance._Colored,
+    Materials, FacesByContent, ShaderIds, bindings._BindingFaults, color_spaces._Known, light_color._Illuminants,
+    implicit._Tessellations, adapter._Geometries, photometric._Amounts, prototypes._HoldInstancers, inheritance._Colored,
 })  # fmt: skip
 
 

@@ -13,10 +13,10 @@ import numpy.typing as npt
 from .. import process_memory
 from ..description import SceneDescription, Shape
 from ..errors import LimitError
-from ..refine import dice as dicing
-from ..refine.nurbs.description import with_patches_diced
-from ..refine.ribbons import dice_ribbons
 from ..settings import DEFAULT_FILTER_WIDTH, Filter, RenderSettings
+from ..tessellation import dice as dicing
+from ..tessellation.dice import dice_patches_of
+from ..tessellation.ribbons import dice_ribbons
 from .displacement_upload import displacements
 from .light_path_tables import missing_groups, routes_of
 from .native import module, raise_primray_error, threads
@@ -35,9 +35,9 @@ def dice(
     """
     try:
         displaced = displacements(module(), description, textures or {})
-        chosen = dicing.dicing_of(settings)
+        chosen = dicing.dicing_by_settings(settings)
         made, warnings = dicing.dice(module(), description, chosen, threads(settings), displaced)
-        made, notes = with_patches_diced(dice_ribbons(made, chosen.pixels), chosen)
+        made, notes = dice_patches_of(dice_ribbons(made, chosen.pixels), chosen)
         return made, [*warnings, *notes]
     except module().CoreError as error:
         raise_primray_error(error)

@@ -20,7 +20,7 @@ from ..description import (
 )
 from ..description.pattern_reads import reads_world_space
 from ..description.shading import DISPLACEMENTS
-from ..refine.dice import Warnings, numbered, primvars_of
+from ..tessellation.dice import Warnings, primvar_places, primvars_of
 from .surface_upload import SurfaceUpload, Textures, channels_of
 
 # Enumerators in the order of the core's (displacer.hpp, mover.hpp).
@@ -75,7 +75,7 @@ class Displacements:
         numbers = np.atleast_1d(self._numbers[np.asarray(shape.surface)])
         if matrix is None:
             self._note_space(shape)
-        placed = numbered(shape)
+        placed = primvar_places(shape)
         read = [
             (p, at, name) for p, at in placed if p is not shape.colors and (name := self._upload.number_of(p.name)) is not None
         ]

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..aov_names import WIDE
-from ..description.instance_names import Levels, name_of
+from ..description.placement import Levels, instance_name
 
 Numbers = npt.NDArray[np.integer[Any]]
 
@@ -133,7 +133,7 @@ class InstanceNumbers:
 
     def _name(self, placement: int, row: int) -> str:
         levels, kept = self.record.placements[placement]
-        return name_of(levels, row if kept is None else int(kept[row]))
+        return instance_name(levels, row if kept is None else int(kept[row]))
 
 
 @dataclass

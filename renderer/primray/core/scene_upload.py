@@ -29,13 +29,18 @@ from ..description import (
 from ..description.motion import handed_over
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from ..lens.distortion import Distortion
-from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
-from ..refine.moving import by_clock
-from ..refine.rebasing import rebasing_origin
-from ..refine.skewed import bake_skewed
-from ..refine.stretched_curves import stretched_apart
 from .light_upload import LightGroups, LightUpload
 from .native import filled
+from .precision.far_geometry import (
+    FARTHEST,
+    OUTLYING,
+    FarInstances,
+    boxes_without_outliers,
+    rebasing_origin,
+    union_without_outliers,
+)
+from .precision.motion_times import with_common_times
+from .precision.separate_prototypes import separate_skewed, separate_stretched_curves
 from .scene_record import SceneRecord, ShapeRows
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .surface_upload import MutableTextures, SurfaceUpload
@@ -60,9 +65,9 @@ def upload_scene(
     """
     shapes = list(description.shapes) if shapes is None else shapes
     warnings: list[tuple[str, str, str]] = []
-    d = bake_skewed(by_clock(stretched_apart(description, shapes), shapes, warnings), shapes)
+    d = separate_skewed(with_common_times(separate_stretched_curves(description, shapes), shapes, warnings), shapes)
     full_boxes = shape_boxes(core, shapes)
-    boxes = usual_boxes(full_boxes, shapes)
+    boxes = boxes_without_outliers(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = rebasing_origin(d.camera)
     low, high = world_boxes(d, boxes, prototype_boxes)
@@ -314,7 +319,9 @@ def points_and_triangles(shapes: Sequence[Shape]) -> tuple[int, int]:
 def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
     """Return the box of each prototype in its own space."""
     leaves = [
-        usual_union(np.array([transformed_box(p.matrix, (boxes[p.shape, 0], boxes[p.shape, 1])) for p in proto.shapes]))
+        union_without_outliers(
+            np.array([transformed_box(p.matrix, (boxes[p.shape, 0], boxes[p.shape, 1])) for p in proto.shapes])
+        )
         for proto in d.prototypes
     ]
     return [

@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from ..arrays import Doubles, Floats, Ints
 from ..description import Curves, Interpolation, Mesh, Placed, Primvar, Shape, Sphere, Surface
+from ..description.geometry import is_paired
 from ..description.motion import handed_over
-from ..description.pairs import is_paired
 from ..description.placement import transformed_boxes
-from ..refine.far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
 from .light_upload import LightUpload
 from .native import filled
+from .precision.far_geometry import FARTHEST, OUTLYING, Flags, representable_triangles
 from .scene_record import SceneRecord, ShapeRows
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
 
@@ -155,7 +155,7 @@ class ShapeUpload:
         for i in np.flatnonzero(~(reach < OUTLYING)).tolist():
             shape = self._shapes[placed[i].shape]
             if isinstance(shape, Mesh):
-                kept, blurred = near_triangles(shape, core_from_object(placed[i].matrix, center, scale))
+                kept, blurred = representable_triangles(shape, core_from_object(placed[i].matrix, center, scale))
                 if not kept.all():
                     near[i] = kept
                     lost = f"{int((~kept).sum())} of {len(kept)} triangles are too large or too far away to be drawn"

@@ -8,9 +8,9 @@ SceneDescription; `core` uploads it.
 from ..aov_names import AovRequest
 from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
-from .frame import Frame, PixelWindow
 from .geometry import (
     Curves,
+    Direction,
     DisplacedMesh,
     Interpolation,
     Mesh,
@@ -20,17 +20,28 @@ from .geometry import (
     Shape,
     Sphere,
     SubdivisionMesh,
+    TrimCurve,
 )
-from .hair import Hair
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
-from .nurbs import Direction, TrimCurve
-from .open_pbr import OpenPbr
-from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
-from .scene import Placed, Prototype, SceneDescription
-from .shading import CameraSight, Input, PrimvarInput, Surface, TextureInput, Wrap
-from .texture_file import TextureFile
+from .scene import Frame, PixelWindow, Placed, Prototype, SceneDescription
+from .shading import (
+    CameraSight,
+    Hair,
+    Input,
+    NodeOutput,
+    OpenPbr,
+    Operand,
+    Pattern,
+    PatternInput,
+    PatternNode,
+    PrimvarInput,
+    Surface,
+    TextureFile,
+    TextureInput,
+    Wrap,
+)
 
 __all__ = [
     "AovRequest",

@@ -1,4 +1,5 @@
-"""Shapes of a scene description: triangles, subdivision cages, NURBS patches, spheres, curves, and the primvars on them."""
+"""Shapes of a scene description: triangles, subdivision cages, NURBS patches with trim curves, spheres, curves, and the
+primvars on them."""
 
 from __future__ import annotations
 
@@ -10,7 +11,6 @@ import numpy as np
 from ..arrays import Doubles, Floats, Ints
 from .lighting import Light
 from .motion import PointMotion
-from .nurbs import Direction, TrimLoop
 
 
 class Interpolation(Enum):
@@ -60,7 +60,7 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class SubdivisionMesh:
-    """Subdivision cage, diced into a Mesh before rendering (refine/dice.py). Faces are wound counter-clockwise seen from
+    """Subdivision cage, diced into a Mesh before rendering (tessellation/dice.py). Faces are wound counter-clockwise seen from
     outside (left-handed ones are flipped).
 
     Names and meanings are those of UsdGeomMesh: sharpness of 10 or more is infinite. Every index is in range.
@@ -116,7 +116,7 @@ class DisplacedMesh(SubdivisionMesh):
 
 @dataclass(frozen=True, eq=False)
 class NurbsPatch:
-    """Rational B-spline surface, diced into a Mesh before rendering (refine/nurbs). Its normals point along dP/du x dP/dv.
+    """Rational B-spline surface, diced into a Mesh before rendering (tessellation/nurbs). Normals point along dP/du x dP/dv.
 
     Control points and POINT values are ordered with u varying fastest. FACE values belong to the segments between knots [order
     - 1, count] and VARYING values to their crossings, in the same order.
@@ -166,7 +166,7 @@ class Curves:
     disks at both ends.
 
     A curve of n segments has 3 n + 1 control points, one after the other. Similarity transforms scale the radii; any other
-    matrix makes tubes elliptic (refine/stretched_curves.py).
+    matrix makes tubes elliptic (core/precision/separate_prototypes.py).
     """
 
     path: str
@@ -188,8 +188,8 @@ class Curves:
 
 @dataclass(frozen=True, eq=False)
 class Ribbons:
-    """Flat curves, diced into a Mesh before rendering (refine/ribbons.py): at each point of a curve laid out as in Curves, half
-    the width extends to both sides, perpendicular to the tangent and the interpolated normal."""
+    """Flat curves, diced into a Mesh before rendering (tessellation/ribbons.py): at each point of a curve laid out as in
+    Curves, half the width extends to both sides, perpendicular to the tangent and the interpolated normal."""
 
     path: str
     controls: Floats  # (N, 4): x, y, z and half the width, as the radii of Curves
@@ -224,3 +224,37 @@ def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
 
 
 Shape = Mesh | SubdivisionMesh | DisplacedMesh | NurbsPatch | Sphere | Curves | Ribbons
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """B-spline basis of `order` (at least 2: degree + 1) over `count` control points."""
+
+    count: int
+    order: int
+    knots: Doubles  # (count + order,), not decreasing
+    low: float  # start of the drawn part of [knots[order - 1], knots[count]]
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrimCurve:
+    """Curve in the parameters of a patch."""
+
+    basis: Direction
+    points: Doubles  # (count, 3), homogeneous: (u w, v w, w)
+
+
+# Loop of curves, each of which begins where the last one ends; its end is joined to its beginning.
+TrimLoop = tuple[TrimCurve, ...]
+
+
+FEWEST_PAIRED_TRIANGLES = 512  # triangles; fewer do not gain from pairing
+
+
+def is_paired(triangles: Ints) -> bool:
+    """Return whether triangles (T, 3) are enough to be worth it and all in pairs."""
+    if len(triangles) < FEWEST_PAIRED_TRIANGLES or len(triangles) % 2:
+        return False
+    first, second = triangles[::2], triangles[1::2]
+    return bool((first[:, 0] == second[:, 0]).all() and (first[:, 1] == second[:, 2]).all())

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ..arrays import Doubles, Floats
 from .motion import MatrixMotion
-from .texture_file import TextureFile
+from .shading import TextureFile
 
 Color = tuple[float, float, float]
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from .patterns import UV_TEXTURE, NodeOutput, Pattern, PatternNode
-from .shading import PrimvarInput, TextureInput
-from .texture_file import TextureFile
+from .shading import UV_TEXTURE, NodeOutput, Pattern, PatternNode, PrimvarInput, TextureFile, TextureInput
 
 COLOR_PRIMVAR = "displayColor"  # the primvar that geomcolor reads
 # MaterialX's names of geometric properties that an input may have as its default: node category and space.

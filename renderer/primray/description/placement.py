@@ -1,7 +1,11 @@
-"""Instances in a scene description: placements of prototypes, as data that yields matrices in chunks.
+"""Instances in a scene description: placements of prototypes, as data that yields matrices in chunks, and the names of
+instances.
 
 Millions of instances stay in USD's form (positions, quaternions and scales in single precision, nested ones as a product of
 levels); double matrices of all of them never exist at once.
+
+A name is the path of a native instance, or INSTANCER[n] of a point instancer's; names of nested instances are concatenated.
+They are kept only if an AOV shows instances. Names of a level are relative to its parent.
 """
 
 from __future__ import annotations
@@ -16,7 +20,6 @@ import numpy.typing as npt
 
 from ..arrays import Doubles
 from .geometry import Interpolation, Primvar
-from .instance_names import Levels, Names
 
 CHUNK = 1 << 14  # matrices at a time: 1.5 MB
 IDENTITY: Doubles = np.eye(4)[:3]
@@ -257,3 +260,51 @@ def _rotate(out: Doubles, quaternions: Numbers) -> None:
     x, y, z, w = q.T
     square = x * x + y * y + z * z + w * w
     put_rotations(out, q, np.divide(2.0, square, out=np.zeros_like(square), where=square > 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Names:
+    """Names that consist of `prefix` and a text or a bracketed number per instance."""
+
+    prefix: str
+    texts: npt.NDArray[np.object_] | None = None
+    numbers: npt.NDArray[np.integer[Any]] | None = None
+
+    def of(self, i: int) -> str:
+        if self.texts is not None:
+            return self.prefix + str(self.texts[i])
+        return self.prefix if self.numbers is None else f"{self.prefix}[{int(self.numbers[i])}]"
+
+    def take(self, chosen: npt.NDArray[Any]) -> Names:
+        return Names(
+            self.prefix,
+            None if self.texts is None else self.texts[chosen],
+            None if self.numbers is None else self.numbers[chosen],
+        )
+
+    def below(self, outer: str) -> Names:
+        return Names(outer + self.prefix, self.texts, self.numbers)
+
+
+def texts(names: Sequence[str]) -> Names:
+    return Names("", np.array(names, dtype=object))
+
+
+# Number of instances and their names for each level of a placement, outermost first.
+Levels = Sequence[tuple[int, Names | None]]
+
+
+def instance_name(levels: Levels, row: int) -> str:
+    """Return the name of one instance (row) of a placement; the last level varies fastest."""
+    parts = []
+    for count, names in reversed(levels):
+        row, own = divmod(row, count)
+        parts.append("" if names is None else names.of(own))
+    return "".join(reversed(parts))
+
+
+def all_names(levels: Levels) -> Names | None:
+    """Return the names of all instances, in order; None if none has a name."""
+    if all(names is None for _, names in levels):
+        return None
+    return texts([instance_name(levels, row) for row in range(math.prod(count for count, _ in levels))])

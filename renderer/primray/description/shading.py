@@ -1,5 +1,5 @@
-"""Surfaces of a scene description: inputs of UsdPreviewSurface, OpenPBR or hair, each a constant, a primvar, a texture or a
-pattern."""
+"""Surfaces of a scene description: inputs of UsdPreviewSurface, OpenPBR or hair, each a constant, a primvar, a texture or an
+output of a pattern (a graph of MaterialX's primitive nodes)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,64 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
-from .hair import PREFIX as HAIR_PREFIX
-from .hair import Hair
-from .open_pbr import PREFIX, OpenPbr
-from .patterns import Pattern, PatternInput
-from .texture_file import TextureFile
+from ..color.color_space import REC709, ColorSpace
+
+
+@dataclass(frozen=True)
+class TextureFile:
+    path: str  # resolved by Ar: a file, or "package.usdz[member]"; "" if nothing was found; with <UDIM> or <UVTILE> for a set
+    color_space: str | ColorSpace  # "auto", "raw" (numbers), "sRGB", or a name that only the OCIO configuration defines
+    tiles: tuple[tuple[int, str], ...] = ()  # of a <UDIM> path: (1001 ... 1100, resolved path)
+    target: ColorSpace = REC709  # the rendering space, to which colours are converted
+    is_color: bool = True  # else its three channels are numbers: transfer curves are undone, but channels never mixed
+    layer: str = ""  # of a multi-part file: a part, or channels with that prefix; "": the default
+
+
+UV_TEXTURE, TRANSFORM_2D = "UsdUVTexture", "UsdTransform2d"  # USD's own node categories
+
+Value = tuple[
+    float, ...
+]  # one number for float, integer and boolean; one per component of vectors and colours; matrices by rows
+
+
+@dataclass(frozen=True)
+class NodeOutput:
+    node: int  # index in Pattern.nodes, less than that of its reader
+    output: str = "out"  # name in the node's definition
+
+
+Operand = Value | NodeOutput | TextureFile | str  # a str is an enumerated choice, a space or the name of a primvar
+
+
+@dataclass(frozen=True)
+class PatternNode:
+    """Primitive node of MaterialX's standard library (not implemented by a node graph), or one of USD's own: UsdTransform2d, or
+    UsdUVTexture (`channels` of texels times scale plus bias; of its fallback if the file cannot be read).
+
+    `inputs` has all inputs of its definition, with defaults filled in. Constant colours are in the rendering space.
+    """
+
+    category: str  # "multiply", "noise2d", "image" ...
+    type: str  # of its first output: "float", "color3", "vector2" ...
+    signature: str  # name of its definition, for nodes with mixed types: "ND_multiply_vector3FA"
+    inputs: tuple[tuple[str, Operand], ...]
+    path: str = ""  # of the prim or element that it comes from, for diagnostics
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Nodes in topological order: each reads only earlier ones. Constant nodes have been folded."""
+
+    nodes: tuple[PatternNode, ...]
+
+
+@dataclass(frozen=True)
+class PatternInput:
+    """Surface input driven by an output of the surface's own pattern; `fallback` is used where a single number or colour is
+    needed."""
+
+    source: NodeOutput
+    fallback: tuple[float, ...]
 
 
 class Wrap(Enum):
@@ -126,7 +179,7 @@ class Surface:
         if self.hair is not None:
             return False  # transmitted light leaves the same fibre: no interior is entered
         if self.open_pbr is not None:
-            return self.open_pbr.transmission_weight > 0 or f"{PREFIX}transmission_weight" in self.varying
+            return self.open_pbr.transmission_weight > 0 or f"{OPEN_PBR_PREFIX}transmission_weight" in self.varying
         return self.opacity < 1 or ("opacity" in self.varying and self.opacity_threshold == 0)
 
     @property
@@ -137,7 +190,7 @@ class Surface:
             return self.ior == 1 and "ior" not in self.varying
         names = ("specular_ior", "coat_weight", "subsurface_weight", "transmission_depth")
         at_rest = tuple(getattr(lobes, name) for name in names) == (1.0, 0.0, 0.0, 0.0)
-        return at_rest and not any(PREFIX + name in self.varying for name in names)
+        return at_rest and not any(OPEN_PBR_PREFIX + name in self.varying for name in names)
 
     def constant(self, name: str) -> float | tuple[float, float, float]:
         """Return the constant of an input, by its name in `inputs`.
@@ -151,13 +204,86 @@ class Surface:
     @property
     def _lobes(self) -> tuple[tuple[str, Any], ...]:
         """Input holders with the prefixes of their names."""
-        return (PREFIX, self.open_pbr), (HAIR_PREFIX, self.hair)
+        return (OPEN_PBR_PREFIX, self.open_pbr), (HAIR_PREFIX, self.hair)
 
     def with_constants(self, values: Mapping[str, float | tuple[float, float, float]]) -> Surface:
         """Return the surface with these constants, by the names that `constant` takes."""
-        own: dict[str, Any] = {name: v for name, v in values.items() if not name.startswith((PREFIX, HAIR_PREFIX))}
+        own: dict[str, Any] = {name: v for name, v in values.items() if not name.startswith((OPEN_PBR_PREFIX, HAIR_PREFIX))}
         for prefix, holder in self._lobes:
             lobes = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
             if lobes and holder is not None:
                 own[prefix[:-1]] = replace(holder, **lobes)
         return replace(self, **own)
+
+
+Color = tuple[float, float, float]
+HAIR_PREFIX = "hair_"  # prefix of their names among a Surface's varying inputs
+
+
+@dataclass(frozen=True)
+class Hair:
+    """Constant inputs of the hair BSDF; varying ones are named in Surface.inputs, by PREFIX and name.
+
+    R is reflection, TT transmission through the fibre, TRT one internal reflection.
+    """
+
+    absorption: Color = (0.0, 0.0, 0.0)  # per fibre radius
+    tint_r: Color = (1.0, 1.0, 1.0)
+    tint_tt: Color = (1.0, 1.0, 1.0)
+    tint_trt: Color = (1.0, 1.0, 1.0)
+    variance_r: float = 0.1  # longitudinal, in squared radians
+    variance_tt: float = 0.1
+    variance_trt: float = 0.1
+    scale_r: float = 0.1  # azimuthal: scale of a logistic distribution, in radians
+    scale_tt: float = 0.1
+    scale_trt: float = 0.1
+    ior: float = 1.55
+    cuticle_tilt: float = 0.0  # radians
+
+
+OPEN_PBR_PREFIX = "open_pbr_"  # prefix of their names among a Surface's varying inputs
+
+
+@dataclass(frozen=True)
+class OpenPbr:
+    """Constant inputs, with the defaults of OpenPBR Surface 1.1.1; varying ones are named in Surface.inputs, by PREFIX and
+    name.
+
+    Inputs that any surface has are fields of Surface: geometry_opacity is `opacity` with `presence` (or a threshold),
+    geometry_thin_walled is `thin`, the product of the emission inputs is `emissive_color` (below coat and fuzz).
+    """
+
+    base_weight: float = 1.0
+    base_color: Color = (0.8, 0.8, 0.8)
+    base_diffuse_roughness: float = 0.0
+    base_metalness: float = 0.0
+    specular_weight: float = 1.0
+    specular_color: Color = (1.0, 1.0, 1.0)
+    specular_roughness: float = 0.3
+    specular_roughness_anisotropy: float = 0.0
+    specular_ior: float = 1.5
+    transmission_weight: float = 0.0
+    transmission_color: Color = (1.0, 1.0, 1.0)  # surface tint, or the colour of white light after transmission_depth
+    transmission_depth: float = 0.0  # world units, like subsurface_radius; 0: tinted surface without an interior
+    transmission_scatter: Color = (0.0, 0.0, 0.0)  # scattering coefficient times transmission_depth
+    transmission_scatter_anisotropy: float = 0.0
+    transmission_dispersion_scale: float = 0.0
+    transmission_dispersion_abbe_number: float = 20.0
+    subsurface_weight: float = 0.0
+    subsurface_color: Color = (0.8, 0.8, 0.8)
+    subsurface_radius: float = 1.0
+    subsurface_radius_scale: Color = (1.0, 0.5, 0.25)
+    subsurface_scatter_anisotropy: float = 0.0
+    fuzz_weight: float = 0.0
+    fuzz_color: Color = (1.0, 1.0, 1.0)
+    fuzz_roughness: float = 0.5
+    coat_weight: float = 0.0
+    coat_color: Color = (1.0, 1.0, 1.0)
+    coat_roughness: float = 0.0
+    coat_roughness_anisotropy: float = 0.0
+    coat_ior: float = 1.6
+    coat_darkening: float = 1.0
+    coat_roughening: float = 1.0  # not in OpenPBR: how much of the coat's roughness the base takes on; 1 as in OpenPBR
+    thin_film_weight: float = 0.0
+    thin_film_thickness: float = 0.5  # micrometres
+    thin_film_ior: float = 1.4

@@ -15,14 +15,13 @@ import numpy as np
 from ..core.building import core_scene, inverse_cdf
 from ..core.light_upload import LightUpload
 from ..core.native import filled, module, raise_primray_error
+from ..core.precision.far_geometry import OUTLYING, rebasing_origin
 from ..core.scene import CoreScene
 from ..core.scene_upload import UploadRecord, camera_input, power_of_two_scale, scene_extent
 from ..core.shape_upload import matrix, whole_part
 from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
 from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
 from ..description.placement import transformed_boxes
-from ..refine.far_geometry import OUTLYING
-from ..refine.rebasing import rebasing_origin
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from ..textures.texture import Texture
 

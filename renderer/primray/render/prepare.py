@@ -86,8 +86,8 @@ def _prepare(
 ) -> Prepared:
     from .. import usd
     from ..description import CameraSight
-    from ..description.background import is_lit_behind
     from ..description.picture_file import PLAIN
+    from ..description.scene import is_lit_behind
     from ..report.report import resolve_settings
     from ..report.summary import texture_sizes
 

@@ -28,9 +28,9 @@ from ..description import (
 )
 from ..description.pattern_reads import pattern_files
 from ..errors import AssetError
-from ..refine.dice import estimated_triangles
-from ..refine.footprint import Footprint, footprints
 from ..settings import DEFAULT_DICING_RATE
+from ..tessellation.dice import estimated_triangles
+from ..tessellation.footprint import Footprint, footprints
 from ..textures.image_header import read_header
 
 # Peak bytes, fitted to measurements by `python -m tests.bench.setup.memory`. Arrays of the description are counted exactly,

@@ -26,8 +26,8 @@ from ..description import (
     TextureInput,
     Wrap,
 )
-from ..description.open_pbr import PREFIX
 from ..description.pattern_reads import plain_images
+from ..description.shading import OPEN_PBR_PREFIX
 from ..diagnostics import Diagnostics
 from .texture import Texture
 
@@ -191,7 +191,7 @@ def note_textures_outside(description: SceneDescription, textures: Textures, dia
 def _outside_message(name: str, reads: TextureInput) -> str:
     default_wrap = Wrap.USE_METADATA in (reads.wrap_s, reads.wrap_t)
     why = "no wrap mode is set, which means black: use --default-wrap repeat" if default_wrap else "its wrap modes are black"
-    name = name.removeprefix(PREFIX)
+    name = name.removeprefix(OPEN_PBR_PREFIX)
     return f"{name} is black: all its texture coordinates are outside 0 to 1, and {why}. ({reads.file.path})"
 
 

@@ -21,13 +21,6 @@ from .adapters.rendering.product_outputs import outputs_of
 from .adapters.rendering.render_pass import note_render_pass, with_render_pass
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
-from .adapters.shapes.curves import basis_curves_of, hermite_curves_of, nurbs_curves_of
-from .adapters.shapes.draw_mode import DRAW_MODES
-from .adapters.shapes.implicit import sphere, tessellated
-from .adapters.shapes.mesh import mesh
-from .adapters.shapes.nurbs_patch import nurbs_patch
-from .adapters.shapes.point_instancer import point_instances
-from .adapters.shapes.points import POINT, point_sphere
 from .camera.back_plates import RenderedCamera, find_back_plates, with_back_plates
 from .camera.lens import with_diffusion
 from .camera.motion import camera_motion, nearest_distance
@@ -43,7 +36,9 @@ from .camera.view import (
     view_through,
     view_without_scene,
 )
+from .curves.adapter import basis_curves_of, hermite_curves_of, nurbs_curves_of
 from .instancing.instances import Arrangement, Group, arrange, at_instant, merge_coincident
+from .instancing.point_instancer import point_instances
 from .lights.assembly import add_default_light
 from .lights.geometry_light import with_geometry_lights
 from .lights.light import read_light
@@ -51,8 +46,10 @@ from .lights.light_groups import light_groups
 from .lights.light_links import Links, find_links
 from .lights.portals import report_unnamed_portals
 from .materials.primvars_read import primvars_read
+from .mesh.adapter import mesh
+from .motion.points import PointSteps
 from .moving.foreseen import Foreseen
-from .paths.point_steps import PointSteps
+from .nurbs.adapter import nurbs_patch
 from .resolving.color_spaces import rendering_space
 from .scene.assembly import (
     add_group,
@@ -70,6 +67,10 @@ from .scene.level_of_detail import with_levels_chosen
 from .scene.notes import LevelsMet
 from .scene.translated_scene import Adapters, LightAdapter, Record, ShapeAdapter, TranslatedScene
 from .scene.walk import walk
+from .shapes.draw_mode import DRAW_MODES
+from .shapes.implicit import sphere, tessellated
+from .shapes.points import POINT, point_sphere
+from .skinning.baking import any_drawn, posed_stage
 from .stage.edits import OpinionsLeak, isolated_copy
 from .stage.messages import file_names, scene_errors
 from .stage.metadata import meters_per_unit
@@ -77,7 +78,6 @@ from .stage.open import usd_messages
 from .stage.reads import type_name
 from .stage.traversal import exists, is_in_world, populated, prims_in_instances
 from .stage.values import When, when_of
-from .walking.skinning import are_drawn, posed
 
 # The adapter table: the function that translates prims of each type. The walk expands point instancers itself
 # (adapters.point_instancer); cameras and render settings are not adapted where they are, but selected (view.py).
@@ -169,8 +169,8 @@ def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics
     if plates := find_back_plates(found.cameras):
         stage = with_back_plates(stage, plates, _looks(stage, settings, found, when), when, diagnostics)
         found = find_by_type(stage, Diagnostics())
-    if are_drawn(stage, found.skeletons):
-        stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
+    if any_drawn(stage, found.skeletons):
+        stage = posed_stage(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())
     try:
         return _described(stage, settings, found, when, diagnostics, names)

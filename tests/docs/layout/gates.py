@@ -44,7 +44,7 @@ TIMES_OF_RENDER = {
     f"{USD}/stage/values.py",
     f"{USD}/scene/inheritance.py",  # transforms: local_matrix asks read where something has no default
     f"{USD}/scene/bounds.py",  # at the earliest time of all
-    f"{USD}/walking/held_values.py",  # values that are held as defaults by then
+    f"{USD}/skinning/baking.py",  # values that are held as defaults by then
 }
 DEFAULT_TIMES = {
     f"{USD}/inspect/scene_facts.py",  # in which layers a default is authored
@@ -52,8 +52,8 @@ DEFAULT_TIMES = {
     f"{USD}/stage/reads.py",
     f"{USD}/stage/time_varying.py",
     f"{USD}/stage/values.py",
-    f"{USD}/walking/skeleton_bindings.py",  # values that are held as defaults by then
-    f"{USD}/walking/skinning.py",  # likewise
+    f"{USD}/skinning/bindings.py",  # values that are held as defaults by then
+    f"{USD}/skinning/baking.py",  # likewise
 }
 RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
 OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}

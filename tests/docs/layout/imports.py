@@ -31,7 +31,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
     ),
     "requests": ("lens", "camera", "setting_values", "camera_choice", "aov_names", "light_paths", "aov_data_types", "settings"),
     "scene description": ("color", "description", "photometry"),
-    "translation": ("textures", "refine", "usd"),
+    "translation": ("textures", "tessellation", "usd"),
     "core": ("core",),
     "rendering": ("sampling", "staging", "images", "diffusing", "denoising", "report", "checkpoints", "parts", "render"),
     "tools": ("diagnosis", "incremental", "live", "compare"),

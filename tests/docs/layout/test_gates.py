@@ -34,7 +34,7 @@ def test_the_sources_are_found():
         ("renderer/primray/render/render.py", "from pxr import Usd\n"),
         ("renderer/primray/cli/commands/render.py", "def f():\n    import pxr.Usd\n"),
         ("renderer/primray/usd/translate.py", "from .. import core\n"),
-        ("renderer/primray/usd/adapters/shapes/mesh.py", "from .... import core\n"),
+        ("renderer/primray/usd/mesh/adapter.py", "from ... import core\n"),
         ("renderer/primray/usd/translate.py", "from primray.core import build\n"),
         ("renderer/primray/usd/translate.py", "from .._core_v3 import build\n"),
         ("renderer/primray/render/render.py", "from .. import _core_v3\n"),

@@ -20,8 +20,8 @@ from tests.described import (
     translation,
 )
 
+from primray.core.precision.far_geometry import rebasing_origin
 from primray.description import Camera, Doubles, LightType, Projection, Shape, Sphere
-from primray.refine.rebasing import rebasing_origin
 
 RESOLUTION = (640, 400)
 VIEW = look_at([3.0, -2.0, 5.0], [0.1, 0.3, -0.2])

@@ -17,7 +17,7 @@ from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
 from primray.cli.commands.inspect import camera_rows
 from primray.compare.comparison import compare
-from primray.description.frame import Frame, PixelWindow
+from primray.description.scene import Frame, PixelWindow
 from primray.diagnosis.inspection import camera_facts
 from primray.errors import CheckpointError, InvalidSceneError, LimitError, SettingsError
 from primray.images.reading import read_measured

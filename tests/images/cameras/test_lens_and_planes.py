@@ -25,8 +25,8 @@ from tests.described import (
 )
 from tests.kernels.scenes import SCENES
 
+from primray.core.precision.far_geometry import rebasing_origin
 from primray.description import Camera, CameraMotion, Doubles, Exposure, LightType, Sphere, Surface
-from primray.refine.rebasing import rebasing_origin
 
 RESOLUTION = (640, 400)
 VIEW = look_at([3.0, -2.0, 5.0], [0.1, 0.3, -0.2])

@@ -16,7 +16,7 @@ from primray import core
 from primray.checkpoints.checkpoint import About, contents, identity, load, resume, settings_to_go_on
 from primray.checkpoints.checkpoint_file import write_checkpoint
 from primray.description import Camera, Projection
-from primray.description.frame import whole_frame
+from primray.description.scene import whole_frame
 from primray.images.image import pixels_sha256
 from primray.report.report import settings_as_json
 from primray.sampling.sampling import Sampling

@@ -11,9 +11,9 @@ from tests.described import box, describe, ground, kernels, lambert, light, look
 from tests.images.motion.motion_scenes import exposed
 
 from primray.camera import camera_as_json, camera_of
+from primray.core.precision.far_geometry import rebasing_origin
 from primray.description import Camera, CameraMotion, Doubles, LightType
 from primray.lens.distortion import DirectionTable, Distortion, DistortionModel
-from primray.refine.rebasing import rebasing_origin
 
 RESOLUTION = (160, 100)
 K = (-0.2, 0.05, 0.002, -0.003, -0.004, 0.01, 0.002, 0.001, 0.001, -0.002, 0.0015, 0.0003)

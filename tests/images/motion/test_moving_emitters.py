@@ -103,10 +103,10 @@ def test_ellipsoids_as_stills_on_average(turns: bool) -> None:
 
 
 def at_time(level: MovingInstances, t: float) -> MatrixInstances:
-    from primray.usd.moving.between import taken_apart, turned
+    from primray.usd.motion.matrices import interpolated_matrices, polar_decomposition
 
     a, b = level.matrices[0], level.matrices[1]
-    m = turned(taken_apart(a), taken_apart(b), t) if level.turns else a + t * (b - a)
+    m = interpolated_matrices(polar_decomposition(a), polar_decomposition(b), t) if level.turns else a + t * (b - a)
     return MatrixInstances(m)
 
 

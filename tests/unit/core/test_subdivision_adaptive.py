@@ -11,8 +11,8 @@ from tests.cages import NOWHERE, cage, cube, dice, grid, octahedron, seen_from, 
 from tests.described import core_module
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
-from primray.refine.dice import Dicing, core_arrays
-from primray.refine.footprint import Footprint
+from primray.tessellation.dice import Dicing, core_arrays
+from primray.tessellation.footprint import Footprint
 
 
 def sphere_like(**more: Any) -> SubdivisionMesh:

@@ -11,7 +11,7 @@ from tests.cages import NOWHERE, cage, cube, dice, grid, octahedron, star
 from tests.unit.core.test_subdivision_adaptive import assert_closed, sphere_like
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
-from primray.refine.dice import Dicing
+from primray.tessellation.dice import Dicing
 
 DENSITY = 100.0  # pixels a unit
 SEEN = replace(NOWHERE, density=DENSITY)

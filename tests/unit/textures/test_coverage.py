@@ -13,7 +13,7 @@ from tests.textured import UNIT_ST, glowing, look_at_plate, pixels_of, plate, pr
 
 from primray.description import Interpolation, SubdivisionMesh, TextureFile
 from primray.description.pattern_reads import plain_images
-from primray.description.patterns import NodeOutput, Pattern, PatternNode
+from primray.description.shading import NodeOutput, Pattern, PatternNode
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
 from primray.textures.coverage import note_missing_tiles, overlapped_tiles

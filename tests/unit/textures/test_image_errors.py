@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import primray
-from primray.description.texture_file import TextureFile
+from primray.description.shading import TextureFile
 from primray.errors import AssetError, SettingsError
 from primray.images.reading import read_measured
 from primray.textures.image_errors import last_error

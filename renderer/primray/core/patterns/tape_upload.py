@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...description import PatternInput, Surface, TextureFile, Wrap
-from ...description.patterns import UV_TEXTURE
+from ...description.shading import UV_TEXTURE
 from ..native import filled
 from .compiler import Graph
 from .node import NO_SHIFT, SHIFT_RANGE, Node

@@ -12,10 +12,10 @@ from ...arrays import Doubles
 from ...description import Camera, CameraMotion
 from ...diagnostics import Diagnostics
 from ..adapters.rendering.render_product import ProductSettings
-from ..moving.between import quaternions, rotation_matrices, slerp
-from ..moving.pixels import NEAREST
-from ..moving.steps import Steps, fractions, steps_of
-from ..paths.changes import bends, blur_scale_of, moves
+from ..motion.attributes import bend_times, blur_scale_of, is_animated
+from ..motion.matrices import quaternions, rotation_matrices, slerp
+from ..motion.pixels import NEAREST
+from ..motion.sample_times import Steps, fractions, sample_times
 from ..scene.context import Context
 from ..stage.reads import property_names
 from ..stage.values import When
@@ -60,10 +60,10 @@ def camera_motion(
         made = interpolated_camera(at(a), at(b), (time - a) / (b - a))
         return _pixel_error(made, at(time), nearest, resolution)
 
-    bent = fractions(bends(moving, ctx.when, timing), timing.span, scale)
+    bent = fractions(bend_times(moving, ctx.when, timing), timing.span, scale)
     if all(at(time) == at(0.0) for time in (0.5, 1.0, *(t for t in bent if 0 < t < 1))):
         return None
-    steps = steps_of(error, bent, most, NO_ERROR)
+    steps = sample_times(error, bent, most, NO_ERROR)
     return CameraMotion(np.array(steps.times), tuple(at(time) for time in steps.times)), steps
 
 
@@ -83,11 +83,11 @@ def with_static_values(found: Camera, frame: Camera) -> Camera:
 def _animated_attributes(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
     """Yield attributes of the camera and its ancestors that change while the shutter is open."""
     names = OPTICS & frozenset(property_names(prim))
-    yield from (a for name in sorted(names) if moves(a := prim.GetAttribute(name), ctx.when, ctx.timing))
+    yield from (a for name in sorted(names) if is_animated(a := prim.GetAttribute(name), ctx.when, ctx.timing))
     above = prim
     while above and not above.IsPseudoRoot():
         for name in property_names(above):
-            if name.startswith("xformOp:") and moves(a := above.GetAttribute(name), ctx.when, ctx.timing):
+            if name.startswith("xformOp:") and is_animated(a := above.GetAttribute(name), ctx.when, ctx.timing):
                 yield a
         above = above.GetParent()
 

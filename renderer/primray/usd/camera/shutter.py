@@ -14,7 +14,7 @@ from pxr import Usd
 from ...description import Camera
 from ...diagnostics import Diagnostics
 from ..adapters.rendering.render_product import ProductSettings
-from ..moving.timing import AT_FRAME, Rolling, Timing
+from ..motion.timing import AT_FRAME, Rolling, Timing
 from ..scene.context import Context
 from ..scene.schemas import ROLLING_SHUTTER
 from ..stage.reads import property_names

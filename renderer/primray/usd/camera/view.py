@@ -20,14 +20,14 @@ from pxr import Sdf, Usd
 
 from ...camera_choice import Matrix, flaws_of
 from ...description import Camera, Frame, Projection
-from ...description.frame import pixels_within
+from ...description.scene import pixels_within
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, Eye, limit_pixels
 from ..adapters.rendering.render_product import ProductSettings
+from ..motion.pixels import pixels_of
+from ..motion.timing import Rolling
 from ..moving.foreseen import Foreseen
-from ..moving.pixels import pixels_of
-from ..moving.timing import Rolling
 from ..scene.bounds import Bounds
 from ..scene.context import Context
 from ..stage.metadata import time_codes_per_second, up_axis

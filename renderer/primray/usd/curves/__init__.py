@@ -1,2 +1,2 @@
 """UsdGeomCurves as cubic Bezier curves: layout of values on curves (curve_set), conversion from each schema's form (basis,
-hermite, nurbs) and reading of prims (authored, values, moving)."""
+usd/nurbs/curves), reading of prims (authored, values) and the adapters for them."""

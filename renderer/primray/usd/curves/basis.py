@@ -1,16 +1,20 @@
-"""UsdGeomBasisCurves as Bezier segments by type, basis and wrap, following the schema's text ("Segment Indexing").
+"""UsdGeomBasisCurves as Bezier segments by type, basis and wrap, following the schema's text ("Segment Indexing"), and
+UsdGeomHermiteCurves, an exact conversion from points and tangents.
 
 The text's validity checks for linear curves ("> 2", "> 3") contradict its own example, [2 3 2 5] and [3 7]; here two vertices
-are enough, or three for a periodic curve.
+are enough, or three for a periodic curve. For Hermite curves the schema restricts primvars, widths and normals to varying,
+uniform and constant; 'vertex' is read as varying.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
-from ...arrays import Doubles
-from ..shapes.primvars import Sizes
+from ...arrays import Doubles, Floats
+from ..primvars.reading import Sizes
 from .curve_set import EVENLY, CurveSet, Ints, ends_of, run_lengths
 
 Mask = npt.NDArray[np.bool_]
@@ -77,3 +81,19 @@ def _segments(counts: Ints, is_linear: bool, step: int, *, pinned: bool, closed:
     if pinned:
         return np.maximum(counts - 1, 0), counts >= 2
     return np.maximum((counts - 4) // step + 1, 0), (counts >= 4) & ((counts - 4) % step == 0)
+
+
+THIRD = 1 / 3
+
+
+def hermite_curves(counts: Ints, points: int, good: Mask) -> CurveSet:
+    """Return the layout of values on vertices, which are linear along each segment."""
+    return replace(basis_curves(counts, points, good, "linear", BEZIER, "nonperiodic"), joined=False)
+
+
+def hermite_controls(curves: CurveSet, points: Floats, tangents: Floats) -> Floats:
+    """Return control points (3 S + C, 3) from points and tangents (V, 3): P, P + T / 3, P' - T' / 3, P'."""
+    first, last = curves.corners[:, 0], curves.corners[:, 1]
+    p, t = points.astype(np.float64), tangents.astype(np.float64)
+    made = np.stack([p[first], p[first] + t[first] * THIRD, p[last] - t[last] * THIRD, p[last]], axis=1)
+    return curves.laid_out(made)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Floats
-from ..shapes.primvars import Sizes
+from ..primvars.reading import Sizes
 
 Ints = npt.NDArray[np.integer[Any]]
 

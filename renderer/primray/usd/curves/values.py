@@ -11,11 +11,11 @@ from pxr import UsdGeom
 from ...arrays import Floats
 from ...description import Interpolation, Surface
 from ...description import Primvar as SeamPrimvar
+from ..mesh.authored import read_normals
+from ..primvars.reading import Primvar, checked_vectors, read_authored, report_clamped_color
+from ..primvars.surface_primvars import read_primvars
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
-from ..shapes.authored_mesh import read_normals
-from ..shapes.primvars import Primvar, checked_vectors, note_clamped_color, read_authored
-from ..shapes.surface_primvars import read_primvars
 from ..stage.reads import element_size, metadatum
 from ..stage.values import When, array, as_columns, value
 from .basis import Mask
@@ -99,14 +99,14 @@ def _first_controls(curves: CurveSet) -> Ints:
 
 def _controls_of(segments: Mask, curves: CurveSet) -> Mask:
     """Return the mask (3 S + C,) of control points of the segments in a mask (S,)."""
-    found = np.zeros(_controls(curves), bool)
+    found = np.zeros(_control_count(curves), bool)
     first = _first_controls(curves)
     for k in range(4):
         found[first[segments] + k] = True
     return found
 
 
-def fitting(primvar: Primvar, curves: CurveSet) -> Primvar | None:
+def with_fitting_interpolation(primvar: Primvar, curves: CurveSet) -> Primvar | None:
     """Return the primvar with an interpolation that its number of values fits, trying its own first; None if none fits."""
     count = len(primvar.values)
     order = [primvar.interpolation, "constant", "vertex", "varying", "uniform"]
@@ -130,22 +130,22 @@ def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) ->
     """Return radii at control points (3 S + C,) at the frame; reports widths that are missing or do not fit."""
     authored, name = read_widths(prim, ctx.when), name_of_widths(prim)
     if authored is None or not len(authored.values):
-        width = _thin(points)
+        width = _default_width(points)
         message = f"It has no widths: its curves have a width of {width:.3g}, 1/{1 / THIN:g} of their overall extent"
         ctx.warn("curve-widths", prim.path, f"{message} and at most {STORMS_WIDTH:g}.", "widths")
-        return np.full(_controls(curves), width / 2, np.float32)
-    fits = fitting(authored, curves)
+        return np.full(_control_count(curves), width / 2, np.float32)
+    fits = with_fitting_interpolation(authored, curves)
     if fits is None:
         usable = authored.values[np.isfinite(authored.values) & (authored.values > 0)]
         width = float(usable.mean()) if len(usable) else 0.0
         wanted = curves.sizes.of(authored.interpolation)
         message = f"{name} ({authored.interpolation}) has {len(authored.values)} values where {wanted} are needed"
         ctx.warn("curve-widths", prim.path, f"{message}: their mean, {width:.3g}, is used for all curves.", name)
-        return np.full(_controls(curves), width / 2, np.float32)
+        return np.full(_control_count(curves), width / 2, np.float32)
     if fits.interpolation != authored.interpolation and len(authored.values) != 1:
         message = f"{name} ({authored.interpolation}) has as many values as {fits.interpolation} needs, and is read as that."
         ctx.warn("curve-widths", prim.path, message, name)
-    fits = _usable(fits, name, curves, prim, ctx)
+    fits = _valid_widths(fits, name, curves, prim, ctx)
     halves = _halves(fits, curves)
     assert halves is not None
     found, narrow = _not_negative(halves, curves)
@@ -156,7 +156,7 @@ def radii(prim: ResolvedPrim, curves: CurveSet, points: Floats, ctx: Context) ->
     return found
 
 
-def _usable(fits: Primvar, name: str, curves: CurveSet, prim: ResolvedPrim, ctx: Context) -> Primvar:
+def _valid_widths(fits: Primvar, name: str, curves: CurveSet, prim: ResolvedPrim, ctx: Context) -> Primvar:
     """Report and replace invalid widths. Of widths that a basis is applied to, only the results must not be negative."""
     is_based = fits.interpolation == "vertex" and curves.to_bezier is not EVENLY
     bad = ~np.isfinite(fits.values) if is_based else ~(np.isfinite(fits.values) & (fits.values >= 0))
@@ -167,12 +167,12 @@ def _usable(fits: Primvar, name: str, curves: CurveSet, prim: ResolvedPrim, ctx:
     return fits
 
 
-def _thin(points: Floats) -> float:
+def _default_width(points: Floats) -> float:
     good = points[np.isfinite(points).all(axis=1)].astype(np.float64)
     return min(STORMS_WIDTH, THIN * float(np.linalg.norm(np.ptp(good, axis=0)))) if len(good) else 0.0
 
 
-def _controls(curves: CurveSet) -> int:
+def _control_count(curves: CurveSet) -> int:
     return 3 * int(curves.segments.sum()) + len(curves.segments)
 
 
@@ -191,21 +191,21 @@ def curve_primvars(
         return ()
     colored = replace(ctx, color_primvars=ctx.color_primvars | {f"primvars:{DISPLAY_COLOR}"})
     found = read_primvars(prim, surfaces, curves.sizes, colored)
-    return tuple(_on_curves(name, _reflecting(name, primvar, prim, ctx), curves) for name, primvar in found)
+    return tuple(_described_primvar(name, _clamped_display_color(name, primvar, prim, ctx), curves) for name, primvar in found)
 
 
-def _reflecting(name: str, primvar: Primvar, prim: ResolvedPrim, ctx: Context) -> Primvar:
+def _clamped_display_color(name: str, primvar: Primvar, prim: ResolvedPrim, ctx: Context) -> Primvar:
     """Return displayColor clamped to [0, 1], so that surfaces conserve energy; other primvars unchanged."""
     if name != DISPLAY_COLOR:
         return primvar
     inside = np.clip(primvar.values, 0.0, 1.0)
     if (outside := int(np.count_nonzero((inside != primvar.values).any(axis=1)))) == 0:
         return primvar
-    note_clamped_color(f"{outside} values of primvars:{DISPLAY_COLOR} are", prim, ctx)
+    report_clamped_color(f"{outside} values of primvars:{DISPLAY_COLOR} are", prim, ctx)
     return replace(primvar, values=inside)
 
 
-def _on_curves(name: str, primvar: Primvar, curves: CurveSet) -> SeamPrimvar:
+def _described_primvar(name: str, primvar: Primvar, curves: CurveSet) -> SeamPrimvar:
     values, kind = primvar.flat(), primvar.interpolation
     if kind == "constant":
         return SeamPrimvar(name, Interpolation.CONSTANT, values)

@@ -13,17 +13,17 @@ from ...arrays import Doubles
 from ...description import Light, Placed, Surface
 from ...diagnostics import Diagnostic, Diagnostics
 from ..adapters.materials.material import Material, MaterialKey, Materials, translated
-from ..adapters.shapes.draw_mode import DRAW_MODES
 from ..lights.assembly import add_lights
 from ..lights.shaping import Profiles
 from ..materials.network import ShaderIds
+from ..mesh.authored import FacesByContent
 from ..resolving.surface_table import SurfaceTable
 from ..scene.assembly import linked, shape_of
 from ..scene.context import Context
 from ..scene.inheritance import local_matrix, transforms
 from ..scene.notes import LightShapes, PhysicalSchemas, PortalsFound
 from ..scene.translated_scene import Record, TranslatedLeaf, TranslatedScene
-from ..shapes.topology import SharedFaces
+from ..shapes.draw_mode import DRAW_MODES
 from ..stage.reads import authored_attributes, connections, property_names
 from ..stage.traversal import all_prims_in_instances
 from .changes import UnknownEffect
@@ -75,7 +75,7 @@ class LeafUpdates:
     def _as_before(self, path: str, make: Callable[[Context], T]) -> T:
         """Return the translated object, if its diagnostics are those of before; else raise NotKnownError."""
         apart = Diagnostics(self.ctx.diagnostics.shown)
-        kept = self.ctx.kept.sharing(Materials, Profiles, SharedFaces, LightShapes, PhysicalSchemas, Record)
+        kept = self.ctx.kept.sharing(Materials, Profiles, FacesByContent, LightShapes, PhysicalSchemas, Record)
         made = make(replace(self.ctx, diagnostics=apart, kept=kept))
         if list(apart) != [d for d in self.told if d.prim_path == path]:
             raise UnknownEffect

@@ -14,11 +14,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from ...description.instance_names import Names, name_of, texts
-from ...description.placement import Instances, MatrixInstances, chunks, named_levels
+from ...description.placement import Instances, MatrixInstances, Names, chunks, instance_name, named_levels, texts
 from ...errors import LimitError
-from ...refine.coincident import distinct
-from ..moving.levels import chain_at, do_move, joined
+from ..motion.levels import any_moves, chain_at, concatenated_levels
+from .coincident import without_coincident
 
 # Bytes in the core and Embree, including the peak of its build: measured by python -m tests.bench.setup.scaling.
 INSTANCE_BYTES = 200
@@ -84,12 +83,12 @@ def merge_coincident(groups: list[Group[Leaf]], adds_up: Callable[[Leaf], bool])
 def _distinct(levels: list[Instances]) -> list[Instances]:
     """Return the levels without coincident instances, also across small levels such as those of one instancer each; moving
     levels stay."""
-    if do_move(levels):
+    if any_moves(levels):
         return levels
     if len(levels) > 1 and not any(level.primvars for level in levels) and sum(map(len, levels)) <= MAX_MERGED:
         rows = np.concatenate([level.rows(0, len(level)) for level in levels])
-        return [distinct(MatrixInstances(rows, names=_names([(level,) for level in levels])))]
-    return [distinct(level) for level in levels]
+        return [without_coincident(MatrixInstances(rows, names=_names([(level,) for level in levels])))]
+    return [without_coincident(level) for level in levels]
 
 
 def count_of(chain: Chain) -> int:
@@ -182,7 +181,7 @@ class _Graph(Generic[Leaf]):
 
 def _extended(chain: Chain, level: Instances) -> Chain:
     """Return a chain with one more level. A level of one instance is multiplied into the next one, unless it moves."""
-    if chain and len(chain[-1]) == 1 and not chain[-1].primvars and not do_move(chain[-1:]):
+    if chain and len(chain[-1]) == 1 and not chain[-1].primvars and not any_moves(chain[-1:]):
         name = "" if chain[-1].names is None else chain[-1].names.of(0)
         return (*chain[:-1], level.placed(chain[-1].rows(0, 1)[0], name))
     return (*chain, level)
@@ -194,8 +193,8 @@ def _merged(chains: list[Chain]) -> list[Chain]:
     if len(small) < 2:
         return chains
     whole: MatrixInstances
-    if any(map(do_move, small)):
-        whole = replace(joined(small), names=_names(small))
+    if any(map(any_moves, small)):
+        whole = replace(concatenated_levels(small), names=_names(small))
     else:
         whole = MatrixInstances(np.concatenate([rows for chain in small for rows in chunks(chain)]), names=_names(small))
     ids = {id(chain) for chain in small}
@@ -207,7 +206,7 @@ def _names(some: list[Chain]) -> Names | None:
     if all(level.names is None for chain in some for level in chain):
         return None
     levels = [named_levels(chain) for chain in some]
-    return texts([name_of(each, row) for each, chain in zip(levels, some, strict=True) for row in range(count_of(chain))])
+    return texts([instance_name(each, row) for each, chain in zip(levels, some, strict=True) for row in range(count_of(chain))])
 
 
 def _order(groups: list[Group[Leaf]]) -> tuple[list[int], set[tuple[int, int]]]:

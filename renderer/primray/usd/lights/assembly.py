@@ -10,7 +10,7 @@ from ...description import Camera, Surface
 from ...description.placement import chunks
 from ...settings import StudioLight
 from ..instancing.instances import Chain
-from ..moving.levels import do_move
+from ..motion.levels import any_moves
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..scene.translated_scene import TranslatedScene
@@ -49,7 +49,7 @@ def add_lights(
         made = scene.adapters.lights[leaf.type_name](leaf, square(row) @ group_from_prim, ctx)
         if made is None:
             continue
-        if do_move(chain):
+        if any_moves(chain):
             scene.moving_lights.append((len(scene.lights), LightPath(chain, k, group_from_prim, blur_scale)))
         scene.lights.append(rules.applied(made))
 

@@ -16,11 +16,17 @@ from ...arrays import Doubles
 from ...description import Light, LightType, MatrixMotion, Portal
 from ...description.lighting import half_extent
 from ...description.placement import Instances
-from ..moving.between import have_rotations, rotation_matrices, taken_apart
-from ..moving.levels import product_at, times_of
-from ..moving.settle import MatrixPath, Precision, motion_of
-from ..moving.steps import corners_of, fractions
-from ..paths.changes import bends, blur_scale_of, moves, moving_operations
+from ..motion.attributes import animated_operations, bend_times, blur_scale_of, is_animated
+from ..motion.levels import product_at, times_of
+from ..motion.matrices import (
+    MatrixPath,
+    MotionPrecision,
+    have_rotations,
+    polar_decomposition,
+    rotation_matrices,
+    sampled_motion,
+)
+from ..motion.sample_times import corners_of, fractions
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.reads import property_names
@@ -69,11 +75,11 @@ def report_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
     if ctx.timing.is_frame:
         return
     for name in SIZES:
-        if name in prim.names and moves(prim.prim.GetAttribute(name), ctx.when, ctx.timing):
+        if name in prim.names and is_animated(prim.prim.GetAttribute(name), ctx.when, ctx.timing):
             ctx.warn("motion", prim.path, f"{name} is not blurred: a light keeps its size at the frame.", name)
 
 
-def with_motion(light: Light, path: TransformPath, precision: Precision, ctx: Context) -> Light:
+def with_motion(light: Light, path: TransformPath, precision: MotionPrecision, ctx: Context) -> Light:
     """Return the light with its motion if it moves; report motion that cannot be rendered (a change of size)."""
     timing, scale = precision.timing, path.blur_scale
     bent = fractions(path.times, timing.span, scale)
@@ -93,20 +99,20 @@ def with_motion(light: Light, path: TransformPath, precision: Precision, ctx: Co
     if problem:
         ctx.warn("motion", light.path, problem)
     turns = have_rotations(np.stack([frame, *looked_at])[:, None, :3])
-    start = taken_apart(frame[None, :3]) if turns else None
+    start = polar_decomposition(frame[None, :3]) if turns else None
 
     def rigid(fraction: float) -> Doubles:
         """Return the light's rigid motion applied to its matrix at the frame, (1, 3, 4)."""
         moved = light.world_from_light.copy()
         then = world(fraction)
         if start is not None:
-            rotation = rotation_matrices(taken_apart(then[None, :3]).quaternions)[0]
+            rotation = rotation_matrices(polar_decomposition(then[None, :3]).quaternions)[0]
             moved[:3, :3] = rotation @ rotation_matrices(start.quaternions)[0].T @ moved[:3, :3]
         if light.type not in _INFINITE:
             moved[:3, 3] = then[:3, 3]
         return moved[None, :3]
 
-    found, steps = motion_of(_visible_path(light, rigid, bent, precision), precision.most, rigid=True)
+    found, steps = sampled_motion(_visible_path(light, rigid, bent, precision), precision.most, rigid=True)
     if len({rigid(time).tobytes() for time in steps.times}) == 1:
         return light
     precision.steps.append(steps.of(light.path, "lights"))
@@ -120,14 +126,14 @@ def _unrendered_motion(matrices: Doubles) -> str:
     if not have_rotations(matrices[:, None, :3]):
         flat = not np.array_equal(matrices[:, :3, :3], np.broadcast_to(matrices[0, :3, :3], matrices[:, :3, :3].shape))
         return "Only the light's position is blurred, as its transform is singular." if flat else ""
-    stretches = taken_apart(matrices[:, :3]).stretches
+    stretches = polar_decomposition(matrices[:, :3]).stretches
     size = np.abs(stretches[0]).max()
     if np.abs(stretches - stretches[0]).max() <= SAME_SIZE * size:
         return ""
     return "The light's size changes while the shutter is open: its position and rotation are blurred, its size is the frame's."
 
 
-def _visible_path(light: Light, rigid: object, bent: Sequence[float], precision: Precision) -> MatrixPath:
+def _visible_path(light: Light, rigid: object, bent: Sequence[float], precision: MotionPrecision) -> MatrixPath:
     """Return the path and how visible its errors are (pixels per unit), over the light's size and along its beam."""
     assert callable(rigid)
     half = np.array(half_extent(light))
@@ -157,12 +163,12 @@ class PortalPath:
     blur_scale: float
 
 
-def with_moving_portals(dome: Light, path: LightPath | None, precision: Precision, ctx: Context) -> Light:
+def with_moving_portals(dome: Light, path: LightPath | None, precision: MotionPrecision, ctx: Context) -> Light:
     """Return the dome with the motion of its portals; `path` is the dome's own motion, if it moves."""
     return replace(dome, portals=tuple(_moving_portal(portal, path, precision, ctx) for portal in dome.portals))
 
 
-def _moving_portal(portal: Portal, dome_path: LightPath | None, precision: Precision, ctx: Context) -> Portal:
+def _moving_portal(portal: Portal, dome_path: LightPath | None, precision: MotionPrecision, ctx: Context) -> Portal:
     known = ctx.kept.of(PortalPrims).get(id(portal))
     if known is None:
         return portal
@@ -191,6 +197,6 @@ def _bend_times(prim: Usd.Prim, ctx: Context) -> tuple[float, ...]:
     found = [
         operation
         for above in self_and_ancestors(prim)
-        for operation in moving_operations(above, frozenset(property_names(above)), ctx.when, ctx.timing)
+        for operation in animated_operations(above, frozenset(property_names(above)), ctx.when, ctx.timing)
     ]
-    return tuple(bends(found, ctx.when, ctx.timing))
+    return tuple(bend_times(found, ctx.when, ctx.timing))

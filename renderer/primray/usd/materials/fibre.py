@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import fields
 
 from ...description import Hair, Input, NodeOutput, Operand, Surface
-from ...description.hair import PREFIX
+from ...description.shading import HAIR_PREFIX
 from ..materialx.definitions import Definition
 from ..materialx.expressions import MOST_NODES, Expressions, TooManyNodesError
 from ..materialx.hair_nodes import hair_node
@@ -114,9 +114,9 @@ def _made(inputs: dict[str, Operand], e: Expressions, path: str) -> Surface:
     for name, value in inputs.items():
         width = _WIDTHS[name]
         if isinstance(value, NodeOutput):
-            varying[PREFIX + name] = reducer.input(value, width)
+            varying[HAIR_PREFIX + name] = reducer.input(value, width)
         elif isinstance(value, tuple):
-            constants[PREFIX + name] = value[0] if width == 1 else (value * 3)[:3]
+            constants[HAIR_PREFIX + name] = value[0] if width == 1 else (value * 3)[:3]
     pattern, read = pruned(e.nodes, varying)
     surface = Surface(path, hair=Hair(), inputs=tuple(read.items()), pattern=pattern)
     return surface.with_constants(constants)  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from typing import Any
 
 from ...description import Input, NodeOutput, Operand, PatternInput, PatternNode, PrimvarInput, TextureFile, TextureInput, Wrap
 from ...description.pattern_reads import primvar_of_set
-from ...description.patterns import TRANSFORM_2D, UV_TEXTURE
+from ...description.shading import TRANSFORM_2D, UV_TEXTURE
 from .usd_nodes import channels_of
 
 Numbers = tuple[float, ...]

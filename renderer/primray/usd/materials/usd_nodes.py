@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from ...description import Operand, Wrap
-from ...description.patterns import TRANSFORM_2D, UV_TEXTURE
+from ...description.shading import TRANSFORM_2D, UV_TEXTURE
 from ..materialx.definitions import WIDTHS, Definition, InputDefinition
 from ..materialx.expressions import Expressions, Outputs
 from ..scene.context import Context

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Doubles
-from .pixels import Pixels
-from .timing import AT_FRAME, Timing
+from ..motion.pixels import Pixels
+from ..motion.timing import AT_FRAME, Timing
 
 
 @dataclass(frozen=True, eq=False)

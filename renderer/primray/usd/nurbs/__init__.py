@@ -1,1 +1,1 @@
-"""Reading and validation of NurbsPatch prims: basis directions, weights and trim curves, with reports of what does not fit."""
+"""NURBS patches and curves: reading and validation of prims, and their adapters."""

@@ -1,20 +1,24 @@
-"""Authored data of a NurbsPatch prim: its two directions, control points, weights and trim curves."""
+"""Authored data of a NurbsPatch prim: the two directions of its basis (order, knots and range), control points, weights, and
+trim curves as loops.
+
+What does not fit is reported, and left out where the rest makes a surface.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
-from ...arrays import Doubles, Floats
-from ...description import Direction
-from ...description.nurbs import TrimLoop
+from ...arrays import Doubles, Floats, Ints
+from ...description import Direction, TrimCurve
+from ...description.geometry import TrimLoop
+from ..mesh.authored import LARGEST
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
-from ..shapes.topology import LARGEST
 from ..stage.values import array, read, token
-from .directions import Unfit, direction_of, fits, whole
-from .trims import read_trims
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +35,7 @@ def read_patch(prim: ResolvedPrim, ctx: Context) -> AuthoredPatch | None:
     """Return the patch; None, and reported, if its attributes make no surface."""
     try:
         return _patch(prim, ctx)
-    except Unfit as error:
+    except InvalidBasis as error:
         ctx.warn("invalid-nurbs", prim.path, str(error), error.attribute)
         return None
 
@@ -42,9 +46,9 @@ def _patch(prim: ResolvedPrim, ctx: Context) -> AuthoredPatch:
     count = u.count * v.count
     if points is None or len(points) != count:
         has = "none" if points is None else str(len(points))
-        raise Unfit(f"uVertexCount and vVertexCount need {count} points, but there are {has}.", "points")
+        raise InvalidBasis(f"uVertexCount and vVertexCount need {count} points, but there are {has}.", "points")
     if not (np.abs(points) <= LARGEST).all():
-        raise Unfit("points has values that are not finite or beyond 1e37.", "points")
+        raise InvalidBasis("points has values that are not finite or beyond 1e37.", "points")
     is_left = "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "") == "leftHanded"
     size = (u.high - u.low, v.high - v.low)
     points = np.ascontiguousarray(points, np.float32)
@@ -56,14 +60,14 @@ def _direction(prim: ResolvedPrim, side: str, ctx: Context) -> Direction:
     name = f"{side}Knots"
     knots = array(read(prim.prim, name, ctx.when), 1, "f")
     if knots is None:
-        raise Unfit(f"{name}: missing, or of the wrong type.", name)
+        raise InvalidBasis(f"{name}: missing, or of the wrong type.", name)
     found = direction_of(count, order, knots.astype(np.float64), None, (f"{side}Order", name))
     drawn = _range(prim, f"{side}Range", ctx)
     if drawn is None:
         return found
     cut = direction_of(count, order, knots.astype(np.float64), drawn, (f"{side}Order", name))
-    low, high = whole(found)
-    if not fits(cut):
+    low, high = domain(found)
+    if not has_range(cut):
         message = f"{side}Range does not overlap [{low:g}, {high:g}], all of which is drawn."
         ctx.warn("nurbs-data", prim.path, message, f"{side}Range")
         return found
@@ -83,7 +87,7 @@ def _range(prim: ResolvedPrim, name: str, ctx: Context) -> tuple[float, float] |
 def _integer(prim: ResolvedPrim, name: str, ctx: Context) -> int:
     raw = read(prim.prim, name, ctx.when)
     if not isinstance(raw, int):
-        raise Unfit(f"{name}: missing, or of the wrong type.", name)
+        raise InvalidBasis(f"{name}: missing, or of the wrong type.", name)
     return raw
 
 
@@ -99,3 +103,132 @@ def _weights(prim: ResolvedPrim, count: int, ctx: Context) -> Doubles | None:
         ctx.warn("nurbs-data", prim.path, message, "pointWeights")
         return None
     return weights.astype(np.float64)
+
+
+class InvalidBasis(Exception):
+    """Authored values that do not make a basis. `attribute` is the one to correct."""
+
+    def __init__(self, message: str, attribute: str) -> None:
+        super().__init__(message)
+        self.attribute = attribute
+
+
+def direction_of(
+    count: int, order: int, knots: Doubles, drawn: tuple[float, float] | None, names: tuple[str, str]
+) -> Direction:
+    """Return the basis with `drawn`, its range (None: all), limited to [knots[order - 1], knots[count]]. `names` are the
+    attributes of order and knots. Raises Unfit where they do not make a basis."""
+    if order < 2:
+        raise InvalidBasis(f"{names[0]} is {order}, but must be at least 2.", names[0])
+    if count < order:
+        raise InvalidBasis(f"{names[0]} is {order}, more than the {count} control points.", names[0])
+    if len(knots) != count + order:
+        raise InvalidBasis(f"{names[1]} has {len(knots)} knots where {count + order} are needed.", names[1])
+    if not np.isfinite(knots).all() or (np.diff(knots) < 0).any():
+        raise InvalidBasis(f"{names[1]} has knots that decrease or are not finite.", names[1])
+    first, last = float(knots[order - 1]), float(knots[count])
+    if not first < last:
+        raise InvalidBasis(f"{names[1]} are equal from knot {order - 1} to knot {count}: the range is empty.", names[1])
+    low, high = drawn if drawn is not None else (first, last)
+    return Direction(count, order, knots, max(low, first), min(high, last))
+
+
+def has_range(direction: Direction) -> bool:
+    """Return whether the drawn range is not empty."""
+    return direction.low < direction.high
+
+
+def domain(direction: Direction) -> tuple[float, float]:
+    return float(direction.knots[direction.order - 1]), float(direction.knots[direction.count])
+
+
+PREFIX = "trimCurve:"
+NAMES = ("counts", "orders", "vertexCounts", "knots", "ranges", "points")
+GAP = 1e-3  # of the parameter range: larger gaps between a loop's ends are reported
+
+
+def read_trims(prim: ResolvedPrim, size: tuple[float, float], ctx: Context) -> tuple[TrimLoop, ...]:
+    """Return the trim loops; empty, and reported, if the attributes do not fit each other. `size` is the extent of the patch's
+    parameters."""
+    if not any(PREFIX + name in prim.names for name in NAMES):
+        return ()
+    try:
+        loops = _loops(prim, ctx)
+    except InvalidBasis as error:
+        ctx.warn("nurbs-data", prim.path, f"Trim curves are ignored: {error}", error.attribute)
+        return ()
+    _report_open_loops(loops, size, prim, ctx)
+    return loops
+
+
+def _loops(prim: ResolvedPrim, ctx: Context) -> tuple[TrimLoop, ...]:
+    counts, orders, vertices = (_integers(prim, name, ctx) for name in ("counts", "orders", "vertexCounts"))
+    knots, ranges, points = (_doubles(prim, name, n, ctx) for name, n in (("knots", 1), ("ranges", 2), ("points", 3)))
+    curves = int(counts.sum())
+    if (counts < 1).any():
+        raise InvalidBasis("a loop has no curves.", PREFIX + "counts")
+    for name, values, needed in (
+        ("orders", orders, curves),
+        ("vertexCounts", vertices, curves),
+        ("knots", knots, int(vertices.sum() + orders.sum())),
+        ("points", points, int(vertices.sum())),
+    ):
+        if len(values) != needed:
+            raise InvalidBasis(f"{PREFIX}{name} has {len(values)} values where {needed} are needed.", PREFIX + name)
+    if len(ranges) not in (0, curves):
+        raise InvalidBasis(f"{PREFIX}ranges has {len(ranges)} values where {curves} are needed.", PREFIX + "ranges")
+    if not np.isfinite(points).all() or (points[:, 2] <= 0).any():
+        raise InvalidBasis(
+            f"{PREFIX}points has points that are not finite, or whose weight (third component) is not positive.",
+            PREFIX + "points",
+        )
+    found = [
+        TrimCurve(
+            direction_of(
+                int(vertices[k]),
+                int(orders[k]),
+                knots[slice(*at_knots)],
+                (float(ranges[k, 0]), float(ranges[k, 1])) if len(ranges) else None,
+                (PREFIX + "orders", PREFIX + "knots"),
+            ),
+            points[slice(*at_points)],
+        )
+        for k, (at_knots, at_points) in enumerate(zip(_pieces(vertices + orders), _pieces(vertices), strict=True))
+    ]
+    if not all(has_range(curve.basis) for curve in found):
+        raise InvalidBasis(f"{PREFIX}ranges has a range that is empty.", PREFIX + "ranges")
+    return tuple(tuple(found[slice(*loop)]) for loop in _pieces(counts))
+
+
+def _pieces(counts: Ints) -> list[tuple[int, int]]:
+    return list(pairwise([0, *np.cumsum(counts).tolist()]))
+
+
+def _integers(prim: ResolvedPrim, name: str, ctx: Context) -> npt.NDArray[np.int32]:
+    return np.asarray(_array(prim, name, 1, "i", ctx), np.int32)
+
+
+def _doubles(prim: ResolvedPrim, name: str, width: int, ctx: Context) -> Doubles:
+    return np.asarray(_array(prim, name, width, "f", ctx), np.float64)
+
+
+def _array(prim: ResolvedPrim, name: str, width: int, kind: str, ctx: Context) -> npt.NDArray[np.generic]:
+    raw = read(prim.prim, PREFIX + name, ctx.when)
+    values = array([] if raw is None else raw, width, kind)
+    if values is None:
+        raise InvalidBasis(f"{PREFIX}{name} is of the wrong type.", PREFIX + name)
+    return values
+
+
+def _report_open_loops(loops: tuple[TrimLoop, ...], size: tuple[float, float], prim: ResolvedPrim, ctx: Context) -> None:
+    """Report loops whose ends do not meet; they are joined by straight lines."""
+    is_open = [loop for loop in loops if any(_are_apart(a, b, size) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True))]
+    if is_open:
+        message = f"{len(is_open)} of {len(loops)} trim loops are not closed: their ends are joined by straight lines."
+        ctx.warn("nurbs-data", prim.path, message, PREFIX + "points")
+
+
+def _are_apart(a: TrimCurve, b: TrimCurve, size: tuple[float, float]) -> bool:
+    from ...tessellation.nurbs.trimming import end_of, start_of
+
+    return bool((np.abs(end_of(a) - start_of(b)) > GAP * np.array(size)).any())

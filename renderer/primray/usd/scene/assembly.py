@@ -12,19 +12,17 @@ from pxr import Tf, Usd
 from ...aov_names import WIDE, AovRequest
 from ...arrays import Doubles
 from ...description import Camera, CameraMotion, Frame, MotionSteps, Placed, Placement, Prototype, SceneDescription, Shape
-from ...description.instance_names import name_of
 from ...description.lighting import NO_LINKS
-from ...description.placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
+from ...description.placement import IDENTITY, MatrixInstances, chunks, instance_name, named_levels, rows_of_levels
 from ..camera.framed_objects import prototype_box, shape_bounds
 from ..instancing.instances import Arrangement, Chain, Group, count_of
 from ..lights.assembly import add_lights
 from ..lights.geometry_light import with_light, without_material
 from ..lights.motion import with_motion, with_moving_portals
-from ..moving.levels import do_move
-from ..moving.pixels import pixels_of
-from ..moving.settle import Precision, settled
-from ..moving.stands import Stands
-from ..shapes.instance_primvars import without_unread
+from ..motion.levels import ShapePlacements, any_moves
+from ..motion.matrices import MotionPrecision, with_sampled_motion
+from ..motion.pixels import pixels_of
+from ..primvars.instance_primvars import without_unread_primvars
 from ..stage.messages import tf_message
 from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.traversal import is_in_world
@@ -53,9 +51,9 @@ def add_group(scene: TranslatedScene, group: Group[ResolvedPrim], where: Arrange
     count = sum(map(count_of, chains))
     if count == 0:
         return
-    is_once = count == 1 and not rows_of_levels(chains[0]) and not do_move(chains[0])
+    is_once = count == 1 and not rows_of_levels(chains[0]) and not any_moves(chains[0])
     once = square(next(chunks(chains[0]))[0]) if is_once else None
-    alone = "" if once is None or not ctx.names_instances else name_of(named_levels(chains[0]), 0)
+    alone = "" if once is None or not ctx.names_instances else instance_name(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
     record = ctx.kept.of(Record)
@@ -111,7 +109,7 @@ def _with_placements(leaf: ResolvedPrim, chains: list[Chain], group_from_prim: D
     """Return the context with the leaf's placements, which decide at how many times moving geometry is sampled."""
     if not ctx.timing.is_open:
         return ctx
-    return replace(ctx, stands=Stands(chains, group_from_prim, leaf.inherited.blur_scale, leaf.path not in ctx.shares))
+    return replace(ctx, stands=ShapePlacements(chains, group_from_prim, leaf.inherited.blur_scale, leaf.path not in ctx.shares))
 
 
 def linked(shape: Shape, leaf: ResolvedPrim, scene: TranslatedScene) -> Shape:
@@ -165,12 +163,14 @@ def choose_times(
 ) -> list[MotionSteps]:
     """Choose the times of everything that moves, and return the steps of each."""
     cameras = (camera, *(motion.cameras if motion else ()))
-    precision = Precision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.most_motion_error)
+    precision = MotionPrecision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.most_motion_error)
 
     def at_seam(placement: Placement) -> Placement:
         number = placement.prototype
-        box = prototype_box(scene.shapes, scene.prototypes, number) if do_move(placement.levels) else (np.zeros(3), np.zeros(3))
-        return settled(placement, scene.blur_scales[number], box, scene.prototypes[number].path, precision)
+        box = (
+            prototype_box(scene.shapes, scene.prototypes, number) if any_moves(placement.levels) else (np.zeros(3), np.zeros(3))
+        )
+        return with_sampled_motion(placement, scene.blur_scales[number], box, scene.prototypes[number].path, precision)
 
     scene.placements = [at_seam(placement) for placement in scene.placements]
     for number, path in scene.moving_lights:
@@ -208,7 +208,7 @@ def describe(
         tuple(ctx.surfaces),
         tuple(scene.static),
         tuple(scene.prototypes),
-        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces), ctx.aov_primvars),
+        without_unread_primvars(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces), ctx.aov_primvars),
         tuple(scene.lights),
         camera,
         frame.resolution,

@@ -11,9 +11,9 @@ from ...color.color_space import REC709, ColorSpace
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
 from ..lights.light_groups import NO_GROUPS, LightGroups
+from ..motion.levels import ShapePlacements
+from ..motion.timing import AT_FRAME, Timing
 from ..moving.foreseen import UNSEEN, Foreseen
-from ..moving.stands import Stands
-from ..moving.timing import AT_FRAME, Timing
 from ..resolving.color_scope import ColorScope
 from ..resolving.surface_table import SurfaceTable
 from ..stage.values import When
@@ -54,7 +54,7 @@ class Context:
     diagnostics: Diagnostics
     timing: Timing = AT_FRAME  # the shutter interval
     foreseen: Foreseen = UNSEEN  # how large things appear during it
-    stands: Stands | None = None  # world placements of the prim being translated, while the shutter is open
+    stands: ShapePlacements | None = None  # world placements of the prim being translated, while the shutter is open
     rendering_space: ColorSpace = REC709
     aov_primvars: tuple[str, ...] = ()  # primvars that AOVs show, without their namespace
     light_groups: LightGroups = NO_GROUPS  # from the render settings

@@ -14,7 +14,7 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ...arrays import Doubles
-from ..moving.mover import Mover
+from ..motion.levels import Mover
 from ..resolving.color_scope import NOWHERE, ColorScope
 from ..resolving.color_spaces import color_in_rendering_space, in_rendering_space, scope_below
 from ..stage.edits import MODEL

@@ -14,7 +14,7 @@ from functools import cache
 from pxr import Usd, UsdGeom
 
 from ..materialx.document_marks import NOTES
-from ..querying.skin_marks import WEIGHTS, has_weights, why_unposed
+from ..skinning.bindings import JOINT_WEIGHTS, has_weights, why_unposed
 from ..stage.values import read
 from .context import Context
 from .inheritance import ResolvedPrim, is_drawn
@@ -73,7 +73,7 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
     is_light = kind == "light" or bool(names & _LIGHT_SCHEMAS)
     if (
         is_light
-        or WEIGHTS in properties
+        or JOINT_WEIGHTS in properties
         or NOTES in properties
         or "MotionAPI" in names
         or "LODRootAPI" in names
@@ -99,7 +99,7 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
         note_light_inputs(prim, applied, ctx)
     if NOTES in prim.names:
         note_document(prim.prim, prim.path, ctx)
-    if WEIGHTS in prim.names:
+    if JOINT_WEIGHTS in prim.names:
         _note_weights(prim, schemas, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
@@ -134,7 +134,7 @@ def _note_weights(prim: ResolvedPrim, schemas: list[str], ctx: Context) -> None:
     if is_drawn(prim.inherited, ctx.purposes) and has_weights(prim.prim):
         reason = why_unposed(prim.prim, ctx.stage.GetPrimAtPath(prim.path), schemas)
         if reason:
-            ctx.warn("skinning", prim.path, f"It has joint weights and is not posed: {reason}.", WEIGHTS)
+            ctx.warn("skinning", prim.path, f"It has joint weights and is not posed: {reason}.", JOINT_WEIGHTS)
 
 
 def _note_type(prim: ResolvedPrim, ctx: Context) -> None:

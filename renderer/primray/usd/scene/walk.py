@@ -14,20 +14,18 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
 from ...arrays import Doubles
-from ...description.instance_names import texts
-from ...description.placement import IDENTITY, MatrixInstances, PointInstances
-from ..adapters.shapes.draw_mode import stand_in
-from ..adapters.shapes.points import POINT, spheres
+from ...description.placement import IDENTITY, MatrixInstances, PointInstances, texts
 from ..instancing.instances import Group
 from ..instancing.prototypes import handed_to_prototype
 from ..lights.light_links import Links
 from ..materials.leaf_materials import NativePrototype, bind_leaves, bindings_of, bound_alike, differ_by_material
-from ..moving.levels import MovingLevel, level_of
-from ..moving.mover import Local, Mover
-from ..paths.changes import bends, moving_operations, transform_of
-from ..paths.spheres import growing_sphere
+from ..motion.attributes import animated_operations, bend_times, local_transform
+from ..motion.levels import Local, Mover, MovingLevel, level_of
+from ..primvars.instance_primvars import without_overridden
 from ..resolving.color_scope import NOWHERE
-from ..shapes.instance_primvars import given_per_instance
+from ..shapes.draw_mode import draw_mode_of
+from ..shapes.implicit import animated_sphere
+from ..shapes.points import POINT, sphere_instances
 from ..stage.reads import local_transform_at
 from ..stage.traversal import IN_PROTOTYPE, IN_WORLD, children
 from ..stage.values import time_of
@@ -190,7 +188,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         if kind.taken_as or kind.is_noted or kind.bindings or is_expanded or mine.draw_mode != "default":
             resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, place.poses, pose, above.binds, mover=place.mover)
             resolved.own_color = mine.color is not None and mine.color is not above.inherited.color
-            drawn_as = stand_in(resolved, ctx) if mine.draw_mode != "default" else ""
+            drawn_as = draw_mode_of(resolved, ctx) if mine.draw_mode != "default" else ""
             if drawn_as:
                 if is_drawn(mine, ctx.purposes) and not kind.left_out:
                     place.group.leaves.append(replace(resolved, type_name=drawn_as))
@@ -223,7 +221,7 @@ def _place_transform(
 ) -> tuple[Place, int]:
     """Return the place and pose of a prim with a transform: below its parent's or, if the transform moves, in a new place."""
     ctx, place = state.ctx, above.place
-    moving = moving_operations(prim, names, ctx.when, ctx.timing)
+    moving = animated_operations(prim, names, ctx.when, ctx.timing)
     if moving:
         _, resets = local_transform_at(prim, lambda attribute: time_of(attribute, ctx.when))
     else:
@@ -232,7 +230,9 @@ def _place_transform(
         message = "The transform is reset to the prototype's root, not to the world."
         ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
     if moving:
-        mover = place.mover_below(above.pose, transform_of(prim, ctx.when), bends(moving, ctx.when, ctx.timing), resets=resets)
+        mover = place.mover_below(
+            above.pose, local_transform(prim, ctx.when), bend_times(moving, ctx.when, ctx.timing), resets=resets
+        )
         return places.of(mover, blur_scale, path), ROOT
     if resets and place.mover is not None:
         place = places.of(None, place.group.blur_scale, path)
@@ -246,7 +246,7 @@ def _place_transform(
 
 def _place_leaf(state: _Walk, places: Places, place: Place, leaf: ResolvedPrim) -> None:
     """Add a leaf to its place; a sphere whose radius changes is scaled by a moving transform."""
-    grows = growing_sphere(leaf, state.ctx) if leaf.type_name == "Sphere" else None
+    grows = animated_sphere(leaf, state.ctx) if leaf.type_name == "Sphere" else None
     if grows is not None:
         place = places.of(place.mover_below(leaf.pose, *grows), place.group.blur_scale, leaf.path)
         leaf = replace(leaf, poses=place.poses, pose=ROOT, mover=place.mover)
@@ -343,7 +343,7 @@ def _expand_points(
         root = ctx.stage.GetPrimAtPath(root_path)
         if not root or not root.IsActive():
             continue
-        handed = given_per_instance(instancer.inherited, [p.name for p in instances.primvars])
+        handed = without_overridden(instancer.inherited, [p.name for p in instances.primvars])
         handed = handed_to_prototype(handed, instancer.prim, root, top, ctx)
         if state.links is not None:
             handed = state.links.handed_to_prototype(handed, instancer.prim, root)
@@ -357,7 +357,7 @@ def _expand_points(
 
 def _place_spheres(state: _Walk, root_group: Group[ResolvedPrim], group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
     """Add points as a group of one sphere with many instances; primvars that vary over the points become per instance."""
-    placed = spheres(points, state.ctx)
+    placed = sphere_instances(points, state.ctx)
     if placed.names is not None:
         placed = replace(placed, names=replace(placed.names, prefix=_within(state, root_group, points.path)))
     varying = [p.name for p in placed.primvars]
@@ -368,7 +368,7 @@ def _place_spheres(state: _Walk, root_group: Group[ResolvedPrim], group: Group[R
         poses=Poses(),
         pose=ROOT,
         mover=None,
-        inherited=given_per_instance(points.inherited, varying),
+        inherited=without_overridden(points.inherited, varying),
     )
     to_group = points.group_from_prim
     if isinstance(placed, MovingLevel):

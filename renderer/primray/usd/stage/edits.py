@@ -11,7 +11,8 @@ instance that is ended are marked, so that their draw modes still count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
 from pxr import Pcp, Sdf, Usd, UsdShade
 
@@ -27,7 +28,7 @@ from .metadata import (
     time_codes_per_second,
 )
 from .reads import authored_attributes, default_value, type_name
-from .traversal import attributes_in, models_in, populated, prims_in
+from .traversal import attributes_in, is_in_world, models_in, populated, prims_in
 
 # Fields whose opinions are merged with weaker ones, which they do not hide.
 _MERGED = frozenset({"apiSchemas", "connectionPaths", "customData", "inheritPaths", "targetPaths"})
@@ -233,3 +234,33 @@ def _placed_in(stage: Usd.Stage, flat: Sdf.Layer) -> Callable[[Sdf.Path], Sdf.Pa
         return path.ReplacePrefix(root, roots[root])
 
     return place
+
+
+@contextmanager
+def temporarily_defined(stage: Usd.Stage, paths: Iterable[str]) -> Iterator[None]:
+    """Define these prims and their ancestors by opinions in the stage's session layer, and restore them on exit.
+
+    The stage must be a copy that is ours to write to (scratch_copy). Prims in native prototypes cannot have opinions and are
+    skipped.
+    """
+    layer = stage.GetSessionLayer()
+    undefined = list(dict.fromkeys(path for prim in map(stage.GetPrimAtPath, paths) for path in _undefined_paths(prim)))
+    _set_specifier(layer, undefined, Sdf.SpecifierDef)
+    try:
+        yield
+    finally:
+        _set_specifier(layer, undefined, Sdf.SpecifierOver)
+
+
+def _undefined_paths(prim: Usd.Prim) -> list[Sdf.Path]:
+    """Return the paths of the prim and its ancestors that are not defined."""
+    if not prim or prim.IsInPrototype() or prim.IsInstanceProxy() or is_in_world(prim):
+        return []
+    stage = prim.GetStage()
+    return [path for path in prim.GetPath().GetPrefixes() if stage.GetPrimAtPath(path).GetSpecifier() != Sdf.SpecifierDef]
+
+
+def _set_specifier(layer: Sdf.Layer, paths: list[Sdf.Path], specifier: Sdf.Specifier) -> None:
+    with Sdf.ChangeBlock():
+        for path in paths:
+            Sdf.CreatePrimInLayer(layer, path).specifier = specifier

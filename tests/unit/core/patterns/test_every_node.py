@@ -12,7 +12,7 @@ import pytest
 from primray.core.patterns.compiler import NO_MEANING, NODES
 from primray.core.patterns.node import WIDTHS
 from primray.description import NodeOutput, Operand
-from primray.description.patterns import TRANSFORM_2D, UV_TEXTURE
+from primray.description.shading import TRANSFORM_2D, UV_TEXTURE
 
 from .library import Definition, primitives
 from .oracle.matrices import of_matrices

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
-from tests.unit.usd.paths.test_transforms import CAMERA, FRAME, prim, translated
+from tests.unit.usd.motion.test_matrices import CAMERA, FRAME, prim, translated
 from tests.unit.usd.usd_text import stage_of
 
 from primray.description import Doubles, LightType, Portal, SceneDescription

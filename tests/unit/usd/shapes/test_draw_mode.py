@@ -10,7 +10,7 @@ import pytest
 
 from primray.description import Mesh, SceneDescription, TextureInput
 from primray.settings import RenderSettings
-from primray.usd.adapters.shapes.draw_mode import FACES
+from primray.usd.shapes.draw_mode import FACES
 
 from ..usd_text import translate_text
 

@@ -9,7 +9,7 @@ from pxr import Usd
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import camera_paths, products, translate
-from primray.usd.querying.standing import standing_in_world
+from primray.usd.stage.edits import temporarily_defined
 from primray.usd.stage.traversal import instanced_roots, is_in_world
 from primray.usd.translate import find_by_type
 
@@ -94,7 +94,7 @@ def test_the_automatic_camera_sees_prototypes_wherever_they_stand(above: str) ->
 def test_standing_in_the_world_ends() -> None:
     stage = stage_of(f'class "L"\n{{\n over "o"\n {{\n{BOX} }}\n}}\n')
     before = stage.GetRootLayer().ExportToString()
-    with standing_in_world(stage, ["/L/o/box"]):
+    with temporarily_defined(stage, ["/L/o/box"]):
         assert is_in_world(stage.GetPrimAtPath("/L/o/box"))
         assert [str(p.GetPath()) for p in stage.Traverse()] == ["/L", "/L/o", "/L/o/box"]
     assert list(stage.Traverse()) == []
@@ -113,7 +113,7 @@ def test_skeletons_that_nothing_leads_to_cost_no_copy(monkeypatch: pytest.Monkey
     def fail(*_: object) -> Usd.Stage:
         raise AssertionError("a copy was made")
 
-    monkeypatch.setattr("primray.usd.walking.skinning.scratch_copy", fail)
+    monkeypatch.setattr("primray.usd.skinning.baking.scratch_copy", fail)
     translate_text(f'class "L"\n{{\n def SkelRoot "r"\n {{\n }}\n}}\n{BOX}')
     with pytest.raises(AssertionError, match="a copy was made"):
         translate_text(f'class "L"\n{{\n def SkelRoot "r"\n {{\n }}\n}}\n{instancer("p", "/L/r")}')

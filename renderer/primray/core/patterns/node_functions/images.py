@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ....description.patterns import TRANSFORM_2D, UV_TEXTURE
+from ....description.shading import TRANSFORM_2D, UV_TEXTURE
 from ..node import FOOTPRINT_SHIFTS, NO_SHIFT, SLOPE_SHIFTS, Node
 from ..program import Program, Value
 

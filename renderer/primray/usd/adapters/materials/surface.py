@@ -12,10 +12,10 @@ from functools import lru_cache
 from pxr import Usd, UsdGeom
 
 from ....description import CameraSight, Input, PrimvarInput, Surface
+from ...primvars.reading import report_clamped_color, report_many_values
 from ...scene.context import Context
 from ...scene.inheritance import ResolvedPrim, element_count
 from ...scene.schemas import CAMERA_SIGHT
-from ...shapes.primvars import note_clamped_color, note_many_values
 from ...stage.reads import interpolation
 from ...stage.values import read, token
 from .material import Material, material
@@ -72,7 +72,7 @@ def _appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> 
         color = _constant_color(prim, ctx)
     opacity = 1.0
     if prim.inherited.opacity is not None:
-        note_many_values("primvars:displayOpacity", element_count(prim.inherited, "primvars:displayOpacity"), prim.path, ctx)
+        report_many_values("primvars:displayOpacity", element_count(prim.inherited, "primvars:displayOpacity"), prim.path, ctx)
         opacity = min(max(prim.inherited.opacity, 0.0), 1.0)
     if _varies(prim, _OPACITY) or (prim.inherited.opacity is None and _OPACITY in prim.inherited.per_instance):
         inputs.append(("opacity", PrimvarInput(_OPACITY, (1.0,))))
@@ -162,13 +162,13 @@ def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, flo
             message = "primvars:displayColor is not a usable colour: the fallback grey is used."
             ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         return FALLBACK_COLOR
-    note_many_values("primvars:displayColor", element_count(prim.inherited, "primvars:displayColor"), prim.path, ctx)
+    report_many_values("primvars:displayColor", element_count(prim.inherited, "primvars:displayColor"), prim.path, ctx)
     r, g, b = prim.inherited.color
     if 0.0 <= r <= 1.0 and 0.0 <= g <= 1.0 and 0.0 <= b <= 1.0:
         return prim.inherited.color
     r, g, b = (min(max(x, 0.0), 1.0) for x in prim.inherited.color)
     if (r, g, b) != tuple(prim.inherited.color):
-        note_clamped_color("primvars:displayColor is", prim, ctx)
+        report_clamped_color("primvars:displayColor is", prim, ctx)
     return (r, g, b)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 
 from ....description import Input, NodeOutput, OpenPbr, Operand, PatternInput, Surface, TextureInput
-from ....description.open_pbr import PREFIX
+from ....description.shading import OPEN_PBR_PREFIX
 from ...materialx.expressions import Expressions
 from ..pruning import pruned
 from ..reducing import Reducer
@@ -67,7 +67,7 @@ def as_open_pbr(known: KnownSurface, expressions: Expressions, path: str) -> tup
     _take(made, "emissive_color", known.emission, 3, reducer)
     _take(made, "opacity", ONE if known.cutoff and isinstance(known.opacity, tuple) else known.opacity, 1, reducer)
     for name, value in lobes.items():
-        _take(made, PREFIX + name, value, _WIDTHS[name], reducer)
+        _take(made, OPEN_PBR_PREFIX + name, value, _WIDTHS[name], reducer)
     if not known.unlit:
         _directions(made, known, expressions, unused)
     pattern, inputs = pruned(expressions.nodes, made.varying)
@@ -113,7 +113,7 @@ def _take(made: _Made, name: str, value: Operand, width: int, reducer: Reducer) 
         made.varying[name] = found
         value = _constant_of(found)
     assert isinstance(value, tuple)
-    low, high = _RANGES.get(name.removeprefix(PREFIX), _UNIT)
+    low, high = _RANGES.get(name.removeprefix(OPEN_PBR_PREFIX), _UNIT)
     inside = tuple(min(max(x, low), high) for x in value)
     made.constants[name] = inside[0] if width == 1 else inside * width if len(inside) == 1 else inside
 

@@ -1,0 +1,272 @@
+"""Dicing of every NurbsPatch to a Mesh on its exact surface, as finely as the camera's view requires."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import Doubles, Floats, Ints
+from ...description import Interpolation, Mesh, NurbsPatch, PointMotion, Primvar
+from ..footprint import Footprint
+from .evaluation import Bases, Control, Indices, Lines, across, bases, first_lines, grid_normals, points_of
+from .grid import Fineness, Grid, grid_of
+from .trimming import Tolerance, Trimmed, are_holes, flattened, has_area, off_the_grid, trim_grid, with_lines_through
+
+FLAT = 1e-7  # of the largest coordinate: closer points are merged where a patch closes or has a pole
+CURVE_PIXELS = 0.001  # largest error of trim polylines, per pixel of edge length
+
+
+@dataclass(frozen=True, eq=False)
+class DicedPatch:
+    mesh: Mesh  # without triangles if everything is trimmed away
+    is_limited: bool
+    empty_loops: int
+
+
+def dice_patches(
+    patches: Mapping[int, NurbsPatch], prints: Mapping[int, Footprint], fine: Fineness, most: int
+) -> tuple[dict[int, DicedPatch], float]:
+    """Return the diced patches and the edge length in pixels, which is doubled until all have at most `most` triangles
+    together."""
+    pixels = fine.pixels
+    while True:
+        now, made, total = replace(fine, pixels=pixels), dict[int, DicedPatch](), 0
+        for k, patch in patches.items():
+            found = dice_patch(patch, prints[k], now)
+            if found is None:
+                break
+            made[k] = found
+            total += len(found.mesh.triangles)
+            if total > most and pixels < 1e6:
+                break
+        else:
+            return made, pixels
+        pixels *= 2
+
+
+def coarse_mesh(patch: NurbsPatch) -> Mesh:
+    """Return the patch tessellated only as finely as its knot spans require."""
+    u, v = first_lines(patch.u), first_lines(patch.v)
+    return _mesh(patch, [Control.of(patch, patch.points)], u, v, None)
+
+
+def dice_patch(patch: NurbsPatch, footprint: Footprint, fine: Fineness) -> DicedPatch | None:
+    """Return the diced patch, or None if it would have too many points."""
+    steps = [patch.points] if patch.motion is None else [patch.points, *patch.motion.points]
+    controls = [Control.of(patch, points) for points in steps]
+    grid = _grid(patch, controls, footprint, fine)
+    if grid is None:
+        return None
+    if not patch.loops:
+        return DicedPatch(_mesh(patch, controls, grid.u, grid.v, None), grid.is_limited, 0)
+    tolerance = Tolerance(CURVE_PIXELS * min(fine.pixels, 4.0), grid.per_u, grid.per_v)
+    loops = [off_the_grid(flattened(loop, tolerance), patch.u, patch.v) for loop in patch.loops]
+    whole = [loop for loop in loops if has_area(loop, patch.u, patch.v)]
+    empty = len(loops) - len(whole)
+    if not whole:
+        return DicedPatch(_empty(patch), grid.is_limited, empty)
+    u, v = with_lines_through(whole, grid.u, grid.v)
+    cut = trim_grid(whole, u, v, holes=are_holes(whole))
+    return DicedPatch(_mesh(patch, controls, u, v, cut), grid.is_limited, empty)
+
+
+def triangles_of(patch: NurbsPatch, footprint: Footprint, fine: Fineness) -> int:
+    """Return the number of triangles from dicing, before trimming."""
+    while True:
+        grid = _grid(patch, [Control.of(patch, patch.points)], footprint, fine)
+        if grid is not None:
+            return 2 * (len(grid.u.at) - 1) * (len(grid.v.at) - 1)
+        fine = replace(fine, pixels=2 * fine.pixels)
+
+
+def _grid(patch: NurbsPatch, controls: Sequence[Control], footprint: Footprint, fine: Fineness) -> Grid | None:
+    """Return the grid; flat parts are split as well if values vary over them or trim loops cut them."""
+    if patch.loops or any(_varies(p) for p in _all_primvars(patch)):
+        fine = replace(fine, flatness=0.0)
+    return grid_of(controls, first_lines(patch.u), first_lines(patch.v), footprint, fine)
+
+
+def _varies(primvar: Primvar) -> bool:
+    """Return whether the primvar varies within segments."""
+    return primvar.interpolation in (Interpolation.POINT, Interpolation.VARYING)
+
+
+def _all_primvars(patch: NurbsPatch) -> list[Primvar]:
+    return [*([patch.colors] if patch.colors is not None else []), *patch.primvars]
+
+
+@dataclass(frozen=True, eq=False)
+class _Vertices:
+    """Vertices of a grid, row by row, followed by those on trim loops."""
+
+    u: Lines
+    v: Lines
+    u_bases: Bases
+    v_bases: Bases
+    loop_spans: Indices  # (K, 2) u, v
+    loop_at: Doubles  # (K, 2)
+    loop_bases: tuple[Bases, Bases]
+
+    @staticmethod
+    def of(u: Lines, v: Lines, cut: Trimmed | None) -> _Vertices:
+        at = np.zeros((0, 2)) if cut is None else cut.at
+        inside = np.zeros((0, 2), np.intp) if cut is None else cut.inside
+        spans = np.stack([u.spans[inside[:, 0]], v.spans[inside[:, 1]]], axis=1)
+        single = bases(u.direction, spans[:, 0], at[:, 0]), bases(v.direction, spans[:, 1], at[:, 1])
+        return _Vertices(u, v, u.bases(), v.bases(), spans, at, single)
+
+    def surface(self, control: Control) -> tuple[Doubles, Doubles]:
+        """Return points and unit normals (N, 3)."""
+        found = control.grid(self.u_bases, self.v_bases)
+        points = _with_merged_positions(points_of(found[0]), self.u, self.v)
+        normals = grid_normals(control, self.u, self.v, found)
+        single = control.single(*self.loop_bases)
+        crossed, _ = across(*single)
+        length = np.linalg.norm(crossed, axis=-1)
+        crossed[length == 0] = 0, 0, 1
+        turned = crossed / np.where(length > 0, length, 1.0)[:, None]
+        return _grid_and_loops(points, points_of(single[0])), _grid_and_loops(normals, turned)
+
+    def values(self, control: Control) -> Doubles:
+        return _grid_and_loops(control.values(self.u_bases, self.v_bases), points_of(control.single(*self.loop_bases)[0]))
+
+    def linear(self, rows: Doubles) -> Doubles:
+        """Return values (V, U, C) at knot crossings, interpolated bilinearly."""
+        (i, s), (j, t) = (_shares(lines, lines.spans, lines.at) for lines in (self.u, self.v))
+        grid = _bilinear(rows, i[None, :], j[:, None], s[None, :, None], t[:, None, None])
+        (i, s), (j, t) = (_shares(lines, self.loop_spans[:, k], self.loop_at[:, k]) for k, lines in enumerate((self.u, self.v)))
+        return _grid_and_loops(grid, _bilinear(rows, i, j, s[:, None], t[:, None]))
+
+
+def _grid_and_loops(grid: Doubles, single: Doubles) -> Doubles:
+    return np.concatenate([grid.reshape(-1, grid.shape[-1]), single])
+
+
+def _shares(lines: Lines, spans: Indices, at: Doubles) -> tuple[Indices, Doubles]:
+    knots = lines.direction.knots
+    share = (at - knots[spans]) / (knots[spans + 1] - knots[spans])
+    return spans - (lines.direction.order - 1), share
+
+
+def _bilinear(rows: Doubles, i: Indices, j: Indices, s: Doubles, t: Doubles) -> Doubles:
+    low = rows[j, i] * (1 - s) + rows[j, i + 1] * s
+    high = rows[j + 1, i] * (1 - s) + rows[j + 1, i + 1] * s
+    return np.asarray(low * (1 - t) + high * t)
+
+
+def _with_merged_positions(points: Doubles, u: Lines, v: Lines) -> Doubles:
+    """Return the points with identical positions where they are one point: at inner edges, poles, and where the patch
+    closes."""
+    first_u, first_v = np.flatnonzero(u.joined), np.flatnonzero(v.joined)
+    points[:, first_u] = points[:, first_u - 1]
+    points[first_v] = points[first_v - 1]
+    near = FLAT * float(np.abs(points).max(initial=0.0))
+    for end in (0, -1):
+        for edge in (points[end], points[:, end]):
+            if np.abs(edge - edge[0]).max() <= near:
+                edge[:] = edge[0]
+    for first, last in ((points[0], points[-1]), (points[:, 0], points[:, -1])):
+        if np.abs(first - last).max() <= near:
+            last[:] = first
+    return points
+
+
+def _mesh(patch: NurbsPatch, controls: Sequence[Control], u: Lines, v: Lines, cut: Trimmed | None) -> Mesh:
+    vertices = _Vertices.of(u, v, cut)
+    found = [vertices.surface(control) for control in controls]
+    points = [p.astype(np.float32) for p, _ in found]
+    triangles, cells = _triangles(u, v, cut)
+    solid = np.zeros(len(triangles), bool)
+    for place in points:
+        a, b, c = (place[triangles[:, k]] for k in range(3))
+        solid |= (a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)
+    triangles, cells = triangles[solid], cells[solid]
+    if len(triangles) == 0:
+        return _empty(patch)
+    if patch.is_flipped:
+        triangles = triangles[:, [0, 2, 1]]
+    found_numbers = np.unique(triangles, return_inverse=True)
+    used, numbers = found_numbers[0].astype(np.intp), found_numbers[1]
+    triangles = numbers.reshape(-1, 3).astype(np.int32)
+    rows = _Rows(used, triangles, cells, alike=len(used) == 3 * len(triangles))
+    outwards = -1 if patch.is_flipped else 1
+    normals = [rows.normals((outwards * n).astype(np.float32)) for _, n in found]
+    motion = None
+    if patch.motion is not None:
+        steps = np.stack([p[used] for p in points[1:]])
+        motion = PointMotion(patch.motion.times, np.ascontiguousarray(steps), np.stack(normals[1:]))
+    return Mesh(
+        patch.path,
+        np.ascontiguousarray(points[0][used]),
+        triangles,
+        normals[0],
+        None if patch.colors is None else rows.colors(_on_mesh(patch.colors, patch, vertices, rows)),
+        patch.surface,
+        tuple(_on_mesh(p, patch, vertices, rows) for p in patch.primvars),
+        patch.light,
+        patch.link_row,
+        motion,
+    )
+
+
+def _empty(patch: NurbsPatch) -> Mesh:
+    return Mesh(
+        patch.path, patch.points, np.zeros((0, 3), np.int32), None, None, patch.surface, (), patch.light, patch.link_row
+    )
+
+
+def _triangles(u: Lines, v: Lines, cut: Trimmed | None) -> tuple[Ints, Ints]:
+    """Return the triangles and the cell (u, v) of each."""
+    whole = (u.is_drawn & v.is_drawn[:, None]) if cut is None else cut.whole
+    j, i = np.nonzero(whole)
+    columns = len(u.at)
+    a = j * columns + i
+    b, c, d = a + 1, a + columns + 1, a + columns
+    quads = np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3)
+    cells = np.repeat(np.stack([i, j], axis=1), 2, axis=0)
+    if cut is None:
+        return quads.astype(np.int32), cells.astype(np.int32)
+    return np.concatenate([quads, cut.triangles]).astype(np.int32), np.concatenate([cells, cut.cells]).astype(np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Subset of vertices and cells used by the mesh. `alike`: it has as many points as corners, which description.Mesh could
+    not tell apart."""
+
+    used: Indices
+    triangles: Ints
+    cells: Ints
+    alike: bool
+
+    def normals(self, values: Floats) -> Floats:
+        kept = values[self.used]
+        return np.ascontiguousarray(kept[self.triangles.ravel()] if self.alike else kept)
+
+    def colors(self, primvar: Primvar) -> Floats:
+        corners = self.triangles.ravel()
+        if primvar.interpolation is Interpolation.POINT:
+            return np.ascontiguousarray(primvar.values[corners], np.float32)
+        if primvar.interpolation is Interpolation.FACE:
+            return np.repeat(primvar.values, 3, axis=0)
+        return np.repeat(primvar.values[:1], 3 * len(self.triangles), axis=0)
+
+
+def _on_mesh(primvar: Primvar, patch: NurbsPatch, vertices: _Vertices, rows: _Rows) -> Primvar:
+    kind = primvar.interpolation
+    if kind is Interpolation.CONSTANT:
+        return primvar
+    values = primvar.values if primvar.indices is None else primvar.values[primvar.indices]
+    if kind is Interpolation.FACE:
+        u, v = vertices.u, vertices.v
+        i = u.spans[rows.cells[:, 0]] - (patch.u.order - 1)
+        j = v.spans[rows.cells[:, 1]] - (patch.v.order - 1)
+        return Primvar(primvar.name, kind, values[j * (patch.u.count - patch.u.order + 1) + i])
+    if kind is Interpolation.POINT:
+        found = vertices.values(Control.of(patch, values))
+    else:
+        shape = patch.v.count - patch.v.order + 2, patch.u.count - patch.u.order + 2, -1
+        found = vertices.linear(values.astype(np.float64).reshape(shape))
+    return Primvar(primvar.name, Interpolation.POINT, np.ascontiguousarray(found[rows.used], np.float32))

@@ -1,1 +1,0 @@
-"""Adapters for UsdGeom shapes, one file for each kind of shape."""

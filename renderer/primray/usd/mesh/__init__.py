@@ -1,0 +1,1 @@
+"""Polygonal meshes, subdivision surfaces and tetrahedral meshes: reading, validation, triangulation, motion."""

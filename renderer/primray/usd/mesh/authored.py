@@ -1,0 +1,270 @@
+"""Authored data of a Mesh prim, and its validated topology: the common input of polygons (polygons.py) and subdivision cages
+(subdivision.py).
+
+`read_mesh` is the one place where the geometric attributes of meshes are read from USD; it checks only types: a value that is
+missing or has the wrong type is None (or "" for tokens). `topology_of` and `usable_faces` validate points and faces, and report
+what is dropped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from pxr import UsdGeom
+
+from ...arrays import Floats, Ints
+from ..primvars.reading import AuthoredPrimvar, Sizes, read_authored
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.reads import normals_interpolation
+from ..stage.values import When, array, read, token, value
+
+
+@dataclass(frozen=True, eq=False)
+class AuthoredSubdivision:
+    """Attributes that only subdivision surfaces use; point indices are as authored."""
+
+    boundary: str = ""  # interpolateBoundary
+    face_varying: str = ""  # faceVaryingLinearInterpolation
+    triangle_rule: str = ""  # triangleSubdivisionRule
+    crease_lengths: Ints | None = None  # (K,) int32, the number of points of each crease
+    crease_points: Ints | None = None  # int32, concatenated over creases
+    crease_sharpnesses: Floats | None = None  # one per crease, or one per edge; 0 smooth, 10 sharp
+    corner_points: Ints | None = None  # (S,) int32
+    corner_sharpnesses: Floats | None = None  # (S,), 0 smooth, 10 sharp
+
+
+_NAMES = """interpolateBoundary faceVaryingLinearInterpolation triangleSubdivisionRule
+    creaseLengths creaseIndices creaseSharpnesses cornerIndices cornerSharpnesses"""
+_SUBDIVISION = frozenset(_NAMES.split())
+_NO_SUBDIVISION = AuthoredSubdivision()  # shared by all meshes without such attributes
+
+
+class SurfaceElements(Protocol):
+    """Elements whose outer faces form a surface, such as tetrahedra."""
+
+    @property
+    def points(self) -> Ints:
+        """Vertex indices, one row per element."""
+
+    def owners(self) -> Ints:
+        """Return the element (F,) that each surface face belongs to, or -1."""
+
+
+@dataclass(frozen=True, eq=False)
+class AuthoredMesh:
+    path: str
+    points: Floats | None  # (N, 3) float32, object space, scene units
+    has_points: bool  # true even if they have the wrong type
+    counts: Ints | None  # (F,) the number of corners of each face
+    indices: Ints | None  # (C,) the point at each corner
+    holes: Ints | None  # (H,) indices of faces
+    is_left_handed: bool
+    scheme: str  # subdivisionScheme
+    normals: AuthoredPrimvar | None  # polygons only: limit surfaces have their own
+    subdivision: AuthoredSubdivision | None  # None for polygons
+    face_indices: str = "faceVertexIndices"  # attribute that `indices` come from
+    tets: SurfaceElements | None = None  # TetMesh only
+
+
+def read_mesh(prim: ResolvedPrim, when: When) -> AuthoredMesh:
+    scheme = _token(prim, "subdivisionScheme", when)
+    counts = array(read(prim.prim, "faceVertexCounts", when), 1, "i")
+    indices = array(read(prim.prim, "faceVertexIndices", when), 1, "i")
+    points = read(prim.prim, "points", when)
+    return AuthoredMesh(
+        prim.path,
+        _points(points),
+        points is not None,
+        counts,
+        indices,
+        _array(prim, "holeIndices", when, "i"),
+        _token(prim, "orientation", when) == "leftHanded",
+        scheme,
+        read_normals(prim, when) if scheme == "none" else None,
+        None if scheme == "none" else _subdivision(prim, when),
+    )
+
+
+def _points(raw: object) -> Floats | None:
+    points = array(raw, 3, "f")
+    return None if points is None else points.astype(np.float32, copy=False)
+
+
+def read_normals(prim: ResolvedPrim, when: When) -> AuthoredPrimvar | None:
+    """Return `primvars:normals` if it has a value, else `normals` (UsdGeomMesh, UsdGeomPointBased::GetNormalsAttr)."""
+    if "primvars:normals" in prim.names:
+        attribute = prim.prim.GetAttribute("primvars:normals")
+        if attribute.HasAuthoredValue():
+            return read_authored(attribute, when)
+    raw = value(prim.prim.GetAttribute("normals"), when) if "normals" in prim.names else None
+    if raw is None or (hasattr(raw, "__len__") and len(raw) == 0):
+        return None
+    return AuthoredPrimvar("normals", raw, normals_interpolation(UsdGeom.PointBased(prim.prim)))
+
+
+def _subdivision(prim: ResolvedPrim, when: When) -> AuthoredSubdivision:
+    if prim.names.isdisjoint(_SUBDIVISION):
+        return _NO_SUBDIVISION
+    return AuthoredSubdivision(
+        _token(prim, "interpolateBoundary", when),
+        _token(prim, "faceVaryingLinearInterpolation", when),
+        _token(prim, "triangleSubdivisionRule", when),
+        _integers(prim, "creaseLengths", when),
+        _integers(prim, "creaseIndices", when),
+        _array(prim, "creaseSharpnesses", when, "f"),
+        _integers(prim, "cornerIndices", when),
+        _array(prim, "cornerSharpnesses", when, "f"),
+    )
+
+
+def _token(prim: ResolvedPrim, name: str, when: When) -> str:
+    return token(prim.prim, name, when, "") if name in prim.names else ""
+
+
+def _array(prim: ResolvedPrim, name: str, when: When, kind: str) -> npt.NDArray[Any] | None:
+    return array(read(prim.prim, name, when), 1, kind) if name in prim.names else None
+
+
+def _integers(prim: ResolvedPrim, name: str, when: When) -> Ints | None:
+    values = _array(prim, name, when, "i")
+    return None if values is None else values.astype(np.int32)
+
+
+Flags = npt.NDArray[np.bool_]
+
+
+LARGEST = np.float32(1e37)  # largest coordinate: sums of a few, as subdivision makes them, stay finite
+SHARED_CORNERS = 1024  # meshes with more corners are rarely alike, and hashing them costs too much
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Consistent faceVertexCounts and faceVertexIndices. Small ones are one object for all meshes with the same faces; `made`
+    caches what is derived from the faces alone."""
+
+    counts: Ints
+    indices: Ints
+    low: int  # smallest index
+    high: int  # largest index
+    has_area: bool  # all faces have at least 3 vertices
+    is_shared: bool
+    made: dict[Any, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    points: Floats  # (N, 3) float32, object space, scene units; as authored
+    faces: Faces
+
+    @property
+    def sizes(self) -> Sizes:
+        return Sizes(len(self.faces.counts), len(self.points), len(self.faces.indices))
+
+
+class FacesByContent(dict[tuple[bytes, bytes], Faces]):
+    """Faces of small meshes, keyed by their counts and indices."""
+
+
+def topology_of(mesh: AuthoredMesh, ctx: Context) -> Topology | None:
+    """Return points and faces if they are consistent; None if the mesh is empty or, reported, if they are not."""
+    points, counts, indices = mesh.points, mesh.counts, mesh.indices
+    if points is None or counts is None or indices is None:
+        _report_missing(mesh, ctx)
+        return None
+    if len(indices) > SHARED_CORNERS:
+        faces = _checked_faces(counts, indices, mesh.path, ctx)
+    else:
+        key = (counts.tobytes(), indices.tobytes())
+        shared = ctx.kept.of(FacesByContent)
+        faces = shared.get(key) or _checked_faces(counts, indices, mesh.path, ctx)
+        if faces is not None:
+            shared[key] = faces
+    return None if faces is None else Topology(points, faces)
+
+
+def _report_missing(mesh: AuthoredMesh, ctx: Context) -> None:
+    if mesh.counts is None and mesh.indices is None and not mesh.has_points:
+        ctx.warn("invalid-mesh", mesh.path, "The mesh has no points and no faces.")
+        return
+    parts = {"faceVertexCounts": mesh.counts, "faceVertexIndices": mesh.indices, "points": mesh.points}
+    bad = [name for name, values in parts.items() if values is None]
+    ctx.warn("invalid-mesh", mesh.path, f"{', '.join(bad)}: missing, or of the wrong type.", bad[0])
+
+
+def _checked_faces(counts: Ints, indices: Ints, path: str, ctx: Context) -> Faces | None:
+    """Return the faces; None if there are none or, reported, if counts and indices disagree."""
+    if len(counts) == 0:
+        return None
+    least = int(counts.min())
+    if least < 0 or int(counts.sum(dtype=np.int64)) != len(indices):
+        ctx.warn(
+            "invalid-mesh",
+            path,
+            f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
+            "faceVertexCounts",
+        )
+        return None
+    low, high = (int(indices.min()), int(indices.max())) if len(indices) else (0, -1)
+    return Faces(counts, indices, low, high, least >= 3, len(indices) <= SHARED_CORNERS)
+
+
+def usable_faces(topology: Topology, path: str, ctx: Context, named: str = "faceVertexIndices") -> tuple[Floats, Flags | None]:
+    """Return the points, with 0 for non-finite ones, and the mask of faces that can be rendered; None instead of the mask if
+    all can."""
+    points, faces = topology.points, topology.faces
+    in_range = faces.low >= 0 and faces.high < len(points)
+    all_finite = _largest_coordinate(points) <= LARGEST
+    if in_range and all_finite and faces.has_area:
+        return points, None
+    counts, indices = faces.counts, faces.indices
+    bad_corner = (indices < 0) | (indices >= len(points))
+    reasons = {} if in_range else {named: "indices out of range"}
+    if not all_finite:
+        finite = np.asarray((np.abs(points) <= LARGEST).all(axis=1))
+        bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
+        reasons["points"] = "points that are not finite or beyond 1e37"
+        points = np.where(finite[:, None], points, np.float32(0))  # used only by faces that are dropped
+    too_small = counts < 3
+    if too_small.any():
+        reasons["faceVertexCounts"] = "fewer than 3 vertices"
+    keep = ~too_small
+    keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
+    if not keep.all():
+        message = f"{int((~keep).sum())} of {len(counts)} faces are left out: {', '.join(reasons.values())}."
+        ctx.warn("faces-dropped", path, message, next(iter(reasons)))
+    return points, keep
+
+
+def _largest_coordinate(points: Floats) -> float:
+    """Return the largest absolute coordinate, or NaN if any is NaN."""
+    return max(float(points.max()), -float(points.min())) if points.size else 0.0
+
+
+def hole_indices(mesh: AuthoredMesh, faces: int, ctx: Context) -> Ints | None:
+    """Return the indices in holeIndices that are in range; None if none are authored."""
+    holes = mesh.holes
+    if holes is None or len(holes) == 0:
+        return None
+    inside = holes[(holes >= 0) & (holes < faces)]
+    if len(inside) < len(holes):
+        ctx.warn(
+            "invalid-primvar",
+            mesh.path,
+            f"holeIndices has indices outside the {faces} faces: these are ignored.",
+            "holeIndices",
+        )
+    return inside
+
+
+def without_holes(keep: Flags | None, mesh: AuthoredMesh, faces: int, ctx: Context) -> Flags | None:
+    """Return the mask `keep` without the faces in holeIndices, which polygons simply leave out."""
+    holes = hole_indices(mesh, faces, ctx)
+    if holes is None:
+        return keep
+    kept = np.ones(faces, bool) if keep is None else keep
+    kept[holes] = False
+    return kept

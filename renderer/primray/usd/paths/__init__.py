@@ -1,1 +1,0 @@
-"""Authored motion of attributes over the shutter: points, instances, radii and lights."""

@@ -1,0 +1,1 @@
+"""Primvars: reading and validation, those that surfaces read, and those that vary over instances."""

@@ -1,1 +1,0 @@
-"""Traversal of the stage into groups of leaves, and placement of groups."""
