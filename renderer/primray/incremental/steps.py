@@ -219,15 +219,15 @@ class LoadedTextures:
     given: SceneDescription
     default_wrap: DefaultWrap
     made: SceneDescription
-    read_told: list[Diagnostic]
-    lights_told: list[Diagnostic]
+    read_diagnostics: list[Diagnostic]
+    light_diagnostics: list[Diagnostic]
     images: list[ImageSize]
     of_lights: Textures  # images of lights, from which their power is computed
     files: FileStates | None
 
     @property
     def told(self) -> list[Diagnostic]:
-        return [*self.read_told, *self.lights_told]
+        return [*self.read_diagnostics, *self.light_diagnostics]
 
     def serves(self, description: SceneDescription) -> bool:
         """Return whether loading this description would find and report the same."""
@@ -245,7 +245,7 @@ class LoadedTextures:
             return self
         told = Diagnostics()
         made = replace(description, lights=with_read_textures(description.lights, self.of_lights, told))
-        return replace(self, given=description, made=made, lights_told=list(told))
+        return replace(self, given=description, made=made, light_diagnostics=list(told))
 
 
 def load(
@@ -255,11 +255,11 @@ def load(
     from .. import usd
 
     state = file_states(files)
-    read_told, lights_told = Diagnostics(heard.shown), Diagnostics(heard.shown)
-    textures = read_textures(description, read_told, usd.read_asset, Wrap(default_wrap.value))
-    made = replace(description, lights=with_read_textures(description.lights, textures, lights_told))
+    read_diagnostics, light_diagnostics = Diagnostics(heard.shown), Diagnostics(heard.shown)
+    textures = read_textures(description, read_diagnostics, usd.read_asset, Wrap(default_wrap.value))
+    made = replace(description, lights=with_read_textures(description.lights, textures, light_diagnostics))
     lit = {file: textures[file] for file in _light_files(description) if file in textures}
-    told = list(read_told), list(lights_told)
+    told = list(read_diagnostics), list(light_diagnostics)
     return LoadedTextures(description, default_wrap, made, *told, image_sizes(textures), lit, state), textures
 
 

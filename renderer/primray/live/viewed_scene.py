@@ -133,7 +133,7 @@ class ViewedScene:
             return None
         return usd.place_camera(self._kept.opened.stage, self.orbit.world_from_camera, self._authored, self.orbit.zoom)
 
-    def render(self, size: Size, show: Callable[[View], None], is_due: Answer, goes_on: Answer) -> bool:
+    def render(self, size: Size, show: Callable[[View], None], is_due: Answer, continues: Answer) -> bool:
         """Render until all samples are taken, and return True, or False once `goes_on` answers False.
 
         `show` gets the picture whenever one `is_due`, and the last one.
@@ -143,7 +143,7 @@ class ViewedScene:
         prepared, diagnostics, costs = self._prepare(size)
         sampling = Sampling.begin(prepared.scene, prepared.settings)
         sampling.schedule = replace(sampling.schedule, first_look=True)  # something to see soon
-        while not sampling.run(lambda *_: goes_on(), lambda: sampling.done > 0 and is_due()):
+        while not sampling.run(lambda *_: continues(), lambda: sampling.done > 0 and is_due()):
             show(_view(picture_so_far(prepared, sampling), sampling, diagnostics, False))
         if sampling.stop is not None and sampling.stop.reason == "interrupted":
             return False

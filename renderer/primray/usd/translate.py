@@ -126,7 +126,7 @@ def with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 @dataclass(frozen=True)
-class Begun:
+class ViewSetup:
     """State before the walk: the settings, and the camera, whose shutter decides at what times values are read."""
 
     ctx: Context
@@ -193,7 +193,7 @@ def _described(
 ) -> SceneDescription:
     """Translate an edited stage; raise LevelsMet where levels of detail have yet to be chosen."""
     ctx, product = context_of(stage, settings, found, when, diagnostics, names)
-    begun = begin(found, (replace(ctx, levels_chosen=levels_chosen), product))
+    begun = set_up_view(found, (replace(ctx, levels_chosen=levels_chosen), product))
     return finish(begun, assemble(begun.ctx))
 
 
@@ -207,7 +207,7 @@ def context_of(
     return _context(stage, settings, when, product, diagnostics, names), product
 
 
-def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
+def set_up_view(found: Found, started: tuple[Context, ProductSettings]) -> ViewSetup:
     ctx, product = started
     settings = ctx.settings
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
@@ -229,7 +229,7 @@ def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
     ctx = replace(ctx, timing=render_timing(shutter, bool(aovs), ctx, vectors, rolling))
     if ctx.timing.is_open:
         ctx = replace(ctx, foreseen=estimate_view_through(camera, shutter, ctx, product))
-    return Begun(ctx, product, camera, shutter, aovs)
+    return ViewSetup(ctx, product, camera, shutter, aovs)
 
 
 def assemble(ctx: Context) -> Assembled:
@@ -245,7 +245,7 @@ def assemble(ctx: Context) -> Assembled:
     return Assembled(ctx, scene, groups, where)
 
 
-def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
+def finish(begun: ViewSetup, assembled: Assembled) -> SceneDescription:
     """Add what only a view decides (camera, default light, motion steps), and return the finished description."""
     ctx, scene, product = assembled.ctx, assembled.scene, begun.product
     bounds = partial(scene_bounds, scene, assembled.groups, assembled.where, ctx)
@@ -264,7 +264,7 @@ def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
 
 
 def _timed(
-    scene: TranslatedScene, camera: Camera, frame: Frame, begun: Begun, ctx: Context
+    scene: TranslatedScene, camera: Camera, frame: Frame, begun: ViewSetup, ctx: Context
 ) -> tuple[CameraMotion | None, list[MotionSteps]]:
     """Choose the times at which the camera and everything that moves are sampled; return the camera's motion and all steps."""
     motion, steps, error = None, list[MotionSteps](), ctx.settings.most_motion_error
@@ -280,7 +280,7 @@ def _timed(
 
 def _looks(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> RenderedCamera | None:
     """Return the camera of the stage that the picture is taken through, with its frame; None without one."""
-    begun = begin(found, context_of(stage, settings, found, when, Diagnostics(), {}))
+    begun = set_up_view(found, context_of(stage, settings, found, when, Diagnostics(), {}))
     camera, frame = view_without_scene(begun.camera, begun.ctx, begun.product, begun.shutter)
     return None if begun.camera is None or camera is None else RenderedCamera(begun.camera, camera, frame)
 

@@ -25,7 +25,18 @@ from ..stage.open import usd_messages
 from ..stage.time_varying import changing, has_clips, has_time_values
 from ..stage.traversal import populated
 from ..stage.values import When, when_of
-from ..translate import Assembled, Begun, Found, assemble, begin, context_of, find_by_type, finish, translate, with_names
+from ..translate import (
+    Assembled,
+    Found,
+    ViewSetup,
+    assemble,
+    context_of,
+    find_by_type,
+    finish,
+    set_up_view,
+    translate,
+    with_names,
+)
 from .changes import Changes, UnknownEffect, affected_by
 from .updates import LeafUpdates, MaterialUpdates, moved_leaves
 
@@ -40,13 +51,13 @@ class Translated:
     settings: RenderSettings
     found: Found
     when: When
-    begun: Begun
+    begun: ViewSetup
     assembled: Assembled  # before anything that only a view decides
     names: dict[str, str]
-    found_told: list[Diagnostic]
-    assembled_told: list[Diagnostic]
-    leaves_told: list[Diagnostic]  # the last of assembled_told
-    late: list[Diagnostic]
+    found_diagnostics: list[Diagnostic]
+    assembly_diagnostics: list[Diagnostic]
+    leaf_diagnostics: list[Diagnostic]  # the last of assembled_told
+    later_diagnostics: list[Diagnostic]
     description: SceneDescription
     diagnostics: Diagnostics
     materials: MaterialUpdates = field(default_factory=MaterialUpdates)
@@ -117,7 +128,7 @@ def _translated_recorded(stage: Usd.Stage, settings: RenderSettings) -> Translat
         counts = [len(diagnostics)]
         ctx, product = context_of(stage, settings, found, when, diagnostics, names)
         ctx.kept.of(Record).is_on = True
-        begun = begin(found, (ctx, product))
+        begun = set_up_view(found, (ctx, product))
         counts.append(len(diagnostics))
         assembled = assemble(begun.ctx)
         counts += [assembled.ctx.kept.of(Record).told, len(diagnostics)]
@@ -221,32 +232,32 @@ def _walked_by(ctx: Context) -> tuple[object, ...]:
 def _patched(made: Translated, stage: Usd.Stage, settings: RenderSettings, when: When, edited: set[Sdf.Path]) -> Translated:
     diagnostics = Diagnostics(file_names(stage).in_text)
     with usd_messages(diagnostics), without_collection():
-        diagnostics.extend(made.found_told)
+        diagnostics.extend(made.found_diagnostics)
         started = context_of(stage, settings, made.found, when, diagnostics, made.names)
-        begun = begin(made.found, started)
+        begun = set_up_view(made.found, started)
         if _walked_by(begun.ctx) != _walked_by(made.begun.ctx):
             raise UnknownEffect
         assembled = _updated_assembly(made, begun, edited)
-        diagnostics.extend(made.assembled_told)
+        diagnostics.extend(made.assembly_diagnostics)
         description = finish(begun, replace(assembled, scene=_copied(assembled.scene)))
         count = len(diagnostics)
     if len(diagnostics) > count or any(d.code in _CODES_WITHOUT_PRIM for d in diagnostics):
         raise UnknownEffect
-    diagnostics.extend(made.late)
+    diagnostics.extend(made.later_diagnostics)
     told = with_names(diagnostics, made.names)
     return replace(
         made, settings=settings, when=when, begun=begun, assembled=assembled, description=description, diagnostics=told
     )
 
 
-def _updated_assembly(made: Translated, begun: Begun, edited: set[Sdf.Path]) -> Assembled:
+def _updated_assembly(made: Translated, begun: ViewSetup, edited: set[Sdf.Path]) -> Assembled:
     before, record = made.assembled, made.record
     ctx = replace(begun.ctx, kept=before.ctx.kept, surfaces=before.ctx.surfaces, shares=before.ctx.shares)
     touched = affected_by(edited, ctx.stage, record)
     if touched.shading:
         ctx = replace(ctx, surfaces=made.materials.surfaces(touched.shading, ctx))
     scene = _copied(before.scene)
-    again = LeafUpdates(scene, ctx, made.leaves_told)
+    again = LeafUpdates(scene, ctx, made.leaf_diagnostics)
     moved = moved_leaves(touched.moved, record, ctx)
     for become, matrix in moved:
         again.stand(become, matrix)

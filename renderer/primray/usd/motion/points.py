@@ -19,7 +19,7 @@ from ...description import MotionSteps
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.metadata import time_codes_per_second
-from ..stage.time_varying import has_times
+from ..stage.time_varying import has_time_values
 from .attributes import ArrayPath, Rows, bend_times, is_animated
 from .sample_times import sample_times
 
@@ -123,7 +123,7 @@ def _doubles(rows: Rows | None) -> npt.NDArray[np.float64]:
 
 def sample_mismatch(found: ArrayPath, points: ArrayPath, around: tuple[float, float] | None) -> str:
     """Return why an attribute cannot be used with the points, or "" if it can."""
-    if not has_times(found.attribute):
+    if not has_time_values(found.attribute):
         return "they have no time samples"
     if around is None:
         return "the points have no time samples"

@@ -19,7 +19,7 @@ from ..moving.foreseen import Foreseen
 from ..stage.edits import check_reach, temporarily_defined
 from ..stage.open import scratch_copy
 from ..stage.reads import FAILURES, authored_attributes, why
-from ..stage.time_varying import has_times
+from ..stage.time_varying import has_time_values
 from ..stage.traversal import find_below, instanced_roots, is_in_world
 from ..stage.values import When, value
 from .bindings import NOT_APPLIED, UNBOUND, SkeletonBinding, bindings_below, has_mark, has_weights, lacks_animation, mark_posing
@@ -212,7 +212,7 @@ def author_pose_values(
         for attribute in authored_attributes(prim):
             if layer.GetNumTimeSamplesForPath(attribute.GetPath()):  # samples for another root's times
                 attribute.Clear()
-            if has_times(attribute):
+            if has_time_values(attribute):
                 _author_samples(attribute, when, times)
     if times is not None:
         for query in (query for binding in bindings for query in binding.targets):

@@ -83,11 +83,6 @@ def scalar_operations(names: frozenset[str]) -> tuple[str, ...]:
     return tuple(name for name in names if name.startswith("xformOp:") and _SCALAR.match(name.split(":")[1]))
 
 
-def has_times(attribute: Usd.Attribute) -> bool:
-    """Return whether the attribute has at least one value for a time."""
-    return bool(attribute.HasSpline() or attribute.GetNumTimeSamples() > 0)
-
-
 def earliest_if_unset(attribute: Usd.Attribute) -> Usd.TimeCode | None:
     """Return the time of the first value where there is none for the default time but some for others, else None."""
     if attribute.GetResolveInfo(Usd.TimeCode.Default()).GetSource() not in _UNSET:

@@ -12,7 +12,7 @@ from primray.description import SceneDescription
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import open_stage, stage_facts, translate
-from primray.usd.stage.time_varying import earliest_if_unset, has_times, is_below_clips, varies
+from primray.usd.stage.time_varying import earliest_if_unset, has_time_values, is_below_clips, varies
 
 from ..usd_text import stage_of, translate_text
 
@@ -69,7 +69,7 @@ def test_a_default_is_preferred_to_a_spline() -> None:
 def test_changes_within_a_span(times: str, opens: float, closes: float, moves: bool) -> None:
     stage = stage_of(text_of("shape", times))
     attribute = stage.GetPrimAtPath("/a").GetAttribute("radius")
-    assert has_times(attribute)
+    assert has_time_values(attribute)
     assert varies(attribute, opens, closes) is moves
 
 
