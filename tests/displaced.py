@@ -12,7 +12,7 @@ from primray import core, usd
 from primray.core.displacement_upload import displacements
 from primray.description import Mesh, SceneDescription
 from primray.diagnostics import Diagnostics
-from primray.render.steps import load_textures
+from primray.render.prepare import load_textures
 from primray.settings import RenderSettings
 from primray.tessellation.dice import Dicing, Warnings, dice
 

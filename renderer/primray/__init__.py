@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .diagnosis.estimate import CostEstimate, estimate
     from .diagnosis.inspection import inspect
     from .diagnosis.machine import MachineCheck
+    from .distributed.local_processes import LocalProcesses
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from .incremental.scene import Scene
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
     from .messages.announcement import RenderWarning
-    from .render.local_processes import LocalProcesses
     from .render.products import Product, render_products
     from .render.stereo import render_stereo
 
@@ -98,7 +98,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
-        "LocalProcesses": "render.local_processes",
+        "LocalProcesses": "distributed.local_processes",
         "MachineCheck": "diagnosis.machine",
         "Product": "render.products",
         "Projection": "camera",

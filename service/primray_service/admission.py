@@ -12,7 +12,7 @@ from typing import Any
 
 from primray.errors import LimitError, PrimrayError, SettingsError
 from primray.images.encoding import Encoding, compression_of
-from primray.render.frame_numbers import parse_frames
+from primray.render.frames import parse_frames
 from primray.settings import (
     DIFFUSION,
     AutoCamera,

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 
-from primray.parts.executor import PartLost
+from primray.distributed.executor import PartLost
 from primray.settings import RenderSettings
 from primray_service.farm.ray_parts import RayParts
 

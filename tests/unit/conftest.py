@@ -17,8 +17,7 @@ from primray.diagnostics import Diagnostics
 from primray.errors import StageOpenError
 from primray.render.render import OpenedFrames
 from primray.report.summary import ImageSize
-from primray.sampling.error import Estimate, FrameError
-from primray.sampling.error_curve import Row
+from primray.sampling.error import ErrorRow, Estimate, FrameError
 from primray.sampling.schedule import Stop
 
 
@@ -116,7 +115,7 @@ class FakeSampling:
         self.settings = settings
         self.stop: Stop | None = None
         self.splits, self.lane_occupancy, self.seconds, self.earlier_rays = Splits(), 0.97, 0.5, 0
-        self.rows: list[Row] = []
+        self.rows: list[ErrorRow] = []
         self.view_fault = ""
 
     def run(self, progress: Any, pause: Any = None) -> bool:
@@ -136,7 +135,7 @@ class FakeSampling:
             samples_per_pixel=(spp // 2, spp) if interrupted else (spp, spp),
         )
         known = Estimate(0.01, 0.009, 0.011)
-        self.rows = [Row(spp, 0.5, FrameError(known, known, np.ones(1), known), False)]
+        self.rows = [ErrorRow(spp, 0.5, FrameError(known, known, np.ones(1), known), False)]
         self.stop = Stop("interrupted" if interrupted else "samples", None)
         return True
 

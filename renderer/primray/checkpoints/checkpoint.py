@@ -20,20 +20,17 @@ import numpy.typing as npt
 from .. import core
 from ..camera import Camera, camera_as_json, camera_of
 from ..color.color_space import REC709, ColorSpace, is_gamut
-from ..description import Frame
+from ..description import Frame, PixelWindow
 from ..description.picture_file import PLAIN, PictureFile, picture_file_of_json
 from ..errors import CheckpointError
 from ..report.report import settings_as_json
 from ..sampling.adaptive import DOUBLINGS, Plan
-from ..sampling.error import Estimate, FrameError
-from ..sampling.error_curve import ErrorCurve, Row
+from ..sampling.error import ErrorCurve, ErrorRow, Estimate, FrameError
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
-from ..settings import BIAS, MAX_SPP, SAMPLE_BLOCK, STAGING, Metric, RenderSettings
+from ..settings import BIAS, MAX_RESOLUTION, MAX_SPP, SAMPLE_BLOCK, STAGING, Metric, RenderSettings
+from .aov_data import AovData, LightPaths, aov_data_of_contents, contents_of_aov_data, light_paths_of_json
 from .checkpoint_file import Arrays, read_checkpoint, read_header
-from .frame_json import frame_of
-from .kept_beside import KeptBeside, contents_of, of_contents
-from .light_paths import LightPaths, light_paths_of_json
 
 REPLICATES, COLORS = 2, 3
 SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits returns; other values are refused
@@ -72,7 +69,7 @@ Range = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class About:
+class CheckpointInfo:
     """A checkpoint's data besides the sampling: the render's identity, and what a report and an EXR's header contain."""
 
     identity: Mapping[str, Any]
@@ -87,7 +84,7 @@ class About:
     motion: Mapping[str, Any] | None = None  # the report's facts about motion
     stage: str = ""  # the root layer's file name
     light_paths: LightPaths | None = None  # the light path expressions in the film
-    beside: KeptBeside | None = None  # data for AOVs and the denoiser that a part keeps
+    beside: AovData | None = None  # data for AOVs and the denoiser that a part keeps
     file: PictureFile = PLAIN  # what the stage's product requests of the EXR
 
 
@@ -96,7 +93,7 @@ class Checkpoint:
     """A checkpoint as read, not yet compared with the render it is for."""
 
     path: Path
-    about: About
+    about: CheckpointInfo
     ranges: tuple[Range, ...]  # the complete samples of each pixel
     under_way: bool  # a pass is unfinished: some pixels have more samples
     adaptive: bool
@@ -104,7 +101,7 @@ class Checkpoint:
     screen_block: int  # not 0 for a quick look
     seconds: float
     lanes: tuple[int, int]  # busy, shaded
-    rows: tuple[Row, ...]
+    rows: tuple[ErrorRow, ...]
     target: tuple[float | None, str]  # the target and its metric, for which rows were due
     plan: Plan | None
     film: Arrays
@@ -133,7 +130,7 @@ def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, An
     }
 
 
-def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
+def contents(sampling: Sampling, about: CheckpointInfo) -> tuple[dict[str, Any], Arrays]:
     """Return the header and arrays of a checkpoint, as copies, so that sampling can continue while they are written."""
     settings, plan, film = sampling.settings, sampling.plan, sampling.film.state()
     first = settings.sample_range[0] if settings.sample_range else 0
@@ -172,12 +169,12 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
     if about.file != PLAIN:
         header["file"] = about.file.as_json()
     if about.beside is not None:
-        header["beside"], kept = contents_of(about.beside)
+        header["beside"], kept = contents_of_aov_data(about.beside)
         arrays |= {f"{BESIDE}{name}": array for name, array in kept.items()}
     return header, arrays
 
 
-def _last_anchor(rows: Sequence[Row]) -> int:
+def _last_anchor(rows: Sequence[ErrorRow]) -> int:
     """Return the index of the first row whose tile errors may still be needed."""
     anchors = [i for i, row in enumerate(rows) if row.anchor]
     return anchors[-1] if anchors else len(rows) - 1
@@ -204,13 +201,13 @@ def check(path: Path) -> None:
 
 
 def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoint:
-    frame = frame_of(header["frame"])
+    frame = frame_of_json(header["frame"])
     width, height = frame.size
     ranges = tuple((int(a), int(b)) for a, b in header["ranges"])
-    _valid(bool(ranges) and all(0 <= a <= b <= MAX_SPP for a, b in ranges))
+    _require(bool(ranges) and all(0 <= a <= b <= MAX_SPP for a, b in ranges))
     tiles = math.ceil(width / core.TILE) * math.ceil(height / core.TILE)
     kept = {name.removeprefix(BESIDE): array for name, array in arrays.items() if name.startswith(BESIDE)}
-    beside = of_contents(header["beside"], kept, frame.size) if header.get("beside") is not None else None
+    beside = aov_data_of_contents(header["beside"], kept, frame.size) if header.get("beside") is not None else None
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
     light_paths = light_paths_of_json(header["light_paths"])
     settings = dict(header["settings"])
@@ -218,12 +215,12 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
     splits = core.Splits(*header["splits"])
     busy, shaded = header["lanes"]
-    _valid(all(n in known for n, known in zip(splits, SPLITS, strict=True)) and 0 <= int(busy) <= int(shaded) < 2**63)
-    _valid(_is_number(header["seconds"]))
+    _require(all(n in known for n, known in zip(splits, SPLITS, strict=True)) and 0 <= int(busy) <= int(shaded) < 2**63)
+    _require(_is_number(header["seconds"]))
     target, metric = header["target"]
     return Checkpoint(
         path=path,
-        about=About(
+        about=CheckpointInfo(
             identity=dict(header["identity"]),
             settings=settings,
             camera=camera_of(header["camera"]),
@@ -253,7 +250,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     )
 
 
-def _valid(holds: bool) -> None:
+def _require(holds: bool) -> None:
     if not holds:
         raise ValueError
 
@@ -282,71 +279,71 @@ def _check_film(film: Arrays, width: int, height: int, tiles: int, expressions: 
     for why, name in core.REMOVALS.items():
         if settings.get(name, BIAS[name]) != BIAS[name]:
             shapes |= {why: ("<i8", (*pixels, COLORS, 2)), f"{why}_bins": ("|i1", (*pixels, COLORS))}
-    _valid({name: (array.dtype.str, array.shape) for name, array in film.items()} == shapes)
+    _require({name: (array.dtype.str, array.shape) for name, array in film.items()} == shapes)
     bins = [array for name, array in film.items() if name.endswith("bins")]
-    _valid(all(BINS[0] <= array.min() and array.max() <= BINS[1] for array in bins))
-    _valid(film["next"].max() <= 4 * MAX_SPP)
+    _require(all(BINS[0] <= array.min() and array.max() <= BINS[1] for array in bins))
+    _require(film["next"].max() <= 4 * MAX_SPP)
 
 
 def _plan(samples: int, arrays: Arrays, pixels: int, tiles: int) -> Plan:
     found = {name: arrays[f"plan.{name}"] for name in PLAN_ARRAYS}
     lengths = {"begin": tiles, "order": tiles * DOUBLINGS, "levels": tiles * DOUBLINGS, "spent": tiles * DOUBLINGS}
-    _valid({name: (a.dtype.str, a.shape) for name, a in found.items()} == {n: ("<i8", (k,)) for n, k in lengths.items()})
+    _require({name: (a.dtype.str, a.shape) for name, a in found.items()} == {n: ("<i8", (k,)) for n, k in lengths.items()})
     begin, order, levels, spent = found.values()
-    _valid(0 < samples <= MAX_SPP and begin.min() >= 0 and begin.max() <= MAX_SPP)
-    _valid(order.min() >= 0 and order.max() < tiles and levels.min() >= 0 and levels.max() < DOUBLINGS)
-    _valid(np.bincount(order).max() <= DOUBLINGS and spent.min() >= 0 and bool((np.diff(spent) >= 0).all()))
+    _require(0 < samples <= MAX_SPP and begin.min() >= 0 and begin.max() <= MAX_SPP)
+    _require(order.min() >= 0 and order.max() < tiles and levels.min() >= 0 and levels.max() < DOUBLINGS)
+    _require(np.bincount(order).max() <= DOUBLINGS and spent.min() >= 0 and bool((np.diff(spent) >= 0).all()))
     return Plan(samples, begin, order, levels, spent, pixels)
 
 
-def _rows(rows: Sequence[Mapping[str, Any]], arrays: Arrays, tiles: int) -> tuple[Row, ...]:
+def _rows(rows: Sequence[Mapping[str, Any]], arrays: Arrays, tiles: int) -> tuple[ErrorRow, ...]:
     """Return the measurements; only the last ones have tile errors."""
     if not rows:
         return ()
     errors = arrays["tiles"]
-    _valid(errors.dtype.str == "<f8" and errors.ndim == 2 and errors.shape[1] == tiles and 1 <= len(errors) <= len(rows))
+    _require(errors.dtype.str == "<f8" and errors.ndim == 2 and errors.shape[1] == tiles and 1 <= len(errors) <= len(rows))
     without = len(rows) - len(errors)
     found = tuple(_row(row, errors[i - without] if i >= without else np.zeros(0)) for i, row in enumerate(rows))
-    _valid(_last_anchor(found) >= without)
+    _require(_last_anchor(found) >= without)
     return found
 
 
-def _row(row: Mapping[str, Any], tiles: npt.NDArray[np.float64]) -> Row:
+def _row(row: Mapping[str, Any], tiles: npt.NDArray[np.float64]) -> ErrorRow:
     found = {metric: row["error"][metric.value] for metric in Metric}
     estimates = {
         metric.value: None if e is None else Estimate(float(e["value"]), float(e["low"]), float(e["high"]))
         for metric, e in found.items()
     }
     for number in (row["samples"], row["seconds"], *(v for e in found.values() if e is not None for v in e.values())):
-        _valid(_is_number(number))
-    _valid(float(row["samples"]) > 0)
+        _require(_is_number(number))
+    _require(float(row["samples"]) > 0)
     relmse, rmse = estimates["relmse"], estimates["rmse"]
     if relmse is None or rmse is None:
         raise ValueError
     error = FrameError(relmse, rmse, tiles, estimates["display"])
-    return Row(float(row["samples"]), float(row["seconds"]), error, bool(row["anchor"]), bool(row["due"]))
+    return ErrorRow(float(row["samples"]), float(row["seconds"]), error, bool(row["anchor"]), bool(row["due"]))
 
 
 def _space_of(values: Mapping[str, Any]) -> ColorSpace:
     red, green, blue, white = ((float(x), float(y)) for x, y in (values[k] for k in ("red", "green", "blue", "white")))
     space = ColorSpace(str(values["name"]), red, green, blue, white)
-    _valid(is_gamut(space))
+    _require(is_gamut(space))
     return space
 
 
-def settings_to_go_on(settings: RenderSettings, checkpoint: Checkpoint) -> RenderSettings:
+def resumed_settings(settings: RenderSettings, checkpoint: Checkpoint) -> RenderSettings:
     """Return the settings with adaptive sampling as in the checkpoint, where they leave it open."""
     if settings.adaptive is None and settings.sample_range is None and settings.adapts != checkpoint.adaptive:
         return replace(settings, adaptive=checkpoint.adaptive)
     return settings
 
 
-def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkpoint: Checkpoint) -> Sampling:
+def resume(scene: core.CoreScene, settings: RenderSettings, about: CheckpointInfo, checkpoint: Checkpoint) -> Sampling:
     """Return the sampling as the checkpoint left it; CheckpointError, naming differences, if it is of another picture."""
     compare(checkpoint.about, about, checkpoint.path)
     if settings.adapts != checkpoint.adaptive:
         is_, was = ("adaptive", "uniform") if settings.adapts else ("uniform", "adaptive")
-        raise _other(f"its sampling is {was}, not {is_}", checkpoint.path)
+        raise _mismatch(f"its sampling is {was}, not {is_}", checkpoint.path)
     _check_range(settings, checkpoint)
     if checkpoint.screen_block != settings.screen_block and checkpoint.ranges[0][1] < settings.most_samples:
         # A quick look draws samples in another way. Its few samples are worth less than mixing both would cost.
@@ -367,15 +364,15 @@ def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkp
 def _check_range(settings: RenderSettings, checkpoint: Checkpoint) -> None:
     held, path = checkpoint.ranges, checkpoint.path
     if len(held) > 1:
-        raise _other(f"samples {', '.join(f'{a}:{b}' for a, b in gaps(held))} are missing from it; merge them first", path)
+        raise _mismatch(f"samples {', '.join(f'{a}:{b}' for a, b in gaps(held))} are missing from it; merge them first", path)
     first, end = held[0]
     wanted, most = settings.sample_range or (0, MAX_SPP)
     if first != wanted:
         how = f"resume it with --sample-range {first}:..." if first else "resume it without --sample-range, or with one from 0"
-        raise _other(f"its samples begin at {first}, not at {wanted}; {how}", path)
+        raise _mismatch(f"its samples begin at {first}, not at {wanted}; {how}", path)
     reached = max(end, int(checkpoint.film["next"].max()) * SAMPLE_BLOCK) if checkpoint.under_way else end
     if reached > most:
-        raise _other(f"it has samples up to {reached}, beyond the end of the range at {most}", path)
+        raise _mismatch(f"it has samples up to {reached}, beyond the end of the range at {most}", path)
 
 
 def gaps(ranges: tuple[Range, ...]) -> list[Range]:
@@ -383,7 +380,7 @@ def gaps(ranges: tuple[Range, ...]) -> list[Range]:
     return [(a[1], b[0]) for a, b in pairwise(ranges) if a[1] < b[0]]
 
 
-def compare(held: About, wanted: About, path: Path) -> None:
+def compare(held: CheckpointInfo, wanted: CheckpointInfo, path: Path) -> None:
     """Raise CheckpointError, naming differences, unless both are of the same picture and the same compiled core."""
     if held.identity == wanted.identity:
         return
@@ -392,7 +389,7 @@ def compare(held: About, wanted: About, path: Path) -> None:
 
 
 def _text_of(value: Any) -> str:
-    _valid(isinstance(value, str))
+    _require(isinstance(value, str))
     return str(value)
 
 
@@ -413,7 +410,7 @@ def _compare(held: Mapping[str, Any], wanted: Mapping[str, Any], path: Path, hin
             f"the scene's {' and '.join(scene)} {'have' if scene == ['lights'] or len(scene) > 1 else 'has'} changed{by}"
         )
     if found:
-        raise _other("; ".join(found), path)
+        raise _mismatch("; ".join(found), path)
 
 
 def _shown(value: Any) -> str:
@@ -422,5 +419,15 @@ def _shown(value: Any) -> str:
     return "none" if value is None else str(value)[:80]
 
 
-def _other(how: str, path: Path) -> CheckpointError:
+def _mismatch(how: str, path: Path) -> CheckpointError:
     return CheckpointError(f"the checkpoint is of another render: {how}", where=str(path), code="checkpoint-other")
+
+
+def frame_of_json(values: Mapping[str, Any]) -> Frame:
+    """Return the frame; ValueError, KeyError or TypeError if the JSON is not valid."""
+    width, height = values["resolution"]
+    window = [values["pixels"][name] for name in ("x", "y", "width", "height")]
+    aspect = float(values["pixel_aspect_ratio"])
+    _require(all(type(n) is int and 0 < n <= MAX_RESOLUTION for n in (width, height, *window[2:])))
+    _require(all(type(n) is int and abs(n) <= MAX_RESOLUTION for n in window[:2]) and 0 < aspect < math.inf)
+    return Frame((width, height), PixelWindow(*window), aspect)

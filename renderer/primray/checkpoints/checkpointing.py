@@ -12,15 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import CheckpointError, PrimrayError, SettingsError
-from ..settings.in_stage import CHECKPOINT_EVERY
+from ..settings.stage_settings import CHECKPOINT_EVERY
 
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostic
     from ..report.prepared import Prepared
-    from ..sampling.pauses import Saving
-    from ..sampling.sampling import Progress, Sampling
-    from .checkpoint import About
-    from .kept_beside import KeptBeside
+    from ..sampling.sampling import Progress, Sampling, Saving
+    from .aov_data import AovData
+    from .checkpoint import CheckpointInfo
 
 DEFAULT_EVERY_S = 60.0
 
@@ -76,37 +75,37 @@ class Checkpointing:
     ) -> tuple[Sampling, dict[str, Any]]:
         """Sample until a stopping rule applies, saving at intervals (`savings` too); also return the report's checkpoint
         facts."""
-        from ..sampling import pauses
-        from .kept_beside import kept_beside
+        from ..sampling.sampling import run_with_saving
+        from .aov_data import aov_data_of
 
         sampling, about = begin(prepared, diagnostics, self.resume)
         resumed_at = sampling.mean_samples()
         every_s = self.every_s or prepared.asked.of(CHECKPOINT_EVERY) or DEFAULT_EVERY_S
         saver = Saver(about, every_s, lambda: self.file)
         try:
-            pauses.run(sampling, progress, (saver, *savings))
+            run_with_saving(sampling, progress, (saver, *savings))
         finally:
             saver.wait()
         if prepared.settings.sample_range is not None and sampling.stop is not None and sampling.stop.reason != "interrupted":
-            saver.keep_beside(kept_beside(prepared, sampling))
+            saver.keep_beside(aov_data_of(prepared, sampling))
         saver.save(sampling)
         return sampling, saver.as_json() | ({} if self.resume is None else {"resumed_at": resumed_at})
 
 
-def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, About]:
+def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, CheckpointInfo]:
     """Return the sampling of a scene, resumed from a checkpoint if one is given, and the data of its checkpoints."""
     from ..denoising.target import denoised_target
     from ..description.picture_file import PLAIN
     from ..report.report import settings_as_json
     from ..sampling.sampling import Sampling
     from . import checkpoint
-    from .light_paths import light_paths_of_routes
+    from .aov_data import light_paths_of_routes
 
     held = None if resume is None else checkpoint.load(resume)
-    settings = prepared.settings if held is None else checkpoint.settings_to_go_on(prepared.settings, held)
+    settings = prepared.settings if held is None else checkpoint.resumed_settings(prepared.settings, held)
     light_paths = light_paths_of_routes(prepared.aovs, prepared.scene.routes)
     asked = {} if light_paths is None else {"light_paths": " ".join(light_paths.expressions)}
-    about = checkpoint.About(
+    about = checkpoint.CheckpointInfo(
         identity=checkpoint.identity(settings, prepared.fingerprint) | asked,
         settings=settings_as_json(settings),
         camera=prepared.camera,
@@ -139,7 +138,7 @@ class Saver:
 
     def __init__(
         self,
-        about: About,
+        about: CheckpointInfo,
         every_s: float,
         name: Callable[[], Path],
         written: Callable[[Path, float, float], None] | None = None,
@@ -170,7 +169,7 @@ class Saver:
         self._paused_s += time.perf_counter() - start
         self._next = time.monotonic() + self._every_s
 
-    def keep_beside(self, kept: KeptBeside | None) -> None:
+    def keep_beside(self, kept: AovData | None) -> None:
         """Include this data for AOVs in checkpoints written from now on."""
         self._about = replace(self._about, beside=kept)
 

@@ -18,7 +18,7 @@ from ..description import SceneDescription, TextureFile
 from ..textures.texture import Texture
 
 # Fields that say where something comes from, or what was noticed in translation, but not what it looks like.
-UNSEEN = {"path", "collections", "bad_texels", "turned", "names", "instance", "diffusion"}
+IGNORED_FIELDS = {"path", "collections", "bad_texels", "turned", "names", "instance", "diffusion"}
 
 TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
@@ -81,7 +81,7 @@ class _Digests:
         elif is_dataclass(value):
             h.update(f"d{type(value).__name__}:".encode())
             for item in fields(value):
-                if item.name not in UNSEEN:
+                if item.name not in IGNORED_FIELDS:
                     self._add(h, getattr(value, item.name))
         else:
             raise TypeError(f"a {type(value).__name__} has no digest")

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 
 from ..errors import InternalError, PrimrayError, UnsupportedError
-from ..render.speed import Speed, rate_text
+from ..render.progress import Speed, rate_text
 
 
 def print_line(line: Mapping[str, Any]) -> None:

@@ -11,7 +11,7 @@ from ..aov_names import AOVS
 from ..errors import SettingsError
 from ..images.encoding import BIT_DEPTHS, Encoding, compression_of
 from ..process_memory import available_bytes
-from ..render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
+from ..render.frames import frame_list, names_ends, parse_frames, with_ends
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK, check_stops
 from .output_targets import suffix_of
 

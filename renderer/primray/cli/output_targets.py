@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import PrimrayError, SettingsError
-from ..render.frame_names import FrameName, frame_name
+from ..render.frames import FrameName, frame_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
-from ..render.frame_names import FrameName, check_names, frame_name
+from ..render.frames import FrameName, check_names, frame_name
 from ..settings import RenderSettings
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ..errors import SettingsError
-from ..render.frame_names import FrameName, check_names
+from ..render.frames import FrameName, check_names
 from ..settings import RenderSettings
 from .shots import Shot
 

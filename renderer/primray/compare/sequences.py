@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import PrimrayError, SettingsError
-from ..render.frame_names import FrameName, frame_name, numbered_files
+from ..render.frames import FrameName, frame_name, numbered_files
 from .aov_tests import compare_with_aovs
 from .comparable import SUFFIX, aovs_of, read_picture
 from .comparison import Comparison, Tile, Verdict, check_criteria, compare

@@ -12,7 +12,7 @@ from ..aov_names import AovRequest
 from ..arrays import Doubles
 from ..camera import Camera, Projection
 from ..color.color_space import REC709, ColorSpace
-from ..settings.in_stage import NOTHING_ASKED, StageSettings
+from ..settings.stage_settings import NOTHING_ASKED, StageSettings
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, LightType, Linked, half_extent
 from .motion import CameraMotion, Exposure, MotionSteps

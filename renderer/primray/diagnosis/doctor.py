@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from ..errors import SettingsError
-from ..render.settings_by_name import naming_settings
+from ..render.render import with_setting_names
 from ..settings import RenderSettings, SettingsValues, with_values
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def doctor(
     pilot_seconds: float = ...,
     **values: Unpack[SettingsValues],
 ) -> Diagnosis: ...
-@naming_settings
+@with_setting_names
 def doctor(
     stage: str | os.PathLike[str] | Any | None = None,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable

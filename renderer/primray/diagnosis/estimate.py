@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
-from ..render.settings_by_name import naming_settings
+from ..render.render import with_setting_names
 from ..settings import Metric, RenderSettings, SettingsValues, with_values
 from .doctor import PILOT_S, SMALLEST_TARGET, check_pilot
 
@@ -53,7 +53,7 @@ def _with_shadow(prediction: Prediction, has_shadow: bool) -> Prediction:
     return replace(prediction, seconds=type(seconds)(math.sqrt(2) * seconds.value, seconds.low, 2 * seconds.high))
 
 
-@naming_settings
+@with_setting_names
 def estimate(
     stage: str | os.PathLike[str] | Any,
     targets: Iterable[float] = (),

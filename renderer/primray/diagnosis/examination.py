@@ -19,7 +19,7 @@ from ..description import SceneDescription, Shape, Surface
 from ..diagnostics import Diagnostics
 from ..images.image import Image
 from ..render import find_aovs, prepare
-from ..render.steps import Steps, Textures
+from ..render.prepare import Steps, Textures
 from ..report.prepared import Prepared
 from ..report.report import Costs
 from ..report.summary import ImageSize

@@ -7,14 +7,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Unpack
 
 from ..diagnostics import Diagnostics
-from ..render.settings_by_name import naming_settings
+from ..render.render import with_setting_names
 from ..settings import RenderSettings, SettingsValues, with_values
 
 if TYPE_CHECKING:
     from ..description import SceneDescription
 
 
-@naming_settings
+@with_setting_names
 def inspect(
     stage: str | os.PathLike[str] | Any,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from ..errors import SettingsError
 from ..render.prepare import composing_settings, prepare
-from ..render.render import OnInterrupt, OpenedFrames
-from ..render.settings_by_name import naming_settings
+from ..render.render import OnInterrupt, OpenedFrames, with_setting_names
 from ..settings import RenderSettings, SettingsValues, with_values
 from .steps import CachedSteps, MemoryLimitedSteps
 
@@ -22,8 +21,8 @@ if TYPE_CHECKING:
 
     from ..diagnostics import Diagnostics
     from ..images.image import Image
+    from ..render.prepare import Steps
     from ..render.snapshots import Snapshots
-    from ..render.steps import Steps
     from ..report.prepared import Prepared
     from ..report.report import Costs
     from ..sampling.sampling import Progress
@@ -63,7 +62,7 @@ class Scene:
         """The Usd.Stage that is rendered, to edit: the given one, unless `composition` asks for another one."""
         return self._kept.opened.stage
 
-    @naming_settings
+    @with_setting_names
     def render(
         self,
         settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
@@ -75,7 +74,7 @@ class Scene:
     ) -> Image:
         """Render the stage as it is now, like primray.render; `snapshots` are those of primray.render_frames."""
         from ..messages.announcement import Announcer
-        from ..render.notebook_bar import shown_progress
+        from ..render.progress import shown_progress
 
         settings = self._composed(with_values(settings, values))
         with shown_progress(progress) as shown:

@@ -18,7 +18,7 @@ from ..checkpoints.fingerprint import PARTS, fingerprint_of
 from ..description import SceneDescription, TextureFile, Wrap
 from ..diagnostics import Diagnostic, Diagnostics
 from ..process_memory import machine_bytes, resident_bytes
-from ..render.steps import Steps, Textures, image_sizes, read_textures
+from ..render.prepare import Steps, Textures, image_sizes, read_textures
 from ..report.summary import ImageSize
 from ..settings import DefaultWrap, Filter, RenderSettings
 from ..textures.texture_set import with_read_textures
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..core import CoreScene
     from ..description import SceneDescription, Shape
     from ..diagnostics import Diagnostics
-    from ..render.steps import Textures
+    from ..render.prepare import Textures
     from ..report.summary import ImageSize
 
     Limits = list[tuple[str, str, str]]

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from ..errors import InternalError, PrimrayError, SettingsError
 from ..settings import check_stops
-from ..settings.limits import QUICK_LOOK
+from ..settings.choices import QUICK_LOOK
 from .file_watch import FileWatch
 from .viewed_scene import Size, View, ViewedScene
 

@@ -5,9 +5,8 @@ render starts.
 """
 
 from ..report.prepared import Prepared
-from .prepare import OpenedStage, check_memory, open_once, prepare
-from .render import OnInterrupt, core_says, find_aovs, picture_of, render, rendered_frames
-from .steps import Steps, image_sizes, load_textures
+from .prepare import OpenedStage, Steps, check_memory, image_sizes, load_textures, open_once, prepare
+from .render import OnInterrupt, core_facts, find_aovs, picture_of, render, rendered_frames
 
 __all__ = [
     "OnInterrupt",
@@ -15,7 +14,7 @@ __all__ = [
     "Prepared",
     "Steps",
     "check_memory",
-    "core_says",
+    "core_facts",
     "find_aovs",
     "image_sizes",
     "load_textures",

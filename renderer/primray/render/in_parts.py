@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..diagnostic_codes import Severity
 from ..errors import RenderCancelled, SettingsError
 from ..settings import RenderSettings
-from ..settings.in_stage import STOPS
+from ..settings.stage_settings import STOPS
 from .interruption import interruption
 
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostic, Diagnostics
+    from ..distributed.executor import PartsExecutor
     from ..images.image import Image
-    from ..parts.executor import PartsExecutor
     from ..sampling.sampling import Progress
 
 ENDS = (*STOPS, "error_metric", "denoise")
@@ -32,7 +32,7 @@ def render_in_parts(
 
     As in `render`, KeyboardInterrupt or RenderCancelled where it was stopped, unless the partial picture is wanted.
     """
-    from ..parts.gather import gather
+    from ..distributed.gather import gather
     from ..report.report import Costs
 
     if not isinstance(stage, str | os.PathLike):

@@ -16,10 +16,9 @@ from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import SettingsError
 from ..images.product_name import changes_of, product_path
 from ..settings import RenderSettings, SettingsValues, with_values
-from .frame_names import frame_name, with_number
+from .frames import frame_name, with_number
 from .prepare import OpenedStage, open_once, with_usable_view
-from .render import rendered_frames
-from .settings_by_name import naming_settings
+from .render import rendered_frames, with_setting_names
 
 if TYPE_CHECKING:
     from ..images.image import Image
@@ -139,7 +138,7 @@ def renders_of(products: Iterable[Product]) -> list[tuple[RenderSettings, list[P
     return list(found.items())
 
 
-@naming_settings
+@with_setting_names
 def render_products(
     stage: str | os.PathLike[str] | object,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable

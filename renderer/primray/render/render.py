@@ -9,36 +9,49 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, replace
+from inspect import Parameter, signature
 from itertools import chain, repeat
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Unpack
 
 from ..errors import RenderCancelled, SettingsError
 from ..report.prepared import Prepared
 from ..settings import RenderSettings, SettingsValues, with_values
 from .interruption import Interruption, interruption
 from .prepare import OpenedStage, composing_settings, open_once, prepare
-from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
     from ..aov_names import AovRequest
     from ..checkpoints.checkpointing import Checkpointing
     from ..core import CoreScene
     from ..diagnostics import Diagnostics
+    from ..distributed.executor import PartsExecutor
     from ..images.aov import Aov
     from ..images.background import Backdrop
     from ..images.image import Image
-    from ..parts.executor import PartsExecutor
     from ..report.report import Costs
     from ..sampling.sampling import Progress, Sampling
+    from .prepare import Steps
     from .snapshots import Snapshots
-    from .steps import Steps
 
     Tell = Callable[[Diagnostics], None]
+
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+def with_setting_names(function: Function) -> Function:
+    """Return the function with its `**values` spelled out in its signature."""
+    own = signature(function)
+    kept = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    fields = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in signature(RenderSettings).parameters.values()]
+    function.__signature__ = own.replace(parameters=[*kept, *fields])  # type: ignore[attr-defined]
+    return function
+
 
 OnInterrupt = Literal["raise", "partial"]
 
 
-@naming_settings
+@with_setting_names
 def render(
     stage: str | os.PathLike[str] | Any,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
@@ -80,7 +93,7 @@ def _in_parts(
 ) -> Image:
     from ..messages.announcement import Announcer
     from .in_parts import diagnostics_of, render_in_parts
-    from .notebook_bar import shown_progress
+    from .progress import shown_progress
 
     if checkpointing is not None:
         raise SettingsError("a frame that is rendered in parts has no checkpoints", where="checkpointing", code="parts-setting")
@@ -140,7 +153,7 @@ def rendered_frames(
     `is_quiet`: no warnings, log or progress bar, for callers that show these themselves.
     """
     from ..messages.announcement import Announcer
-    from .notebook_bar import shown_progress
+    from .progress import shown_progress
 
     own = None if progress is False else progress
     opened: OpenedFrames | None = None
@@ -170,8 +183,7 @@ def render_opened(
     """Render one picture of a stage; `steps` as for `prepare`."""
     from ..denoising.target import check_denoising, denoised_target
     from ..diagnostics import Diagnostics
-    from ..sampling import pauses
-    from ..sampling.sampling import Sampling
+    from ..sampling.sampling import Sampling, run_with_saving
 
     diagnostics = Diagnostics()
     if checkpointing is not None:
@@ -187,7 +199,7 @@ def render_opened(
         if checkpointing is None:
             sampling = Sampling.begin(prepared.scene, prepared.settings)
             sampling.judge_by = denoised_target(prepared.scene, prepared.settings)
-            pauses.run(sampling, watched, savings)
+            run_with_saving(sampling, watched, savings)
         else:
             sampling, saved = checkpointing.run(prepared, list(diagnostics), watched, savings)
         sampling.film.image()
@@ -231,7 +243,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
         pixels, foreground = backdrop.behind(rendered), Foreground(rendered, backdrop.exposed)
     aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
+    report = make_report(sampling, costs, prepared.counts, as_json, core_facts(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
     with kept_without("the main cause of the error", diagnostics):
         rules = what_rules(prepared, report, rendered, errors)
@@ -352,7 +364,7 @@ def find_aovs(
     return {request.name: found[request.name] for request in prepared.aovs if request.name in found}, says
 
 
-def core_says(scene: CoreScene) -> dict[str, Any]:
+def core_facts(scene: CoreScene) -> dict[str, Any]:
     """Return the report's facts about the core."""
     from .. import core
 

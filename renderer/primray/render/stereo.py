@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Unpack
 
 from ..settings import Eye, RenderSettings, SettingsValues, with_values
-from .render import rendered_frames
-from .settings_by_name import naming_settings
+from .render import rendered_frames, with_setting_names
 
 if TYPE_CHECKING:
     import os
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from ..sampling.sampling import Progress
 
 
-@naming_settings
+@with_setting_names
 def render_stereo(
     stage: str | os.PathLike[str] | object,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable

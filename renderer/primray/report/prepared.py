@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..settings import RenderSettings
-from ..settings.in_stage import NOTHING_ASKED, StageSettings
+from ..settings.stage_settings import NOTHING_ASKED, StageSettings
 
 if TYPE_CHECKING:
     from ..aov_names import AovRequest

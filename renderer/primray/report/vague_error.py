@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Doubles, Floats
-from ..sampling.error_curve import fewest_samples
+from ..sampling.error import fewest_samples
 from ..settings import Metric, StopAt
 from .prepared import Prepared
 

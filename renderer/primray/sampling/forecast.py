@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ..settings import MAX_SPP, Metric
-from .error import Z95, Estimate
-from .error_curve import FASTEST, SLOWEST, Row
+from .error import FASTEST, SLOWEST, Z95, ErrorRow, Estimate
 from .prediction import BETWEEN_BLOCKS, OF_SPEED
 from .schedule import FIRST_ANCHOR, FIRST_PLAN
 
@@ -53,7 +52,7 @@ class Forecaster:
         self.marks.append((seconds, samples))
         return Forecast(self._error(samples), self._left(samples, seconds))
 
-    def _row(self) -> Row | None:
+    def _row(self) -> ErrorRow | None:
         return self.sampling.curve.last
 
     def _error(self, samples: float) -> Estimate | None:
@@ -71,7 +70,7 @@ class Forecaster:
     def _is_squared(self) -> bool:
         return self.sampling.settings.metric is Metric.RELMSE
 
-    def _alike(self) -> list[Row]:
+    def _alike(self) -> list[ErrorRow]:
         """Return measurements with the sampling pattern of the rest of the render: from the first plan on, if there is one."""
         first = 2 * FIRST_PLAN if self.sampling.settings.adapts else FIRST_ANCHOR
         return [row for row in self.sampling.rows if row.anchor and row.samples >= 0.9 * first]

@@ -18,8 +18,7 @@ import numpy as np
 from .. import core
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 from .adaptive import Counts, Plan, make_plan
-from .error import ALL_PIXELS, Z95, Estimate
-from .error_curve import SLOWEST, Row, fewest_samples, is_held
+from .error import ALL_PIXELS, SLOWEST, Z95, ErrorRow, Estimate, fewest_samples, is_reliable
 from .sampling import Progress, Sampling
 from .schedule import FIRST_ANCHOR, FIRST_PLAN
 
@@ -55,7 +54,7 @@ class Pilot:
     """Results of a pilot render, which predict the cost of any target."""
 
     sampling: Sampling
-    row: Row
+    row: ErrorRow
     seconds_per_ray: float
     seconds_per_measurement: float
 
@@ -66,7 +65,7 @@ class Pilot:
     def predict(self, target: float) -> Prediction:
         """Return samples and seconds until the error is known to be no larger than `target`."""
         rows = self.sampling.rows
-        last = next((i for i, row in enumerate(rows) if self._is_within(row, target) and is_held(row, self.metric)), None)
+        last = next((i for i, row in enumerate(rows) if self._is_within(row, target) and is_reliable(row, self.metric)), None)
         if last == 0:
             return self._prediction(target, Estimate.around(rows[0].samples, BETWEEN_BLOCKS), self._rays(rows[0].samples))
         # Start at the last measurement that does not end the render; the pilot may have measured the rate from there.
@@ -97,7 +96,7 @@ class Pilot:
         low, high = samples.low / samples.value / factor, samples.high / samples.value * factor
         return Prediction(target, samples, Estimate(seconds, seconds * low, seconds * high))
 
-    def _wait(self, row: Row, end: float) -> Estimate:
+    def _wait(self, row: ErrorRow, end: float) -> Estimate:
         """Return samples per pixel at which an error as uncertain as the row's can meet a target, at the latest at `end`.
 
         The upper end is where it may meet a target with the interval as wide as now; the lower, where the interval is narrow
@@ -112,22 +111,22 @@ class Pilot:
             least = min(least * 1.05, most)
         return Estimate(min(WAIT * least, most), least, most)
 
-    def _is_within(self, row: Row, target: float) -> bool:
+    def _is_within(self, row: ErrorRow, target: float) -> bool:
         return row.error.of(self.metric).value <= target
 
-    def _squared(self, row: Row, *, high: bool = False) -> float:
+    def _squared(self, row: ErrorRow, *, high: bool = False) -> float:
         known = row.error.of(self.metric)
         value = max(known.high if high else known.value, 1e-150)
         return value if self.metric is Metric.RELMSE else value * value
 
-    def _part(self, target: float, row: Row, *, high: bool = False) -> float:
+    def _part(self, target: float, row: ErrorRow, *, high: bool = False) -> float:
         """Return the target as a fraction of the row's squared error, or of the high end of its interval."""
         return (target if self.metric is Metric.RELMSE else target * target) / self._squared(row, high=high)
 
-    def _rate(self, before: Row, after: Row) -> float:
+    def _rate(self, before: ErrorRow, after: ErrorRow) -> float:
         return max(math.log(self._squared(before) / self._squared(after)) / math.log(after.samples / before.samples), SLOWEST)
 
-    def _width(self, row: Row) -> float:
+    def _width(self, row: ErrorRow) -> float:
         """Return the uncertainty of the squared error's logarithm."""
         known = row.error.of(self.metric)
         width = math.log(max(known.high, 1e-300) / max(known.low, 1e-300)) / (2 * Z95)
@@ -139,7 +138,7 @@ class Pilot:
         width, height = film.resolution
         return film.rays * samples * width * height / film.samples
 
-    def _to(self, part: float, row: Row, rate: float, replanning: bool) -> tuple[float, float]:
+    def _to(self, part: float, row: ErrorRow, rate: float, replanning: bool) -> tuple[float, float]:
         """Return samples per pixel and rays at which the error has fallen to `part` of the row's."""
         if not self.sampling.settings.adapts or row.samples < FIRST_PLAN:
             samples = float(math.ceil(row.samples * part ** (-1 / rate) / SAMPLE_BLOCK) * SAMPLE_BLOCK)
@@ -153,7 +152,7 @@ class Pilot:
         more = max(samples * fewer, row.samples + SAMPLE_BLOCK)
         return more, self._rays(row.samples) + added * (more - row.samples) / (samples - row.samples)
 
-    def _plan(self, row: Row) -> tuple[Plan, Counts]:
+    def _plan(self, row: ErrorRow) -> tuple[Plan, Counts]:
         """Return the plan of adaptive sampling from the row on, and each tile's samples of a replicate there."""
         film = self.sampling.film
         begin = np.full(len(film.tile_rays), round(row.samples) // 2, np.int64)
@@ -164,7 +163,7 @@ class Pilot:
         each = film.tile_rays / np.maximum(film.next.sum(axis=0), 1)  # rays per sample in each tile
         return float((2 * (plan.ends(math.ceil(samples))[0] - begin) * each).sum())
 
-    def _rays_of_wait(self, row: Row, samples: float) -> float:
+    def _rays_of_wait(self, row: ErrorRow, samples: float) -> float:
         """Return the rays of a render that continues from the row, whose error is small enough, to `samples` per pixel."""
         if not self.sampling.settings.adapts or samples < FIRST_PLAN:
             return self._rays(samples)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -14,8 +14,7 @@ from .. import core
 from ..errors import SettingsError
 from ..settings import SAMPLE_BLOCK, Metric, RenderSettings
 from .adaptive import Plan, make_plan
-from .error import ALL_PIXELS, DisplayView, FrameError, is_measurable, measure
-from .error_curve import ErrorCurve, Row
+from .error import ALL_PIXELS, DisplayView, ErrorCurve, ErrorRow, FrameError, is_measurable, measure
 from .schedule import Measurement, Schedule, Stop
 
 LOOK_PIXELS = 1 << 15  # pixels measured for the first look
@@ -80,7 +79,7 @@ class Sampling:
         return self.schedule.settings
 
     @property
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[ErrorRow, ...]:
         return self.curve.rows
 
     def count_as_spent(self, seconds: float) -> None:
@@ -205,7 +204,7 @@ class Sampling:
 
     def _add(self, error: FrameError | None, *, anchor: bool = False, due: bool = False) -> None:
         if error is not None:
-            self.curve = self.curve.add(Row(self.mean_samples(), self.seconds, error, anchor, due))
+            self.curve = self.curve.add(ErrorRow(self.mean_samples(), self.seconds, error, anchor, due))
 
     def _error(self, *, shown: bool, most_pixels: int = ALL_PIXELS) -> FrameError | None:
         """Measure the error, on a display too if `shown`; the time counts as sampling."""
@@ -235,7 +234,7 @@ class Sampling:
     def _is_of_display(self) -> bool:
         return self.settings.metric is Metric.DISPLAY
 
-    def _row_here(self) -> Row | None:
+    def _row_here(self) -> ErrorRow | None:
         """Return the measured error of exactly the samples taken so far, or None."""
         return self.curve.at(self.mean_samples())
 
@@ -247,3 +246,20 @@ class Sampling:
     @property
     def lane_occupancy(self) -> float:
         return self.busy_lanes / self.shaded_lanes if self.shaded_lanes else 0.0
+
+
+class Saving(Protocol):
+    """Something that is saved at intervals."""
+
+    def is_due(self) -> bool: ...
+
+    def save_meanwhile(self, sampling: Sampling) -> None: ...
+
+
+def run_with_saving(sampling: Sampling, progress: Progress | None, savings: Sequence[Saving]) -> None:
+    """Sample until a stopping rule applies, and save what is due in between."""
+    pause = (lambda: any(saving.is_due() for saving in savings)) if savings else None
+    while not sampling.run(progress, pause):
+        for saving in savings:
+            if saving.is_due():
+                saving.save_meanwhile(sampling)

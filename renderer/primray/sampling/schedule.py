@@ -15,7 +15,7 @@ from enum import Enum, auto
 from typing import TYPE_CHECKING, Any
 
 from ..settings import SAMPLE_BLOCK, RenderSettings, StopAt
-from .error_curve import FEWEST, ErrorCurve, Row, fewest_samples
+from .error import FEWEST, ErrorCurve, ErrorRow, fewest_samples
 
 if TYPE_CHECKING:
     from .adaptive import Plan
@@ -133,7 +133,7 @@ class Schedule:
         share = more if more < 2 * SAMPLE_BLOCK else max(SHARE_OF_TIME * more, 2 * SAMPLE_BLOCK)
         return (done + int(share)) // SAMPLE_BLOCK * SAMPLE_BLOCK
 
-    def target_met(self, here: Row | None) -> bool | None:
+    def target_met(self, here: ErrorRow | None) -> bool | None:
         """Return whether the error of all samples is known to be at most the target; None: there is no target."""
         target = self.target_error
         if target is None:
@@ -143,7 +143,7 @@ class Schedule:
         error = here.error.of(self.settings.metric)
         return error.value <= target and here.samples >= min(fewest_samples(error.doubt), self.settings.most_samples)
 
-    def stop(self, done: int, here: Row | None, seconds: float) -> Stop | None:
+    def stop(self, done: int, here: ErrorRow | None, seconds: float) -> Stop | None:
         """Return the stop if the render ends after this pass; `here`: the error measured there, if it was."""
         limit, at_end = self.settings.sampling_time_s, done >= self.settings.most_samples
         if here is not None and (here.decides or at_end) and self.target_met(here):

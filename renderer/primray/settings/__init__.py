@@ -1,20 +1,8 @@
 """Render settings: the fields, their allowed values, and how they are read. Import names from here."""
 
 from .choices import (
-    DEFAULT_FILTER_WIDTH,
-    AutoCamera,
-    DefaultWrap,
-    Eye,
-    Filter,
-    Ground,
-    Metric,
-    RenderContext,
-    StopAt,
-    StudioLight,
-)
-from .from_json import settings_of_json
-from .limits import (
     DEFAULT_DICING_RATE,
+    DEFAULT_FILTER_WIDTH,
     DEFAULT_MOTION_ERROR,
     DEFAULT_SPP,
     MAX_PIXELS,
@@ -24,11 +12,20 @@ from .limits import (
     MAX_THREADS,
     QUICK_LOOK,
     SAMPLE_BLOCK,
+    AutoCamera,
+    DefaultWrap,
+    Eye,
+    Filter,
+    Ground,
+    Metric,
+    RenderContext,
+    StopAt,
+    StudioLight,
     check_stops,
     limit_pixels,
 )
-from .render_settings import PURPOSES, RenderSettings, with_values
-from .written import BIAS, DIFFUSION, SELDOM, STAGING, SettingsValues
+from .readers import BIAS, DIFFUSION, SELDOM, STAGING, SettingsValues
+from .render_settings import PURPOSES, RenderSettings, settings_of_json, with_values
 
 __all__ = [
     "BIAS",

@@ -1,6 +1,7 @@
 """RenderSettings: everything that a user requests of a render, validated on construction.
 
-Values that the scene decides are None here and are resolved by translation.
+Values that the scene decides are None here and are resolved by translation. `settings_of_json` reads the settings that are
+stored in reports and checkpoints.
 """
 
 from __future__ import annotations
@@ -8,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Unpack
+from enum import Enum
+from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
 from ..aov_names import check_names, light_paths_of, requests_of
 from ..camera_choice import Matrix
@@ -16,8 +18,7 @@ from ..composition import Composition
 from ..diagnostics import Refusal, check_codes
 from ..errors import SettingsError, did_you_mean
 from ..lens.diffusion import fault_of
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, StopAt, StudioLight
-from .limits import (
+from .choices import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
     DEFAULT_SPP,
@@ -26,14 +27,24 @@ from .limits import (
     MAX_THREADS,
     QUICK_LOOK,
     SAMPLE_BLOCK,
+    AutoCamera,
+    DefaultWrap,
+    Eye,
+    Filter,
+    Ground,
+    Metric,
+    RenderContext,
+    StopAt,
+    StudioLight,
     limit,
     limit_pixels,
     require,
 )
-from .written import DIFFUSION, READERS, SettingsValues
+from .readers import DIFFUSION, READERS, SettingsValues
 
 if TYPE_CHECKING:
     from ..camera import Camera
+
 
 SHADOW_SHARE = 0.3  # share of a time limit for the shadow on a ground
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
@@ -370,3 +381,31 @@ def _check_resolution(width: int, height: int) -> None:
     sentence = f"the resolution must be whole pixels above 0 (a single 0 follows from the aspect ratio), not {width} x {height}"
     require(min(width, height) >= 0 and max(width, height) > 0, sentence, "resolution")
     limit_pixels(width, height, "resolution")
+
+
+Choice = TypeVar("Choice", bound=Enum)
+
+
+def _optional(kind: type[Choice], value: object) -> Choice | None:
+    return None if value is None else kind(value)
+
+
+def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
+    """Return the settings that report.settings_as_json wrote; TypeError or ValueError for unknown names or choices."""
+    pairs = ("resolution", "sample_range", "shutter", "region")
+    names = (*pairs, "joint_products", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
+    tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
+    chosen: dict[str, Any] = {"filter": _optional(Filter, values.get("filter"))}
+    chosen["error_metric"] = _optional(Metric, values.get("error_metric"))
+    chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
+    chosen["stop_at"] = StopAt(values.get("stop_at", StopAt.PICTURE))
+    chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
+    chosen["render_context"] = RenderContext(values.get("render_context", RenderContext.MTLX))
+    chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])
+    chosen["studio_light"] = StudioLight(values.get("studio_light", StudioLight.AUTO))
+    chosen["ground"] = None if values.get("ground") is None else Ground(values["ground"])
+    if isinstance(values.get("camera"), Mapping):
+        from ..camera import camera_of
+
+        chosen["camera"] = camera_of(values["camera"])
+    return RenderSettings(**{**values, **tuples, **chosen})

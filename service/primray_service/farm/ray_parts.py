@@ -19,8 +19,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
+from primray.distributed.executor import PartLost
 from primray.errors import LimitError, SettingsError
-from primray.parts.executor import PartLost
 from primray.report.report import settings_as_json
 from primray.settings import RenderSettings
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from primray.checkpoints.merge import Merged, merge
+from primray.distributed.gather import merge_and_judge
 from primray.images.background import behind_previews
-from primray.parts.judging import merge_and_judge
 from primray.settings import SAMPLE_BLOCK
 
 from .channel import Channel

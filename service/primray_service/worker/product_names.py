@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 
 from primray.errors import SettingsError
-from primray.render.frame_names import frame_name
+from primray.render.frames import frame_name
 
 LONGEST = 60  # characters of a stem, which the frame's suffix follows, and a number if two are equal
 

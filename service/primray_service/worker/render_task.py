@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from primray.checkpoints.aov_data import aov_data_of
 from primray.checkpoints.checkpointing import Saver, begin
-from primray.checkpoints.kept_beside import kept_beside
 from primray.description.picture_file import PictureView
 from primray.diagnostics import Diagnostics
 from primray.images.background import behind_previews
@@ -48,7 +48,7 @@ def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, o
         run = Run(prepared, command, diagnostics, channel, out, numbers, _checkpoint(command, job))
         if command.get("keeps_beside") and run.sampling.film.samples:
             run.saver.wait()
-            run.saver.keep_beside(kept_beside(prepared, run.sampling))
+            run.saver.keep_beside(aov_data_of(prepared, run.sampling))
         run.watch.last_words()
     sampling, saver = run.sampling, run.saver
     if not sampling.film.samples:  # it was stopped before there was a picture

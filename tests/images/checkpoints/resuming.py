@@ -13,7 +13,7 @@ import pytest
 from tests.kernels.scenes import SCENES
 
 from primray import core
-from primray.checkpoints.checkpoint import About, contents, identity, load, resume, settings_to_go_on
+from primray.checkpoints.checkpoint import CheckpointInfo, contents, identity, load, resume, resumed_settings
 from primray.checkpoints.checkpoint_file import write_checkpoint
 from primray.description import Camera, Projection
 from primray.description.scene import whole_frame
@@ -58,9 +58,9 @@ def run(**values: Any) -> Sampling:
     return sampling
 
 
-def about(of: RenderSettings, **changes: Any) -> About:
+def about(of: RenderSettings, **changes: Any) -> CheckpointInfo:
     assert of.resolution is not None
-    return About(
+    return CheckpointInfo(
         identity(of, DIGESTS) | changes, settings_as_json(of), CAMERA, whole_frame(*of.resolution), {"triangles": 2}, [], []
     )
 
@@ -72,7 +72,7 @@ def save(sampling: Sampling, path: Path, **changes: Any) -> Path:
 
 def go_on(path: Path, **values: Any) -> Sampling:
     held = load(path)
-    chosen = settings_to_go_on(settings(**values), held)
+    chosen = resumed_settings(settings(**values), held)
     sampling = resume(scene(), chosen, about(chosen), held)
     sampling.schedule = replace(sampling.schedule, resumable=True)
     return sampling

@@ -1,4 +1,4 @@
-"""As primray.render.part, but the first process is killed: python -m tests.images.parts.dying"""
+"""As primray.distributed.local_processes, but the first process is killed: python -m tests.images.parts.dying"""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import signal
 from pathlib import Path
 
-from primray.render.part import main
+from primray.distributed.local_processes import main
 
 if __name__ == "__main__":
     try:

@@ -9,7 +9,7 @@ import pytest
 from pxr import Usd
 
 import primray
-from primray.checkpoints import kept_beside
+from primray.checkpoints import aov_data
 from primray.checkpoints.merge import merge
 from primray.denoising.denoiser import has_denoiser
 from primray.errors import CheckpointError, SettingsError
@@ -88,7 +88,7 @@ def test_a_part_that_keeps_nonsense_is_damaged(tmp_path: Path, monkeypatch: pyte
         counts, number, shares, names = real(*arguments)
         return counts, number + 1000, shares, names
 
-    monkeypatch.setattr(kept_beside, "covered_names", beyond)
+    monkeypatch.setattr(aov_data, "covered_names", beyond)
     file = _part(tmp_path / "a.prc", 0, 4, aovs=MATTES)
     with pytest.raises(CheckpointError, match="damaged"):
         merge([file])

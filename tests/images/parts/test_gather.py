@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from tests.images.checkpoints.resuming import run, save, scene, sha256
 
+from primray.distributed.executor import PartLost
+from primray.distributed.gather import gather
 from primray.errors import PrimrayError, RenderCancelled, SettingsError
 from primray.images.image import Image
-from primray.parts import handing_out
-from primray.parts.executor import PartLost
-from primray.parts.gather import gather
 from primray.report.report import Costs
 from primray.settings import RenderSettings
 
@@ -64,7 +63,7 @@ class FakeExecutor:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(handing_out, "LOOK_EVERY_S", 0.001)
+    monkeypatch.setattr("primray.distributed.gather.LOOK_EVERY_S", 0.001)
 
 
 def gathered(executor: FakeExecutor, progress: Any = None, **values: Any) -> Image:
@@ -151,7 +150,7 @@ def test_errors_of_the_frame_end_it() -> None:
 
 
 def test_nowhere_to_render(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(handing_out, "NOWHERE_S", 0.05)
+    monkeypatch.setattr("primray.distributed.gather.NOWHERE_S", 0.05)
     with pytest.raises(PrimrayError, match="no worker was available") as raised:
         gathered(FakeExecutor(slots=0), spp=20)
     assert raised.value.code == "parts-nowhere"

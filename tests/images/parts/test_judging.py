@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from tests.images.checkpoints.resuming import go_on, run, save, sha256
 
+from primray.distributed.gather import Judgement, merge_and_judge
 from primray.images.image import pixels_sha256
-from primray.parts.judging import Judgement, merge_and_judge
 
 TARGET = 0.002
 

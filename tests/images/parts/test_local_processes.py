@@ -11,8 +11,8 @@ import pytest
 
 import primray
 from primray.cli import run as primray_command
+from primray.distributed import local_processes
 from primray.errors import PrimrayError, RenderCancelled, SceneError, SettingsError
-from primray.render import local_processes
 
 ROOT = Path(__file__).parents[3]
 STAGE = ROOT / "scenes/features/implicit-shapes/scene.usda"

@@ -9,7 +9,7 @@ import pytest
 from primray.diagnostics import Diagnostics
 from primray.render import Prepared
 from primray.settings import RenderSettings
-from primray.settings.in_stage import Asked, StageSettings
+from primray.settings.stage_settings import Asked, StageSettings
 from primray_service.worker.render_task import within_limits
 
 LIMITS = {"samples": 1024, "seconds": 60.0}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.kernels.scenes import SCENES
 
-from primray.checkpoints.fingerprint import UNSEEN, fingerprint
+from primray.checkpoints.fingerprint import IGNORED_FIELDS, fingerprint
 
 PARTS = ("shapes", "surfaces", "static", "prototypes", "placements", "lights", "camera")
 
@@ -41,7 +41,7 @@ def variants(value: Any) -> list[tuple[str, Any]]:
         return [
             (f"{f.name}.{where}", replace(value, **{f.name: other}))
             for f in fields(value)
-            if f.name not in UNSEEN
+            if f.name not in IGNORED_FIELDS
             for where, other in variants(getattr(value, f.name))
         ]
     if isinstance(value, tuple):

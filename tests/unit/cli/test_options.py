@@ -20,7 +20,7 @@ from primray.cli.option_values import (
 )
 from primray.color.ocio import check_view
 from primray.errors import SettingsError
-from primray.render.frame_numbers import parse_frames
+from primray.render.frames import parse_frames
 from primray.settings import DEFAULT_DICING_RATE
 
 

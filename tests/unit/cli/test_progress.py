@@ -10,7 +10,7 @@ import pytest
 
 from primray.cli import console
 from primray.cli.console import showing
-from primray.render import speed
+from primray.render import progress
 
 
 class Clock:
@@ -23,7 +23,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    for module in (console, speed):
+    for module in (console, progress):
         monkeypatch.setattr(module, "time", clock)
     return clock
 

@@ -8,7 +8,7 @@ import pytest
 
 from primray.images.image import check_output_path
 from primray.images.product_name import place_left_out, product_path, safe_product_name
-from primray.render.frame_names import name_of_frame
+from primray.render.frames import name_of_frame
 
 NAMES = {
     "beauty.exr": "beauty.exr",

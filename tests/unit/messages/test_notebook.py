@@ -12,7 +12,7 @@ import pytest
 from primray import Image
 from primray.messages.notebook import in_notebook
 from primray.render import render
-from primray.render.notebook_bar import shown_progress
+from primray.render.progress import shown_progress
 
 if TYPE_CHECKING:
     from tests.unit.conftest import FakePipeline

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from primray.sampling.error import Estimate, FrameError
-from primray.sampling.error_curve import USUAL_RATE, ErrorCurve, Row
+from primray.sampling.error import USUAL_RATE, ErrorCurve, ErrorRow, Estimate, FrameError
 from primray.sampling.schedule import Measurement, Schedule, Stop
 from primray.settings import MAX_SPP, Metric, RenderSettings
 
@@ -19,12 +18,12 @@ def schedule(**values: Any) -> Schedule:
     return Schedule(RenderSettings(**values), **own)
 
 
-def row(samples: float, error: float, *, anchor: bool = True, due: bool = False) -> Row:
+def row(samples: float, error: float, *, anchor: bool = True, due: bool = False) -> ErrorRow:
     known = Estimate(error, error, error)
-    return Row(samples, samples / 10, FrameError(known, known, np.ones(1), known), anchor, due)
+    return ErrorRow(samples, samples / 10, FrameError(known, known, np.ones(1), known), anchor, due)
 
 
-def curve(*rows: Row, metric: Metric = Metric.RELMSE) -> ErrorCurve:
+def curve(*rows: ErrorRow, metric: Metric = Metric.RELMSE) -> ErrorCurve:
     return ErrorCurve(metric, rows)
 
 
@@ -135,9 +134,9 @@ def test_whether_the_target_is_met() -> None:
 def test_an_error_that_is_known_badly_takes_more_samples() -> None:
     """A few bright pixels: by chance below the target, and perhaps five times as large."""
 
-    def seen(samples: float, high: float) -> Row:
+    def seen(samples: float, high: float) -> ErrorRow:
         known = Estimate(0.009, 0.009**2 / high, high)
-        return Row(samples, samples / 10, FrameError(known, known, np.ones(1), known), True)
+        return ErrorRow(samples, samples / 10, FrameError(known, known, np.ones(1), known), True)
 
     asked = schedule(target_error=0.01)
     assert asked.stop(8, seen(8, 0.01), 1.0) == Stop("target-error", True)

@@ -200,7 +200,7 @@ def _difference_names(asked: Asked, found: Pairing) -> Callable[[Pair], Path] | 
     """Return the path of each pair's difference: the name with its frame number filled in, or the pair's name in a folder."""
     from ...compare.comparison_report import check_difference_path
     from ...images.output_path import make_folder
-    from ...render.frame_names import frame_name
+    from ...render.frames import frame_name
 
     if asked.difference is None:
         return None

@@ -41,7 +41,7 @@ def merge(
     """
     from ...checkpoints.checkpointing import Checkpointing
     from ...checkpoints.merge import merge
-    from ...render.frame_names import name_of_frame
+    from ...render.frames import name_of_frame
 
     looks = Looks(
         json,

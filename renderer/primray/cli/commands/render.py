@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from ... import process_memory
 from ...errors import SettingsError
-from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
+from ...render.frames import FrameName, check_names, default_name, frame_name, name_of_frame
 from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, RenderContext, RenderSettings, StopAt, StudioLight
 from .. import option_values
 from ..option_values import OnOff
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     import typer
 
     from ...checkpoints.checkpointing import Checkpointing
+    from ...distributed.executor import PartsExecutor
     from ...images.image import Image
-    from ...parts.executor import PartsExecutor
     from ...render import OpenedStage
     from ...render.snapshots import Snapshots
     from ...sampling.sampling import Progress

@@ -11,7 +11,7 @@ from ...description.picture_file import PictureView
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError
 from ...settings import RenderSettings
-from ...settings.in_stage import StageSettings
+from ...settings.stage_settings import StageSettings
 from ..adapters.rendering.product_outputs import picture_ordered
 from ..adapters.rendering.render_pass import settings_of_pass
 from ..adapters.rendering.render_product import ProductSettings

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from primray.sampling.error import Estimate, FrameError
-from primray.sampling.error_curve import ErrorCurve, Row
+from primray.sampling.error import ErrorCurve, ErrorRow, Estimate, FrameError
 from primray.sampling.schedule import Measurement, Schedule
 from primray.settings import Metric, RenderSettings
 
@@ -51,7 +50,7 @@ def end_of_one(error_at: ErrorAt, target: float, most: int | None = None) -> int
     return found.goal
 
 
-def _row(samples: int, anchor: bool, due: bool, error_at: ErrorAt) -> Row:
+def _row(samples: int, anchor: bool, due: bool, error_at: ErrorAt) -> ErrorRow:
     error = error_at(samples)
     known = Estimate(error, error, error)
-    return Row(float(samples), 0.0, FrameError(known, known, np.zeros(1), known), anchor, due)
+    return ErrorRow(float(samples), 0.0, FrameError(known, known, np.zeros(1), known), anchor, due)

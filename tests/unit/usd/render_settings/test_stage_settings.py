@@ -16,7 +16,7 @@ from primray.diagnostics import Diagnostic, Diagnostics
 from primray.installed_packages import SCHEMAS, schema_folder
 from primray.render.prepare import with_stage_settings
 from primray.settings import Filter, Metric, RenderSettings
-from primray.settings.in_stage import CHECKPOINT_EVERY, StageSettings
+from primray.settings.stage_settings import CHECKPOINT_EVERY, StageSettings
 from primray.usd import products, translate
 from primray.usd.adapters.rendering.stage_settings import NAMES, SETTINGS, VARIABLES, VIEWS
 

@@ -14,8 +14,8 @@ from typing import Any
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
-from ....settings.in_stage import Asked
-from ....settings.limits import MAX_SPP
+from ....settings.choices import MAX_SPP
+from ....settings.stage_settings import Asked
 from ...scene.schemas import (
     ARNOLD,
     ARNOLD_BOUNCES,

@@ -12,7 +12,7 @@ from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ....light_paths.tables import check
 from ....settings import RenderSettings
-from ....settings.in_stage import StageSettings
+from ....settings.stage_settings import StageSettings
 from .render_product import WHOLE, ProductSettings
 from .render_var import PICTURE, aovs_of_variables, halves_of_picture, picture_channels
 

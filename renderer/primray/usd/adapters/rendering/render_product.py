@@ -12,7 +12,7 @@ from pxr import Usd
 from ....description.picture_file import PLAIN, PictureFile
 from ....diagnostics import Diagnostics
 from ....settings import PURPOSES
-from ....settings.in_stage import NOTHING_ASKED, StageSettings
+from ....settings.stage_settings import NOTHING_ASKED, StageSettings
 from ...stage.reads import property_names, targets, type_name
 from ...stage.values import When, value
 from .driver_parameters import product_file, variable_parameters

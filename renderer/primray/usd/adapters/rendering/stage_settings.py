@@ -17,7 +17,7 @@ from ....description.picture_file import PictureView
 from ....diagnostics import Diagnostics
 from ....errors import LimitError, SettingsError, did_you_mean
 from ....settings import MAX_STOPS, RenderSettings
-from ....settings.in_stage import CHECKPOINT_EVERY, STOPS, Asked, StageSettings
+from ....settings.stage_settings import CHECKPOINT_EVERY, STOPS, Asked, StageSettings
 from ...stage.reads import authored_attributes
 from ...stage.values import When, value
 from .foreign_settings import Authored, foreign_settings, has_integrator

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from primray.parts.board import MOST_AHEAD, Range
+from primray.distributed.planner import MOST_AHEAD, Range
 from primray.sampling.schedule import FIRST_ANCHOR
 
 from ....jobs import Frame, Json, Part, PartState

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from primray.parts.board import Board
+from primray.distributed.planner import AssignedRanges
 
 from ....jobs import Part, PartState
 
@@ -30,9 +30,9 @@ class Ledger:
         return [self._parts[first] for first in sorted(self._parts)]
 
     @property
-    def board(self) -> Board:
+    def board(self) -> AssignedRanges:
         """Return the intervals that are merged or belong to a part."""
-        board = Board()
+        board = AssignedRanges()
         for span in [(0, self.merged), *((part.first, part.end) for part in self._parts.values())]:
             board.take(span)
         return board

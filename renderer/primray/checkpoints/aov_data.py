@@ -1,7 +1,8 @@
 """Data for AOVs and the denoiser that parts of a picture keep, since the stage is not available when they are merged.
 
 AOVs that do not depend on the film's samples, and a denoiser's guides, are the same in every part: the part with sample 0 keeps
-them. For Cryptomattes each part keeps the coverage of its own samples, by name, in integer units that add up exactly.
+them. For Cryptomattes each part keeps the coverage of its own samples, by name, in integer units that add up exactly. Light
+path expressions are kept to make outputs of the film.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import CRYPTOMATTES, AovRequest, kind_of, primvar_of, taxonomy_of
+from ..aov_names import CRYPTOMATTES, AovRequest, kind_of, light_path_of, primvar_of, taxonomy_of
+from ..core.light_path_tables import Routes
 from ..denoising.denoised import guides_of
 from ..denoising.denoiser import Guides
 from ..images.aov import Aov, make_aov
@@ -22,13 +24,12 @@ from ..images.cryptomatte import Coverage, covered_names, cryptomatte
 from ..images.first_hit import aovs_of, labels_of_view
 from ..report.prepared import Prepared
 from ..sampling.sampling import Sampling
-from .light_paths import requests_of_json
 
 Arrays = dict[str, npt.NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class Covered:
+class MatteCoverage:
     """Coverage of pixels by named things.
 
     `counts` (H, W): entries of each pixel; `number` and `shares` (N), pixel by pixel: which thing covers it, and by how many
@@ -42,22 +43,22 @@ class Covered:
 
 
 @dataclass(frozen=True, eq=False)
-class KeptBeside:
+class AovData:
     """Data that one part, or several merged ones, keep for AOVs and the denoiser."""
 
     requests: tuple[AovRequest, ...]  # all AOVs of the picture
     fixed: Mapping[str, Aov] = field(default_factory=dict)
     labels: Mapping[str, Any] = field(default_factory=dict)  # the report's facts about labels
     guides: Guides | None = None
-    covered: Covered | None = None
+    covered: MatteCoverage | None = None
 
 
-def kept_beside(prepared: Prepared, sampling: Sampling) -> KeptBeside | None:
+def aov_data_of(prepared: Prepared, sampling: Sampling) -> AovData | None:
     """Return the data of a part whose samples are complete; None where no AOV and no denoising is requested."""
     settings, requests = prepared.settings, prepared.aovs
     if not requests and not settings.denoises:
         return None
-    kept = KeptBeside(requests)
+    kept = AovData(requests)
     if settings.sample_range is None or settings.sample_range[0] == 0:
         plain = [r for r in requests if _is_fixed(r) and not taxonomy_of(r.source)]
         labels = [r for r in requests if taxonomy_of(r.source)]
@@ -71,7 +72,7 @@ def kept_beside(prepared: Prepared, sampling: Sampling) -> KeptBeside | None:
     sources = [r.source for r in requests if r.source in CRYPTOMATTES]
     if sources:
         counts, number, shares, names = covered_names(prepared.scene, sources, sampling, prepared.assets)
-        kept = replace(kept, covered=Covered(counts, number, shares, {k: tuple(v) for k, v in names.items()}))
+        kept = replace(kept, covered=MatteCoverage(counts, number, shares, {k: tuple(v) for k, v in names.items()}))
     return kept
 
 
@@ -84,16 +85,16 @@ def _is_fixed(request: AovRequest) -> bool:
     )
 
 
-def joined(a: KeptBeside | None, b: KeptBeside | None) -> KeptBeside | None:
+def merged_aov_data(a: AovData | None, b: AovData | None) -> AovData | None:
     """Return the data of the samples of both; None where one of them kept nothing."""
     if a is None or b is None or a.requests != b.requests:
         return None
-    covered = None if a.covered is None or b.covered is None else _covered_by_both(a.covered, b.covered)
+    covered = None if a.covered is None or b.covered is None else _merged_coverage(a.covered, b.covered)
     first = a if a.fixed or a.guides is not None else b
     return replace(first, covered=covered)
 
 
-def _covered_by_both(a: Covered, b: Covered) -> Covered:
+def _merged_coverage(a: MatteCoverage, b: MatteCoverage) -> MatteCoverage:
     kinds = tuple(a.names)
     rows = list(zip(*a.names.values(), strict=True)), list(zip(*b.names.values(), strict=True))
     known = {row: place for place, row in enumerate(dict.fromkeys([*rows[0], *rows[1]]))}
@@ -105,10 +106,10 @@ def _covered_by_both(a: Covered, b: Covered) -> Covered:
     np.add.at(shares, place.ravel(), np.concatenate([a.shares, b.shares]))
     counts = np.bincount(pairs[:, 0], minlength=a.counts.size).astype(np.uint32).reshape(a.counts.shape)
     names = {kind: tuple(row[k] for row in known) for k, kind in enumerate(kinds)}
-    return Covered(counts, pairs[:, 1].astype(np.int64), shares, names)
+    return MatteCoverage(counts, pairs[:, 1].astype(np.int64), shares, names)
 
 
-def aovs_of_parts(kept: KeptBeside, film: core.Film) -> dict[str, Aov]:
+def aovs_of_data(kept: AovData, film: core.Film) -> dict[str, Aov]:
     """Return the AOVs that one render of all samples has, in the order requested, without those that no part holds."""
     found: dict[str, Aov] = {}
     for request in kept.requests:
@@ -121,7 +122,7 @@ def aovs_of_parts(kept: KeptBeside, film: core.Film) -> dict[str, Aov]:
     return found
 
 
-def _matte(source: str, covered: Covered, film: core.Film) -> Aov:
+def _matte(source: str, covered: MatteCoverage, film: core.Film) -> Aov:
     names = covered.names[source]
     different = list(dict.fromkeys(names))
     places = {name: place for place, name in enumerate(different)}
@@ -131,7 +132,7 @@ def _matte(source: str, covered: Covered, film: core.Film) -> Aov:
     return cryptomatte(source, coverage, number, different)
 
 
-def contents_of(kept: KeptBeside) -> tuple[dict[str, Any], Arrays]:
+def contents_of_aov_data(kept: AovData) -> tuple[dict[str, Any], Arrays]:
     """Return the data as JSON and arrays by name, for a checkpoint."""
     arrays: Arrays = {}
     fixed = []
@@ -156,7 +157,7 @@ def contents_of(kept: KeptBeside) -> tuple[dict[str, Any], Arrays]:
     return header, arrays
 
 
-def of_contents(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], size: tuple[int, int]) -> KeptBeside:
+def aov_data_of_contents(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], size: tuple[int, int]) -> AovData:
     """Return what `contents_of` wrote; KeyError, TypeError or ValueError if it is not valid. `size`: width and height."""
     shape = size[::-1]
     requests = requests_of_json(header["requests"])
@@ -177,19 +178,55 @@ def of_contents(header: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]
         guides = Guides(arrays["guide.albedo"], arrays["guide.normal"])
         _valid(guides.albedo.shape == guides.normal.shape == (*shape, 3))
     covered = None if header["names"] is None else _covered_of(header["names"], arrays, shape)
-    return KeptBeside(requests, fixed, dict(header["labels"]), guides, covered)
+    return AovData(requests, fixed, dict(header["labels"]), guides, covered)
 
 
-def _covered_of(names: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], shape: tuple[int, ...]) -> Covered:
+def _covered_of(names: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]], shape: tuple[int, ...]) -> MatteCoverage:
     counts, number, shares = (arrays[name] for name in ("counts", "number", "shares"))
     kinds = {str(kind): tuple(str(name) for name in own) for kind, own in names.items()}
     [length] = {len(own) for own in kinds.values()}
     _valid([array.dtype.str for array in (counts, number, shares)] == ["<u4", "<i8", "<i8"] and counts.shape == shape)
     _valid(set(kinds) <= set(CRYPTOMATTES) and number.shape == shares.shape == (int(counts.sum()),))
     _valid(not len(number) or (number.min() >= 0 and number.max() < length and shares.min() >= 0))
-    return Covered(counts, number, shares, kinds)
+    return MatteCoverage(counts, number, shares, kinds)
 
 
 def _valid(holds: bool) -> None:
     if not holds:
         raise ValueError
+
+
+@dataclass(frozen=True)
+class LightPaths:
+    """Outputs (`requests`) that are light path expressions; `expressions` and `members` as in core's Routes."""
+
+    requests: tuple[AovRequest, ...]
+    expressions: tuple[str, ...]
+    members: tuple[int, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def light_paths_of_routes(requests: tuple[AovRequest, ...], routes: Routes | None) -> LightPaths | None:
+    if routes is None:
+        return None
+    own = tuple(request for request in requests if light_path_of(request.source) is not None)
+    return LightPaths(own, routes.expressions, routes.members)
+
+
+def requests_of_json(value: Any) -> tuple[AovRequest, ...]:
+    """Return requests from dictionaries of their fields; KeyError or TypeError if they are not valid."""
+    return tuple(AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in value)
+
+
+def light_paths_of_json(value: Any) -> LightPaths | None:
+    """Return what `as_json` wrote; ValueError, TypeError or KeyError if it is not valid."""
+    if value is None:
+        return None
+    requests = requests_of_json(value["requests"])
+    expressions, members = tuple(map(str, value["expressions"])), tuple(map(int, value["members"]))
+    known = all(light_path_of(request.source) in expressions for request in requests)
+    if not expressions or not known or not all(0 <= mask < 1 << len(expressions) for mask in members):
+        raise ValueError(value)
+    return LightPaths(requests, expressions, members)

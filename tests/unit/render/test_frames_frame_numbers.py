@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray.errors import LimitError, SettingsError
-from primray.render.frame_numbers import frame_list, names_ends, parse_frames, with_ends
+from primray.render.frames import frame_list, names_ends, parse_frames, with_ends
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,8 @@
-"""Executor that renders parts of a frame in processes on this machine."""
+"""Executor that renders parts of a frame in processes on this machine, and the program of such a process.
+
+The program, `python -m primray.distributed.local_processes`, reads its task as a line of JSON from stdin. It writes the part's
+checkpoint, or prints the error as JSON on stdout. Any other end is a crash.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,22 @@ import json
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import SettingsError
-from ..parts.executor import PartLost
-from ..report.report import settings_as_json, usable_threads
-from ..settings import RenderSettings
-from .part import error_of_json
+from ..checkpoints.checkpointing import Checkpointing
+from ..diagnostics import Diagnostics
+from ..errors import LimitError, PrimrayError, SceneError, SettingsError
+from ..render.prepare import open_once, prepare
+from ..report.report import Costs, settings_as_json, usable_threads
+from ..settings import RenderSettings, settings_of_json
+from .executor import PartLost
 
-PROGRAM = "primray.render.part"
+PROGRAM = "primray.distributed.local_processes"
 LAST_CHARACTERS = 500  # of a process's output that an error quotes
 
 
@@ -74,3 +81,40 @@ def _follow(process: subprocess.Popen[bytes], order: dict[str, Any], future: Fut
             future.set_exception(error_of_json(json.loads(said)))
         else:
             future.set_result(None)
+
+
+NEVER_S = 1e9  # interval of checkpoints before the end
+_BY_EXIT_CODE = {error.exit_code: error for error in (SceneError, SettingsError, LimitError)}
+
+
+def render_part(stage: str, settings: RenderSettings, file: Path) -> None:
+    """Render the part's samples only: pictures and AOVs are made from the whole frame."""
+    saving, diagnostics = Checkpointing(file, every_s=NEVER_S), Diagnostics()
+    saving.check()
+    opened = open_once(stage, settings)
+    prepared = prepare(opened.stage, opened.diagnostics, settings, Costs(), diagnostics, fingerprinted=True)
+    _, saved = saving.run(prepared, list(diagnostics), lambda fraction, samples, rays: None)
+    if why := saved["failed"]:
+        raise PrimrayError(why, where=str(file), code="write-failed")
+
+
+def error_as_json(error: PrimrayError) -> dict[str, Any]:
+    return {"code": error.code, "message": error.message, "where": error.where, "exit_code": error.exit_code}
+
+
+def error_of_json(told: Mapping[str, Any]) -> PrimrayError:
+    """Return the error of a part's process as an exception."""
+    kind = _BY_EXIT_CODE.get(told["exit_code"], PrimrayError)
+    return kind(told["message"], where=told["where"], code=told["code"])
+
+
+def main() -> None:
+    order = json.loads(sys.stdin.readline())
+    try:
+        render_part(order["stage"], settings_of_json(order["settings"]), Path(order["file"]))
+    except PrimrayError as error:
+        print(json.dumps(error_as_json(error)))
+
+
+if __name__ == "__main__":
+    main()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.parts.board import Board
+from primray.distributed.planner import AssignedRanges
 
 
 def test_ranges_follow_one_another() -> None:
-    board = Board()
+    board = AssignedRanges()
     found = []
     while (part := board.next_part(40, 40, 16)) is not None:
         board.take(part)
@@ -18,7 +18,7 @@ def test_ranges_follow_one_another() -> None:
 
 
 def test_what_was_given_back_comes_first() -> None:
-    board = Board()
+    board = AssignedRanges()
     for part in ((0, 8), (8, 20), (20, 40)):
         board.take(part)
     board.give_back((8, 20))
@@ -28,7 +28,7 @@ def test_what_was_given_back_comes_first() -> None:
 
 
 def test_no_part_crosses_the_goal_or_an_anchor_beyond_it() -> None:
-    board = Board()
+    board = AssignedRanges()
     board.take((0, 90))
     assert board.next_part(100, 200, 64) == (90, 100)
     board.take((90, 100))
@@ -42,7 +42,7 @@ def test_no_part_crosses_the_goal_or_an_anchor_beyond_it() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_all_samples_are_rendered_once(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    board = Board()
+    board = AssignedRanges()
     held: list[tuple[int, int]] = []
     for _ in range(1000):
         if held and rng.random() < 0.3:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from primray.errors import SettingsError
-from primray.render.frame_names import check_names, default_name, frame_name, name_of_frame
+from primray.render.frames import check_names, default_name, frame_name, name_of_frame
 
 
 @pytest.mark.parametrize(
