@@ -40,7 +40,7 @@ class Composition:
         _check_paths("load", self.load or ())
         _check_paths("mask", self.mask or ())
         if self.mask == ():
-            raise SettingsError("an empty mask would leave nothing of the stage", where="mask", code="mask")
+            raise SettingsError("an empty mask would remove everything from the stage", where="mask", code="mask")
 
     @property
     def choices(self) -> list[VariantChoice]:
@@ -51,7 +51,7 @@ def variant_of(text: str) -> VariantChoice:
     """Return the variant choice written PRIM:SET=NAME; raise SettingsError for any other text."""
     match = _VARIANT.fullmatch(text)
     if match is None:
-        sentence = f"{text!r} is no choice of a variant; write one like /World/car:color=red"
+        sentence = f"{text!r} is not a variant selection; expected one such as /World/car:color=red"
         raise SettingsError(sentence, where="variants", code="variant")
     return VariantChoice(match["prim"], match["set"], match["name"])
 
@@ -59,5 +59,5 @@ def variant_of(text: str) -> VariantChoice:
 def _check_paths(what: str, paths: Iterable[str]) -> None:
     for path in paths:
         if not path.startswith("/") or (len(path) > 1 and path.endswith("/")):
-            sentence = f"{what} needs paths of prims such as /World/car, not {os.fspath(path)!r}"
+            sentence = f"{what} needs prim paths such as /World/car, not {os.fspath(path)!r}"
             raise SettingsError(sentence, where=what, code=what)

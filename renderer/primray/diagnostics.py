@@ -139,7 +139,7 @@ def check_codes(names: Iterable[str], where: str) -> None:
     for name in names:
         if name not in known:
             hint = did_you_mean(name, known, "docs/diagnostics.md lists them")
-            raise SettingsError(f"there is no diagnostic {name!r}; {hint}", where=where, code="unknown-diagnostic")
+            raise SettingsError(f"unknown diagnostic {name!r}; {hint}", where=where, code="unknown-diagnostic")
 
 
 UNFINISHED = "picture-unfinished"

@@ -43,7 +43,7 @@ _FORMATS = (
     Format(
         "an OpenVDB volume",
         (".vdb",),
-        advice="A stage holds it as the field (OpenVDBAsset) of a Volume prim; render the stage.",
+        advice="Reference it as a field (OpenVDBAsset) of a Volume prim, and render that stage.",
     ),
 )
 SUFFIXES = tuple(suffix for each in _FORMATS for suffix in each.suffixes)

@@ -82,13 +82,13 @@ class Held:
 
     def read_stage(self) -> None:
         """Record that the stage is being read, when no estimate exists yet."""
-        self._further = "; it was reading the stage, and `primray inspect` estimates what a render of it needs"
+        self._further = "; it was reading the stage. `primray inspect` estimates the memory of a render"
         self.watch()
 
     def watch(self) -> None:
         """Start the watch that ends the process before it exceeds the limit."""
         limit = f"{self.limit / MIB:.0f} MiB are allowed"
-        message = f"the process holds {PLACEHOLDER} MiB and {limit}, so it ends before it holds more{self._further}"
+        message = f"the process uses {PLACEHOLDER} MiB and {limit}, so it is stopped before it exceeds the limit{self._further}"
         before, after = f"error: {CODE}: {message}\n".split(PLACEHOLDER)
         line = {"type": "error", "code": CODE, "message": message, "where": "", "exit_code": LimitError.exit_code}
         json_before, json_after = (json.dumps(line) + "\n").split(PLACEHOLDER) if self._is_json else ("", "")

@@ -151,7 +151,7 @@ def test_the_command_line_tells_both(
 @pytest.mark.parametrize(
     ("values", "why"),
     [
-        ({"stop_at": "denoised", "spp": 2}, "name it by target_error"),
+        ({"stop_at": "denoised", "spp": 2}, "needs target_error"),
         ({"stop_at": "denoised", "target_error": 0.1, "error_metric": "display"}, "not on a display"),
     ],
 )

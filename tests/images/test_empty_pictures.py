@@ -23,7 +23,7 @@ MOVED = 'def Sphere "ball" { double3 xformOp:translate = %s\n uniform token[] xf
 
 EMPTY = {
     "behind": (CAMERA + "}\n" + MOVED % "(0, 0, 30)", "lies behind it"),
-    "beside": (CAMERA + "}\n" + MOVED % "(100, 0, 0)", "lies beside its view"),
+    "beside": (CAMERA + "}\n" + MOVED % "(100, 0, 0)", "is outside its view"),
     "near": (CAMERA + NEAR + BALL, "nearer than its near clipping plane, 20"),
     "far": (CAMERA + FAR + BALL, "beyond its far clipping plane, 5"),
     "nothing": (CAMERA + "}\n", "the stage holds no geometry"),
@@ -34,7 +34,7 @@ EMPTY = {
         "of purpose guide, which is not rendered",
     ),
     "class": (CAMERA + "}\n" + 'class Sphere "ball" {}', "below an abstract prim"),
-    "dark": (CAMERA + "}\n" + BALL + LAMP % 0, "What the camera sees is black"),
+    "dark": (CAMERA + "}\n" + BALL + LAMP % 0, "Everything the camera sees is black"),
 }
 
 

@@ -97,7 +97,7 @@ def test_nobody_listens_is_told_before(capsys: pytest.CaptureFixture[str]) -> No
     with socket.create_server(("127.0.0.1", 0)) as listener:
         output = f"tev://127.0.0.1:{listener.getsockname()[1]}"
     assert run(["render", "s.usda", "-o", output, "-o", "s.exr"]) == 2
-    assert f"error: tev-unreachable: no tev listens there: Connection refused; start tev, or see its --host [{output}/s]" in (
+    assert f"error: tev-unreachable: no tev is listening: Connection refused; start tev, or check its --host [{output}/s]" in (
         capsys.readouterr().err
     )
     assert not Path("s.exr").exists()

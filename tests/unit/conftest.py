@@ -182,8 +182,9 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         ImageSize=ImageSize,
         counts=asdict,
         primvar_names=lambda description: {"st": 2},
+        motion_facts=lambda description: None,
+        texture_sizes=lambda description, read: {"/no/such.png": None},
     )
-    install("report.texture_sizes", texture_sizes=lambda description, read: {"/no/such.png": None})
     return fake
 
 

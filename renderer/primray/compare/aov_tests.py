@@ -25,7 +25,7 @@ from .difference_tests import Grid, threshold, tiles
 
 ALL = "all"
 OF_THE_RENDER = frozenset({"samples"})  # cost of the render, not a property of the scene
-UNMEASURED = "is as noisy as the picture, and has no standard errors: render it with --aov-errors"
+UNMEASURED = "is noisy but has no standard errors: render it with --aov-errors"
 _FLOOR = 0.1  # times the median magnitude: the smallest value that differences are taken relative to
 
 
@@ -62,7 +62,7 @@ def names_in(both: Both, asked: Iterable[str]) -> tuple[list[str], list[str]]:
                     raise SettingsError(sentence, where="aovs", code="image-channels")
         return asked, []
     alone = [(name, which) for which, own, other in (("A", *both), ("B", *both[::-1])) for name in own if name not in other]
-    notes = [f"the AOV {name} is in {which} alone" for name, which in alone]
+    notes = [f"the AOV {name} is only in {which}" for name, which in alone]
     unmeasured = [name for name in common if _is_unmeasured(both[0][name]) or _is_unmeasured(both[1][name])]
     notes += [f"the AOV {name} {UNMEASURED}" for name in unmeasured]
     return [name for name in common if name not in unmeasured], notes

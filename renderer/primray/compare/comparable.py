@@ -35,7 +35,7 @@ def opened(picture: object) -> MeasuredImage:
     if isinstance(picture, MeasuredImage):
         return picture
     kind = type(picture).__name__
-    raise SettingsError(f"pictures are compared as a primray.Image, an array or a file's path, not {kind}")
+    raise SettingsError(f"a picture to compare must be a primray.Image, an array or a path, not {kind}")
 
 
 def aovs_of(picture: Comparable) -> Mapping[str, Aov]:
@@ -69,11 +69,13 @@ def measured_array(array: np.ndarray[Any, Any], name: str = "") -> MeasuredImage
     """Return an array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4) as a picture that is assumed exact."""
     array = array[..., None] if array.ndim == 2 else array
     if array.ndim != 3 or array.shape[2] not in (1, 3, 4) or 0 in array.shape:
-        sentence = f"an array of the shape {array.shape} is no picture: (H, W), (H, W, 1), (H, W, 3) and (H, W, 4) are"
+        sentence = f"an array of shape {array.shape} is not a picture; expected (H, W), (H, W, 1), (H, W, 3) or (H, W, 4)"
         raise SettingsError(sentence, where=name, code="image-array")
     stored = _STORED.get(array.dtype.name)
     if stored is None:
-        sentence = f"an array of {array.dtype} is no picture: floats are scene-linear values, uint8 and uint16 display values"
+        sentence = (
+            f"an array of {array.dtype} is not a picture; expected floats (scene-linear), uint8 or uint16 (display values)"
+        )
         raise SettingsError(sentence, where=name, code="image-array")
     with np.errstate(over="ignore"):
         values = np.asarray(array, np.float32)

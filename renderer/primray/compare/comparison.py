@@ -143,7 +143,7 @@ class Comparison:
 
     def __bool__(self) -> bool:
         """Raise TypeError, because it would be unclear whether true means "changed" or "the same"."""
-        raise TypeError("a Comparison is neither true nor false; ask for its verdict")
+        raise TypeError("a Comparison has no truth value; use its verdict")
 
     def count(self, verdict: Verdict) -> int:
         return sum(tile.verdict is verdict for tile in self.tiles)
@@ -248,7 +248,7 @@ def check_criteria(alpha: float, tolerance: float, tile: int) -> None:
     if not 0 < alpha < 1:
         raise SettingsError(f"the false-alarm rate must be between 0 and 1, not {alpha}", code="alpha")
     if not (math.isfinite(tolerance) and tolerance >= 0):
-        raise SettingsError(f"the tolerance must be a relative difference from 0, not {tolerance}", code="tolerance")
+        raise SettingsError(f"the tolerance must be a relative difference of at least 0, not {tolerance}", code="tolerance")
     if tile < SMALLEST_TILE:
         raise SettingsError(f"tiles must be at least {SMALLEST_TILE} pixels across, not {tile}", code="tile")
 
@@ -263,7 +263,7 @@ def _require_same_bias(a: MeasuredImage, b: MeasuredImage) -> None:
         if values[0] != values[1]:
             has, other = (f"{text} in {picture.name or side}" for text, picture, side in zip(values, (a, b), "AB", strict=True))
             sentence = f"the pictures leave out different light: {name.replace('_', ' ')} is {has} and {other}"
-            raise SettingsError(f"{sentence}; --allow-bias compares them nevertheless", code="different-bias")
+            raise SettingsError(f"{sentence}; --allow-bias compares them anyway", code="different-bias")
 
 
 def _bias_of(picture: MeasuredImage, name: str, none: object) -> str:
@@ -409,8 +409,8 @@ def _further(has: float, factor: float) -> int:
     return math.ceil(has * (factor - 1))
 
 
-LINEAR_NOTE = "neither picture has standard errors: differences are judged by their size alone, noise among them"
-DISPLAY_NOTE = "both have display values, without standard errors: differences are judged by their size, noise among them"
+LINEAR_NOTE = "neither picture has standard errors: differences are judged by size alone, including noise"
+DISPLAY_NOTE = "both have display values without standard errors: differences are judged by size alone, including noise"
 
 
 @dataclass(frozen=True, eq=False)

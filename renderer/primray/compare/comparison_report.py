@@ -91,7 +91,7 @@ def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
     height, width = comparison.of.judged.shape
     yield f"{comparison.verdict.value}: {name_a} (A) and {name_b} (B), {width} x {height}"
     if comparison.identical:
-        yield "  the pictures are the same bit for bit"
+        yield "  the pictures are identical"
     elif comparison.by == "errors":
         yield from _picture_lines(comparison)
     else:
@@ -114,7 +114,7 @@ def _picture_lines(comparison: Comparison) -> Iterator[str]:
     if comparison.needs is not None:
         yield f"  {needs_sentence(comparison.needs, comparison.tolerance)}"
     if comparison.unjudged_pixels:
-        yield f"  {comparison.unjudged_pixels} pixels have no estimate of their error (fewer than two samples, or no numbers)"
+        yield f"  {comparison.unjudged_pixels} pixels have no error estimate (fewer than two samples, or not finite)"
 
 
 def _tile_lines(comparison: Comparison) -> Iterator[str]:
@@ -140,7 +140,7 @@ def _value_lines(comparison: Comparison) -> Iterator[str]:
         yield f"  the picture as a whole: {whole}; root mean square of the difference: {size}{white}"
     yield from _tile_lines(comparison)
     if comparison.unjudged_pixels:
-        yield f"  {comparison.unjudged_pixels} pixels are no numbers in either picture"
+        yield f"  {comparison.unjudged_pixels} pixels are not finite in either picture"
     if comparison.flip is not None:
         yield f"  {comparison.flip.line()}"
 
@@ -155,7 +155,7 @@ _BY = {
 
 def _aov_lines(aov: AovComparison) -> Iterator[str]:
     counts = ", ".join(f"{aov.count(verdict)} {verdict.value}" for verdict in _ORDER if aov.count(verdict))
-    yield f"  AOV {aov.name}: " + ("the same bit for bit" if aov.identical else f"{aov.verdict.value}; tiles: {counts}")
+    yield f"  AOV {aov.name}: " + ("identical" if aov.identical else f"{aov.verdict.value}; tiles: {counts}")
     changed = sorted((tile for tile in aov.tiles if tile.verdict is Verdict.CHANGED), key=lambda tile: -tile.differs)
     for tile in changed[:AOV_TILES_SHOWN]:
         x0, y0, x1, y1 = tile.box
@@ -203,7 +203,7 @@ def _words(finding: Finding, tolerance: float) -> str:
     channel = _CHANNELS.get(finding.channel, "a channel")
     size = _percent(finding.relative)
     if finding.kind == "not-finite":
-        return "numbers in one picture where the other has NaN or infinity"
+        return "finite in one picture, NaN or infinite in the other"
     if finding.kind in ("shift", "spot"):
         inside = f" in the {x1 - x0} x {y1 - y0} pixels from x {x0}, y {y0}" if x1 - x0 <= 16 else ""
         what = (
@@ -218,7 +218,7 @@ def _words(finding: Finding, tolerance: float) -> str:
         text = f"looks moved to the {way} by about {abs(finding.signed):.2g} px ({channel} differs by {size})"
         text = text.replace("to the up", "up").replace("to the down", "down")
     else:
-        text = f"{channel} has another pattern, by {size}"
+        text = f"{channel} has a different pattern, by {size}"
     below = "" if finding.relative >= tolerance else ", below the tolerance"
     return f"{text}{below} (false alarm: {_probability(finding.p)})"
 
@@ -238,11 +238,13 @@ def _probability(p: float) -> str:
 
 def needs_sentence(needs: Needs, tolerance: float) -> str:
     if needs.factor is None:
-        return "no number of samples can decide it: tiles are too small, pixels lack an error, or a picture its samples"
+        return (
+            "more samples cannot decide it: tiles are too small, pixels have no error, or a picture does not state its samples"
+        )
     if needs.a is None or needs.b is None:
-        text = f"to see differences of {_percent(tolerance)}, it needs {needs.factor:.2g} times the samples"
+        text = f"to detect differences of {_percent(tolerance)}, both need {needs.factor:.2g} times the samples"
     else:
-        text = f"to see differences of {_percent(tolerance)}, A needs {needs.a} more samples a pixel and B {needs.b}"
+        text = f"to detect differences of {_percent(tolerance)}, A needs {needs.a} more samples a pixel and B {needs.b}"
     alone = [f"{name} alone {more}" for name, more in (("A", needs.a_alone), ("B", needs.b_alone)) if more is not None]
     return text + (f", or {', or '.join(alone)}" if alone else "")
 

@@ -107,7 +107,7 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
         shown, linear = (a, b) if a.is_display else (b, a)
         sentence = (
             f"{_called(shown)} has display values ({shown.stored}), {_called(linear)} scene-linear ones ({linear.stored}): "
-            "they are not of one kind. Compare the EXRs of both renders"
+            "they cannot be compared. Compare the EXRs of both renders instead"
         )
         raise SettingsError(sentence, where=shown.name, code="image-display")
     if a.resolution != b.resolution:
@@ -121,10 +121,10 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
         raise SettingsError(sentence, where=b.name, code="image-size")
     notes = []
     if a.stored != b.stored:
-        notes.append(f"A is stored as {a.stored}, B as {b.stored}: they differ by rounding, at least")
+        notes.append(f"A is stored as {a.stored}, B as {b.stored}: they differ at least by rounding")
     if a.stderr is not None or b.stderr is not None:
         notes += [
-            f"{which} has no error channels: it is taken as exact" for which, i in (("A", a), ("B", b)) if i.stderr is None
+            f"{which} has no error channels: it is assumed exact" for which, i in (("A", a), ("B", b)) if i.stderr is None
         ]
 
     channels, pixels_a, pixels_b = _channels(a, b, notes)
@@ -178,7 +178,7 @@ def _channels(a: MeasuredImage, b: MeasuredImage, notes: list[str]) -> tuple[tup
         return names, planes[0], planes[1]
     counted = all(image.stderr is None or image.samples is not None for image in (a, b))
     if a.alpha is None or b.alpha is None or not counted:
-        notes.append("alpha is not compared: a picture lacks it or does not say its samples")
+        notes.append("alpha is not compared: a picture does not have it, or does not state its samples")
         return names, planes[0], planes[1]
     with_alpha = [
         np.concatenate([plane, image.alpha[None]])

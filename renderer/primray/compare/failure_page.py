@@ -27,7 +27,7 @@ from .difference import difference
 from .flip import Flip, flip, has_flip
 
 MOST_PIXELS = 1600  # pixels across; larger pictures are averaged down
-NOISE_CAPTION = "difference in its noise: blue darker, red brighter; yellow frames: changed tiles"
+NOISE_CAPTION = "difference in units of noise: blue darker, red brighter; yellow frames: changed tiles"
 FULL_DIFFERENCE = 0.5  # relative difference of the map's brightest colour
 Bytes = npt.NDArray[np.uint8]
 

@@ -58,7 +58,7 @@ def has_flip() -> bool:
 def check_flip() -> None:
     """Raise SettingsError ("flip-missing") unless the package is installed."""
     if not has_flip():
-        raise SettingsError("FLIP takes its package: pip install 'primray[flip]'", where="--metric", code="flip-missing")
+        raise SettingsError("FLIP needs a package: pip install 'primray[flip]'", where="--metric", code="flip-missing")
 
 
 def flip(a: MeasuredImage, b: MeasuredImage) -> Flip:

@@ -89,7 +89,7 @@ class ImageCheck:
             if self.written is not None:
                 return self._update(stage, path, replace(settings, spp=reference_spp or settings.spp))
             if not path.is_file():
-                pytest.fail(f"there is no reference {path}; `pytest --primray-update` renders it", pytrace=False)
+                pytest.fail(f"the reference {path} does not exist; `pytest --primray-update` renders it", pytrace=False)
             # Two comparisons share the false-alarm rate.
             criteria: dict[str, Any] = {"alpha": alpha / 2, "tolerance": tolerance, "tile": tile, "aovs": list(aovs)}
             return self._check(stage, path, settings, max_spp, criteria, allow_undecided, reference_spp)
@@ -171,9 +171,7 @@ def _compared_as_shown(
     path: Path, shown: Path, record: Path, of_reference: float, *, aovs: Sequence[str] = (), **criteria: Any
 ) -> Comparison:
     if aovs:
-        raise SettingsError(
-            "a display picture has no outputs beside it: AOVs need an EXR", where=str(path), code="image-display"
-        )
+        raise SettingsError("a display picture has no AOVs; use an EXR as reference", where=str(path), code="image-display")
     reference, now = with_noise(read_measured(path), read_measured(shown), read_measured(record), of_reference)
     result = compare(reference, now, **criteria)
     return result if result.identical else replace(result, notes=(*result.notes, NOTE))
@@ -190,16 +188,16 @@ def _message(result: Comparison, path: Path, kept: Path, cap: int) -> str:
     """Return what happened, where, and what to do."""
     said = "\n".join(lines(result, path.name, "the picture rendered now"))
     if result.verdict is Verdict.CHANGED:
-        advice = "if the change is meant: pytest --primray-update"
+        advice = "if the change is intended: pytest --primray-update"
     elif result.needs is not None and result.needs.b_alone is None:
-        advice = "the reference is too noisy: write it with a larger reference_spp, or ask for a larger tolerance"
+        advice = "the reference is too noisy: render it with a larger reference_spp, or increase the tolerance"
     else:
-        advice = f"more than max_spp={cap} would be needed: raise it, ask for a larger tolerance, or allow_undecided=True"
+        advice = f"more than max_spp={cap} would be needed: raise it, increase the tolerance, or set allow_undecided=True"
     files = ", ".join(sorted(file.name for file in kept.iterdir()))
     return f"{said}\n  evidence: {kept} ({files})\n  {advice}"
 
 
-NOTE = "the reference is a display picture without errors: it is taken to be as noisy as the picture rendered now"
+NOTE = "the reference is a display picture without errors: it is assumed to be as noisy as the picture rendered now"
 STEPS = {"uint8": 255, "uint16": 65535}
 
 

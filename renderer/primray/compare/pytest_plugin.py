@@ -27,7 +27,7 @@ _EVIDENCE = "primray-evidence"  # test property with the folder of a failure's e
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("primray")
-    group.addoption("--primray-update", action="store_true", help="Write the reference pictures of primray_image anew.")
+    group.addoption("--primray-update", action="store_true", help="Render the reference pictures of primray_image again.")
     group.addoption("--primray-evidence", metavar="DIR", help="Keep the pictures of failed primray_image tests below DIR.")
     group.addoption(_PAGE, metavar="FILE", help="Write one HTML page of the failed primray_image tests.")
 

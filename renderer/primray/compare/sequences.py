@@ -104,7 +104,7 @@ class SequenceComparison:
 
     def __bool__(self) -> bool:
         """Raise TypeError, because it would be unclear whether true means "changed" or "the same"."""
-        raise TypeError("a SequenceComparison is neither true nor false; ask for its verdict")
+        raise TypeError("a SequenceComparison has no truth value; use its verdict")
 
 
 def pairing(a: str, b: str) -> Pairing | None:
@@ -114,11 +114,11 @@ def pairing(a: str, b: str) -> Pairing | None:
         return None
     for path, kind in zip((a, b), kinds, strict=True):
         if kind == "picture" and not Path(path).exists():
-            raise SettingsError("there is no such file or folder", where=path, code="image-missing")
+            raise SettingsError("no such file or folder", where=path, code="image-missing")
     if kinds[0] != kinds[1]:
         sentence = (
-            f"A is a {kinds[0]} and B a {kinds[1]}: a folder is compared with a folder, a sequence (a name with a place for "
-            "the frame's number, such as shot.####.exr) with a sequence"
+            f"A is a {kinds[0]} and B a {kinds[1]}: compare a folder with a folder, or a sequence (a name with a frame "
+            "placeholder, such as shot.####.exr) with a sequence"
         )
         raise SettingsError(sentence, where=b, code="compare-pairs")
     files = _folder_files if kinds[0] == "folder" else _sequence_files
@@ -127,8 +127,8 @@ def pairing(a: str, b: str) -> Pairing | None:
     only_a, only_b = (tuple(name for name in own if name not in other) for own, other in (both, both[::-1]))
     if not names:
         shown = [f"{which} has {', '.join(list(has)[:3]) or 'none'}" for which, has in zip("AB", both, strict=True)]
-        what = "file of one name" if kinds[0] == "folder" else "frame"
-        sentence = f"there is no {what} on both sides: {'; '.join(shown)}"
+        what = "file name" if kinds[0] == "folder" else "frame"
+        sentence = f"no {what} exists on both sides: {'; '.join(shown)}"
         raise SettingsError(sentence, where=b, code="compare-pairs")
     pairs = tuple(Pair(name, both[0][name], both[1][name]) for name in names)
     return Pairing(pairs, only_a, only_b, "file" if kinds[0] == "folder" else "frame")
@@ -144,7 +144,7 @@ def _sequence_files(text: str) -> dict[str, Path]:
     name: FrameName = frame_name(text)
     found = {f"{number:g}": path for number, path in numbered_files(name).items()}
     if not found:
-        raise SettingsError("the sequence has no frames: no file has such a name", where=text, code="image-missing")
+        raise SettingsError("the sequence has no frames: no file matches the name", where=text, code="image-missing")
     return found
 
 
@@ -212,7 +212,7 @@ def _size(comparison: Comparison, worst: Tile) -> float:
 
 def _line(comparison: Comparison, worst: Tile) -> str:
     if comparison.identical:
-        return "the same bit for bit"
+        return "identical"
     changed = [aov.name for aov in comparison.aovs if aov.verdict is Verdict.CHANGED]
     words = [f"AOV {', '.join(changed)}"] if changed else []
     if worst.verdict is not Verdict.UNCHANGED or worst.finding is not None:

@@ -97,8 +97,8 @@ def worse_than_record(report: Mapping[str, Any]) -> str | None:
     if denoised is None or record is None or not denoised["ci95"][0] > record["estimate"]:
         return None
     return (
-        f"The denoised picture has relmse {denoised['estimate']:.3g}, above the picture's own {record['estimate']:.3g}: "
-        "leave out --denoise, or show the picture itself (part rgba of the EXR)."
+        f"The denoised picture has relmse {denoised['estimate']:.3g}, but the noisy picture has {record['estimate']:.3g}: "
+        "remove --denoise, or use the noisy picture (part rgba of the EXR)."
     )
 
 

@@ -34,7 +34,7 @@ def has_denoiser() -> bool:
 def check_denoiser() -> None:
     """Raise SettingsError ("denoiser-missing") unless the package is installed. Called before rendering."""
     if not has_denoiser():
-        sentence = "denoising takes Open Image Denoise: pip install 'primray[denoise]'"
+        sentence = "denoising needs Open Image Denoise: pip install 'primray[denoise]'"
         raise SettingsError(sentence, where="denoise", code="denoiser-missing")
 
 

@@ -23,7 +23,7 @@ def check_denoising(settings: RenderSettings) -> None:
         return
     check_denoiser()
     if settings.stop_at is StopAt.DENOISED and settings.target_error is None:
-        sentence = "a render stops at an error of the denoised picture: name it by target_error"
+        sentence = "stop_at denoised needs target_error, the error of the denoised picture to stop at"
         raise SettingsError(sentence, where="stop_at", code="denoised-target")
 
 

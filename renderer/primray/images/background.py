@@ -138,8 +138,8 @@ def background_of(text: str | None) -> Background | None:
     if os.path.isfile(text):
         return Background(file=text)
     sentence = (
-        f"{text} is no background: a colour as displayed (#rrggbb, such as #ffffff for white, or r,g,b in 0 to 1), "
-        "transparent, or a file that is there"
+        f"{text} is not a background; expected a colour as displayed (#rrggbb, such as #ffffff for white, or r,g,b in 0 to 1), "
+        "transparent, or an existing file"
     )
     raise SettingsError(sentence, where="background", code="background")
 

@@ -50,16 +50,16 @@ class Encoding:
         from ..description.picture_file import COMPRESSIONS, is_free_in_header
 
         if self.compression not in ("", *COMPRESSIONS):
-            sentence = f"{self.compression!r} is no compression of an EXR; there are {', '.join(COMPRESSIONS)}"
+            sentence = f"{self.compression!r} is not a compression of EXR; expected one of {', '.join(COMPRESSIONS)}"
             raise SettingsError(sentence, where="compression", code="exr-setting")
         most = WITH_LEVEL.get(self.compression, -1.0)
         if self.level is not None and not 0 <= self.level <= most:
             levels = ", ".join(f"0 to {most:,.0f} with {name}" for name, most in WITH_LEVEL.items())
-            sentence = f"levels are {levels}, not {self.level:g} with {self.compression or 'none'}"
+            sentence = f"compression levels are {levels}, not {self.level:g} with {self.compression or 'none'}"
             raise SettingsError(sentence, where="compression", code="exr-setting")
         for name, _ in self.header:
             if not is_free_in_header(name):
-                sentence = f"{name!r} is no name for metadata: it is none, or the file says this of the picture itself"
+                sentence = f"{name!r} is not a valid metadata name, or is reserved for the picture's own attributes"
                 raise SettingsError(sentence, where="metadata", code="exr-setting")
 
     def bits_of(self, suffix: str) -> int:
@@ -82,12 +82,12 @@ def compression_of(text: str | None) -> tuple[str, float | None]:
     kind, colon, level = (text or "").strip().lower().partition(":")
     if text is not None and not kind:
         raise SettingsError(
-            "the compression has no name; write one like zip or dwaa:45", where="compression", code="exr-setting"
+            "the compression has no name; expected one such as zip or dwaa:45", where="compression", code="exr-setting"
         )
     try:
         return kind, float(level) if colon else None
     except ValueError:
-        sentence = f"{text!r} is no compression; write one like dwaa:45"
+        sentence = f"{text!r} is not a compression; expected one such as dwaa:45"
         raise SettingsError(sentence, where="compression", code="exr-setting") from None
 
 
@@ -104,7 +104,7 @@ def check_bit_depth(encoding: Encoding, suffixes: Sequence[str]) -> None:
     """
     choosing = [suffix for suffix in suffixes if suffix.lower() in BIT_DEPTHS]
     if encoding.bit_depth is not None and not choosing:
-        raise SettingsError("bits are chosen for PNG and TIFF, and no output is one", where="bit_depth", code="bit-depth")
+        raise SettingsError("a bit depth applies to PNG and TIFF, but no output is one", where="bit_depth", code="bit-depth")
     for suffix in choosing:
         encoding.bits_of(suffix)
 
@@ -114,10 +114,10 @@ def check_half(encoding: Encoding, suffixes: Sequence[str]) -> None:
     if ".exr" in [suffix.lower() for suffix in suffixes]:
         return
     if encoding.half:
-        raise SettingsError("channels of an EXR may be halves, and no output is one", where="half", code="half-output")
+        raise SettingsError("halves apply to EXR, but no output is an EXR", where="half", code="half-output")
     if encoding.compression or encoding.header:
         what = "compression" if encoding.compression else "metadata"
-        raise SettingsError(f"{what} is an EXR's, and no output is one", where=what, code="exr-setting")
+        raise SettingsError(f"{what} applies to EXR, but no output is an EXR", where=what, code="exr-setting")
 
 
 Part = tuple[Any, "npt.NDArray[Any]"]  # an OIIO ImageSpec and its values (H, W, C)
@@ -158,10 +158,10 @@ def _half_faults(parts: Sequence[Part], encoding: Encoding, asked: Sequence[str]
                 beyond = np.isfinite(values[..., number]) & (np.abs(values[..., number]) > LARGEST_HALF)
                 if count := beyond.sum():
                     of = "" if _name(spec) == PICTURE else f" of {_name(spec)}"
-                    yield f"{channel}{of}: {count} values are beyond {LARGEST_HALF:.0f}, the largest half, and infinite there"
+                    yield f"{channel}{of}: {count} values exceed {LARGEST_HALF:.0f}, the largest half, and become infinite"
     for name in asked:
         if name not in met:
-            yield f"no channel, layer or part is called {name}"
+            yield f"no channel, layer or part is named {name}"
 
 
 def _may_be_half(spec: Any, values: npt.NDArray[Any]) -> bool:

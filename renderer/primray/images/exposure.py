@@ -18,7 +18,7 @@ from ..settings import MAX_STOPS
 
 AUTO = "auto"
 CODE, ASSUMED = "view-exposure", "view-space-assumed"
-WEAK = " Where the stage's lights are too weak, --studio-light on adds one."
+WEAK = " If the stage's lights are too weak, --studio-light on adds one."
 MOST_PIXELS = 1 << 14
 # Display values, nominally 0 to 1, of a pixel's darkest (or brightest) channel.
 WHITE, BLACK = 0.95, 0.05
@@ -89,12 +89,12 @@ def view_fault(
         return None
     stops = exposure_that_serves(pixels, view)
     what = "white" if white > black else "black"
-    advice = f"--exposure {stops:.1f} would serve" + ("" if is_auto else ", or --exposure auto")
+    advice = f"try --exposure {stops:.1f}" + ("" if is_auto else ", or --exposure auto")
     if abs(stops - exposure) < SAME_STOPS:
         advice = "no other exposure would show more"
     if lacks_textures and black >= white:
-        advice = f"what textures that are missing leave is black, so look for these first; else {advice}"
-    message = f"{max(white, black):.0%} of what it shows is almost {what}: {advice}."
+        advice = f"missing textures are black, so provide them first; otherwise {advice}"
+    message = f"{max(white, black):.0%} of the visible picture is almost {what}: {advice}."
     if what == "black" and not lacks_textures:
         message += WEAK
     return Diagnostic(CODES[CODE].severity, CODE, "", message)

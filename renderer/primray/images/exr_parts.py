@@ -161,8 +161,8 @@ def open_picture(name: str) -> oiio.ImageInput:
 
 DIFFUSED, DENOISED = "diffused", "denoised"
 SAYS = {
-    DIFFUSED: "the picture as its lens diffuses it; errors of neighbours are not independent",
-    DENOISED: "the picture denoised: biased, for looking at; its error is in the header and the report",
+    DIFFUSED: "the picture with lens diffusion; errors of neighbouring pixels are not independent",
+    DENOISED: "the denoised picture: biased, for viewing; its error is in the header and the report",
 }
 
 

@@ -333,7 +333,7 @@ def check_output_path(path: str | os.PathLike[str]) -> Path:
         known = ", ".join(EXTENSIONS)
         raise SettingsError(f"the output's name must end in one of {known}", where=str(path), code="unknown-extension")
     if str(path) != str(path).encode("utf-8", "replace").decode():
-        raise SettingsError("the output's name is no UTF-8 text", where=str(path), code="output-name")
+        raise SettingsError("the output's name is not valid UTF-8", where=str(path), code="output-name")
     check_folder(path)
     return path
 

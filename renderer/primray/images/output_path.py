@@ -32,7 +32,7 @@ def too_long(error: OSError, where: str) -> SettingsError | None:
     """Return a SettingsError if the system's error says that a file name is too long, else None."""
     if error.errno != errno.ENAMETOOLONG:
         return None
-    return SettingsError("the name is longer than file systems hold", where=where, code="name-too-long")
+    return SettingsError("the file name is too long for the file system", where=where, code="name-too-long")
 
 
 @contextmanager
@@ -59,7 +59,8 @@ def _check_folder(path: Path) -> None:
         raise SettingsError(f"the folder {target.parent} does not exist", where=str(path), code="output-folder")
     replaceable = target.is_file() or not (target.exists() or target.is_symlink())  # not a folder, device or cyclic link
     if not replaceable or not os.access(target.parent, os.W_OK | os.X_OK):
-        raise SettingsError("a file cannot be written there", where=str(path), code="output-folder")
+        sentence = "the file cannot be written: it is not a file, or its folder is not writable"
+        raise SettingsError(sentence, where=str(path), code="output-folder")
 
 
 def make_folder(path: Path) -> None:

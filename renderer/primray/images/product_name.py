@@ -40,13 +40,13 @@ def changes_of(name: str) -> list[str]:
     """Return how `product_path` differs from a productName, in clauses; spelling such as \\ and <F4> does not count."""
     found = []
     if place := place_left_out(name):
-        found.append(f"{place} is no folder here and is left out; the rest is a relative path")
+        found.append(f"{place} is not supported and is left out; the rest is a relative path")
     *folders, own = _folders_of(name).split("/")
     plain = _last_part(own)
     stem, _ = _split(plain)
     suffix = PurePosixPath(plain).suffix
     if suffix.lower() in OTHER_PICTURES:
-        found.append(f"{suffix} is not written here, and an EXR is")
+        found.append(f"{suffix} is not supported, and an EXR is written instead")
     parts = [part for part in folders if part not in ("", ".", "..")]
     if any(len(part.encode("utf-8", "replace")) > LONGEST for part in (*parts, stem)):
         found.append(f"names are cut to {LONGEST} bytes")
@@ -55,7 +55,7 @@ def changes_of(name: str) -> list[str]:
         _safe_stem(stem) == _cut(stem),
     ]
     if own.strip(".") and not all(kept):
-        found.append("letters that file systems refuse, or take for something else, are replaced or left out")
+        found.append("characters that file systems refuse or interpret are replaced or left out")
     return found
 
 

@@ -89,7 +89,7 @@ def _check_linear(name: str) -> None:
     finally:
         file.close()
     if not floats:
-        sentence = "it has display values in whole numbers, which are no scene-linear picture; the EXR of the render has it"
+        sentence = "it has integer display values, not scene-linear ones; read the EXR of the render instead"
         raise SettingsError(sentence, where=name, code="image-display")
 
 

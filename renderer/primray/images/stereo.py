@@ -41,7 +41,7 @@ class StereoImage:
 
     def __post_init__(self) -> None:
         if self.left.frame != self.right.frame or self.left.resolution != self.right.resolution:
-            sentence = "the eyes differ in size or in the shape of their pixels, which one picture of both cannot"
+            sentence = "the eyes differ in resolution or pixel aspect ratio, so one file cannot hold both"
             raise SettingsError(sentence, where="eye", code="stereo-frames")
 
     @property

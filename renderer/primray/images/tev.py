@@ -52,7 +52,7 @@ def tev_address(text: str) -> TevAddress:
 
 
 def _no_address(text: str, why: str = "") -> SettingsError:
-    sentence = f"it is no address of a tev; write one like {SCHEME}localhost:{PORT} or {SCHEME}localhost:{PORT}/name{why}"
+    sentence = f"not an address of tev; expected one such as {SCHEME}localhost:{PORT} or {SCHEME}localhost:{PORT}/name{why}"
     return SettingsError(sentence, where=text, code="tev-address")
 
 
@@ -71,7 +71,7 @@ class TevPicture:
         try:
             self._socket = socket.create_connection(where, CONNECT_S)
         except (OSError, UnicodeError) as error:
-            sentence = f"no tev listens there: {_reason(error)}; start tev, or see its --host"
+            sentence = f"no tev is listening: {_reason(error)}; start tev, or check its --host"
             raise SettingsError(sentence, where=output, code="tev-unreachable") from None
         self._socket.settimeout(SEND_S)
 
@@ -86,7 +86,9 @@ class TevPicture:
             for packet in packets:
                 self._socket.sendall(packet)
         except OSError as error:
-            raise PrimrayError(f"tev takes no picture: {_reason(error)}", where=self._output, code="write-failed") from error
+            raise PrimrayError(
+                f"tev does not accept the picture: {_reason(error)}", where=self._output, code="write-failed"
+            ) from error
         self._made = made
 
     def close(self) -> None:

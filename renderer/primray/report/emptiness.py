@@ -15,9 +15,7 @@ from .prepared import Prepared
 
 # Codes of missing texture files. They affect lights and materials, but hide no geometry.
 IMAGES = frozenset({"asset-missing", "texture-unreadable", "tile-missing"})
-UNKNOWN = (
-    "without faces, wholly transparent, in no instance or level of detail that is drawn, or of a kind that is not rendered"
-)
+UNKNOWN = "without faces, fully transparent, in no instance or level of detail that is drawn, or of an unsupported type"
 
 
 def is_empty(pixels: Floats, told: Iterable[Diagnostic]) -> bool:
@@ -53,7 +51,7 @@ def why_empty(prepared: Prepared, pixels: Floats, told: Iterable[Diagnostic]) ->
         return f"The camera sees nothing: {_why_not_seen(prepared)}."
     dark = "no light reaches it" if prepared.lights else "there is no light"
     advice = "" if any(d.code == "default-light" for d in told) else " --studio-light on adds a light."
-    return f"What the camera sees is black: {dark}, or its materials reflect nothing.{advice}"
+    return f"Everything the camera sees is black: {dark}, or its materials reflect nothing.{advice}"
 
 
 def _why_nothing_drawn(left_out: dict[str, int], told: Iterable[Diagnostic]) -> str:
@@ -76,18 +74,18 @@ def _why_not_seen(prepared: Prepared) -> str:
     assert bounds is not None
     camera, (near, far) = prepared.camera, prepared.camera.clipping_range
     if camera.distortion is not None:
-        return f"no geometry lies where its lens looks, or within its clipping range (it is from {_places(bounds)})"
+        return f"no geometry is in its lens's view or clipping range (it extends from {_places(bounds)})"
     corners = np.array(list(product(*zip(*bounds, strict=True))))
     depth, beside = _seen_from(camera, corners)
     if depth.max() <= 0 and camera.projection is Projection.PERSPECTIVE:
-        return f"all geometry lies behind it (from {_places(bounds)})"
+        return f"all geometry is behind it (from {_places(bounds)})"
     if depth.max() < near:
         return f"all geometry is nearer than its near clipping plane, {near:g}"
     if depth.min() > far:
         return f"all geometry is beyond its far clipping plane, {far:g}"
     if beside:
-        return f"all geometry lies beside its view (from {_places(bounds)})"
-    return "what is in its view is transparent, cut off by a clipping plane, or far smaller than a pixel"
+        return f"all geometry is outside its view (from {_places(bounds)})"
+    return "geometry in its view is transparent, cut off by a clipping plane, or far smaller than a pixel"
 
 
 def _seen_from(camera: Camera, corners: Doubles) -> tuple[Doubles, bool]:

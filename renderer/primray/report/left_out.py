@@ -80,7 +80,7 @@ def _line(name: str, found: Mapping[str, Any]) -> str:
     value = f" at {found['value']:g}" if name == "clamp_indirect" else ""
     by = "" if error is None else f" ± {error:.2g}"
     of_all = f"{100 * found['share']:.3g} %" + ("" if share_error is None else f" ± {100 * share_error:.2g}")
-    sentence = f"bias: {NAMES[name]}{value} took away luminance {found['luminance']:.3g}{by} of the mean, {of_all} of all light"
+    sentence = f"bias: {NAMES[name]}{value} removed mean luminance {found['luminance']:.3g}{by}, {of_all} of all light"
     if found["most"]:
         x, y, most = found["most"][0]
         sentence += f"; most at pixel {x}, {y}: {most:.3g}"

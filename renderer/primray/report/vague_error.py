@@ -30,16 +30,16 @@ def what_rules(prepared: Prepared, report: Mapping[str, Any], pixels: Floats, er
         return None
     span = f"a factor of {high / low:.3g}" if low > 0 else f"0 to {high:.3g}"
     samples = report["samples"] / pixels[..., 0].size
-    larger = "a larger light helps" if prepared.settings.denoises else "a larger light, or --denoise, helps"
-    helps = f"`primray doctor` measures which light brings it; {larger}."
+    larger = "a larger light helps" if prepared.settings.denoises else "a larger light or --denoise helps"
+    helps = f"`primray doctor` measures which light causes it; {larger}."
     if samples < FEW_SAMPLES:
-        helps = f"{samples:.3g} samples a pixel are few for an estimate: take more (--spp)."
+        helps = f"{samples:.3g} samples a pixel are too few for an estimate: use more (--spp)."
     rulers = _rulers(prepared, pixels, errors)
     x, y = rulers["pixel"]
-    where = f"on {rulers['prim']}" if rulers["prim"] else "where no geometry is seen"
+    where = f"on {rulers['prim']}" if rulers["prim"] else "where no geometry is visible"
     subject = "1 pixel has" if rulers["pixels"] == 1 else f"{rulers['pixels']:,} pixels have"
     half = f"{subject} half of the error, the most of it at ({x}, {y}), {where}"
-    return {**rulers, "message": f"The interval spans {span} and is of no use: {half}. {helps}"}
+    return {**rulers, "message": f"The interval spans {span} and is not useful: {half}. {helps}"}
 
 
 def why_it_continued(report: Mapping[str, Any]) -> str:
@@ -56,9 +56,9 @@ def why_it_continued(report: Mapping[str, Any]) -> str:
         return ""
     first, widest = vague[0], max(row["ci95"][1] / row["relmse"] for row in vague)
     return (
-        f"From {first['samples']:.0f} samples a pixel on the estimate was within the target, and the error might have been "
-        f"{widest:.3g} times larger, by few bright pixels: the render continued to know. --clamp-indirect, --caustics off or a "
-        "larger light narrow that; --time-limit bounds it."
+        f"From {first['samples']:.0f} samples a pixel on, the estimated error was within the target, but it might have been "
+        f"{widest:.3g} times larger because of a few bright pixels, so the render continued. --clamp-indirect, --caustics off "
+        "or a larger light reduce this uncertainty; --time-limit bounds the time."
     )
 
 

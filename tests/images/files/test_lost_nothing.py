@@ -162,7 +162,7 @@ def test_what_is_made_at_the_end_may_fail(
 def test_the_places_of_all_frames_are_looked_at_before_the_first(stage: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (stage.parent / "a.0002.exr").mkdir()
     assert run(["render", "s.usda", "-o", "a.####.exr", "--frames", "1:2", *QUICK]) == 2
-    assert "a file cannot be written there [a.0002.exr]" in capsys.readouterr().err
+    assert "its folder is not writable [a.0002.exr]" in capsys.readouterr().err
     assert not (stage.parent / "a.0001.exr").exists()
 
 

@@ -247,8 +247,8 @@ def test_commands_state_the_bias(tmp_path: Path, capsys: pytest.CaptureFixture[s
     line = ["render", str(feature("glass")), "-o", out, "-r", "24", "24", "--spp", "16"]
     assert run([*line, "--clamp-indirect", "0.02", "--caustics", "off", "--report", str(report)]) == 0
     said = capsys.readouterr().out
-    assert "bias: the clamp of indirect light at 0.02 took away luminance" in said
-    assert "bias: leaving out caustics took away luminance" in said
+    assert "bias: the clamp of indirect light at 0.02 removed mean luminance" in said
+    assert "bias: leaving out caustics removed mean luminance" in said
     found = json.loads(report.read_text())
     assert set(found["left_out"]) == {"clamp_indirect", "caustics"}
     assert (found["settings"]["clamp_indirect"], found["settings"]["caustics"]) == (0.02, False)

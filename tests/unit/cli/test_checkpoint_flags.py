@@ -31,7 +31,7 @@ def names() -> list[str]:
         (["--checkpoint", "a.prc", "--checkpoint-every", "nan"], "seconds above 0, not nan"),
         (["--checkpoint", "a.prc", "--checkpoint-every", "-1"], "seconds above 0, not -1"),
         (["--checkpoint", "no/a.prc"], "folder no does not exist"),
-        (["--checkpoint", "."], "cannot be written there"),
+        (["--checkpoint", "."], "cannot be written"),
         (["--checkpoint", "old.prc"], "the checkpoint exists already: resume it, or remove it"),
         (["--checkpoint", "o.exr"], "named twice"),
         (["--checkpoint", "a.prc", "-f", "1:2", "-o", "o.#.exr"], "frame number in the file's name"),

@@ -35,10 +35,10 @@ def _pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("b.exr", ["--tolerance", "0.02"], 0, "unchanged: a.exr (A) and b.exr (B), 64 x 48"),
         ("darker.exr", [], 1, "x 32 to 63, y 0 to 31: "),
         ("noisy.exr", [], 6, "x 0 to 31, y 0 to 31: undecided, noise could hide a difference up to "),
-        ("noisy.exr", ["--tolerance", "0.01"], 6, "to see differences of 1 %, A needs "),
+        ("noisy.exr", ["--tolerance", "0.01"], 6, "to detect differences of 1 %, A needs "),
         ("noisy.exr", ["--tolerance", "0.9"], 0, "tiles: 4 unchanged"),
         ("noisy.exr", ["--tolerance", "0"], 0, "tiles: 4 unchanged"),
-        ("a.exr", [], 0, "the pictures are the same bit for bit"),
+        ("a.exr", [], 0, "the pictures are identical"),
     ],
 )
 def test_verdicts(b: str, flags: list[str], exit_code: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -85,7 +85,7 @@ def test_names_that_are_no_text() -> None:
     done = primray("render", "s.usda", *SMALL, "-o", os.fsdecode(b"s\xff.exr"), "--json")
     assert done.returncode == 2
     assert json.loads(done.stdout)["where"] == os.fsdecode(b"s\xff.exr")
-    assert done.stderr == "error: output-name: the output's name is no UTF-8 text [s\\udcff.exr]\n"
+    assert done.stderr == "error: output-name: the output's name is not valid UTF-8 [s\\udcff.exr]\n"
 
 
 def test_a_disk_that_is_full_indeed_ends_no_sequence() -> None:

@@ -276,7 +276,7 @@ def test_an_exact_reference() -> None:
     rendered, _ = pair(RAMP, RAMP, 4096)
     comparison = compare(exact, rendered, tolerance=0.02)
     assert comparison.verdict is Verdict.UNCHANGED
-    assert comparison.notes == ("A has no error channels: it is taken as exact",)
+    assert comparison.notes == ("A has no error channels: it is assumed exact",)
     assert compare(replace(exact, pixels=exact.pixels * np.float32(1.03)), rendered).verdict is Verdict.CHANGED
 
 

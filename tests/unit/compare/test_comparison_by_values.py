@@ -119,7 +119,7 @@ def test_an_array_beside_a_picture_with_errors_is_taken_as_exact() -> None:
     )
     found = primray.compare(GREY, image, tolerance=0.2)
     assert (found.by, found.verdict) == ("errors", Verdict.UNCHANGED)
-    assert "A has no error channels: it is taken as exact" in found.notes
+    assert "A has no error channels: it is assumed exact" in found.notes
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,7 @@ def test_a_missing_reference_is_written_and_then_met(pytester: pytest.Pytester, 
     write_room(pytester.path)
     missing = run()
     missing.assert_outcomes(failed=1)
-    missing.stdout.fnmatch_lines(["*there is no reference *refs/shot.exr; `pytest --primray-update` renders it"])
+    missing.stdout.fnmatch_lines(["*the reference *refs/shot.exr does not exist; `pytest --primray-update` renders it"])
     assert renders == []
     updated = run("--primray-update")
     updated.assert_outcomes(passed=1)

@@ -111,9 +111,9 @@ def test_layers_and_parts_are_named_by_themselves(tmp_path: Path) -> None:
 def test_what_halves_cannot_hold_is_told(tmp_path: Path) -> None:
     pixels = _image().pixels.copy()
     pixels[0, :2, 1] = 70_000
-    with pytest.warns(RenderWarning, match="G: 2 values are beyond 65504"):
+    with pytest.warns(RenderWarning, match="G: 2 values exceed 65504"):
         Image(pixels).save(tmp_path / "a.exr", half=["G"])
-    with pytest.warns(RenderWarning, match="no channel, layer or part is called depth"):
+    with pytest.warns(RenderWarning, match="no channel, layer or part is named depth"):
         Image(pixels).save(tmp_path / "a.exr", half=["depth"])
 
 

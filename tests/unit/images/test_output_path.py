@@ -1,4 +1,4 @@
-"""Names that are longer than file systems hold, and the longest that they do."""
+"""Names that are too long for the file system, and the longest that they do."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_name_that_is_too_long_is_refused_before_rendering(asked: list[str], c
     assert run(["render", "s.usda", "--res", "8", "6", "--spp", "2", *asked]) == 2
     said = capsys.readouterr().err
     assert "name-too-long" in said
-    assert "longer than file systems hold" in said
+    assert "too long for the file system" in said
     assert [path.name for path in Path().iterdir()] == ["s.usda"]
 
 
@@ -52,7 +52,7 @@ def test_the_longest_names_are_written() -> None:
     assert run(["render", "s.usda", "--res", "8", "6", "--spp", "2", *asked]) == 0
     ends = sorted(path.suffix for path in Path().iterdir() if path.stem == LONGEST)
     assert ends == [".exr", ".png", ".prc", ".txt"]
-    with pytest.raises(primray.PrimrayError, match="longer than file systems hold") as error:
+    with pytest.raises(primray.PrimrayError, match="too long for the file system") as error:
         Image(np.zeros((2, 2, 4), np.float32)).save(f"{LONG}.exr")
     assert error.value.code == "name-too-long"
 

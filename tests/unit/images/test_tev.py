@@ -53,7 +53,7 @@ def test_addresses(text: str, host: str, port: int, name: str) -> None:
     "text", ["tev://", "tev:///shot", "tev://h:port", "tev://h:70000", "tev://h:0", "tev://h/a?b", "tev://me@h", "tev://[::1"]
 )
 def test_what_is_no_address(text: str) -> None:
-    with pytest.raises(SettingsError, match="no address of a tev") as caught:
+    with pytest.raises(SettingsError, match="not an address of tev") as caught:
         tev_address(text)
     assert (caught.value.code, caught.value.where) == ("tev-address", text)
 
@@ -106,7 +106,7 @@ def test_nobody_listens() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     for output in (f"tev://127.0.0.1:{port}/a", "tev://no-such-host.invalid/a"):
-        with pytest.raises(SettingsError, match=r"no tev listens there: .+; start tev") as caught:
+        with pytest.raises(SettingsError, match=r"no tev is listening: .+; start tev") as caught:
             TevPicture(output)
         assert (caught.value.code, caught.value.where, caught.value.exit_code) == ("tev-unreachable", output, 2)
 
@@ -116,7 +116,7 @@ def test_one_that_takes_nothing_any_more(monkeypatch: pytest.MonkeyPatch) -> Non
     with socket.create_server(("127.0.0.1", 0)) as listener:
         output = f"tev://127.0.0.1:{listener.getsockname()[1]}"
         shown, [connection, _] = TevPicture(output), listener.accept()
-        with connection, pytest.raises(PrimrayError, match="tev takes no picture: timed out") as caught:
+        with connection, pytest.raises(PrimrayError, match="tev does not accept the picture: timed out") as caught:
             shown.show(Image(np.zeros((1000, 1000, 4), np.float32)))
         shown.close()
     assert (caught.value.code, caught.value.where) == ("write-failed", output)
