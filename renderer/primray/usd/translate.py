@@ -47,8 +47,8 @@ from .lights.light_links import Links, find_links
 from .lights.portals import report_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .mesh.adapter import mesh
+from .motion.pixels import Foreseen
 from .motion.points import PointSteps
-from .moving.foreseen import Foreseen
 from .nurbs.adapter import nurbs_patch
 from .resolving.color_spaces import rendering_space
 from .scene.assembly import (

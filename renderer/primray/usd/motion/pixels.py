@@ -1,4 +1,5 @@
-"""Upper bound on the number of pixels that a world-space length covers, from the camera and the distance of objects to it."""
+"""Upper bound on the number of pixels that a world-space length covers, from the camera and the distance of objects to it, and
+what is known of motion before skeletons pose anything: shutter times and that bound."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ...arrays import Doubles
 from ...description import Camera, Projection
+from .timing import AT_FRAME, Timing
 
 NEAREST = 1e-3  # of the distance to a box's centre: the nearest distance of boxes around the camera
 
@@ -43,3 +45,24 @@ def pixels_of(cameras: Sequence[Camera], resolution: tuple[int, int]) -> Pixels:
         per_unit = max(per_unit, finest * (1.0 + slope))
     eyes = np.array([camera.world_from_camera[:3, 3] for camera in cameras])
     return Pixels(eyes, per_unit, max(cameras[0].clipping_range[0], 1e-30), is_parallel)
+
+
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """Timing and error bound of the render, and the camera's pixels if it is known."""
+
+    timing: Timing = AT_FRAME
+    most: float = 1.0  # largest motion error in pixels
+    pixels: Pixels | None = None  # None: the camera is made once the scene is translated
+    side: int = 1  # longer side of the image, in pixels
+
+    def per_length(self, low: Doubles, high: Doubles, is_placed: bool = True) -> Doubles:
+        """Return pixels per unit of length (K,) within the boxes (K, 3); without a known camera or placement, as if each box
+        filled the image."""
+        if self.pixels is not None and is_placed:
+            return self.pixels.per_length(low, high)
+        size = np.linalg.norm(high - low, axis=1)
+        return np.asarray(self.side / np.where(size > 0.0, size, 1.0))
+
+
+UNSEEN = Foreseen()

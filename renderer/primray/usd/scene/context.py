@@ -12,8 +12,8 @@ from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
 from ..lights.light_groups import NO_GROUPS, LightGroups
 from ..motion.levels import ShapePlacements
+from ..motion.pixels import UNSEEN, Foreseen
 from ..motion.timing import AT_FRAME, Timing
-from ..moving.foreseen import UNSEEN, Foreseen
 from ..resolving.color_scope import ColorScope
 from ..resolving.surface_table import SurfaceTable
 from ..stage.values import When
