@@ -158,7 +158,7 @@ HUSK: list[Row] = [
     Understood("--threads -j", "-1", "0: all cores, -1: all but one"),
     "--fast-exit",
     "--restart-delegate",
-    Understood("--snapshot", "30", "every so many seconds, to the output's own file (husk: beside it, as `_part`)"),
+    Understood("--snapshot", "30", "at an interval in seconds, to the output's own file (husk: beside it, as `_part`)"),
     "--snapshot-path",
     "--snapshot-suffix",
     "--snapshot-save-mode",
