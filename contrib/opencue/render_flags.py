@@ -15,7 +15,7 @@ PLACE_IN_NAME = re.compile(r"#|%\d*d|%g|\$F|<F[\dF]*>")  # placeholders that pri
 
 def parser_of(description: str, output: str, frames: str) -> argparse.ArgumentParser:
     """Return a parser with the arguments of both scripts; `output` and `frames` are the help texts of these two."""
-    parser = argparse.ArgumentParser(description=description, epilog="After --: further flags of primray render.")
+    parser = argparse.ArgumentParser(description=description, epilog="Flags after -- are passed to primray render.")
     parser.add_argument("scene", type=Path, help="the stage")
     parser.add_argument("output", type=Path, help=output)
     parser.add_argument("--frames", default="1", help=frames)
@@ -35,7 +35,9 @@ def parsed_by(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argp
 def require_place(parser: argparse.ArgumentParser, asked: argparse.Namespace) -> None:
     """Exit with an error if the tasks, of one frame each, would all write the same picture."""
     if not re.fullmatch(r"\s*-?\d+\s*", asked.frames) and not PLACE_IN_NAME.search(asked.output.name):
-        parser.error(f"{asked.output.name} has no place for the frame's number, such as ####, and --frames are {asked.frames}")
+        parser.error(
+            f"{asked.output.name} has no placeholder for the frame's number, such as ####, but --frames is {asked.frames}"
+        )
 
 
 def send(job: Outline, asked: argparse.Namespace) -> None:
@@ -50,16 +52,18 @@ def send(job: Outline, asked: argparse.Namespace) -> None:
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--camera", help="a camera's prim path or name (default: the stage's)")
-    parser.add_argument("--aov", action="append", default=[], metavar="NAMES", help="outputs beside the picture, by commas")
-    parser.add_argument("--light-group", action="append", default=[], metavar="NAME", help="light of this group as an output")
+    parser.add_argument("--aov", action="append", default=[], metavar="NAMES", help="further outputs, separated by commas")
+    parser.add_argument(
+        "--light-group", action="append", default=[], metavar="NAME", help="add the light of this group as an output"
+    )
     parser.add_argument(
         "--cryptomatte", action="append", default=[], choices=("object", "material", "asset"), help="as an output"
     )
-    parser.add_argument("--variant", action="append", default=[], metavar="PRIM:SET=NAME", help="choose a variant")
-    parser.add_argument("--threads", type=int, default=8, help="of one task, and cores that it takes")
-    parser.add_argument("--memory", help="that OpenCue reserves for a task, such as 8g")
-    parser.add_argument("--name", default="primray", help="of the job")
-    parser.add_argument("--print", action="store_true", help="what would be sent, and send nothing")
+    parser.add_argument("--variant", action="append", default=[], metavar="PRIM:SET=NAME", help="select a variant")
+    parser.add_argument("--threads", type=int, default=8, help="threads of one task, and the cores it reserves")
+    parser.add_argument("--memory", help="memory that OpenCue reserves for a task, such as 8g")
+    parser.add_argument("--name", default="primray", help="name of the job")
+    parser.add_argument("--print", action="store_true", help="print the job instead of sending it")
 
 
 def flags(asked: argparse.Namespace, no_outputs: Sequence[str] = ()) -> list[str]:

@@ -41,12 +41,14 @@ def render_command(asked: argparse.Namespace) -> list[str]:
 
 def parsed(arguments: list[str]) -> argparse.Namespace:
     parser = parser_of(
-        "Render frames of a USD stage on OpenCue, a task a frame.",
-        output="a picture's name, #### becomes the frame; of products a folder",
+        "Render frames of a USD stage on OpenCue, one task per frame.",
+        output="a picture's name, in which #### becomes the frame; with --products a folder",
         frames="such as 1-100 or 1-100x2",
     )
-    parser.add_argument("--products", nargs="*", metavar="PRIM", help="the stage's products by these names; without names, all")
-    parser.add_argument("--denoise", action="store_true", help="a denoised picture beside the record (primray[denoise])")
+    parser.add_argument(
+        "--products", nargs="*", metavar="PRIM", help="render the stage's products with these names; without names, all"
+    )
+    parser.add_argument("--denoise", action="store_true", help="add a denoised picture (primray[denoise])")
     asked = parsed_by(parser, arguments)
     if asked.products is None:
         require_place(parser, asked)

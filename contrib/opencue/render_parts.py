@@ -71,11 +71,11 @@ def sample_ranges(samples: int, parts: int) -> list[tuple[int, int]]:
 def parsed(arguments: list[str]) -> argparse.Namespace:
     parser = parser_of(
         "Render frames of a USD stage on OpenCue, each frame's samples in parts.",
-        output="a picture's name; #### becomes the frame",
+        output="a picture's name, in which #### becomes the frame",
         frames="such as 1-100",
     )
-    parser.add_argument("--samples", type=int, default=256, help="a pixel, of all parts together")
-    parser.add_argument("--parts", type=int, default=4, help="that a frame's samples are divided among")
+    parser.add_argument("--samples", type=int, default=256, help="samples per pixel, of all parts together")
+    parser.add_argument("--parts", type=int, default=4, help="number of parts that share a frame's samples")
     asked = parsed_by(parser, arguments)
     require_place(parser, asked)
     return asked

@@ -105,18 +105,18 @@ def time_codes(text: str | None, limits: Limits) -> list[float | None]:
         first, last, step = match.groups()
         count += 1 if last is None else _count(first, last, step, limits)
         if count > limits.frames:
-            raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames)
+            raise over_limit(member, f"at most {limits.frames} frames are allowed", limits.frames)
     try:
         frames = parse_frames(text)
     except LimitError:
-        raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames) from None
+        raise over_limit(member, f"at most {limits.frames} frames are allowed", limits.frames) from None
     except SettingsError as error:
         raise invalid(member, error.message) from None
     if len(frames) > limits.frames:
-        raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames)
+        raise over_limit(member, f"at most {limits.frames} frames are allowed", limits.frames)
     if len(set(frames)) < len(frames):
         twice = next(frame for frame in frames if frames.count(frame) > 1)
-        raise invalid(member, f"frame {twice:g} is asked for twice")
+        raise invalid(member, f"frame {twice:g} is requested twice")
     return list(frames)
 
 
@@ -137,14 +137,14 @@ def check_settings(settings: Settings, limits: Limits) -> None:
         ("render_pass", settings.render_pass),
     ):
         if path is not None and not path.startswith("/"):
-            raise invalid(f"settings.{member}", f"{path!r} is no prim's path, which begins with /")
+            raise invalid(f"settings.{member}", f"{path!r} is not a prim path, which begins with /")
     if settings.resolution is not None:
         width, height = settings.resolution
         member = "settings.resolution"
         if max(width, height) > limits.image_side:
-            raise over_limit(member, f"{limits.image_side} pixels a side are allowed", limits.image_side)
+            raise over_limit(member, f"at most {limits.image_side} pixels per side are allowed", limits.image_side)
         if width * height > limits.image_pixels:
-            raise over_limit(member, f"{limits.image_pixels} pixels are allowed", limits.image_pixels)
+            raise over_limit(member, f"at most {limits.image_pixels} pixels are allowed", limits.image_pixels)
     check_stop(settings.stop, limits, "settings.stop")
     check_denoising(settings)
     try:
@@ -160,7 +160,7 @@ def check_products(settings: Settings) -> None:
     """Raise Problem unless `products` is the first product, all of them, or distinct products by path."""
     names = settings.products
     if len(names) > 1 and (ALL in names or BEAUTY in names):
-        listed = f'["{BEAUTY}"] is the first product and ["{ALL}"] is all of them; several are listed by their paths'
+        listed = f'["{BEAUTY}"] selects the first product and ["{ALL}"] all of them; list several by their paths'
         raise invalid("settings.products", listed)
     if len(set(names)) < len(names):
         raise invalid("settings.products", "a product is named twice")
@@ -185,7 +185,7 @@ def check_files(settings: Settings) -> None:
         raise invalid("settings.compression", error.message) from None
     for member, name in (("dome", settings.dome), ("background", settings.background)):
         if name is not None and (name.startswith("/") or ".." in name.split("/") or "\\" in name or "\0" in name):
-            raise invalid(f"settings.{member}", f"{name!r} is no name of a file in the package")
+            raise invalid(f"settings.{member}", f"{name!r} is not the name of a file in the package")
 
 
 def check_parallel(request: JobRequest) -> None:
@@ -209,9 +209,9 @@ def check_denoising(settings: Settings) -> None:
 
 def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
     if stop.max_samples is not None and stop.max_samples > limits.samples:
-        raise over_limit(f"{member}.max_samples", f"{limits.samples} samples a pixel are allowed", limits.samples)
+        raise over_limit(f"{member}.max_samples", f"at most {limits.samples} samples per pixel are allowed", limits.samples)
     if stop.max_seconds is not None and stop.max_seconds > limits.seconds:
-        raise over_limit(f"{member}.max_seconds", f"{limits.seconds:.0f} seconds are allowed", limits.seconds)
+        raise over_limit(f"{member}.max_seconds", f"at most {limits.seconds:.0f} seconds are allowed", limits.seconds)
 
 
 def render_settings(settings: Settings) -> RenderSettings:
@@ -281,17 +281,17 @@ def _member(error: PrimrayError) -> str:
 
 def check_labels(labels: Mapping[str, str], limits: Limits) -> None:
     if len(labels) > limits.labels:
-        raise over_limit("labels", f"{limits.labels} labels are allowed", limits.labels)
+        raise over_limit("labels", f"at most {limits.labels} labels are allowed", limits.labels)
     for name, value in labels.items():
         if not name or ":" in name or "=" in name:
-            raise invalid("labels", "a label's name has a character at least, and neither : nor =")
+            raise invalid("labels", "a label's name needs at least one character, without : and =")
         if max(len(name), len(value)) > limits.label_chars:
-            raise over_limit("labels", f"{limits.label_chars} characters are allowed", limits.label_chars)
+            raise over_limit("labels", f"at most {limits.label_chars} characters are allowed", limits.label_chars)
 
 
 def checked_ttl(ttl_s: float | None, limits: Limits) -> float:
     if ttl_s is not None and ttl_s > limits.ttl_s:
-        raise over_limit("ttl_s", f"{limits.ttl_s:.0f} seconds are allowed", limits.ttl_s)
+        raise over_limit("ttl_s", f"at most {limits.ttl_s:.0f} seconds are allowed", limits.ttl_s)
     return limits.default_ttl_s if ttl_s is None else ttl_s
 
 

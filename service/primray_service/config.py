@@ -58,17 +58,17 @@ class ServeConfig:
         """Validate the executor, labels and origins; raises SettingsError."""
         by_name.check_name(self.executor)
         if self.objects is not None and self.database is None:
-            said = "servers that share an object store share a database: name it, postgresql+psycopg://..."
+            said = "servers that share an object store must share a database: give --database postgresql+psycopg://..."
             raise SettingsError(said, where="database", code="objects-database")
         if self.shared_roots.roots and self.executor == "ray":
             said = "shared roots are read by workers on the server's own machine: --executor local"
             raise SettingsError(said, where="shared_roots", code="shared-root")
         for label in self.ray_labels:
             if not LABEL.fullmatch(label):
-                raise SettingsError(f"{label!r} is no label of nodes: NAME=VALUE", where="ray_labels", code="ray-label")
+                raise SettingsError(f"{label!r} is not a node label: write NAME=VALUE", where="ray_labels", code="ray-label")
         for origin in self.allowed_origins:
             if not ORIGIN.fullmatch(origin):
-                said = f"{origin!r} is no origin: SCHEME://HOST or SCHEME://HOST:PORT, as browsers send it, without a path or *"
+                said = f"{origin!r} is not an origin: write SCHEME://HOST or SCHEME://HOST:PORT, without a path or *"
                 raise SettingsError(said, where="allowed_origins", code="allow-origin")
 
     @property

@@ -146,13 +146,13 @@ class DataDirectory:
 def _hex_of(scene_id: str) -> str:
     digest = scene_id.removeprefix("sha256:")
     if len(digest) != 64 or set(digest) - set("0123456789abcdef"):
-        raise Problem("not-found", "A scene's id is sha256: and 64 hexadecimal digits.")
+        raise Problem("not-found", "A scene's id must be sha256: and 64 hexadecimal digits.")
     return digest
 
 
 def _plain(name: str) -> str:
     if not name or not name.replace("_", "").isalnum() or not name.isascii():
-        raise ValueError(f"{name!r} is no name of a folder")
+        raise ValueError(f"{name!r} is not a valid folder name")
     return name
 
 

@@ -163,7 +163,7 @@ async def keep_evicting(data: DataDirectory, limits: Limits) -> None:
         try:
             await asyncio.to_thread(cache.evict, data, 2 * limits.free_disk_bytes)
         except OSError as error:
-            log.warning("copies are not removed", error=str(error))
+            log.warning("local copies cannot be removed", error=str(error))
         await asyncio.sleep(cache.EVERY_S)
 
 
@@ -172,12 +172,12 @@ def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
     reach."""
     found = self_test(data.slots)
     if not found.ok and not config.allow_unsandboxed:
-        log.warning("the sandbox does not hold", **found.as_json())
+        log.warning("the sandbox does not work", **found.as_json())
         if not config.on_loopback:
             raise Problem(
                 "unavailable",
-                f"The sandbox does not hold here: {found.problem}. Strangers' scenes would be opened without walls: listen on "
-                "127.0.0.1 only, or start with --allow-unsandboxed.",
+                f"The sandbox does not work here: {found.problem}. Untrusted scenes would be opened without isolation: "
+                "listen on 127.0.0.1 only, or start with --allow-unsandboxed.",
             )
     return found
 
@@ -237,7 +237,7 @@ class Connection(H11Protocol):
             super()._unset_keepalive_if_required()
 
     def send_400_response(self, msg: str) -> None:
-        problem = Problem("invalid-request", "This is not an HTTP request that can be read.", status=400)
+        problem = Problem("invalid-request", "This is not a valid HTTP request.", status=400)
         body = json_bytes(problem.as_json())
         headers = [
             (b"content-type", b"application/problem+json"),

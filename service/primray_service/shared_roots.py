@@ -68,10 +68,10 @@ class SharedRoots:
         if not path or "\0" in path or any(part in ("", ".", "..") for part in path.split("/")):
             raise _invalid("write it NAME/path.usda, without . and .. in the path")
         if not path.lower().endswith(SUFFIXES):
-            raise _invalid(f"{PurePosixPath(path).name!r} is no usd, usda, usdc or usdz file")
+            raise _invalid(f"{PurePosixPath(path).name!r} is not a usd, usda, usdc or usdz file")
         found = Path(os.path.realpath(root.path / path))
         if not found.is_relative_to(root.path):
-            raise _invalid("the path is a link that leads out of the shared root")
+            raise _invalid("the path is a link to a file outside the shared root")
         if not found.is_file():
             raise Problem("not-found", f"{MEMBER}: there is no such file in the shared root {name!r}.", member=MEMBER)
         return SharedFile(root, found)
@@ -88,16 +88,16 @@ def roots_of(folders: Iterable[str], tenants: Iterable[str]) -> SharedRoots:
     for text in folders:
         name, sign, folder = text.partition("=")
         if not sign or not NAME.fullmatch(name) or not os.path.isabs(folder):
-            raise _wrong(f"{text!r} is no shared root: write NAME=/folder")
+            raise _wrong(f"{text!r} is not a shared root: write NAME=/folder")
         if name in found:
             raise _wrong(f"there are two shared roots {name!r}")
         path = Path(os.path.realpath(folder))
         if not path.is_dir() or path == Path("/"):
-            raise _wrong(f"{folder} is no folder that can be a shared root")
+            raise _wrong(f"{folder} cannot be a shared root: it is not an accessible folder")
         found[name] = SharedRoot(name, path, allowed.get(name))
     unknown = allowed.keys() - found.keys()
     if unknown:
-        raise _wrong(f"tenants are named for the shared root {min(unknown)!r}, which there is not")
+        raise _wrong(f"tenants are given for an unknown shared root {min(unknown)!r}")
     return SharedRoots(tuple(found.values()))
 
 

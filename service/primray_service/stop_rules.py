@@ -33,9 +33,9 @@ def _check_further(before: StopRules, after: StopRules) -> None:
     further = {rule: _further(rule, before, after) for rule in RULES}
     shorter = next((rule for rule in RULES if further[rule] < 0), None)
     if shorter is not None:
-        raise invalid(f"stop.{shorter}", "the job has gone further than this already")
+        raise invalid(f"stop.{shorter}", "the job has already reached this")
     if not any(further.values()):
-        raise invalid("stop", "the job reached its end; give a lower target_error, or more max_samples or max_seconds")
+        raise invalid("stop", "the job succeeded; give a lower target_error, or a higher max_samples or max_seconds")
 
 
 def _further(rule: str, before: StopRules, after: StopRules) -> int:

@@ -158,5 +158,5 @@ def test_samples_that_cannot_be_divided_are_told(asked: tuple[str, ...], tmp_pat
 def test_a_name_for_several_frames_has_a_place_for_the_number(script: Path, tmp_path: Path) -> None:
     done = submitted(script, tmp_path, "--frames", "1-3", output="one.exr")
     assert done.returncode == 2
-    assert "one.exr has no place for the frame's number" in done.stderr
+    assert "one.exr has no placeholder for the frame's number" in done.stderr
     assert submitted(script, tmp_path, "--frames", "3", output="one.exr").returncode == 0

@@ -111,7 +111,7 @@ def test_a_name_for_several_frames_has_a_place_for_the_number(
     process = run_script(template, 0, tmp_path, "echo rendered", Scene="a.usda", **asked)
     said = process.communicate(timeout=20)[0]
     assert (process.returncode, "rendered" in said) == ((0, True) if is_accepted else (2, False)), said
-    assert is_accepted or said.startswith(f"openjd_fail: OutputName {name} has no place for the frame's number")
+    assert is_accepted or said.startswith(f"openjd_fail: OutputName {name} has no placeholder for the frame's number")
 
 
 def test_frames_of_products_without_a_place_are_all_there(tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ class Keys:
 def caller_of(key: ApiKey | None, now: float) -> Caller:
     """Return the caller for a key that is valid now, else raise Problem; every invalid key gets the same words."""
     if key is None or key.revoked_at is not None or (key.expires_at is not None and key.expires_at <= now):
-        raise unauthenticated("This API key is not known, or not valid any more.")
+        raise unauthenticated("This API key is unknown, revoked or expired.")
     return Caller(key.tenant, key.scopes, key)
 
 
@@ -177,5 +177,5 @@ def session_secret(file: Path) -> bytes:
             draft.unlink()
     secret = file.read_bytes()
     if len(secret) != 32:
-        raise ValueError(f"{file} does not hold 32 bytes; remove it, and sessions begin anew")
+        raise ValueError(f"{file} does not hold 32 bytes; remove it to create a new one, which ends all sessions")
     return secret

@@ -59,15 +59,15 @@ def new_key(
     have."""
     unknown = set(scopes) - SCOPES
     if unknown or not scopes:
-        raise Problem("invalid-request", f"scopes: one or more of {', '.join(sorted(SCOPES))}.", member="scopes")
+        raise Problem("invalid-request", f"scopes: choose one or more of {', '.join(sorted(SCOPES))}.", member="scopes")
     if not TENANT.fullmatch(tenant):
         raise Problem(
             "invalid-request",
-            "tenant: up to 64 letters, digits, dots, dashes and underscores, a letter first.",
+            "tenant: write up to 64 letters, digits, dots, dashes and underscores, beginning with a letter.",
             member="tenant",
         )
     if expires_at is not None and expires_at <= now:
-        raise Problem("invalid-request", "The key would have expired already.", member="expires_in_s")
+        raise Problem("invalid-request", "The key would already have expired.", member="expires_in_s")
     text = make()
     row = ApiKey(
         id=f"key_{ulid(now)}",

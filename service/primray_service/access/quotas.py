@@ -86,12 +86,12 @@ def exceeded(quota: str, quotas: Quotas, usage: Usage, coming: int = 0) -> Probl
         "cpu_s_per_day": usage.cpu_s_today,
     }[quota]
     what = {
-        "queued_jobs": "jobs may wait",
-        "running_jobs": "jobs may run at a time",
+        "queued_jobs": "jobs may be queued",
+        "running_jobs": "jobs may run at the same time",
         "stored_bytes": "bytes may be stored",
-        "cpu_s_per_day": "CPU seconds may be used in a day (UTC)",
+        "cpu_s_per_day": "CPU seconds may be used per day (UTC)",
     }[quota]
-    more = f"; this needs {coming:,} more" if coming else ""
+    more = f"; this request needs {coming:,} more" if coming else ""
     sentence = f"{limit:,} {what}, and {used:,.0f} are in use{more}."
     if quota == "stored_bytes":  # waiting frees nothing
         sentence = f"{sentence} Delete scenes or jobs that are no longer needed."

@@ -1,4 +1,4 @@
-"""What clients get of keys, of what they use and of what the server can do, as models; views.py says how these are used."""
+"""Answers about keys, usage and the server's capabilities, as models (see views.py)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Scope = Literal["submit", "read", "admin"]
 
 
 class KeyQuotas(View):
-    """null: no limit."""
+    """Quotas of a key; null: no limit."""
 
     requests_per_s: float | None
     burst: int
@@ -28,7 +28,7 @@ class Key(View):
     object: Literal["key"]
     tenant: str
     name: str
-    prefix: str = Field(description="The key's first characters, to recognise it by.")
+    prefix: str = Field(description="First characters of the key, to recognise it by.")
     scopes: list[Scope]
     quotas: KeyQuotas
     created_at: datetime
@@ -37,7 +37,7 @@ class Key(View):
 
 
 class NewKey(Key):
-    key: str = Field(description="The key itself: shown in this answer only.")
+    key: str = Field(description="The key itself, which only this answer contains.")
 
 
 class KeyList(View):
@@ -49,7 +49,7 @@ class WhoAmI(View):
     name: str
     scopes: list[Scope]
     key: Key | None
-    session: bool = Field(description="Whether a cookie stands for the key.")
+    session: bool = Field(description="Whether the caller used a session cookie instead of a key.")
 
 
 class Count(View):
@@ -94,7 +94,7 @@ class Previews(View):
 
 
 class AovName(View):
-    name: str = Field(description="As in settings.aovs.")
+    name: str = Field(description="Name for settings.aovs.")
     meaning: str
 
 
@@ -113,7 +113,7 @@ class Capabilities(View):
     outputs: list[OutputKind]
     previews: Previews
     error_metrics: list[str]
-    aovs: list[AovName] = Field(description="That need no name of the scene's own; primvar:NAME and labels:TAXONOMY do.")
+    aovs: list[AovName] = Field(description="AOVs of any scene; primvar:NAME and labels:TAXONOMY depend on the scene.")
     limits: dict[str, Any]
     quotas: KeyQuotas
     executor: ExecutorOfServer

@@ -1,4 +1,4 @@
-"""What administrators get, as models; views.py says how these are used."""
+"""Answers to administrators, as models (see views.py)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .views import Frame, Job, View
 
 
 class AdminJob(Job):
-    tenant: str = Field(description="Whose job it is.")
+    tenant: str = Field(description="The job's tenant.")
 
 
 class AdminJobPage(View):
@@ -23,23 +23,23 @@ class AdminJobPage(View):
 
 class AdminFramePage(View):
     items: list[Frame]
-    next_after: int | None = Field(description="For ?after= of the page that comes next.")
+    next_after: int | None = Field(description="Value of ?after= for the next page.")
 
 
 class Tenant(Usage):
-    quotas: KeyQuotas = Field(description="That hold now.")
-    quotas_set: dict[str, Any] = Field(description="Those of them that were set by an administrator.")
+    quotas: KeyQuotas = Field(description="Effective quotas.")
+    quotas_set: dict[str, Any] = Field(description="Quotas that an administrator has set.")
 
 
 class TenantPage(View):
     items: list[Tenant]
-    next_after: str | None = Field(description="For ?after= of the page that comes next.")
+    next_after: str | None = Field(description="Value of ?after= for the next page.")
 
 
 class WorkerNode(View):
     id: str
-    slots: int = Field(description="Renders that it has room for at a time.")
-    why: str = Field(description="Why it takes no work; empty: it does.")
+    slots: int = Field(description="Number of concurrent renders.")
+    why: str = Field(description="Why the node takes no work; empty if it does.")
 
 
 class RunningFrame(View):
@@ -52,15 +52,17 @@ class RunningFrame(View):
     time_code: float | None
     phase: str
     fraction: float
-    parts: int | Literal["auto"] | None = Field(description="The most places that it is rendered in; null: one.")
+    parts: int | Literal["auto"] | None = Field(description="Most slots in which it is rendered; null: one.")
     started_at: datetime | None
     cpu_s: float
 
 
 class Workers(View):
-    dispatcher: Literal["here", "elsewhere", "nowhere"] = Field(description="Where the server that dispatches is.")
+    dispatcher: Literal["here", "elsewhere", "nowhere"] = Field(
+        description="The server that dispatches: this one, another, or none."
+    )
     slots: int
     cores: int
-    memory_bytes: int = Field(description="Of one render.")
+    memory_bytes: int = Field(description="Memory limit of one render.")
     nodes: list[WorkerNode]
     running: list[RunningFrame]

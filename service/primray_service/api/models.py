@@ -1,4 +1,4 @@
-"""What clients send and get: the API's JSON as pydantic models, from which the OpenAPI document is made."""
+"""Requests of the API as pydantic models, from which the OpenAPI document is made."""
 
 from __future__ import annotations
 
@@ -11,173 +11,177 @@ Name = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[^\x00-\x1f
 
 
 Parallel = Annotated[int, Field(ge=1, le=1024)] | Literal["auto"]
-OF_PARALLEL = "The most places that each frame is rendered in at a time, by ranges of its samples; auto: all there are."
+OF_PARALLEL = "Most slots in which each frame is rendered at a time, as parts (ranges of its samples); auto: all slots."
 
 
 class Sent(BaseModel):
-    """Members that are not known are refused, not ignored."""
+    """Base of requests: unknown members are refused, not ignored."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
 
 
 class SceneReference(Sent):
-    id: str = Field(pattern=r"^sha256:[0-9a-f]{64}$", description="What POST /v1/scenes answered.")
-    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+    id: str = Field(pattern=r"^sha256:[0-9a-f]{64}$", description="The id in the answer to POST /v1/scenes.")
+    entry: str | None = Field(None, max_length=1024, description="Root layer to render, if the package has several.")
 
 
 class SceneOfRequest(Sent):
-    """A scene that was uploaded, by its `id`, or a stage on the service's shared storage."""
+    """An uploaded scene by its `id`, or a stage on the service's shared storage."""
 
-    id: str | None = Field(None, pattern=r"^sha256:[0-9a-f]{64}$", description="What POST /v1/scenes answered.")
+    id: str | None = Field(None, pattern=r"^sha256:[0-9a-f]{64}$", description="The id in the answer to POST /v1/scenes.")
     shared: str | None = Field(
-        None, max_length=4096, description="NAME/path.usda: a stage in the shared root NAME, in the place of `id`."
+        None, max_length=4096, description="NAME/path.usda: a stage in the shared root NAME, instead of `id`."
     )
-    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+    entry: str | None = Field(None, max_length=1024, description="Root layer to render, if the package has several.")
 
 
 class StopRules(Sent):
-    """A frame ends when the first of these is reached; none given: what the stage's render settings ask for, else 64 samples a
-    pixel, as frames of parallel jobs always do."""
+    """Stop rules: a frame ends when the first one is reached. Without any, the stage's render settings decide, else 64 samples
+    per pixel; parallel jobs always use the latter."""
 
-    target_error: float | None = Field(None, gt=0, description="Stop when the estimate of the error is not above this.")
-    metric: Literal["relmse", "rmse", "display"] | None = Field(None, description="null: the stage's, else relmse.")
-    max_samples: int | None = Field(None, ge=1, description="Samples a pixel.")
-    max_seconds: float | None = Field(None, gt=0, description="Seconds of sampling, a frame.")
+    target_error: float | None = Field(None, gt=0, description="Stop when the estimated error is at most this.")
+    metric: Literal["relmse", "rmse", "display"] | None = Field(None, description="Metric; null: the stage's, else relmse.")
+    max_samples: int | None = Field(None, ge=1, description="Most samples per pixel.")
+    max_seconds: float | None = Field(None, gt=0, description="Most seconds of sampling per frame.")
 
 
 class FileSettings(Sent):
-    """How the job's files store and show the picture."""
+    """Display transform and storage of the job's files."""
 
     view: str | None = Field(None, max_length=256, description="OCIO view of PNG, JPEG and TIFF; null: the display's default.")
-    display: str | None = Field(None, max_length=256, description="OCIO display of these; null: the configuration's default.")
-    look: str | None = Field(None, max_length=256, description="OCIO look in place of the view's.")
+    display: str | None = Field(None, max_length=256, description="OCIO display; null: the configuration's default.")
+    look: str | None = Field(None, max_length=256, description="OCIO look that replaces the view's.")
     exposure: Annotated[float, Field(ge=-30, le=30)] | Literal["auto"] | None = Field(
         None,
-        description="In stops, of PNG, JPEG and TIFF; auto: what the view needs, for each frame; null: as the product asks.",
+        description="Exposure in stops, of PNG, JPEG and TIFF; auto: chosen for the view, for each frame; null: the product's.",
     )
     half: list[Annotated[str, Field(max_length=280)]] = Field(
         default=[],
         max_length=64,
-        description="Channels, layers or parts of the EXR stored as halves (R, stderr, rgba), or all, or none.",
+        description="Channels, layers or parts of the EXR stored as half floats (R, stderr, rgba), or all, or none.",
     )
     compression: str | None = Field(
-        None, max_length=32, description="NAME or NAME:LEVEL of the EXR, such as dwaa:45; null: the product's, else zip."
+        None, max_length=32, description="EXR compression, NAME or NAME:LEVEL, such as dwaa:45; null: the product's, else zip."
     )
 
 
 class Settings(FileSettings):
-    """As RenderSettings of the library and the flags of `primray render`."""
+    """Render settings, with the meanings of the library's RenderSettings and the flags of `primray render`."""
 
-    camera: str | None = Field(None, max_length=1024, description="A prim path, or a name that only one camera has.")
+    camera: str | None = Field(None, max_length=1024, description="A camera's prim path, or its name if unique.")
     auto_camera: Literal["three-quarter", "usdrecord"] = Field(
-        "three-quarter", description="The view of a stage without cameras: a quarter from above, or usdrecord's."
+        "three-quarter", description="Camera for stages without one: a three-quarter view from above, or usdrecord's."
     )
     render_settings: str | None = Field(
-        None, max_length=1024, description="Path of a RenderSettings prim; not given: the stage's own."
+        None, max_length=1024, description="Path of a RenderSettings prim; null: the one that the stage names."
     )
     render_pass: str | None = Field(None, max_length=1024, description="Path of the RenderPass prim to render; null: none.")
     products: list[Annotated[str, Field(max_length=256)]] = Field(
         default=["beauty"],
         min_length=1,
         max_length=64,
-        description='["beauty"]: the first product of the render settings; ["*"]: all of them, each in a file of its own name; '
-        "or paths of RenderProducts, or names that only one has; several of them are files of their own names.",
+        description='["beauty"]: the first product of the render settings; ["*"]: all of them, each in a file named after it; '
+        "or paths of RenderProducts, or unique names; several products are written to files named after them.",
     )
     aovs: list[Annotated[str, Field(max_length=280)]] | None = Field(
-        None, max_length=64, description="Parts of the EXR beside the picture, by name; null: what the stage's product orders."
+        None, max_length=64, description="AOVs, as parts of the EXR beside the picture; null: the stage's product's."
     )
-    aov_errors: bool = Field(False, description="Standard errors of those that are means of samples, in their parts.")
+    aov_errors: bool = Field(False, description="Add the standard errors of AOVs that are means of samples to their parts.")
     frames: str | None = Field(
-        None, max_length=4096, description='"1", "1:10", "1-10x2", "1-10:2" or "1,5"; not given: the default time.'
+        None, max_length=4096, description='Frames: "1", "1:10", "1-10x2", "1-10:2" or "1,5"; null: the default time.'
     )
-    resolution: tuple[int, int] | None = Field(None, description="Width and height; one of them 0: by the camera's aspect.")
+    resolution: tuple[int, int] | None = Field(
+        None, description="Width and height in pixels; one may be 0: by the camera's aspect."
+    )
     stop: StopRules = StopRules()
     seed: int = Field(0, ge=0, lt=2**32)
     max_depth: int | None = Field(
-        None, ge=1, le=2**20, description="Scatterings; 1: direct light only; null: the stage's, else no limit."
+        None, ge=1, le=2**20, description="Most scattering events; 1: direct light only; null: the stage's, else no limit."
     )
     clamp_indirect: float | None = Field(
         None,
         gt=0,
         le=1e30,
-        description="A stated bias: most that a sample brings over two scatterings and more; null: no clamp.",
+        description="Largest contribution of a sample after two or more scattering events; biased; null: no clamp.",
     )
-    caustics: bool = Field(True, description="false: light over specular surfaces to diffuse ones is left out, a stated bias.")
+    caustics: bool = Field(True, description="false: omit caustics (light over specular surfaces to diffuse ones); biased.")
     adaptive: bool | None = None
     filter: Literal["box", "gaussian", "blackman-harris"] | None = Field(None, description="null: the stage's, else box.")
     filter_width: float | None = Field(None, gt=0, le=64)
     default_light: bool = True
     studio_light: Literal["auto", "on", "off"] = Field(
         "auto",
-        description="auto: where the stage has no light, not even a weak one, and what glows lights less than 35 % of what is "
-        "seen; on: beside its lights.",
+        description="auto: if the stage has no light at all, and emissive surfaces light less than 35 % of the picture; "
+        "on: in addition to its lights.",
     )
     ground: Literal["shadow", "plane"] | None = Field(
-        None, description="Below all that is drawn: only its shadow, or a grey plane; null: none."
+        None, description="Ground below the scene: a shadow catcher, or a grey plane; null: none."
     )
     dome: str | None = Field(
-        None, max_length=1024, description="A lat-long image of the package that lights the stage in place of its own domes."
+        None, max_length=1024, description="A lat-long image in the package that lights the stage instead of its own domes."
     )
     dome_rotation: float = Field(
         0.0,
         ge=-36000,
         le=36000,
-        description="Degrees that the dome, or the stage's own domes where none is given, are turned about the up axis.",
+        description="Rotation in degrees about the up axis of the dome, or of the stage's own domes if none is given.",
     )
-    dome_visible: bool = Field(True, description="To the camera; false hides the stage's own domes where no dome is given.")
+    dome_visible: bool = Field(True, description="Visible to the camera; false hides the stage's domes if no dome is given.")
     background: str | None = Field(
         None,
         max_length=1024,
-        description="Behind all that is drawn: #rrggbb, r,g,b as displayed, transparent, or an image of the package.",
+        description="Background: #rrggbb, r,g,b as displayed, transparent, or an image in the package.",
     )
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
-        "black", description="Outside of textures whose wrap neither the stage nor the file names."
+        "black", description="Wrap mode of textures for which neither the stage nor the file names one."
     )
     denoise: bool | None = Field(
         None,
-        description="A denoised picture beside the record, with its error; outputs' previews show it; null: as the stage asks.",
+        description="Add a denoised picture with its error, which previews of finished jobs show; null: the stage's choice.",
     )
     stop_at: Literal["picture", "denoised"] = Field(
-        "picture", description="Whose error stop.target_error is of; a denoised picture's is measured as relmse or rmse."
+        "picture", description="The picture that stop.target_error applies to; a denoised one's metric is relmse or rmse."
     )
     render_context: Literal["mtlx", "universal"] = Field(
-        "mtlx", description="Of a material that has both, the surface output that counts."
+        "mtlx", description="The surface output to use for a material that has both."
     )
     translated_shaders: bool = Field(
-        True, description="false: materials that carry only other renderers' shaders show displayColor."
+        True, description="false: materials that have only other renderers' shaders show displayColor."
     )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
     fail_on: list[Annotated[str, Field(max_length=64)]] = Field(
-        default=[], max_length=128, description="Refuse a scene with diagnostics of these codes; `missing`: files not there."
+        default=[], max_length=128, description="Refuse a scene with diagnostics of these codes; `missing`: of missing files."
     )
     allow: list[Annotated[str, Field(max_length=64)]] = Field(
-        default=[], max_length=128, description="Codes that pass strict and fail_on."
+        default=[], max_length=128, description="Codes that strict and fail_on accept."
     )
     dicing_rate: float | None = Field(None, gt=0, le=1e6)
-    motion_blur: bool = Field(True, description="false: a still of the frame, whatever the camera's shutter.")
+    motion_blur: bool = Field(True, description="false: render the frame's instant, whatever the camera's shutter.")
     shutter: tuple[float, float] | None = Field(
-        None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
+        None, description="Shutter open and close, in time codes relative to the frame; null: the camera's."
     )
     motion_error: float | None = Field(
-        None, gt=0, le=1e6, description="Pixels that the path of anything may be off; null: the stage's, else 0.02."
+        None, gt=0, le=1e6, description="Maximum motion-path error in pixels; null: the stage's, else 0.02."
     )
     diffusion: float | None = Field(
-        None, ge=0, le=1, description="Of all light, what the lens diffuses: a part of the EXR; null: as the camera says."
+        None, ge=0, le=1, description="Fraction of all light that the lens diffuses, in a part of the EXR; null: the camera's."
     )
-    diffusion_glare: float | None = Field(None, ge=0, le=1, description="Of what is diffused, the veil's share.")
-    diffusion_bloom_width: float | None = Field(None, gt=0, le=1, description="Of the picture's height.")
-    diffusion_starburst: float | None = Field(None, ge=0, le=1, description="Of what is diffused, the star's share.")
-    diffusion_starburst_width: float | None = Field(None, gt=0, le=1, description="Of the picture's height.")
-    eye: Literal["left", "right"] | None = Field(None, description="Of the stereo pair that the camera is of.")
+    diffusion_glare: float | None = Field(None, ge=0, le=1, description="Fraction of the diffused light in the veiling glare.")
+    diffusion_bloom_width: float | None = Field(None, gt=0, le=1, description="Bloom width as a fraction of the height.")
+    diffusion_starburst: float | None = Field(None, ge=0, le=1, description="Fraction of the diffused light in the starburst.")
+    diffusion_starburst_width: float | None = Field(
+        None, gt=0, le=1, description="Starburst width as a fraction of the picture's height."
+    )
+    eye: Literal["left", "right"] | None = Field(None, description="Eye of the camera's stereo pair.")
     lens_flaws: list[Annotated[str, Field(max_length=256)]] = Field(
         default=[],
         max_length=16,
-        description="Of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, "
+        description="Imperfections of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, "
         "lateral-chromatic=R,G,B, longitudinal-chromatic=R,G,B.",
     )
     region: tuple[float, float, float, float] | None = Field(
-        None, description="Only this part of the picture: left, bottom, right, top in 0 to 1; null: as the stage says."
+        None, description="Render only this part of the picture: left, bottom, right, top from 0 to 1; null: the stage's."
     )
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
@@ -188,39 +192,41 @@ class Webhook(Sent):
     url: str = Field(max_length=2048)
     events: list[Literal["started", "frame.completed", "completed"]] = Field(default=["completed"], min_length=1, max_length=3)
     secret: str | None = Field(
-        None, pattern=r"^whsec_[A-Za-z0-9+/]{32,88}={0,2}$", description="Not given: made, and shown once."
+        None, pattern=r"^whsec_[A-Za-z0-9+/]{32,88}={0,2}$", description="Signing secret; null: one is made, and shown once."
     )
 
 
 class JobRequest(Sent):
     scene: SceneOfRequest
     settings: Settings = Settings()
-    name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
+    name: Name | None = Field(None, description="Display name; null: made from the scene, its camera and frames.")
     parallel: Parallel | None = Field(None, description=OF_PARALLEL)
-    priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
-    labels: dict[str, str] = Field(default={}, description="To find jobs by.")
+    priority: int = Field(50, ge=0, le=100, description="Higher goes first.")
+    labels: dict[str, str] = Field(default={}, description="Labels to find jobs by.")
     ttl_s: float | None = Field(
-        None, gt=0, description="Kept so long after its end; expired if not finished so long after it was made."
+        None,
+        gt=0,
+        description="Seconds to keep it after its end; if it has not ended this long after its creation, it expires.",
     )
     webhook: Webhook | None = None
 
 
 class SceneOfForm(Sent):
-    """The scene is the form's file."""
+    """Options of the form's file as a scene."""
 
-    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+    entry: str | None = Field(None, max_length=1024, description="Root layer to render, if the package has several.")
 
 
 class FormJob(Sent):
-    """As JobRequest, for a file that comes in the same form."""
+    """A JobRequest for a file in the same form."""
 
     scene: SceneOfForm = SceneOfForm()
     settings: Settings = Settings()
-    name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
+    name: Name | None = Field(None, description="Display name; null: made from the scene, its camera and frames.")
     parallel: Parallel | None = Field(None, description=OF_PARALLEL)
-    priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
-    labels: dict[str, str] = Field(default={}, description="To find jobs by.")
-    ttl_s: float | None = Field(None, gt=0, description="As in JobRequest.")
+    priority: int = Field(50, ge=0, le=100, description="Higher goes first.")
+    labels: dict[str, str] = Field(default={}, description="Labels to find jobs by.")
+    ttl_s: float | None = Field(None, gt=0, description="See JobRequest.")
     webhook: Webhook | None = None
 
     def with_scene(self, scene_id: str) -> JobRequest:
@@ -237,25 +243,25 @@ class FormJob(Sent):
 
 
 class JobPatch(Sent):
-    """Only what is to change."""
+    """Changes of a job: omitted members stay as they are."""
 
-    name: Name = Field("", description="Instead of the one that there was.")
+    name: Name = Field("", description="Replaces the name.")
     priority: int = Field(50, ge=0, le=100)
-    labels: dict[str, str] = Field(default={}, description="Instead of all labels that there were.")
+    labels: dict[str, str] = Field(default={}, description="Replaces all labels.")
     ttl_s: float | None = Field(None, gt=0, description="null: this server's default.")
 
 
 class ContinuedRules(Sent):
-    """Members that are left out stay as they were; null removes one."""
+    """Stop rules of the next attempt: omitted members stay as they were; null removes one."""
 
     target_error: float | None = Field(None, gt=0)
     metric: Literal["relmse", "rmse", "display"] = "relmse"
-    max_samples: int | None = Field(None, ge=1, description="In all, those of earlier attempts with them.")
-    max_seconds: float | None = Field(None, gt=0, description="In all, those of earlier attempts with them.")
+    max_samples: int | None = Field(None, ge=1, description="Total, including those of earlier attempts.")
+    max_seconds: float | None = Field(None, gt=0, description="Total, including those of earlier attempts.")
 
 
 class ContinueRequest(Sent):
-    """A job that succeeded needs rules that go further; one that was canceled, failed or expired may go on as it was."""
+    """A succeeded job needs rules that go further; a canceled, failed or expired one may continue unchanged."""
 
     stop: ContinuedRules = ContinuedRules()
 

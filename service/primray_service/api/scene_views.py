@@ -1,4 +1,4 @@
-"""What clients get of scenes and of files, as models; views.py says how these are used."""
+"""Answers about scenes and files, as models (see views.py)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class SceneUrls(View):
 
 
 class Scene(View):
-    """What the check found stands beside these members, once the state is ready."""
+    """A scene. Once the state is ready, further members have the results of the check."""
 
     id: str = Field(
-        pattern="^sha256:[0-9a-f]{64}$", description="The digest of the bytes as sent, or of the package's list of files."
+        pattern="^sha256:[0-9a-f]{64}$", description="Digest of the bytes as sent, or of the package's list of files."
     )
     object: Literal["scene"]
     state: SceneState
@@ -34,9 +34,9 @@ class Scene(View):
 
 
 class Package(View):
-    """Of a package, the files that have to be sent."""
+    """Files of a package that have to be sent."""
 
-    id: str = Field(pattern="^sha256:[0-9a-f]{64}$", description="That the scene will have.")
+    id: str = Field(pattern="^sha256:[0-9a-f]{64}$", description="The scene's future id.")
     missing: list[str] = Field(description="SHA-256s of files that this tenant has not sent.")
     missing_bytes: int
 
@@ -48,7 +48,7 @@ class ScenePage(View):
 
 class OutputUrls(View):
     self: str
-    immutable: str = Field(description="This version or none: may be kept for ever.")
+    immutable: str = Field(description="Address of exactly this version, which may be cached for ever.")
 
 
 class Output(View):
@@ -71,4 +71,6 @@ class Health(View):
 
 class Readiness(View):
     status: Literal["ready", "not ready", "stopping"]
-    checks: dict[str, dict[str, Any]] = Field(description="Of database, disk, executor and sandbox: ok, detail, seconds.")
+    checks: dict[str, dict[str, Any]] = Field(
+        description="Results for database, disk, executor and sandbox: ok, detail, seconds."
+    )

@@ -1,4 +1,4 @@
-"""What clients get: the answers' JSON as pydantic models, for the OpenAPI document and for tests; job_json.py makes it."""
+"""Answers of the API as pydantic models, for the OpenAPI document and for tests; job_json.py makes the JSON."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from .models import SceneReference, Settings
 
 
 class View(BaseModel):
-    """Members that are always there; more may come."""
+    """Base of answers: the listed members are always present; more may be added."""
 
     model_config = ConfigDict(extra="allow")
 
 
 class Problem(View):
-    """RFC 9457. `type` is stable, and the path of a page that explains it."""
+    """A problem document (RFC 9457). `type` is stable, and the path of a page that explains it."""
 
     type: str = Field(pattern="^/problems/[a-z-]+$")
     title: str
     status: int = Field(ge=400, le=599)
     detail: str
     retryable: bool = Field(description="Whether the same request may succeed later.")
-    request_id: str | None = Field(None, description="As in X-Request-Id and in the server's log.")
+    request_id: str | None = Field(None, description="The request's X-Request-Id, also in the server's log.")
     member: str | None = Field(None, description="The member or parameter at fault.")
 
 
 class Warning(View):
-    code: str = Field(description="Stable; docs/fidelity.md lists the renderer's.")
+    code: str = Field(description="A stable code; docs/fidelity.md lists the renderer's.")
     prim: str | None = None
     detail: str
     severity: Literal["error", "warning", "info"] | None = None
     kind: Literal["missing", "ignored", "approximated", "out-of-range", "defaulted", "chosen", "note"] | None = Field(
-        None, description="In what way the picture keeps to what the scene says."
+        None, description="How the picture deviates from the scene."
     )
-    attribute: str | None = Field(None, description="The attribute or relationship in question; empty: the prim as a whole.")
+    attribute: str | None = Field(None, description="The attribute or relationship concerned; empty: the whole prim.")
 
 
 class FrameCounts(View):
@@ -54,16 +54,18 @@ class ErrorOfNow(View):
     estimate: float | None
     ci95: tuple[float, float] | None = None
     target: float | None = None
-    kind: Literal["estimated", "measured"] = Field(description="By the samples' variance, or against a reference.")
+    kind: Literal["estimated", "measured"] = Field(
+        description="Estimated from the samples' variance, or measured against a reference."
+    )
 
 
 class Progress(View):
-    """Of the whole job. Members appear as they become known."""
+    """Progress of the whole job. Members appear as they become known."""
 
-    fraction: float = Field(ge=0, le=1, description="Never falls within an attempt.")
+    fraction: float = Field(ge=0, le=1, description="Fraction done; never decreases within an attempt.")
     phase: str | None = None
     frames: FrameCounts | None = None
-    samples_done: float | None = Field(None, description="A pixel, on average.")
+    samples_done: float | None = Field(None, description="Samples per pixel, on average.")
     samples_min: float | None = None
     samples_max: float | None = None
     pass_: int | None = Field(
@@ -79,13 +81,13 @@ class Progress(View):
 
 
 class QueuePlace(View):
-    """Of a job that is not begun. null: not known yet."""
+    """Position of a queued job. null: not known yet."""
 
-    place: int | None = Field(ge=1, description="1: the next to begin, by priority, fair share and age.")
-    waiting: int = Field(ge=0, description="Jobs that wait for their turn, this one with them.")
-    frames_ahead: int | None = Field(ge=0, description="That run, or will, before its first.")
+    place: int | None = Field(ge=1, description="Position, by priority, fair share and age; 1: the next to begin.")
+    waiting: int = Field(ge=0, description="Number of queued jobs, including this one.")
+    frames_ahead: int | None = Field(ge=0, description="Frames that run now, or will run before its first.")
     estimated_start_s: float | None = Field(
-        ge=0, description="Seconds until it begins, by what runs and by how long frames took that were like those ahead."
+        ge=0, description="Estimated seconds until it begins, from running frames and the durations of frames like those ahead."
     )
 
 
@@ -109,16 +111,16 @@ class JobUrls(View):
 class WebhookOfJob(View):
     url: str
     events: list[Literal["started", "frame.completed", "completed"]]
-    secret: str | None = Field(None, description="Only in the answer that made the job.")
+    secret: str | None = Field(None, description="Only in the answer that created the job.")
 
 
 class Job(View):
     id: str = Field(pattern="^job_[0-9A-HJKMNP-TV-Z]{26}$")
     object: Literal["job"]
-    name: str | None = Field(description="As given, or the scene's, its camera and frames; null: of before jobs had names.")
+    name: str | None = Field(description="As given, or made from the scene; null: created before jobs had names.")
     state: JobState
-    attempt: int = Field(ge=1, description="Grows when the job goes on by `continue`.")
-    parallel: int | Literal["auto"] | None = Field(description="The most places that each frame is rendered in; null: one.")
+    attempt: int = Field(ge=1, description="Increased by `continue`.")
+    parallel: int | Literal["auto"] | None = Field(description="Most slots in which each frame is rendered; null: one.")
     priority: int
     created_at: datetime
     queued_at: datetime
@@ -128,9 +130,9 @@ class Job(View):
     ttl_s: float
     scene: SceneReference
     labels: dict[str, str]
-    settings: Settings = Field(description="As asked.")
-    effective_settings: dict[str, Any] | None = Field(description="What scene and request resolved to.")
-    queue: QueuePlace | None = Field(description="Its place, while it waits for its turn.")
+    settings: Settings = Field(description="As requested.")
+    effective_settings: dict[str, Any] | None = Field(description="Settings after resolving scene and request.")
+    queue: QueuePlace | None = Field(description="Its position while it is queued.")
     progress: Progress
     result: dict[str, Any] | None
     warnings: list[Warning]
@@ -151,7 +153,7 @@ class FrameUsage(View):
 
 
 class Frame(View):
-    number: int = Field(ge=0, description="Its place among the job's frames, from 0.")
+    number: int = Field(ge=0, description="Index among the job's frames, from 0.")
     time_code: float | None = Field(description="null: the stage's default time.")
     state: FrameState
     attempt: int
@@ -172,7 +174,7 @@ class FramePage(View):
 
 
 class Event(View):
-    id: int = Field(description="Grows from event to event, not by one.")
+    id: int = Field(description="Increases from event to event, not always by one.")
     type: Literal["state", "progress", "preview", "frame", "warning", "end"]
     created_at: datetime
     data: dict[str, Any]
@@ -180,19 +182,19 @@ class Event(View):
 
 class EventPage(View):
     items: list[Event]
-    next_after: int = Field(description="For ?after= of the page that comes next.")
-    ended: bool = Field(description="Whether nothing will come after these unless the job goes on by `continue`.")
+    next_after: int = Field(description="Value of ?after= for the next page.")
+    ended: bool = Field(description="Whether no more events will follow, unless the job is continued.")
 
 
 class ConvergenceRow(View):
-    """What was known after some samples."""
+    """A row of a convergence curve."""
 
     frame: int
     t_s: float | None = Field(None, description="Seconds of sampling.")
-    samples: float | None = Field(None, description="A pixel, on average.")
+    samples: float | None = Field(None, description="Samples per pixel, on average.")
     relmse: float | None = None
     rmse: float | None = None
-    ci95: tuple[float, float] | None = Field(None, description="Of relmse.")
+    ci95: tuple[float, float] | None = Field(None, description="95 % confidence interval of relmse.")
 
 
 class Session(View):

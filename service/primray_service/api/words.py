@@ -85,6 +85,6 @@ def _move(settings: dict[str, Any], stop: dict[str, Any]) -> None:
 def _put(members: dict[str, Any], own: str, value: Any, place: str, word: str) -> None:
     if own in members and members[own] != value:
         member = f"{place}.{own}"
-        detail = f"{member}: {word} says the same thing differently; give one."
+        detail = f"{member}: it is also given as {word}, with another value; give one of them."
         raise Problem("invalid-request", detail, member=member, errors=[{"member": member, "detail": detail}])
     members[own] = value

@@ -33,15 +33,15 @@ admin = typer.Typer(
 )
 
 NO_LIMIT = "none"
-Tenant = Annotated[str | None, typer.Option("--tenant", metavar="NAME", help="Only this tenant's.", show_default=False)]
+Tenant = Annotated[str | None, typer.Option("--tenant", metavar="NAME", help="Only this tenant.", show_default=False)]
 Limit = Annotated[str | None, typer.Option(metavar="N|none", show_default=False)]
 
 
 @admin.command()
 def jobs(
     tenant: Tenant = None,
-    state: Annotated[str | None, typer.Option(metavar="STATE", help="Only those.", show_default=False)] = None,
-    count: Annotated[int, typer.Option("--count", "-n", metavar="N", help="So many of the latest.", min=1)] = 50,
+    state: Annotated[str | None, typer.Option(metavar="STATE", help="Only jobs in this state.", show_default=False)] = None,
+    count: Annotated[int, typer.Option("--count", "-n", metavar="N", help="Number of jobs, newest first.", min=1)] = 50,
     label: Labels = None,
     server: Server = None,
     key_file: KeyFile = None,
@@ -74,7 +74,7 @@ def job(job: Job, server: Server = None, key_file: KeyFile = None) -> None:
 
 @admin.command()
 def cancel(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
-    """End jobs of any tenant; the pictures that they made so far are kept."""
+    """Cancel jobs of any tenant; the pictures rendered so far are kept."""
     with connected("admin cancel", server, key_file) as client:
         for job_id in jobs:
             show(client.admin.cancel(job_id).state, job_id, json)
@@ -99,7 +99,7 @@ def resume(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Js
 @admin.command()
 def retry(
     job: Job,
-    frame: Annotated[int, typer.Option("--frame", metavar="N", help="The frame's place in the job, from 0.")],
+    frame: Annotated[int, typer.Option("--frame", metavar="N", help="The frame's index in the job, from 0.")],
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
@@ -111,7 +111,7 @@ def retry(
 
 @admin.command()
 def priority(
-    priority: Annotated[int, typer.Argument(metavar="PRIORITY", help="0 to 100; larger goes first.", min=0, max=100)],
+    priority: Annotated[int, typer.Argument(metavar="PRIORITY", help="0 to 100; higher goes first.", min=0, max=100)],
     jobs: Jobs,
     server: Server = None,
     key_file: KeyFile = None,
@@ -129,7 +129,7 @@ def priority(
 
 @admin.command()
 def workers(server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
-    """List where renders run, and the frames that run now."""
+    """List the nodes where renders run, and the running frames."""
     with connected("admin workers", server, key_file) as client:
         if json:
             print_line({"type": "workers", **client.admin.workers_document()})
@@ -141,7 +141,7 @@ def workers(server: Server = None, key_file: KeyFile = None, json: Json = False)
 def _workers_lines(found: Workers) -> list[str]:
     head = f"{found.slots} slots, {found.cores} cores"
     if found.dispatcher == "nowhere":
-        head += "; no server dispatches now"
+        head += "; no server is dispatching"
     nodes = [("NODE", "SLOTS", ""), *((plain(node.id), str(node.slots), plain(node.why)) for node in found.nodes)]
     running = [("JOB", "FRAME", "TENANT", "PRIORITY", "DONE", "PHASE", "CPU", "NAME")]
     for each in found.running:
@@ -153,7 +153,7 @@ def _workers_lines(found: Workers) -> list[str]:
 
 @admin.command()
 def usage(tenant: Tenant = None, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
-    """List what each tenant uses, of what it may use."""
+    """List each tenant's usage and quotas."""
     with connected("admin usage", server, key_file) as client:
         found = list(client.admin.tenants()) if tenant is None else [client.admin.tenant(tenant)]
     if json:
@@ -188,18 +188,20 @@ def _share(share: Share) -> str:
 
 @admin.command()
 def quotas(
-    tenant: Annotated[str, typer.Argument(metavar="TENANT", help="Whose quotas.", show_default=False)],
+    tenant: Annotated[str, typer.Argument(metavar="TENANT", help="The tenant.", show_default=False)],
     running_jobs: Limit = None,
     queued_jobs: Limit = None,
     stored_bytes: Limit = None,
     cpu_s_per_day: Limit = None,
     requests_per_s: Limit = None,
-    unset: Annotated[bool, typer.Option("--unset", help="Take back what was set: its keys' quotas hold again.")] = False,
+    unset: Annotated[
+        bool, typer.Option("--unset", help="Remove the quotas that were set; those of its keys apply again.")
+    ] = False,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
-    """Set quotas of a tenant, whatever its keys say, or show them; `none` is no limit, 3M and 2h are numbers with units."""
+    """Set a tenant's quotas, overriding its keys', or show them; `none` is no limit, 3M and 2h are values with units."""
     asked = {
         "running_jobs": running_jobs,
         "queued_jobs": queued_jobs,
@@ -212,10 +214,10 @@ def quotas(
         if text is not None:
             changes[name] = quota_of(name, text)  # type: ignore[literal-required]
     if unset and changes:
-        raise CommandError("quotas", "--unset stands alone", USAGE)
+        raise CommandError("quotas", "--unset cannot be combined with other quotas", USAGE)
     with connected("admin quotas", server, key_file) as client:
         if changes and all(each.tenant != tenant for each in client.admin.tenants()):
-            note = "has no key, scene or job here; the quotas hold for whatever it will have (--unset takes them back)"
+            note = "has no key, scene or job yet; the quotas will apply once it has (--unset removes them)"
             print(f"note: a tenant {plain(tenant)} {note}", file=sys.stderr)
         if unset:
             found = client.admin.unset_quotas(tenant)

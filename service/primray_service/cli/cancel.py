@@ -14,7 +14,7 @@ Jobs = Annotated[list[str], typer.Argument(metavar="JOB...", help="Jobs' ids.", 
 
 
 def cancel(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
-    """End jobs; the pictures that they made so far are kept."""
+    """Cancel jobs; the pictures rendered so far are kept."""
     with connected("cancel", server, key_file) as client:
         for job_id in jobs:
             job = client.cancel(job_id)

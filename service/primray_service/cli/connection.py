@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 
 Server = Annotated[
     str | None,
-    typer.Option("--server", metavar="URL", help="The service.", show_default="$PRIMRAY_SERVER, or http://127.0.0.1:8700"),
+    typer.Option(
+        "--server", metavar="URL", help="Address of the service.", show_default="$PRIMRAY_SERVER, or http://127.0.0.1:8700"
+    ),
 ]
 KeyFile = Annotated[
     Path | None,
     typer.Option(
-        "--key-file", metavar="FILE", help="Holds the API key.", show_default="$PRIMRAY_API_KEY, or $PRIMRAY_API_KEY_FILE"
+        "--key-file", metavar="FILE", help="File with the API key.", show_default="$PRIMRAY_API_KEY, or $PRIMRAY_API_KEY_FILE"
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON lines to stdout.")]
@@ -58,7 +60,7 @@ def connected(command: str, server: str | None, key_file: Path | None) -> Iterat
         try:
             yield client
         except ServerUnreachable as error:
-            advice = "`primray serve` starts one; --server or PRIMRAY_SERVER says where it is"
+            advice = "start one with `primray serve`, or give its address by --server or PRIMRAY_SERVER"
             raise CommandError("no-server", f"{error}. {advice}") from None
         except ProblemError as error:
             document = {"type": f"/problems/{error.slug}", "detail": error.detail, **error.document}
@@ -80,7 +82,7 @@ def _noted_once() -> Callable[[ProblemError, float], None]:
             noted.add(kind)
             said = plain(problem.detail)
             print(
-                f"waiting: {said} The request is sent again every {wait_s:.0f} s for some minutes.", file=sys.stderr, flush=True
+                f"waiting: {said} The request is repeated every {wait_s:.0f} s for some minutes.", file=sys.stderr, flush=True
             )
 
     return note
@@ -90,8 +92,10 @@ def _about_the_key(was_sent: bool) -> str:
     """Return the error about a missing or refused key in terms of the command line: the server's text is about headers."""
     if was_sent:
         return "the key was sent, and the server does not accept it: was it revoked, cut off, or made for another server?"
-    how = "Set PRIMRAY_API_KEY, or name a file that holds the key with --key-file (or PRIMRAY_API_KEY_FILE)"
-    return f"the server wants an API key, and none was sent. {how}. Its operator makes keys with `primray keys create`."
+    how = "Set PRIMRAY_API_KEY, or name a file with the key by --key-file (or PRIMRAY_API_KEY_FILE)"
+    return (
+        f"the server wants an API key, and none was sent. {how}. The server's operator makes keys with `primray keys create`."
+    )
 
 
 def key_of(file: Path | None) -> str | None:
@@ -109,7 +113,7 @@ def key_of(file: Path | None) -> str | None:
     except (OSError, UnicodeDecodeError) as error:
         raise CommandError("key-file", f"the key cannot be read: {error}", USAGE) from None
     if not key or len(key.split()) != 1 or not key.isascii():
-        raise CommandError("key-file", f"{file} does not hold one API key", USAGE)
+        raise CommandError("key-file", f"{file} does not contain exactly one API key", USAGE)
     if readable:
         print(f"note: {file} can be read by other users of this machine; `chmod 600` it", file=sys.stderr)
     return key

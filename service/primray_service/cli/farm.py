@@ -16,7 +16,7 @@ from .job_text import plain
 # Flags that `primray serve` has, too.
 RayCores = Annotated[
     int | None,
-    typer.Option(metavar="N", help="Cores of a node for one render.", show_default="8, or all of the smallest node", min=1),
+    typer.Option(metavar="N", help="Cores for each render.", show_default="8, or all of the smallest node", min=1),
 ]
 RayLabel = Annotated[
     list[str] | None,
@@ -40,11 +40,11 @@ def _farm() -> None:
 @farm.command()
 def status(
     ray_address: Annotated[
-        str, typer.Option(metavar="HOST:PORT", help="Of the cluster's head; auto: the one that this machine is in.")
+        str, typer.Option(metavar="HOST:PORT", help="Address of the cluster's head; auto: this machine's cluster.")
     ] = "auto",
     ray_cores: RayCores = None,
     ray_label: RayLabel = None,
-    allow_unsandboxed: Annotated[bool, typer.Option("--allow-unsandboxed", help="Count nodes without a sandbox.")] = False,
+    allow_unsandboxed: Annotated[bool, typer.Option("--allow-unsandboxed", help="Include nodes without a sandbox.")] = False,
     json: Json = False,
 ) -> None:
     """Show the nodes of a Ray cluster, how many renders each has room for, and what runs there for whom."""
@@ -52,7 +52,7 @@ def status(
 
     labels = dict(label.partition("=")[::2] for label in ray_label or [])
     if not all(name and value for name, value in labels.items()):
-        raise CommandError("ray-label", "--ray-label is NAME=VALUE", USAGE)
+        raise CommandError("ray-label", "--ray-label must be NAME=VALUE", USAGE)
     settings = {"address": ray_address, "cores": ray_cores, "labels": labels, "allow_unsandboxed": allow_unsandboxed}
     found = farm_status(settings)
     if json:

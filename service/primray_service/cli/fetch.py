@@ -22,30 +22,31 @@ if TYPE_CHECKING:
     from ..client import Client, Output
 
 Show = Callable[[int, int], None]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that are there with other bytes.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing files with other contents.")]
 
 
 def fetch(
     job: JobId,
-    folder: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where to.")] = Path("."),
+    folder: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Target folder.")] = Path("."),
     only: Annotated[
-        list[str] | None, typer.Option(metavar="PATTERN", help="Only names like *.exr; may be repeated.", show_default=False)
+        list[str] | None,
+        typer.Option(metavar="PATTERN", help="Only files with names like *.exr; may be repeated.", show_default=False),
     ] = None,
-    wait: Annotated[bool, typer.Option("--wait", help="For the job's end first.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait for the job's end first.")] = False,
     overwrite: Overwrite = False,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
-    """Download a job's files; of one that has not ended, those of its frames that are done."""
+    """Download a job's files; if it has not ended, those of its finished frames."""
     with connected("fetch", server, key_file) as client:
         found = client.job(job)
         if wait and not found.is_terminal:
             found = watched(client, found, json)
         fetched = download_all(client, job, folder, json, only, overwrite=overwrite)
         if not fetched:
-            advice = "" if found.is_terminal else "; --wait waits for its end"
-            raise CommandError("no-outputs", f"{job} is {found.state} and has made no such file{advice}")
+            advice = "" if found.is_terminal else "; use --wait to wait for its end"
+            raise CommandError("no-outputs", f"{job} is {found.state} and has no such files{advice}")
 
 
 def download_all(
@@ -80,7 +81,9 @@ def download_all(
                 print(path, flush=True)
     if taken:
         names = ", ".join(map(plain, taken))
-        raise CommandError("file-exists", "other files are there already; --overwrite replaces them", USAGE, where=names)
+        raise CommandError(
+            "file-exists", "other files with these names exist; use --overwrite to replace them", USAGE, where=names
+        )
     return fetched
 
 

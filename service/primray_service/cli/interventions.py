@@ -16,7 +16,7 @@ Job = Annotated[str, typer.Argument(metavar="JOB", help="A job's id.", show_defa
 
 
 def pause(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
-    """Pause jobs: running frames write a checkpoint and give their workers back."""
+    """Pause jobs: running frames write a checkpoint and free their workers."""
     with connected("pause", server, key_file) as client:
         for job_id in jobs:
             show(client.pause(job_id).state, job_id, json)
@@ -33,13 +33,13 @@ def retry(
     job: Job,
     frame: Annotated[
         list[int] | None,
-        typer.Option("--frame", metavar="N", help="The frame's place in the job, from 0.", show_default="all that failed"),
+        typer.Option("--frame", metavar="N", help="The frame's index in the job, from 0.", show_default="all that failed"),
     ] = None,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
-    """Render frames of a job that have ended again; its other frames stay as they are."""
+    """Render finished frames of a job again; its other frames stay as they are."""
     with connected("retry", server, key_file) as client:
         numbers = frame or [each.number for each in client.frames(job) if each.state == "failed"]
         if not numbers:

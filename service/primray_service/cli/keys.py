@@ -29,26 +29,28 @@ SCOPES = ("submit", "read", "admin")
 
 @keys.command()
 def create(
-    tenant: Annotated[str, typer.Option(metavar="NAME", help="Whose jobs and scenes the key is for.")] = "local",
-    name: Annotated[str, typer.Option(metavar="TEXT", help="To recognise the key by.", show_default=False)] = "",
-    scopes: Annotated[str, typer.Option(metavar="LIST", help="Of submit, read, admin.")] = "submit,read",
-    days: Annotated[float | None, typer.Option(metavar="N", help="Valid so long.", show_default="for ever")] = None,
+    tenant: Annotated[
+        str, typer.Option(metavar="NAME", help="Tenant whose jobs and scenes the key gives access to.")
+    ] = "local",
+    name: Annotated[str, typer.Option(metavar="TEXT", help="Display name of the key.", show_default=False)] = "",
+    scopes: Annotated[str, typer.Option(metavar="LIST", help="Scopes: submit, read, admin.")] = "submit,read",
+    days: Annotated[float | None, typer.Option(metavar="N", help="Validity in days.", show_default="for ever")] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="In this data directory, without a server.", show_default=False)
+        Path | None, typer.Option(metavar="DIR", help="Write to this data directory, without a server.", show_default=False)
     ] = None,
     database: Annotated[
-        str | None, typer.Option(metavar="URL", help="In this database, without a server.", show_default=False)
+        str | None, typer.Option(metavar="URL", help="Write to this database, without a server.", show_default=False)
     ] = None,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
-    """Make a key, and print it: this once, it is not kept."""
+    """Create a key and print it, once: only its digest is stored."""
     wanted = [scope.strip() for scope in scopes.split(",") if scope.strip()]
     if not wanted or set(wanted) - set(SCOPES):
         raise CommandError("scopes", f"--scopes {scopes}: choose from {', '.join(SCOPES)}", USAGE)
     if days is not None and not 0 < days <= 36_500:
-        raise CommandError("days", "--days is a number of days above 0", USAGE)
+        raise CommandError("days", "--days must be a number above 0", USAGE)
     seconds = None if days is None else days * 86_400
     if data is not None or database is not None:
         key_id, text = _create_offline(data, database, tenant, name, wanted, seconds)
@@ -60,7 +62,7 @@ def create(
         print_line({"type": "key", "id": key_id, "tenant": tenant, "name": name, "scopes": wanted, "key": text})
         return
     print(text)
-    print(f"{key_id} for tenant {tenant}: {', '.join(wanted)}. The key is shown this once; keep it safe.", file=sys.stderr)
+    print(f"{key_id} for tenant {tenant}: {', '.join(wanted)}. The key is shown only once; keep it safe.", file=sys.stderr)
 
 
 def _create_offline(

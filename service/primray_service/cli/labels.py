@@ -18,6 +18,6 @@ def labels_of(texts: list[str] | None) -> dict[str, str]:
     for text in texts or ():
         name, equals, value = text.partition("=")
         if not equals or not name:
-            raise CommandError("label", f"--label {text}: write it name=value", USAGE)
+            raise CommandError("label", f"--label {text}: write name=value", USAGE)
         labels[name] = value
     return labels

@@ -25,7 +25,7 @@ def limits_of(texts: Sequence[str]) -> tuple[Limits, Quotas]:
         name, equals, value = text.partition("=")
         name = name.strip().replace("-", "_")
         if not equals or name not in known:
-            raise CommandError("limit-option", f"--limit {text}: `primray serve --limits` lists what there is", USAGE)
+            raise CommandError("limit-option", f"--limit {text}: `primray serve --limits` lists all limits", USAGE)
         changes[name] = _parsed(known[name], value.strip(), f"--limit {text}", "limit-option")
     quotas = {field.name for field in fields(Quotas)}
     return (
@@ -74,7 +74,7 @@ def _parsed(field: Field[Any], text: str, option: str, code: str) -> float | Non
     if text.lower() == "none":
         if "None" in kind:
             return None
-        raise CommandError(code, f"{option}: this one cannot be left away", USAGE)
+        raise CommandError(code, f"{option}: this limit cannot be removed", USAGE)
     match = _VALUE.fullmatch(text)
     units = _units(field.name)
     unit = (match[2].upper().removesuffix("IB") if units is _BYTES else match[2].upper()) if match else ""

@@ -48,20 +48,20 @@ def scene_file(scene: Path, scratch: Path) -> SceneFile:
     from primray import usd
 
     found = usd.dependencies(str(scene))
-    notes = _notes("cannot be found, and will be missing", list(found.missing))
+    notes = _notes("not found; the render will report it as missing", list(found.missing))
     if found.fixed:
         target = scratch / f"{scene.stem}.usdz"
         usd.write_usdz(str(scene), str(target))
         forget_times(target)
         named = [f"{asset} (in {os.path.relpath(layer)})" for layer, asset in found.fixed]
-        notes = _notes("leads to the same file only on this machine; sent as a usdz with rewritten paths", named) + notes
+        notes = _notes("is a path of this machine; the scene is sent as a usdz with rewritten paths", named) + notes
         return SceneFile(target, target.name, None, len(found.files), notes)
     if len(found.files) == 1:
         return SceneFile(scene, scene.name, None, 1, notes)
     root = Path(os.path.commonpath([os.path.dirname(file) for file in found.files]))
     folder = os.path.dirname(os.path.abspath(scene))
     outside = [os.path.relpath(file, folder) for file in found.files if not Path(file).is_relative_to(folder)]
-    notes = _notes("is outside of the scene's folder; sent too", outside) + notes
+    notes = _notes("is outside the scene's folder; it is sent as well", outside) + notes
     target = scratch / f"{scene.stem}.zip"
     members = {Path(file).relative_to(root).as_posix(): Path(file) for file in found.files}
     entry = Path(found.files[0]).relative_to(root).as_posix()
@@ -130,7 +130,7 @@ def forget_times(package: Path) -> None:
             file.seek(directory)
             header = file.read(46)
             if header[:4] != b"PK\x01\x02":
-                raise ValueError("this is no central directory")
+                raise ValueError("not a central directory")
             file.seek(directory + 12)
             file.write(time)
             directory += 46 + sum(struct.unpack("<HHH", header[28:34]))

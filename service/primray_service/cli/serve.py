@@ -31,47 +31,47 @@ def _print_limits(asked: bool) -> None:
 
 def serve(
     host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Where to listen. Other than loopback needs keys and a sandbox.")
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on. Any but loopback requires keys and a sandbox.")
     ] = ("127.0.0.1"),
-    port: Annotated[int, typer.Option(metavar="N", help="0: any that is free.", min=0, max=65535)] = 8700,
+    port: Annotated[int, typer.Option(metavar="N", help="Port; 0: any free one.", min=0, max=65535)] = 8700,
     data: Annotated[
         str | None,
         typer.Option(
             metavar="DIR|URL",
-            help="What is kept: a folder, or an object store (s3://bucket/prefix, by primray[objects]).",
-            show_default="$PRIMRAY_DATA, or a folder of this user's",
+            help="Data directory: a folder, or an object store (s3://bucket/prefix, by primray[objects]).",
+            show_default="$PRIMRAY_DATA, or a folder of this user",
         ),
     ] = None,
     cache: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="With an object store: what this server works on, and copies.",
-            show_default="$PRIMRAY_CACHE, or a folder of this user's",
+            help="With an object store: folder for working files and copies.",
+            show_default="$PRIMRAY_CACHE, or a folder of this user",
         ),
     ] = None,
     database: Annotated[
         str | None,
         typer.Option(
             metavar="URL",
-            help="Such as postgresql+psycopg://user@host/name.",
+            help="Database, such as postgresql+psycopg://user@host/name.",
             show_default="$PRIMRAY_DATABASE, or SQLite in DIR",
         ),
     ] = None,
     slots: Annotated[
-        int | None, typer.Option(metavar="N", help="Renders at a time.", show_default="by the cores", min=1)
+        int | None, typer.Option(metavar="N", help="Number of concurrent renders.", show_default="by the cores", min=1)
     ] = None,
-    cores: Annotated[int | None, typer.Option(metavar="N", help="For all renders together.", show_default="all", min=1)] = None,
+    cores: Annotated[
+        int | None, typer.Option(metavar="N", help="Cores for all renders together.", show_default="all", min=1)
+    ] = None,
     executor: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="What runs the renders: this machine (local) or a cluster (ray).", show_default="local"
-        ),
+        typer.Option(metavar="NAME", help="Where renders run: this machine (local) or a cluster (ray).", show_default="local"),
     ] = None,
     ray_address: Annotated[
         str | None,
         typer.Option(
-            metavar="HOST:PORT", help="Of the Ray cluster's head.", show_default="auto, the cluster that this machine is in"
+            metavar="HOST:PORT", help="Address of the Ray cluster's head.", show_default="auto, this machine's cluster"
         ),
     ] = None,
     ray_cores: RayCores = None,
@@ -80,36 +80,38 @@ def serve(
         list[str] | None,
         typer.Option(
             metavar="NAME=DIR",
-            help="Shared storage whose stages jobs may name, as shared:NAME/path.usda; only read; may be repeated.",
+            help="Shared storage whose stages jobs may name as shared:NAME/path.usda; read-only; may be repeated.",
             show_default=False,
         ),
     ] = None,
     shared_tenants: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=TENANT,...", help="Who may use that shared root; may be repeated.", show_default="all tenants"
+            metavar="NAME=TENANT,...", help="Tenants that may use the shared root; may be repeated.", show_default="all tenants"
         ),
     ] = None,
-    require_keys: Annotated[bool, typer.Option("--require-keys", help="On loopback too.")] = False,
+    require_keys: Annotated[bool, typer.Option("--require-keys", help="Require keys on loopback, too.")] = False,
     allow_unsandboxed: Annotated[
-        bool, typer.Option("--allow-unsandboxed", help="Serve although the sandbox does not work here: trusted users only.")
+        bool, typer.Option("--allow-unsandboxed", help="Serve even if the sandbox does not work here: for trusted users only.")
     ] = False,
     limit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Such as upload_bytes=4G; may be repeated.", show_default=False),
+        typer.Option(
+            metavar="NAME=VALUE", help="Change a limit, such as upload_bytes=4G; may be repeated.", show_default=False
+        ),
     ] = None,
     limits: Annotated[
-        bool, typer.Option("--limits", callback=_print_limits, is_eager=True, help="List what --limit can set.")
+        bool, typer.Option("--limits", callback=_print_limits, is_eager=True, help="List all limits that --limit can change.")
     ] = False,
     allow_host: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="A name that the service answers for; may be repeated.", show_default=False),
+        typer.Option(metavar="NAME", help="Host name that the service answers to; may be repeated.", show_default=False),
     ] = None,
     allow_origin: Annotated[
         list[str] | None,
         typer.Option(
             metavar="ORIGIN",
-            help="A page elsewhere that browsers let use the API (CORS), such as https://portal.example; may be repeated.",
+            help="Origin of another site whose pages may use the API (CORS), such as https://portal.example; may be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -117,14 +119,14 @@ def serve(
         list[str] | None,
         typer.Option(metavar="CIDR", help="A private network that webhooks may call; may be repeated.", show_default=False),
     ] = None,
-    webhook_http: Annotated[bool, typer.Option("--webhook-http", help="Webhooks may be called without TLS.")] = False,
-    no_dispatch: Annotated[bool, typer.Option("--no-dispatch", help="Answer requests, render nothing.")] = False,
-    open_metrics: Annotated[bool, typer.Option("--open-metrics", help="/metrics without a key.")] = False,
+    webhook_http: Annotated[bool, typer.Option("--webhook-http", help="Allow webhooks without TLS.")] = False,
+    no_dispatch: Annotated[bool, typer.Option("--no-dispatch", help="Answer requests, but do not render.")] = False,
+    open_metrics: Annotated[bool, typer.Option("--open-metrics", help="Serve /metrics without a key.")] = False,
     log: Annotated[
-        Literal["json", "text"] | None, typer.Option(help="Form of the log.", show_default="text on a terminal, else json")
+        Literal["json", "text"] | None, typer.Option(help="Format of the log.", show_default="text on a terminal, else json")
     ] = None,
 ) -> None:
-    """Start a render service: an HTTP API and a page. Ctrl-C stops it; jobs go on when it is started again."""
+    """Start a render service: an HTTP API and a page. Ctrl-C stops it; jobs continue when it is started again."""
     need_extra("serve")
     from ..config import ServeConfig
     from ..executor import by_name
@@ -187,7 +189,7 @@ def prepare(config: ServeConfig) -> None:
         if config.needs_keys and not store.keys():
             where = "" if config.objects else f"--data {shlex.quote(str(config.data))} "
             where += "--database ... " if config.database else ""  # may contain a password
-            print(f"no API key exists yet; make the first: primray keys create {where}--scopes admin", file=sys.stderr)
+            print(f"no API key exists yet; create the first one: primray keys create {where}--scopes admin", file=sys.stderr)
 
 
 def check_networks(networks: list[str]) -> None:
@@ -207,7 +209,7 @@ def check_ray(executor: str, flags: Mapping[str, object]) -> bool:
         return True
     given = [name for name, value in flags.items() if value is not None]
     if given:
-        raise CommandError("usage", f"{', '.join(given)} is for --executor ray", USAGE)
+        raise CommandError("usage", f"{', '.join(given)} requires --executor ray", USAGE)
     return False
 
 
@@ -216,7 +218,7 @@ def places(data: str | None, cache: Path | None) -> tuple[Path, str | None]:
     said = data or os.environ.get("PRIMRAY_DATA") or ""
     if "://" not in said:
         if cache is not None:
-            raise CommandError("usage", "--cache is for an object store: --data s3://bucket/prefix", USAGE)
+            raise CommandError("usage", "--cache requires an object store: --data s3://bucket/prefix", USAGE)
         return Path(said) if said else default_data(), None
     if find_spec("fsspec") is None:
         raise CommandError("objects-missing", f"--data {said} needs the extra `objects`; pip install 'primray[objects]'")

@@ -15,15 +15,15 @@ from .labels import Labels, labels_of
 
 
 def status(
-    job: Annotated[str | None, typer.Argument(metavar="JOB", help="One job.", show_default="the latest")] = None,
-    count: Annotated[int, typer.Option("--count", "-n", metavar="N", help="So many of the latest.", min=1)] = 20,
-    state: Annotated[str | None, typer.Option(metavar="STATE", help="Only those.", show_default=False)] = None,
+    job: Annotated[str | None, typer.Argument(metavar="JOB", help="Show this job.", show_default="the latest")] = None,
+    count: Annotated[int, typer.Option("--count", "-n", metavar="N", help="Number of jobs, newest first.", min=1)] = 20,
+    state: Annotated[str | None, typer.Option(metavar="STATE", help="Only jobs in this state.", show_default=False)] = None,
     label: Labels = None,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
-    """Show a service's jobs, newest first, or one of them with everything that is known of it."""
+    """Show a service's jobs, newest first, or one job in detail."""
     with connected("status", server, key_file) as client:
         if json:
             found = [client.document(job)] if job else islice(client.documents(state=state, labels=labels_of(label)), count)

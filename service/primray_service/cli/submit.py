@@ -41,7 +41,7 @@ SHARED = "shared:"  # shared:NAME/path.usda: a stage on the service's shared sto
 
 def submit(
     scene: Annotated[
-        Path, typer.Argument(metavar="SCENE", help="usda, usdc, usd, usdz, or a zip of them.", show_default=False)
+        Path, typer.Argument(metavar="SCENE", help="A usda, usdc, usd or usdz file, or a zip of them.", show_default=False)
     ],
     camera: stage_flags.Camera = None,
     auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
@@ -107,32 +107,43 @@ def submit(
     fail_on: stage_flags.FailOn = None,
     allow: stage_flags.Allow = None,
     entry: Annotated[
-        str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
+        str | None, typer.Option(metavar="LAYER", help="Root layer to render, if a zip has several.", show_default=False)
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option(metavar="TEXT", help="The job's name; a label too.", show_default="the file's, camera, frames"),
+        typer.Option(
+            metavar="TEXT", help="The job's name; also set as a label.", show_default="made from file, camera and frames"
+        ),
     ] = None,
-    priority: Annotated[int | None, typer.Option(metavar="N", help="0 to 100, larger goes first.", show_default="50")] = None,
+    priority: Annotated[int | None, typer.Option(metavar="N", help="0 to 100; higher goes first.", show_default="50")] = None,
     parallel: Annotated[
         str | None,
-        typer.Option(metavar="N|auto", help="Each frame in so many places at a time, or in all.", show_default="one"),
+        typer.Option(
+            metavar="N|auto",
+            help="Most slots in which each frame is rendered at a time, as parts; auto: all.",
+            show_default="one",
+        ),
     ] = None,
     label: Labels = None,
-    ttl: Annotated[float | None, typer.Option(metavar="DAYS", help="Kept so long.", show_default="the server's")] = None,
-    webhook: Annotated[
-        str | None, typer.Option(metavar="URL", help="Called when the job has ended.", show_default=False)
+    ttl: Annotated[
+        float | None, typer.Option(metavar="DAYS", help="Time to keep the job after its end.", show_default="the server's")
     ] = None,
-    wait: Annotated[bool, typer.Option("--wait", "--watch", help="Follow the job to its end, and end as it does.")] = False,
+    webhook: Annotated[
+        str | None, typer.Option(metavar="URL", help="URL to call when the job has ended.", show_default=False)
+    ] = None,
+    wait: Annotated[
+        bool, typer.Option("--wait", "--watch", help="Follow the job to its end, and exit with its result.")
+    ] = False,
     fetch: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Follow the job, then download what it made.", show_default=False)
+        Path | None,
+        typer.Option(metavar="DIR", help="Follow the job, then download its files to this folder.", show_default=False),
     ] = None,
     overwrite: Overwrite = False,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
 ) -> None:
-    """Send a scene with the files that it refers to, and ask for pictures of it. Prints the job's id."""
+    """Upload a scene with the files that it refers to, and create a job of it. Prints the job's id."""
     stop = {
         "target_error": target_error,
         "metric": None if error_metric is None else error_metric.value,
@@ -215,7 +226,7 @@ def submit(
         else:
             print(job.id, flush=True)
         if job.webhook and job.webhook.get("secret") and not json:
-            print(f"the webhook's secret, shown this once: {job.webhook['secret']}", file=sys.stderr)
+            print(f"the webhook's secret, shown only once: {job.webhook['secret']}", file=sys.stderr)
         if wait or fetch is not None:
             _follow(client, job, fetch, json, overwrite)
 
@@ -231,7 +242,7 @@ def _follow(client: Client, job: Job, folder: Path | None, as_json: bool, overwr
 def products_of(paths: list[str] | None, all_of_them: bool) -> list[str] | None:
     """Return a job's products: all, those at these paths, or None for the first; CommandError if both were given."""
     if paths and all_of_them:
-        raise CommandError("product-option", "--all-products and --product both choose products; give one", USAGE)
+        raise CommandError("product-option", "--all-products and --product exclude each other; give one", USAGE)
     return ["*"] if all_of_them else paths or None
 
 
@@ -245,7 +256,7 @@ def parallel_of(text: str | None) -> int | Literal["auto"] | None:
     if text is None or text == "auto":
         return text  # type: ignore[return-value]
     if not text.isascii() or not text.isdigit() or int(text) < 1:
-        raise CommandError("parallel-option", f"--parallel {text}: it is a number from 1 on, or auto", USAGE)
+        raise CommandError("parallel-option", f"--parallel {text}: write a number of at least 1, or auto", USAGE)
     return int(text)
 
 
@@ -300,7 +311,7 @@ def upload(client: Client, scene: Path, as_json: bool, images: Mapping[str, Path
         except KeyboardInterrupt:
             raise CommandError("interrupted", "nothing was submitted", INTERRUPTED) from None
     if uploaded.state == "rejected":
-        refusal = error_of(uploaded.problem or {"detail": "the server rejects the scene"})
+        refusal = error_of(uploaded.problem or {"detail": "the server rejected the scene"})
         exit_code = SCENE_REJECTED if refusal.exit_code == FAILED else refusal.exit_code
         raise CommandError(refusal.code, refusal.message, exit_code, where=refusal.where)
     return uploaded, packed, names

@@ -21,7 +21,7 @@ JobId = Annotated[str, typer.Argument(metavar="JOB", help="A job's id.", show_de
 
 
 def watch(job: JobId, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
-    """Follow a job until it has ended; ends as the job did. Ctrl-C ends only the watching."""
+    """Follow a job until it has ended, and exit with its result. Ctrl-C stops watching; the job continues."""
     with connected("watch", server, key_file) as client:
         # read before the job: events in between are shown twice rather than missed
         after = None if json else client.last_event_id(job)
@@ -36,7 +36,7 @@ def watched(client: Client, job: Job, as_json: bool, after: int | None = None) -
     try:
         ended = follow(client, job, as_json, after)
     except KeyboardInterrupt:
-        advice = f"the job goes on: `primray watch {job.id}` to see more, `primray cancel {job.id}` to end it"
+        advice = f"the job continues: `primray watch {job.id}` to see more, `primray cancel {job.id}` to cancel it"
         raise CommandError("interrupted", advice, INTERRUPTED) from None
     if as_json:
         print_line({"type": "job", **client.document(job.id)})

@@ -248,7 +248,7 @@ class Client:
                     if answer.status_code == 204:  # there are no further events, and never will be
                         return
                     if not answer.headers.get("Content-Type", "").startswith("text/event-stream"):
-                        raise UnexpectedAnswer(f"the events of {job_id} are not a stream of events")
+                        raise UnexpectedAnswer(f"the events of {job_id} are not an event stream")
                     for event in reading.events(answer.iter_raw()):
                         yield event
                         if event.type == "end" and self._is_last(job_id, event):

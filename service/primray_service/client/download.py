@@ -24,7 +24,7 @@ def target_of(output: Output, folder: Path) -> Path:
     """Return the path of an output in a folder; UnexpectedAnswer if its name would lead out of the folder."""
     path = PurePosixPath(output.name)
     if path.is_absolute() or not path.parts or ".." in path.parts or "\\" in output.name or "\0" in output.name:
-        raise UnexpectedAnswer(f"the server calls an output {output.name!r}, which is no name of a file")
+        raise UnexpectedAnswer(f"the server calls an output {output.name!r}, which is not a valid file name")
     return folder.joinpath(*path.parts)
 
 
@@ -51,7 +51,7 @@ def download(transport: Transport, job_id: str, output: Output, target: Path, sh
         part.unlink()  # the partial file may have been damaged: start again, once
         if is_last:
             break
-    raise DigestMismatch(f"{output.name} arrived with other bytes than the server says it has")
+    raise DigestMismatch(f"{output.name} does not have the server's digest after the download")
 
 
 def _has(path: Path, output: Output) -> bool:
@@ -91,13 +91,13 @@ def _read_on(transport: Transport, url: str, output: Output, part: Path, have: i
             return
         goes_on = answer.status_code == 206 and _starts_at(answer.headers.get("Content-Range", ""), have)
         if answer.status_code == 206 and not goes_on:
-            raise UnexpectedAnswer(f"{output.name}: the server sent another range than was asked for")
+            raise UnexpectedAnswer(f"{output.name}: the server sent another range than requested")
         done = have if goes_on else 0
         with part.open("ab" if goes_on else "wb") as file:
             for data in answer.iter_raw():  # unbuffered: bytes waiting in a buffer would be lost when the connection breaks
                 done += len(data)
                 if done > output.bytes:
-                    raise DigestMismatch(f"{output.name} is larger than the server says")
+                    raise DigestMismatch(f"{output.name} is larger than the server's listed size")
                 file.write(data)
                 show(done, output.bytes)
         if done < output.bytes:

@@ -78,4 +78,4 @@ def _time(text: str, where: str) -> datetime:
     try:
         return datetime.fromisoformat(text)
     except ValueError:
-        raise UnexpectedAnswer(f"{where} is no time") from None
+        raise UnexpectedAnswer(f"{where} is not a time") from None

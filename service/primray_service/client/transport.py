@@ -48,7 +48,7 @@ class Transport:
         self.server = server.rstrip("/")
         url = httpx2.URL(self.server)
         if url.scheme not in ("http", "https") or not url.host:
-            raise ValueError(f"{server!r} is no address of a server; write one like http://127.0.0.1:8700")
+            raise ValueError(f"{server!r} is not a server's address; write one like http://127.0.0.1:8700")
         self._retries = retries
         self._first_retries = retries if first_retries is None else first_retries
         self._has_answered = False
@@ -161,7 +161,7 @@ def problem_of(answer: httpx2.Response) -> ProblemError | UnexpectedAnswer:
     is_problem = isinstance(document, dict) and (str(document.get("type", "")).startswith("/problems/") or document == {})
     if is_problem or answer.status_code in RETRIED_STATUSES:
         return ProblemError(answer.status_code, document if isinstance(document, dict) else {}, asked)
-    return UnexpectedAnswer(f"{answer.request.url} answered {answer.status_code}, and not as a primray service does")
+    return UnexpectedAnswer(f"{answer.request.url} answered {answer.status_code}, but not like a primray service")
 
 
 def _unreachable(server: str, error: httpx2.TransportError) -> ServerUnreachable:

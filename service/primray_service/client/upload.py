@@ -60,9 +60,9 @@ def upload_files(transport: Transport, files: Mapping[str, Path], name: str, sho
         total = sent + int(answer["missing_bytes"])
         for sha256 in answer["missing"]:
             if sha256 not in places:
-                raise UnexpectedAnswer("the server asks for a file that is not in the package")
+                raise UnexpectedAnswer("the server requests a file that is not in the package")
             sent = _send(transport, sha256, places[sha256], sent, total, show)
-    raise UnexpectedAnswer("the server asks for the same files again and again")
+    raise UnexpectedAnswer("the server requests the same files again and again")
 
 
 def _listed(files: Mapping[str, Path], name: str) -> tuple[dict[str, Stretch], Json]:

@@ -54,7 +54,7 @@ class Calls:
                 failures += 1
                 if failures >= TRIES and self._is_up(began):
                     raise
-                LOG.warning("the database failed in %s, once more: %r", method.__name__, error)
+                LOG.warning("the database failed in %s; retrying: %r", method.__name__, error)
             await asyncio.sleep(pause)
             pause = min(2 * pause, LONGEST_PAUSE_S)
 

@@ -37,7 +37,7 @@ async def check_scene(context: Context, scene: Scene) -> None:
                 return  # the scene stays unchecked; the scheduler tries again soon
             problem, again = error.as_json(), ""
         except OSError as error:
-            LOG.warning("a check could not begin: %s", error)
+            LOG.warning("a check could not start: %s", error)
             return
         finally:
             if run is not None:
@@ -68,7 +68,7 @@ def _judged(context: Context, run: CheckRun, ended: Ended) -> tuple[Json | None,
     if run.last is not None:
         return None, ""
     if run.is_not_believed or ended.protocol_error:
-        return Problem("scene-rejected", "The check of the scene did not end as it should.").as_json(), ""
+        return Problem("scene-rejected", "The check of the scene failed unexpectedly.").as_json(), ""
     if ended.reason in outcomes.LIMITS_REACHED:
         return outcomes.limit_problem(ended, limits, cpu_s=limits.check_cpu_s).as_json(), ""
     if outcomes.was_killed(ended):

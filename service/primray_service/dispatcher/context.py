@@ -40,5 +40,5 @@ class Context:
         was_full, free = self.disk_is_full, await self.calls.disk(self.data.free_bytes)
         self.disk_is_full = free < self.limits.free_disk_bytes
         if self.disk_is_full and not was_full:
-            LOG.warning("only %d bytes are free: nothing new is rendered", free)
+            LOG.warning("only %d bytes of disk are free: no new renders are started", free)
         return self.disk_is_full

@@ -76,7 +76,7 @@ class Dispatcher:
         try:
             return await lease.acquire()
         except Exception as error:
-            LOG.warning("the lease cannot be asked for: %r", error)
+            LOG.warning("the lease cannot be acquired: %r", error)
             return False
 
     async def _live(self, lease: Lease) -> None:
@@ -99,7 +99,7 @@ class Dispatcher:
             if self._scheduler.has_failed:
                 await self._pause(FAILED_PAUSE_S)
         except Exception:
-            LOG.exception("the dispatcher failed, and begins anew")
+            LOG.exception("the dispatcher failed, and restarts")
             await self._pause(FAILED_PAUSE_S)
         finally:
             self._scheduler = None

@@ -82,7 +82,7 @@ class Lease:
         try:
             await asyncio.wait_for(renewal, max(self._left(), 0.0))
         except Lost:
-            LOG.warning("another dispatcher has the lease")
+            LOG.warning("another server holds the lease now")
             self.fence = None
         except TimeoutError:
             LOG.warning("the lease could not be renewed in time")

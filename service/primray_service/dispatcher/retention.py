@@ -47,7 +47,7 @@ class Retention:
                     await self.sweep()
                 await self.make_room()
             except OSError as error:
-                LOG.warning("old files are not removed: %s", error)
+                LOG.warning("old files cannot be removed: %s", error)
             await asyncio.sleep(EXPIRE_EVERY_S)
 
     async def expire(self) -> None:

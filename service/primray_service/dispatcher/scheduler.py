@@ -144,7 +144,7 @@ class Scheduler:
             self._is_lost = True
         elif error is not None:
             # Rows may be outdated now; acquiring the lease again repairs them.
-            LOG.error("the dispatcher's %s failed, so it begins anew", task.get_name(), exc_info=error)
+            LOG.error("the dispatcher's %s failed, so the dispatcher restarts", task.get_name(), exc_info=error)
             self.has_failed = True
         self._awake.set()
 

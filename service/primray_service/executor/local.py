@@ -90,7 +90,7 @@ class LocalExecutor:
                 await self._end(worker)
         if not all(ready):
             last = [lines[-1] for lines, is_ready in zip(why, ready, strict=True) if lines and not is_ready]
-            raise Problem("unavailable", f"No worker could be started: {last[0] if last else 'it said nothing'}.")
+            raise Problem("unavailable", f"No worker could be started: {last[0] if last else 'it printed nothing'}.")
         self._why_not = ""
 
     def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:

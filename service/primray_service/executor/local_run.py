@@ -117,8 +117,8 @@ class Run:
         try:
             await asyncio.to_thread(self._worker.put_files, self.chunk)
         except (OSError, ValueError) as error:
-            LOG.error("the files of %s cannot be put in place: %s", self.chunk.id, error)
-            self._said = f"its files cannot be put in place: {error}"
+            LOG.error("the files of %s cannot be linked into its folder: %s", self.chunk.id, error)
+            self._said = f"its files cannot be linked into its folder: {error}"
             self._kill("lost")
             return
         sending = asyncio.ensure_future(self._send())
@@ -187,11 +187,11 @@ class Run:
         try:
             self._on_message(message)
         except Exception:
-            LOG.exception("a message %r of %s was not taken", at, self.chunk.id)
+            LOG.exception("a message %r of %s could not be processed", at, self.chunk.id)
 
     def _should_be_gone(self) -> None:
         if not self.ended.done():
-            self._said = f"the worker did not leave after {self._last!r}"
+            self._said = f"the worker did not exit after {self._last!r}"
             self._kill("exited")
 
     def _kill(self, reason: str) -> None:

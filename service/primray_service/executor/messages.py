@@ -106,12 +106,12 @@ def parse(line: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise BadMessage("a line that is not JSON") from error
     if not isinstance(message, dict) or not isinstance(message.get("at"), str):
-        raise BadMessage("a line that is no message")
+        raise BadMessage("a line that is not a message")
     check = SHAPES.get(message["at"])
     if check is None:
-        raise BadMessage(f"a message {message['at'][:40]!r}, which there is not")
+        raise BadMessage(f"an unknown message {message['at'][:40]!r}")
     if not check(message) or _depth(message) > MOST_DEPTH:
-        raise BadMessage(f"a message {message['at']!r} that has not its shape")
+        raise BadMessage(f"a malformed message {message['at']!r}")
     return message
 
 

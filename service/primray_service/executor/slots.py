@@ -122,7 +122,7 @@ def take_out(job: Path, names: Iterable[str]) -> None:
 def _below(job: Path, name: str) -> Path:
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or not path.parts:
-        raise ValueError(f"{name!r} is no place in a job's folder")
+        raise ValueError(f"{name!r} is not a path in a job's folder")
     return job / path
 
 

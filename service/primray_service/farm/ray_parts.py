@@ -120,7 +120,7 @@ class RayParts:
 
     def submit(self, settings: RenderSettings, file: Path) -> Future[None]:
         if settings.session_layer is not None:
-            sentence = "a session layer is not sent to other machines: make it a layer of the stage"
+            sentence = "a session layer cannot be sent to other machines: make it a layer of the stage"
             raise SettingsError(sentence, where="session_layer", code="parts-setting")
         self._parts += 1
         future: Future[None] = Future()
@@ -235,7 +235,7 @@ def _taken(ended: Ended, heard: _Heard, file: Path) -> Exception | None:
         try:
             shutil.move(ended.folder / heard.file, file)
         except OSError as error:
-            return PartLost(f"its checkpoint has not come: {error.strerror}")
+            return PartLost(f"its checkpoint did not arrive: {error.strerror}")
         return None
     last = (ended.log.strip().splitlines() or [ended.protocol_error])[-1]
     if ended.reason in OF_ANY_NODE:

@@ -53,7 +53,7 @@ async def _asked(settings: Json) -> FarmStatus:
         link.send({"do": "look", "id": "1"})
         await asyncio.wait_for(answered.wait(), ANSWER_WITHIN_S)
     except TimeoutError:
-        raise PrimrayError("the Ray cluster does not say what runs there", code="ray-unreachable") from None
+        raise PrimrayError("the Ray cluster does not report its running chunks", code="ray-unreachable") from None
     finally:
         await link.close()
     return FarmStatus(told["cluster"]["nodes"], told["running"]["owners"])
@@ -71,7 +71,7 @@ def status_lines(status: FarmStatus, now: float) -> list[str]:
         rows.append((node["id"][:8], node["host"], str(node["slots"]), str(len(here)), node["why"]))
         rows += [_row(owner, chunk, now) for owner, chunk in here]
     for node_id, here in running.items():  # of nodes excluded by labels, or leaving
-        rows.append((node_id[:8], "", "", str(len(here)), "not among the nodes asked for"))
+        rows.append((node_id[:8], "", "", str(len(here)), "not among the selected nodes"))
         rows += [_row(owner, chunk, now) for owner, chunk in here]
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
     return [

@@ -56,7 +56,7 @@ def check_match(request: Request, etag: str) -> bool:
     if header is None:
         return False
     if not _names(header, etag, weakly=False):
-        raise Problem("precondition-failed", f"It is at {etag} now.", headers={"etag": etag})
+        raise Problem("precondition-failed", f"Its version is {etag} now.", headers={"etag": etag})
     return True
 
 
@@ -79,7 +79,7 @@ def accepted(request: Request, *offered: str) -> str:
 
     best = max(offered, key=quality)
     if quality(best) <= 0:
-        raise Problem("not-acceptable", f"There is {' and '.join(offered)}.", offered=list(offered))
+        raise Problem("not-acceptable", f"Available: {' and '.join(offered)}.", offered=list(offered))
     return best
 
 

@@ -50,7 +50,7 @@ def check_json_type(request: Request) -> None:
             "unsupported-media-type", "The body must be application/json, in UTF-8.", headers={"accept": "application/json"}
         )
     if request.headers.get("content-encoding", "identity").strip().lower() not in ("", "identity"):
-        raise Problem("unsupported-media-type", "JSON is read only as it is, without a Content-Encoding.", headers=AS_IT_IS)
+        raise Problem("unsupported-media-type", "JSON is accepted only without a Content-Encoding.", headers=AS_IT_IS)
 
 
 async def read(request: Request, most_bytes: int) -> bytes:
@@ -71,7 +71,7 @@ async def read(request: Request, most_bytes: int) -> bytes:
         raise Problem("upload-incomplete", "The connection ended before the body did.") from None
     if size > most_bytes:
         close = {"connection": "close"}
-        raise Problem("request-too-large", f"The JSON may have {most_bytes} bytes.", headers=close, limit=most_bytes)
+        raise Problem("request-too-large", f"The JSON may have at most {most_bytes} bytes.", headers=close, limit=most_bytes)
     request.state.body_was_read = True
     return bytes(body)
 
@@ -112,7 +112,7 @@ def check_json(body: bytes) -> Any:
     except UnicodeDecodeError as error:
         raise Problem("invalid-json", f"The body is not UTF-8 at byte {error.start}.") from None
     except RecursionError:
-        raise Problem("invalid-json", "The JSON is nested too deep.") from None
+        raise Problem("invalid-json", "The JSON is nested too deeply.") from None
     except json.JSONDecodeError as error:
         raise Problem("invalid-json", f"{error.msg} at line {error.lineno}, column {error.colno}.") from None
 
@@ -122,12 +122,12 @@ def _members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(members) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
-        raise Problem("invalid-json", f"The member {twice[:100]!r} comes twice.")
+        raise Problem("invalid-json", f"The member {twice[:100]!r} occurs twice.")
     return members
 
 
 def _no_constant(name: str) -> None:
-    raise Problem("invalid-json", f"{name} is no number in JSON.")
+    raise Problem("invalid-json", f"{name} is not a JSON number.")
 
 
 def _whole(digits: str) -> int:
@@ -139,14 +139,14 @@ def _whole(digits: str) -> int:
 def _finite(text: str) -> float:
     value = float(text)
     if value in (float("inf"), float("-inf")):
-        raise Problem("invalid-json", f"{text[:40]} is larger than any number here.")
+        raise Problem("invalid-json", f"{text[:40]} is too large for a number.")
     return value
 
 
 def _check_text(value: Any) -> None:
     if isinstance(value, str):
         if "\0" in value or any("\ud800" <= char <= "\udfff" for char in value):
-            raise Problem("invalid-json", "A text has a NUL, or half of a surrogate pair.")
+            raise Problem("invalid-json", "A text contains NUL, or half of a surrogate pair.")
     elif isinstance(value, dict):
         for name, member in value.items():
             _check_text(name)

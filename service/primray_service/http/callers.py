@@ -60,7 +60,7 @@ async def _key_sha256(request: Request) -> str | None:
     else:
         sha256 = await run_in_threadpool(sessions.key_sha256, cookie, time.time())
     if sha256 is None and service_of(request).config.needs_keys:
-        raise unauthenticated("The session has ended; send the key again.")
+        raise unauthenticated("The session has ended; log in with the key again.")
     return sha256
 
 
@@ -70,7 +70,7 @@ def needs(scope: str) -> Callable[[Request], Coroutine[Any, Any, Caller]]:
     async def with_scope(request: Request) -> Caller:
         caller = await caller_of_request(request)
         if not caller.allows(scope):
-            raise Problem("forbidden", f"This needs a key with the scope {scope!r}.", scope=scope)
+            raise Problem("forbidden", f"This requires a key with the scope {scope!r}.", scope=scope)
         return caller
 
     return with_scope

@@ -20,39 +20,42 @@ MODELS: dict[str, type[BaseModel]] = {}  # all models named here
 Json = dict[str, Any]
 
 HEADERS: Mapping[str, Json] = {
-    "ETag": {"description": "The version, for If-None-Match and If-Match.", "schema": {"type": "string"}},
-    "Retry-After": {"description": "Seconds to wait before asking again.", "schema": {"type": "integer", "minimum": 0}},
-    "Location": {"description": "Where it is.", "schema": {"type": "string"}},
-    "Link": {"description": 'The next page: rel="next".', "schema": {"type": "string"}},
-    "Preference-Applied": {"description": "wait=<seconds>, if Prefer asked to wait.", "schema": {"type": "string"}},
-    "Idempotency-Replayed": {"description": "true: an earlier request made it.", "schema": {"type": "string"}},
-    "Allow": {"description": "The methods that there are.", "schema": {"type": "string"}},
+    "ETag": {"description": "Version, for If-None-Match and If-Match.", "schema": {"type": "string"}},
+    "Retry-After": {"description": "Seconds to wait before the next request.", "schema": {"type": "integer", "minimum": 0}},
+    "Location": {"description": "Address of the resource.", "schema": {"type": "string"}},
+    "Link": {"description": 'Next page: rel="next".', "schema": {"type": "string"}},
+    "Preference-Applied": {"description": "wait=<seconds>, if Prefer requested a wait.", "schema": {"type": "string"}},
+    "Idempotency-Replayed": {"description": "true: an earlier request created the job.", "schema": {"type": "string"}},
+    "Allow": {"description": "Methods that this path supports.", "schema": {"type": "string"}},
     "Set-Cookie": {"description": "The session.", "schema": {"type": "string"}},
     "Accept-Ranges": {"description": "bytes", "schema": {"type": "string"}},
-    "Content-Range": {"description": "Which bytes these are.", "schema": {"type": "string"}},
-    "Content-Disposition": {"description": "A file name to save it by.", "schema": {"type": "string"}},
+    "Content-Range": {"description": "Range of bytes in this answer.", "schema": {"type": "string"}},
+    "Content-Disposition": {"description": "File name for saving.", "schema": {"type": "string"}},
     "Repr-Digest": {"description": "sha-256 of the file (RFC 9530).", "schema": {"type": "string"}},
-    "X-Request-Id": {"description": "Sent, or made; it is in the log.", "schema": {"type": "string"}},
+    "X-Request-Id": {
+        "description": "The request's own id, or a new one; also in the server's log.",
+        "schema": {"type": "string"},
+    },
 }
 
 _TAG = {"type": "string", "examples": ['"3"']}
 REQUEST_HEADERS: Mapping[str, Json] = {
     "Prefer": {
-        "description": "wait=<seconds>: answer when there is more to say, or after so long (RFC 7240).",
+        "description": "wait=<seconds>: answer when something has changed, or after that time (RFC 7240).",
         "schema": {"type": "string", "examples": ["wait=30", "respond-async"]},
     },
     "Idempotency-Key": {
-        "description": "The same request with the same key makes one job, however often it is sent within a day.",
+        "description": "Repeating a request with the same key within a day creates only one job.",
         "schema": {"type": "string", "pattern": "^[!-~]{1,255}$", "examples": ["3f0c1d5e-shot-010"]},
     },
-    "If-None-Match": {"description": "304 if this is still the version.", "schema": _TAG},
-    "If-Match": {"description": "412 if this is not the version any more.", "schema": _TAG},
+    "If-None-Match": {"description": "304 if the version is still this one.", "schema": _TAG},
+    "If-Match": {"description": "412 if the version is another one now.", "schema": _TAG},
     "Last-Event-ID": {
-        "description": "Go on after this event.",
+        "description": "Resume after this event.",
         "schema": {"type": "string", "pattern": "^[0-9]{1,18}$", "examples": ["17"]},
     },
     "Range": {"description": "Only these bytes (RFC 9110, 14.2).", "schema": {"type": "string", "examples": ["bytes=0-99"]}},
-    "If-Range": {"description": "The range only of this version, else all.", "schema": _TAG},
+    "If-Range": {"description": "Apply Range only to this version; otherwise send the whole file.", "schema": _TAG},
     "Repr-Digest": {
         "description": "sha-256 of the body, which is checked (RFC 9530).",
         "schema": {"type": "string", "examples": ["sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:"]},
@@ -77,7 +80,7 @@ def schema_of(model: type[BaseModel]) -> Json:
 def answer(
     model: type[BaseModel] | None = None,
     status: int = 200,
-    description: str = "As asked.",
+    description: str = "Success.",
     *,
     headers: Sequence[str] = (),
     content: Mapping[str, Json] | None = None,

@@ -100,7 +100,7 @@ async def _of_http(request: Request, error: Exception) -> Response:
         problem = Problem("not-found", "There is nothing at this path.", headers=headers)
     elif error.status_code == 405:
         allowed = ", ".join(request.app.state.methods.at(request.url.path))
-        problem = Problem("method-not-allowed", f"Allowed here: {allowed}.", headers={"allow": allowed})
+        problem = Problem("method-not-allowed", f"Methods allowed here: {allowed}.", headers={"allow": allowed})
     elif error.status_code == 413:
         problem = Problem("request-too-large", "The body is larger than is allowed.", headers=headers)
     elif error.status_code >= 500:

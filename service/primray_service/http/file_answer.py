@@ -56,7 +56,7 @@ async def file_answer(
     except ObjectStoreFailed:
         raise
     except OSError:
-        raise Problem("not-found", "The file is not there.") from None
+        raise Problem("not-found", "The file does not exist.") from None
     total = opened.size
     if exactly not in (None, total):
         opened.close()

@@ -75,7 +75,7 @@ class RequestGuard:
                 log.exception("request failed", method=scope["method"], path=scope["path"])
                 if status:
                     raise  # the answer has begun: the connection is closed, so that the client does not take it for complete
-                problem = Problem("internal", "The server failed; its log says more under this request id.")
+                problem = Problem("internal", "The server failed; see its log for this request id.")
                 await problem_answer(problem, request_id)(scope, receive, send_with_headers)
             log.info(
                 "request",
@@ -130,9 +130,9 @@ def check_origin(headers: Headers, method: str, hosts: frozenset[str], origins: 
     if origin in origins:
         return
     if origin is not None and _authority(urlsplit_or_none(origin)) != _with_port(host, origin):
-        raise Problem("cross-origin", "Changes are taken only from this server's own pages.", origin=origin[:200])
+        raise Problem("cross-origin", "Changes are accepted only from this server's own pages.", origin=origin[:200])
     if origin is None and headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
-        raise Problem("cross-origin", "Changes are taken only from this server's own pages.")
+        raise Problem("cross-origin", "Changes are accepted only from this server's own pages.")
 
 
 def check_text(path: str, query: bytes) -> None:
@@ -140,7 +140,7 @@ def check_text(path: str, query: bytes) -> None:
     if "\0" in path:
         raise Problem("not-found", "There is nothing at this path.")
     if b"%00" in query:
-        raise Problem("invalid-request", "There is a NUL in the query.", member="query")
+        raise Problem("invalid-request", "The query contains NUL.", member="query")
 
 
 def urlsplit_or_none(url: str) -> tuple[str, str]:

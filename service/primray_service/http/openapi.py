@@ -19,18 +19,18 @@ from .described import HEADERS, MODEL, MODELS, problem_response
 Json = dict[str, Any]
 REF = "#/components/schemas/"
 DESCRIPTION = (
-    "USD in over HTTP, images and their error out: upload a scene, queue a job for it, watch its error fall, fetch its files. "
-    "Every error is a problem document (RFC 9457) whose type is stable. Every GET can be a HEAD."
+    "Rendering of USD over HTTP, to a stated error: upload a scene, queue a job, watch its error fall, download its files. "
+    "Every error is a problem document (RFC 9457) whose type is stable. Every GET also works as HEAD."
 )
 TAGS = (
-    ("scenes", "USD files, uploaded once and known by their digest."),
-    ("jobs", "Renders: queued, watched, canceled, continued."),
-    ("previews", "A job's picture as it is now."),
-    ("outputs", "The files that a job makes."),
+    ("scenes", "USD files, uploaded once and identified by their digest."),
+    ("jobs", "Render jobs: queue, watch, cancel, continue."),
+    ("previews", "A job's current picture."),
+    ("outputs", "Files that a job has made."),
     ("admin", "Jobs of all tenants, workers, usage and quotas, for a key with the scope admin."),
     ("keys", "API keys, and browsers' sessions."),
-    ("account", "Who asks, what was used, what is allowed."),
-    ("health", "How the server is."),
+    ("account", "The caller's identity, usage and limits."),
+    ("health", "Health of the server."),
 )
 # Problems that any request under /v1 may get.
 ALWAYS = {
@@ -43,13 +43,13 @@ ALWAYS = {
 }
 REQUEST_ID = {"X-Request-Id": {"$ref": "#/components/headers/X-Request-Id"}}
 PARAMETERS = {
-    "limit": "At most so many.",
-    "cursor": "The page before gave it.",
-    "scene": "Only of this scene.",
-    "scene_id": "As POST /v1/scenes answered.",
-    "key_id": "As POST /v1/keys answered.",
-    "name": "As the list of outputs has it.",
-    "sha256": "This version or none.",
+    "limit": "Most items of a page.",
+    "cursor": "Cursor from the previous page.",
+    "scene": "Only jobs of this scene.",
+    "scene_id": "Id from POST /v1/scenes.",
+    "key_id": "Id from POST /v1/keys.",
+    "name": "Name from the list of outputs.",
+    "sha256": "Digest that the file must have.",
 }
 METHODS = ("get", "head", "post", "put", "patch", "delete")
 HEAD_TOLD = ("/v1/scenes/{scene_id}",)  # operations whose HEAD is documented separately
@@ -84,7 +84,12 @@ def openapi(app: FastAPI) -> Json:
             "headers": {"X-Request-Id": HEADERS["X-Request-Id"]},
             "securitySchemes": {
                 "key": {"type": "http", "scheme": "bearer", "description": "An API key; none is needed on loopback."},
-                "session": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "Of POST /v1/session."},
+                "session": {
+                    "type": "apiKey",
+                    "in": "cookie",
+                    "name": COOKIE,
+                    "description": "Session cookie from POST /v1/session.",
+                },
             },
         },
     }

@@ -116,7 +116,9 @@ def _guarded(answer: Answer, token: str) -> Answer:
         host = request.headers.get("host", "").partition(":")[0]
         known = hmac.compare_digest(request.path_params["token"].encode(), token.encode())
         if not known or host not in HOSTS:
-            return _refused(404, "not-found", "Nothing is here. The address that `primray view` printed has a secret in it.")
+            return _refused(
+                404, "not-found", "Nothing is here. Use the complete address that `primray view` printed; it contains a secret."
+            )
         return await answer(request)
 
     return guarded
@@ -127,7 +129,7 @@ def _picture(viewer: Viewer) -> Response:
     headers."""
     shown = viewer.shown
     if shown is None:
-        return _refused(404, "no-picture", "There is no picture yet.")
+        return _refused(404, "no-picture", "No picture has been rendered yet.")
     height, width = shown.rgba.shape[:2]
     headers = {**service_page.HEADERS, "cache-control": "no-store"}
     headers |= {"x-picture": str(shown.number), "x-width": str(width), "x-height": str(height)}
@@ -138,16 +140,16 @@ async def _command(request: Request, viewer: Viewer) -> Response:
     """Run a command of `Viewer.tell`, as JSON. The media type makes browsers ask before another site's page may send it; we do
     not allow that."""
     if request.headers.get("content-type") != "application/json":
-        return _refused(415, "unsupported-media-type", "Commands are application/json.")
+        return _refused(415, "unsupported-media-type", "Commands must be application/json.")
     body = b""
     async for part in request.stream():
         body += part
         if len(body) > MOST_COMMAND_BYTES:
-            return _refused(413, "request-too-large", f"A command has at most {MOST_COMMAND_BYTES} bytes.")
+            return _refused(413, "request-too-large", f"A command may have at most {MOST_COMMAND_BYTES} bytes.")
     try:
         said: Any = json.loads(body)
         if not isinstance(said, dict):
-            return _refused(400, "view-command", "A command is an object.")
+            return _refused(400, "view-command", "A command must be a JSON object.")
         viewer.tell(said)
     except ValueError:
         return _refused(400, "invalid-json", "The command is not JSON.")

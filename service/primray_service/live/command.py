@@ -51,10 +51,10 @@ def view(
     load: stage_flags.Load = None,
     mask: stage_flags.Mask = None,
     session_layer: stage_flags.SessionLayer = None,
-    port: Annotated[int, typer.Option(metavar="N", help="0: any that is free.", min=0, max=65535)] = 0,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Print the page's address, open no browser.")] = False,
+    port: Annotated[int, typer.Option(metavar="N", help="Port; 0: any free one.", min=0, max=65535)] = 0,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Print the page's address without opening a browser.")] = False,
 ) -> None:
-    """Look at a stage in a browser: it renders as files, variants and the camera change. Ctrl-C ends it."""
+    """Show a stage in a browser: it is rendered again as files, variants and the camera change. Ctrl-C ends it."""
     need_extra("view")
     settings = RenderSettings(
         camera=option_values.camera_of(camera),

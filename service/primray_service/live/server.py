@@ -59,7 +59,7 @@ async def _run(scene: ViewedScene, spp: int, looks: Looks, name: str, listener: 
 def _tell(url: str, opens: bool) -> None:
     print(f"primray shows the stage at {url}", flush=True)
     if opens and not (_has_desktop() and webbrowser.open(url)):
-        print("no browser could be started: open that address in one", file=sys.stderr, flush=True)
+        print("no browser could be started: open this address in one", file=sys.stderr, flush=True)
 
 
 def _has_desktop() -> bool:

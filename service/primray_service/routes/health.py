@@ -32,8 +32,8 @@ async def alive() -> Response:
 @router.get(
     "/readyz",
     **described(
-        answer(scene_views.Readiness, description="All is in order."),
-        answer(scene_views.Readiness, 503, "Something is not in order, or the server stops."),
+        answer(scene_views.Readiness, description="Everything works."),
+        answer(scene_views.Readiness, 503, "Something does not work, or the server is stopping."),
     ),
 )
 async def ready(service: Serving) -> Response:
@@ -64,7 +64,7 @@ async def _checked(check: Callable[[Service], Awaitable[Json]], service: Service
         found = {"ok": False, "detail": f"no answer within {CHECK_TIMEOUT_S:g} s"}
     except Exception as error:
         log.warning("not ready", check=check.__name__.strip("_"), exc_info=error)
-        found = {"ok": False, "detail": f"it fails with {type(error).__name__}; the server's log says more"}
+        found = {"ok": False, "detail": f"it fails with {type(error).__name__}; see the server's log"}
     return {**found, "seconds": round(time.perf_counter() - began, 4)}
 
 
@@ -107,7 +107,7 @@ async def _sandbox(service: Service) -> Json:
 LEADS = {
     "here": "this server dispatches",
     "elsewhere": "another server dispatches",
-    "nowhere": "no server dispatches now; one that may will within seconds",
+    "nowhere": "no server dispatches now; a server that may dispatch takes over within seconds",
 }
 
 

@@ -30,7 +30,7 @@ MOST_EXPIRY_S = 100 * 365 * 86_400.0
 
 
 class QuotaRequest(Sent):
-    """Members that are left out are this server's; null: no limit."""
+    """Quotas of a key: omitted members are this server's defaults; null: no limit."""
 
     requests_per_s: float | None = Field(None, gt=0, le=1e6)
     burst: int = Field(1, ge=1, le=10**6)
@@ -41,10 +41,12 @@ class QuotaRequest(Sent):
 
 
 class KeyRequest(Sent):
-    tenant: str = Field(pattern=f"^{TENANT.pattern}$", description="Whose jobs and scenes it is for; made by naming it.")
+    tenant: str = Field(
+        pattern=f"^{TENANT.pattern}$", description="Tenant whose jobs and scenes the key is for; naming one creates it."
+    )
     scopes: list[Literal["submit", "read", "admin"]] = Field(default=["submit", "read"], min_length=1, max_length=3)
-    name: str = Field("", max_length=200, description="To recognise it by.")
-    quotas: QuotaRequest | None = Field(None, description="The newest valid key's quotas are the tenant's.")
+    name: str = Field("", max_length=200, description="Display name.")
+    quotas: QuotaRequest | None = Field(None, description="Quotas; those of a tenant's newest valid key apply to the tenant.")
     expires_in_s: float | None = Field(None, gt=0, le=MOST_EXPIRY_S)
 
 
@@ -79,7 +81,7 @@ def create_key(
 def list_keys(
     caller: Admin,
     service: Serving,
-    tenant: Annotated[str | None, Query(max_length=64, description="Only this tenant's.")] = None,
+    tenant: Annotated[str | None, Query(max_length=64, description="Only keys of this tenant.")] = None,
 ) -> Response:
     """List all keys, without their text; revoked and expired ones, too."""
     return json_answer({"items": [key_json(row) for row in service.store.keys(tenant)]})
@@ -91,7 +93,7 @@ def show(key_id: str, caller: Admin, service: Serving) -> Response:
     return json_answer(key_json(_found(service, key_id)))
 
 
-@router.delete("/{key_id}", **described(answer(None, 204, "It is refused from now on."), problems=("not-found",)))
+@router.delete("/{key_id}", **described(answer(None, 204, "The key is revoked."), problems=("not-found",)))
 def revoke(key_id: str, request: Request, caller: Admin, service: Serving) -> Response:
     """Revoke a key: it is refused from now on (by other servers on the same database within seconds). Its jobs and scenes
     stay."""

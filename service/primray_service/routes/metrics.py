@@ -23,7 +23,7 @@ async def metrics(request: Request, service: Serving) -> Response:
     if service.config.metrics_key and service.config.needs_keys:
         caller = await caller_of_request(request)
         if not caller.allows("admin"):
-            raise Problem("forbidden", "This needs a key with the scope 'admin'.", scope="admin")
+            raise Problem("forbidden", "This requires a key with the scope 'admin'.", scope="admin")
     requests: RequestMetrics = request.app.state.request_metrics
     text = await run_in_threadpool(exposition, requests, service)
     return Response(text, headers={"cache-control": "no-store"}, media_type=MEDIA_TYPE)

@@ -39,17 +39,17 @@ class PackagePart(Sent):
 
 
 class PackageFile(Sent):
-    path: str = Field(min_length=1, max_length=4096, description="In the package, with / between folders.")
+    path: str = Field(min_length=1, max_length=4096, description="Path in the package, with / between folders.")
     sha256: str = Field(pattern=DIGEST)
     bytes: int = Field(ge=0, le=2**50)
     parts: list[PackagePart] | None = Field(
-        None, min_length=1, description="Stretches of the file that are sent by themselves, in order, as of a usdz its members."
+        None, min_length=1, description="Byte ranges of the file that are sent separately, in order, such as a usdz's members."
     )
 
 
 class PackageRequest(Sent):
     files: list[PackageFile] = Field(min_length=1, max_length=1_000_000)
-    name: str = Field("", max_length=1024, description="A file name, to recognise the scene by.")
+    name: str = Field("", max_length=1024, description="Display name of the scene, usually the file's.")
 
 
 EXAMPLE = {"name": "shot.zip", "files": [{"path": "shot.usda", "sha256": "0" * 64, "bytes": 1234}]}
@@ -58,11 +58,11 @@ EXAMPLE = {"name": "shot.zip", "files": [{"path": "shot.usda", "sha256": "0" * 6
 @router.post(
     "/packages",
     **described(
-        answer(scene_views.Package, 200, "Send these files, then ask again.", headers=()),
+        answer(scene_views.Package, 200, "Files to send before the request is repeated.", headers=()),
         answer(
             scene_views.Scene,
             201,
-            "All files are there: the scene is kept, and is checked.",
+            "All files are there: the scene is stored, and its check begins.",
             headers=("Location", "ETag"),
             links=LINKS,
         ),
@@ -104,7 +104,11 @@ async def package(
     if kept is None:
         missing = missing or await asyncio.to_thread(missing_of, manifest, caller.tenant, service.store, time.time())
         if not missing:
-            raise Problem("unavailable", "The package's files change meanwhile; ask again.", headers={"retry-after": "1"})
+            raise Problem(
+                "unavailable",
+                "The package's files are being changed by another request; repeat this one.",
+                headers={"retry-after": "1"},
+            )
         coming = sum(manifest.sizes[sha256] for sha256 in missing)
         await refuse_over_quota(service, caller, await _quotas(service, caller), coming)
         return json_answer({"id": manifest.scene_id, "missing": missing, "missing_bytes": coming})
@@ -130,8 +134,8 @@ async def _kept(service: Service, caller: Caller, manifest: Manifest) -> tuple[S
 @router.put(
     "/contents/{sha256}",
     **described(
-        answer(None, 201, "The file is kept for the packages that have it."),
-        answer(None, 200, "The file had been sent before."),
+        answer(None, 201, "The file is stored for packages that contain it."),
+        answer(None, 200, "The file was sent before."),
         problems=(
             "upload-incomplete",
             "upload-too-large",

@@ -30,7 +30,7 @@ BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 UPLOAD_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
-        "description": "The file itself (its kind is seen from its first bytes), or a form with a part `file`.",
+        "description": "The file itself (its kind is recognised by its first bytes), or a form with a part `file`.",
         "content": {
             **dict.fromkeys(MEDIA_TYPES.values(), BINARY),
             "application/octet-stream": BINARY,
@@ -55,9 +55,19 @@ LINKS: dict[str, Any] = {
 @router.post(
     "",
     **described(
-        answer(scene_views.Scene, 201, "It is kept, and is checked.", headers=("Location", "ETag", "Retry-After"), links=LINKS),
         answer(
-            scene_views.Scene, 200, "The same bytes were sent before.", headers=("Location", "ETag", "Retry-After"), links=LINKS
+            scene_views.Scene,
+            201,
+            "The scene is stored, and its check begins.",
+            headers=("Location", "ETag", "Retry-After"),
+            links=LINKS,
+        ),
+        answer(
+            scene_views.Scene,
+            200,
+            "The same bytes were uploaded before.",
+            headers=("Location", "ETag", "Retry-After"),
+            links=LINKS,
         ),
         problems=(
             "upload-incomplete",
@@ -79,7 +89,7 @@ async def upload(
     request: Request,
     caller: Submitter,
     service: Serving,
-    name: Annotated[str | None, Query(max_length=1024, description="A file name, to recognise it by.")] = None,
+    name: Annotated[str | None, Query(max_length=1024, description="Display name, usually the file's.")] = None,
 ) -> Response:
     """Upload a scene. Equal bytes are stored once; sending them again is answered with 200."""
     try:
@@ -102,7 +112,7 @@ def list_scenes(
     try:
         scenes, next_cursor = service.store.scenes(caller.tenant, limit, cursor)
     except ValueError:
-        raise Problem("invalid-request", "cursor: this is not a cursor that the server gave.", member="cursor") from None
+        raise Problem("invalid-request", "cursor: this cursor is not from this server's answers.", member="cursor") from None
     headers = {}
     if next_cursor is not None:
         headers["link"] = f'</v1/scenes?{urlencode({"limit": limit, "cursor": next_cursor})}>; rel="next"'
@@ -113,7 +123,7 @@ def list_scenes(
     "/{scene_id}",
     **described(
         answer(scene_views.Scene, headers=("ETag", "Retry-After")),
-        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
         problems=("not-found",),
         headers=("If-None-Match",),
     ),
@@ -128,7 +138,7 @@ async def show(scene_id: SceneId, request: Request, caller: Reader, service: Ser
     return scene_answer(scene)
 
 
-@router.delete("/{scene_id}", **described(answer(None, 204, "It is gone."), problems=("not-found", "scene-in-use")))
+@router.delete("/{scene_id}", **described(answer(None, 204, "The scene is deleted."), problems=("not-found", "scene-in-use")))
 def delete(scene_id: SceneId, caller: Submitter, service: Serving) -> Response:
     """Delete a scene that no queued or running job uses."""
     try:

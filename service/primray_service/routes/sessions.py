@@ -51,7 +51,7 @@ async def begin(request: Request, asked: Annotated[SessionRequest, Depends(json_
     return response
 
 
-@router.delete("", **described(answer(None, 204, "The session, if there was one, has ended.", headers=("Set-Cookie",))))
+@router.delete("", **described(answer(None, 204, "The session has ended.", headers=("Set-Cookie",))))
 async def end(request: Request) -> Response:
     """Log out."""
     await run_in_threadpool(request.app.state.sessions.end, request.cookies.get(COOKIE, ""), time.time())

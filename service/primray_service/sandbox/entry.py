@@ -55,7 +55,7 @@ def enter(keep_files: tuple[int, ...] = ()) -> Entered:
 def _plan() -> dict[str, Any]:
     text = os.environ.pop(PLAN, None)
     if text is None:
-        raise SandboxError(f"{PLAN} is not set: workers are started by the service, through worker_spawn")
+        raise SandboxError(f"{PLAN} is not set: workers must be started by the service, through worker_spawn")
     plan: dict[str, Any] = json.loads(text)
     return plan
 

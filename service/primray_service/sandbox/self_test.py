@@ -44,7 +44,7 @@ def self_test(folder: Path, only: frozenset[str] | None = None) -> SelfTest:
         attempts, problem = _run(slot, targets, only)
     allowed = sorted(name for name, result in attempts.items() if result == "allowed")
     if problem is None and _LAST not in attempts:
-        problem = "it ended before all was tried"
+        problem = "it ended before all attempts were made"
     if problem is None and allowed:
         problem = f"a worker can {', '.join(allowed)}"
     if problem is None and not works(only):

@@ -98,7 +98,7 @@ def bring_package(scene: Scene, staged: Path, data: DataDirectory, limits: Limit
         return False
     manifest = read_manifest(target.read_bytes())
     if manifest.scene_id != scene.id:
-        raise Problem("internal", "The package's list in the object store is not what was sent; upload it again.")
+        raise Problem("internal", "The package's list in the object store is damaged; upload it again.")
     target.unlink()
     _put_together(manifest, scene.tenant, staged, data, limits)
     return True
@@ -186,7 +186,7 @@ def _refuse_archive(content: Path, path: str) -> None:
     with content.open("rb") as file:
         kind = archive_kind(file.read(ARCHIVE_HEAD_BYTES))
     if kind is not None and not (kind == "zip" and path.lower().endswith(".usdz")):
-        raise unsafe(f"The member is an archive ({kind}); only usdz files may lie in a package.", path)
+        raise unsafe(f"The member is an archive ({kind}); only usdz archives are allowed in a package.", path)
 
 
 def _link(content: Path, target: Path, data: DataDirectory, limits: Limits) -> None:

@@ -57,7 +57,7 @@ def _parse(header: str, value: str) -> list[tuple[str, bytes]]:
     for member in value.split(","):
         match = MEMBER.fullmatch(member)
         if match is None:
-            raise Problem("invalid-request", f"{header} is not as RFC 9530 has it: sha-256=:<base64>:", header=header)
+            raise Problem("invalid-request", f"{header} is not in the form of RFC 9530: sha-256=:<base64>:", header=header)
         name, text = match.groups()
         if name in ALGORITHMS:
             try:
@@ -65,6 +65,6 @@ def _parse(header: str, value: str) -> list[tuple[str, bytes]]:
             except binascii.Error:
                 digest = b""
             if len(digest) != hashlib.new(ALGORITHMS[name]).digest_size:
-                raise Problem("invalid-request", f"{header}: this is no {name} digest in base64", header=header)
+                raise Problem("invalid-request", f"{header}: this is not a {name} digest in base64", header=header)
             found.append((name, digest))
     return found

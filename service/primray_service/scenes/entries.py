@@ -36,7 +36,7 @@ def choose(entry: str | None, roots: Sequence[str], known: Sequence[str] | None 
     if len(roots) > 1:
         raise Problem(
             "ambiguous-entry",
-            f"The package has {len(roots)} layers that could be the root; name one of them as the scene's `entry`.",
+            f"The package has {len(roots)} layers that can be its root; name one of them as the scene's `entry`.",
             candidates=list(roots[:SHOWN]),
         )
     return roots[0] if roots else None

@@ -75,7 +75,9 @@ def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Ma
     """Return the manifest; raises Problem for a list that no package could have, by the same rules as for a zip's directory."""
     count = sum(max(len(file.parts), 1) for file in files)
     if count > limits.package_entries:
-        raise Problem("package-unsafe", f"The package has {count} files or parts; {limits.package_entries} are allowed.")
+        raise Problem(
+            "package-unsafe", f"The package has {count} files or parts; at most {limits.package_entries} are allowed."
+        )
     refuse_names([_member(file) for file in files], limits)
     sizes: dict[str, int] = {}
     for file in files:
@@ -83,12 +85,14 @@ def manifest_of(files: Sequence[FileOfPackage], name: str, limits: Limits) -> Ma
             if sizes.setdefault(part.sha256, part.bytes) != part.bytes or (part.sha256 == EMPTY) != (part.bytes == 0):
                 raise Problem("invalid-request", f"The file {shown(file.path)!r} has a size that its digest cannot have.")
         if file.parts and sum(part.bytes for part in file.parts) != file.bytes:
-            raise Problem("invalid-request", f"The parts of the file {shown(file.path)!r} have not its size.")
+            raise Problem("invalid-request", f"The parts of the file {shown(file.path)!r} do not add up to its size.")
         if file.bytes > limits.upload_bytes:
-            raise Problem("upload-too-large", f"A file may have {limits.upload_bytes} bytes.", limit=limits.upload_bytes)
+            raise Problem(
+                "upload-too-large", f"A file may have at most {limits.upload_bytes} bytes.", limit=limits.upload_bytes
+            )
     total = sum(file.bytes for file in files)
     if total > limits.unpacked_bytes:
-        sentence = f"The package has {total} bytes; {limits.unpacked_bytes} are allowed."
+        sentence = f"The package has {total} bytes; at most {limits.unpacked_bytes} are allowed."
         raise Problem("package-too-large", sentence, limit=limits.unpacked_bytes)
     if not candidates([file.path for file in files]):
         raise Problem("not-usd", f"None of the package's {len(files)} files is a usd, usda, usdc or usdz layer.")

@@ -75,7 +75,7 @@ async def receive(
     boundary = boundary_of(head.content_type)
     encoding = head.headers.get("content-encoding", "identity").lower()
     if encoding != "identity":
-        raise Problem("unsupported-media-type", f"Content-Encoding {encoding!r} is not read; send the file as it is.")
+        raise Problem("unsupported-media-type", f"Content-Encoding {encoding!r} is not supported; send the file without one.")
     most = limits.upload_bytes
     if boundary is not None:
         most += FORM_OVERHEAD_BYTES + limits.json_bytes * len(fields)

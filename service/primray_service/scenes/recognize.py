@@ -75,13 +75,13 @@ def wrong_as_usdz(members: Sequence[Member]) -> Problem | None:
         if member.is_folder:
             continue
         if member.method != STORED:
-            return unsafe("The members of a usdz are not compressed; this one is.", member.name)
+            return unsafe("The members of a usdz must not be compressed; this one is.", member.name)
         if member.data_at % USDZ_ALIGNMENT:
             return unsafe(
-                f"The members of a usdz begin at multiples of {USDZ_ALIGNMENT} bytes; this one does not.", member.name
+                f"The members of a usdz must begin at multiples of {USDZ_ALIGNMENT} bytes; this one does not.", member.name
             )
     if not first.name.lower().endswith(LAYER_SUFFIXES):
-        return unsafe("The first member of a usdz is its root layer; this is none.", first.name)
+        return unsafe("The first member of a usdz must be its root layer; this one is not a layer.", first.name)
     return None
 
 

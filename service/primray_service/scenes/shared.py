@@ -95,7 +95,7 @@ def _received(scene: Scene, path: Path) -> Received:
     with path.open("rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     if scene.id != f"sha256:{sha256}":
-        raise Problem("internal", "The scene's bytes in the object store are not what was sent; upload it again.")
+        raise Problem("internal", "The scene in the object store is damaged; upload it again.")
     return Received(path, sha256, path.stat().st_size, scene.name, "")
 
 

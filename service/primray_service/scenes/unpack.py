@@ -35,7 +35,7 @@ def unpack(file: BinaryIO, members: list[Member], folder: Path, limits: Limits, 
     try:
         for member in members:
             if member.is_folder and any(_content(file, member)):
-                raise unsafe("The member is a folder with content.", member.name)
+                raise unsafe("The member is a folder, but has content.", member.name)
         for member in files:
             target = folder / member.name
             target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -63,7 +63,7 @@ def _unpack_member(
     if written != member.bytes:
         raise unsafe(f"The member has {written} bytes; its header says {member.bytes}.", member.name)
     if checksum != member.crc:
-        raise unsafe("The member is damaged: its checksum is not the one in its header.", member.name)
+        raise unsafe("The member is damaged: its checksum differs from its header's.", member.name)
     os.chmod(target, 0o600)
     return written
 
@@ -90,7 +90,7 @@ def _content(file: BinaryIO, member: Member) -> Iterator[bytes]:
                 yield out
             data = inflate.unconsumed_tail
             if inflate.eof and (inflate.unused_data or left):
-                raise unsafe("The member's compressed data end before the member does.", member.name)
+                raise unsafe("The member's compressed data end too early.", member.name)
     if inflate is not None:
         # A limited inflate may hold back output without input left to give it.
         while out := inflate.decompress(b"", WRITE_BYTES):
@@ -102,7 +102,7 @@ def _content(file: BinaryIO, member: Member) -> Iterator[bytes]:
 def _refuse_archive(head: bytes, member: Member) -> None:
     kind = archive_kind(head)
     if kind is not None and not (kind == "zip" and member.name.lower().endswith(".usdz")):
-        raise unsafe(f"The member is an archive ({kind}); only usdz files may lie in a package.", member.name)
+        raise unsafe(f"The member is an archive ({kind}); only usdz archives are allowed in a package.", member.name)
 
 
 def _refuse_too_large(member: Member, written: int, before: int, packed: int, limits: Limits) -> None:

@@ -59,7 +59,7 @@ def read_directory(file: BinaryIO, limits: Limits) -> list[Member]:
     total = file.seek(0, os.SEEK_END)
     count, size, start = _end_record(file, total)
     if count > limits.package_entries:
-        raise unsafe(f"The package says that it has {count} members; {limits.package_entries} are allowed.")
+        raise unsafe(f"The package has {count} members; at most {limits.package_entries} are allowed.")
     if size > count * (46 + limits.path_bytes + MAX_EXTRA_BYTES):
         raise unsafe(f"The package's directory of {size} bytes is too large for {count} members.")
     file.seek(start)
@@ -88,7 +88,7 @@ def _end_record(file: BinaryIO, total: int) -> tuple[int, int, int]:
     if disk or first_disk or here != count:
         raise unsafe("The zip file is one part of several.")
     if start + size != end_at:
-        raise unsafe("The zip file's directory does not lie where its end says.")
+        raise unsafe("The zip file's directory is not where its end record says.")
     return count, size, start
 
 
@@ -127,13 +127,13 @@ def _members(file: BinaryIO, directory: bytes, count: int, directory_at: int) ->
         name = _decode(raw_name, flags, extra)
         _refuse_unreadable(name, flags, method, size, packed)
         if header_at + 30 > directory_at:
-            raise unsafe("The member's place lies outside of the file.", name)
+            raise unsafe("The member's offset is outside the file.", name)
         mode = attributes >> 16 if made_by in (3, 19) or attributes >> 16 else 0  # Unix, macOS, or with a mode all the same
         member = Member(raw_name, name, flags, method, crc, packed, size, mode, attributes & 0xFF, header_at, 0)
         yield _with_local_header(file, member, directory_at)
         at = end
     if at != len(directory):
-        raise unsafe("The zip file's directory has more members than its end says.")
+        raise unsafe("The zip file's directory has more members than its end record says.")
 
 
 def _large(extra: bytes, size: int, packed: int, header_at: int, disk: int, name: bytes) -> tuple[int, int, int, int]:
@@ -180,7 +180,7 @@ def _refuse_unreadable(name: str, flags: int, method: int, size: int, packed: in
     if flags & (ENCRYPTED | STRONG | MASKED):
         raise unsafe("The member is encrypted.", name)
     if method not in (STORED, DEFLATED):
-        raise unsafe(f"The member is compressed by method {method}; only stored and deflated ones are read.", name)
+        raise unsafe(f"The member is compressed by method {method}; only stored and deflated members are supported.", name)
     if method == STORED and size != packed:
         raise unsafe("The member is stored, but its two sizes differ.", name)
 
@@ -190,12 +190,12 @@ def _with_local_header(file: BinaryIO, member: Member, directory_at: int) -> Mem
     file.seek(member.header_at)
     head = file.read(30)
     if len(head) < 30 or head[:4] != LOCAL:
-        raise unsafe("There is no member where the directory says.", member.name)
+        raise unsafe("There is no member at the offset in the directory.", member.name)
     flags, method, _, _, crc, packed, size, name_bytes, extra_bytes = struct.unpack_from("<HHHHIIIHH", head, 6)
     raw_name, extra = file.read(name_bytes), file.read(extra_bytes)
     data_at = member.header_at + 30 + name_bytes + extra_bytes
     if data_at + member.packed_bytes > directory_at:
-        raise unsafe("The member reaches beyond the place where the directory begins.", member.name)
+        raise unsafe("The member extends beyond the beginning of the directory.", member.name)
     size, packed, _, _ = _large(extra, size, packed, 0, 0, raw_name)
     differs = [what for what, there, here in (
         ("name", raw_name, member.raw_name), ("method", method, member.method), ("flags", flags, member.flags),
@@ -217,4 +217,4 @@ def _refuse_overlaps(members: list[Member], directory_at: int) -> None:
             raise unsafe("The member shares bytes with another.", member.name)
         end = member.data_at + member.packed_bytes
     if end > directory_at:
-        raise unsafe("The last member reaches into the directory.")
+        raise unsafe("The last member overlaps the directory.")

@@ -43,11 +43,11 @@ def wrong_with_path(name: str, most_bytes: int) -> str | None:
         return f"The member's path has more than {most_bytes} bytes."
     parts = name.removesuffix("/").split("/")
     if len(parts) > MAX_DEPTH:
-        return f"The member lies more than {MAX_DEPTH} folders deep."
+        return f"The member is more than {MAX_DEPTH} folders deep."
     if "\0" in name:
-        return "The member's name has a NUL in it."
+        return "The member's name contains NUL."
     if "\\" in name:
-        return "The member's name has a backslash in it."
+        return "The member's name contains a backslash."
     if name.startswith("/"):
         return "The member's path is absolute."
     if re.match(r"[A-Za-z]:", name):
@@ -56,11 +56,11 @@ def wrong_with_path(name: str, most_bytes: int) -> str | None:
         if part in ("", ".", ".."):
             return f"The member's path has the part {part!r}."
         if any(unicodedata.category(char) in ("Cc", "Cf", "Cs") for char in part):
-            return "The member's name has characters that cannot be seen."
+            return "The member's name contains invisible characters."
         if len(part.encode()) > MAX_PART_BYTES:
             return f"A part of the member's path has more than {MAX_PART_BYTES} bytes."
         if part.endswith((".", " ")) or ":" in part or DEVICE_NAMES.fullmatch(part):
-            return f"The part {part!r} of the member's path means something else on other systems."
+            return f"The part {part!r} of the member's path has another meaning on other systems."
     return None
 
 
@@ -74,7 +74,7 @@ def _wrong_with_kind(member: Member) -> str | None:
     if is_folder != member.is_folder and (kind or is_folder):
         return "The member's name and its attributes disagree on whether it is a folder."
     if member.is_folder and (member.bytes or member.packed_bytes > (MOST_OF_NOTHING if member.method == DEFLATED else 0)):
-        return "The member is a folder with content."
+        return "The member is a folder, but has content."
     return None
 
 
@@ -85,7 +85,7 @@ def _refuse_clashes(members: Sequence[Member]) -> None:
     for member in members:
         path = member.name.removesuffix("/")
         if path in written:
-            raise unsafe("The package has two members of this name.", member.name)
+            raise unsafe("The package has two members with this name.", member.name)
         written.add(path)
         parts = path.split("/")
         for depth in range(1, len(parts) + 1):

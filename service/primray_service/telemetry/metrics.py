@@ -30,13 +30,16 @@ class RequestMetrics:
         self.registry = CollectorRegistry()
         by = ("method", "route", "status")
         self.seconds = Histogram(
-            "primray_http_request_seconds", "Until the answer was sent.", by, buckets=LATENCY_S, registry=self.registry
+            "primray_http_request_seconds", "Time until the answer was sent.", by, buckets=LATENCY_S, registry=self.registry
         )
         self.in_progress = Gauge(
-            "primray_http_requests_in_progress", "Event streams too.", ("method", "route"), registry=self.registry
+            "primray_http_requests_in_progress",
+            "Requests in progress, including event streams.",
+            ("method", "route"),
+            registry=self.registry,
         )
-        self.uploaded_bytes = Counter("primray_uploaded_bytes", "Of bodies of requests.", registry=self.registry)
-        self.sent_bytes = Counter("primray_sent_bytes", "Of bodies of answers.", registry=self.registry)
+        self.uploaded_bytes = Counter("primray_uploaded_bytes", "Bytes of request bodies.", registry=self.registry)
+        self.sent_bytes = Counter("primray_sent_bytes", "Bytes of answer bodies.", registry=self.registry)
         ProcessCollector(namespace="primray", registry=self.registry)
 
 
@@ -52,35 +55,37 @@ class _Now:
         self._service = service
 
     def collect(self) -> Iterable[Metric]:
-        yield _gauge("primray_info", "This server.", {__version__: 1.0}, "version")
+        yield _gauge("primray_info", "Version of this server.", {__version__: 1.0}, "version")
         counts = self._service.store.counts()
         states = {state.value: float(counts.get(state.value, 0)) for state in JobState}
         yield _gauge("primray_jobs", "Jobs by state, of all tenants.", states, "state")
-        yield GaugeMetricFamily("primray_disk_free_bytes", "Where the data are.", value=self._service.data.free_bytes())
+        yield GaugeMetricFamily(
+            "primray_disk_free_bytes", "Free bytes of the data directory's disk.", value=self._service.data.free_bytes()
+        )
         dispatcher: DispatcherMetrics | None = getattr(self._service.dispatcher, "metrics", None)
         leads = dispatcher is not None and dispatcher.holds_lease
         slots = self._service.executor.capacity().slots if leads else 0
-        yield GaugeMetricFamily("primray_executor_slots", "Renders at a time, on the server that dispatches.", value=slots)
+        yield GaugeMetricFamily("primray_executor_slots", "Concurrent renders, on the server that dispatches.", value=slots)
         if dispatcher is not None:
             yield from _of_dispatcher(dispatcher)
 
 
 def _of_dispatcher(found: DispatcherMetrics) -> Iterable[Metric]:
     yield GaugeMetricFamily("primray_dispatcher_leader", "1: this server holds the lease.", value=float(found.holds_lease))
-    yield GaugeMetricFamily("primray_frames_running", "On this server.", value=found.running)
-    yield _counter("primray_frames_started", "Given to a worker.", {"": found.frames_started})
-    yield _counter("primray_frames_ended", "By the frame's state, or the problem's slug.", found.frames_ended, "reason")
-    yield _counter("primray_frames_restarted", "Queued again, by why.", found.restarts, "reason")
+    yield GaugeMetricFamily("primray_frames_running", "Frames running on this server.", value=found.running)
+    yield _counter("primray_frames_started", "Frames given to a worker.", {"": found.frames_started})
+    yield _counter("primray_frames_ended", "Frames ended, by state or problem slug.", found.frames_ended, "reason")
+    yield _counter("primray_frames_restarted", "Frames queued again, by reason.", found.restarts, "reason")
     yield _counter("primray_checkpoints", "Adopted.", {"": found.checkpoints})
-    yield _counter("primray_scene_checks", "By what was found.", found.checks_ended, "result")
-    yield _counter("primray_leases", "Times that this server got the lease.", {"": found.leases})
-    yield _counter("primray_leases_lost", "Times that another took it.", {"": found.leases_lost})
-    yield _counter("primray_jobs_deleted", "At the end of their time.", {"": found.jobs_deleted})
-    yield _counter("primray_worker_cpu_seconds", "Of renders' workers that have ended.", {"": found.worker_cpu_s})
-    yield _histogram("primray_queue_wait_seconds", "From queued to claimed, a frame.", found.queue_wait)
-    yield _histogram("primray_first_sample_seconds", "From claimed to sampling, a frame.", found.first_sample)
-    yield _histogram("primray_checkpoint_seconds", "From a checkpoint's message to its row.", found.adopt_checkpoint)
-    yield _histogram("primray_frame_end_seconds", "From a frame's last message to its row.", found.end_frame)
+    yield _counter("primray_scene_checks", "Scene checks ended, by result.", found.checks_ended, "result")
+    yield _counter("primray_leases", "Number of times this server acquired the lease.", {"": found.leases})
+    yield _counter("primray_leases_lost", "Number of times this server lost the lease to another.", {"": found.leases_lost})
+    yield _counter("primray_jobs_deleted", "Jobs expired at the end of their time to live.", {"": found.jobs_deleted})
+    yield _counter("primray_worker_cpu_seconds", "CPU seconds of render workers that have ended.", {"": found.worker_cpu_s})
+    yield _histogram("primray_queue_wait_seconds", "Time from queued to claimed, per frame.", found.queue_wait)
+    yield _histogram("primray_first_sample_seconds", "Time from claimed to sampling, per frame.", found.first_sample)
+    yield _histogram("primray_checkpoint_seconds", "Time from a checkpoint's message to its row.", found.adopt_checkpoint)
+    yield _histogram("primray_frame_end_seconds", "Time from a frame's last message to its row.", found.end_frame)
 
 
 def _gauge(name: str, says: str, values: Mapping[str, float], label: str) -> GaugeMetricFamily:

@@ -73,7 +73,7 @@ class Places:
         try:
             self._look_again(time.time())
         except Exception:
-            LOG.warning("the queue could not be looked at", exc_info=True)
+            LOG.warning("the queue could not be read", exc_info=True)
             self._took_s = 0.0  # the next caller waits, and gets the error
         finally:
             self._lock.release()

@@ -93,15 +93,15 @@ class Target:
             raise _refused(f"The address is not a URL: {error}") from None
         schemes = ("https", "http") if http_is_allowed else ("https",)
         if self.url.scheme not in schemes:
-            raise _refused(f"The address starts with {' or '.join(f'{scheme}://' for scheme in schemes)}.")
+            raise _refused(f"The address must start with {' or '.join(f'{scheme}://' for scheme in schemes)}.")
         if self.url.userinfo:
-            raise _refused("The address holds a user name or password; the receiver knows the call by its signature.")
+            raise _refused("The address contains a user name or password; receivers authenticate calls by their signature.")
         self.host = self.url.raw_host.decode("ascii")
         if not self.host:
-            raise _refused("The address names no host.")
+            raise _refused("The address has no host.")
         self.port = {"https": 443, "http": 80}[self.url.scheme] if self.url.port is None else self.url.port
         if not 0 < self.port < 65536:
-            raise _refused("The address names no port that exists.")
+            raise _refused("The address has an invalid port.")
 
     def closed_among(self, addresses: Sequence[str], networks: Sequence[str]) -> str | None:
         """Return the first address that may not be called: one is enough to refuse a name."""
@@ -119,12 +119,14 @@ def check_address(text: str, config: ServeConfig, resolve: Resolve = resolve_now
     except socket.gaierror as error:
         if error.errno in (socket.EAI_AGAIN, socket.EAI_FAIL, socket.EAI_SYSTEM):
             return
-        raise _refused(f"There is no host of the name {target.host}.") from None
+        raise _refused(f"There is no host named {target.host}.") from None
     except (OSError, UnicodeError):
-        raise _refused(f"There is no host of the name {target.host}.") from None
+        raise _refused(f"There is no host named {target.host}.") from None
     if addresses is not None and target.closed_among(addresses, config.webhook_networks):
         # The message does not reveal which address the name has inside the server's network.
-        raise _refused(f"{target.host} is not on the public internet, or is reserved; this server does not call there.")
+        raise _refused(
+            f"{target.host} is not on the public internet, or is reserved; this server does not call such addresses."
+        )
 
 
 def _looked_up(target: Target, resolve: Resolve) -> Sequence[str] | None:

@@ -23,13 +23,13 @@ def new_secret() -> str:
 def key_of(secret: str) -> bytes:
     """Return the bytes of a secret; ValueError says what is wrong with it."""
     if not secret.startswith(PREFIX):
-        raise ValueError(f"A secret starts with {PREFIX}.")
+        raise ValueError(f"A secret must start with {PREFIX}.")
     try:
         key = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
     except (binascii.Error, ValueError):
         raise ValueError(f"What follows {PREFIX} is not base64.") from None
     if len(key) not in KEY_BYTES:
-        raise ValueError(f"A secret has {KEY_BYTES[0]} to {KEY_BYTES[-1]} bytes, this one has {len(key)}.")
+        raise ValueError(f"A secret must have {KEY_BYTES[0]} to {KEY_BYTES[-1]} bytes; this one has {len(key)}.")
     return key
 
 

@@ -38,7 +38,7 @@ def find(container: Container, layer: str, asset_path: str) -> Found | None:
     if leads_out(posixpath.dirname(layer), outer):
         raise Problem(
             "asset-path-outside-job",
-            f"The layer {shown!r} names {asset_path!r}, which is outside of what was uploaded.",
+            f"The layer {shown!r} names {asset_path!r}, which is outside the upload.",
             layer=shown,
             asset_path=asset_path,
         )
@@ -60,7 +60,7 @@ def refuse_expression(container: Container, layer: str, expression: str) -> None
             shown = container.shown(layer)
             raise Problem(
                 "asset-path-outside-job",
-                f"The layer {shown!r} names `{expression}`, which is outside of what was uploaded.",
+                f"The layer {shown!r} names `{expression}`, which is outside the upload.",
                 layer=shown,
                 asset_path=f"`{expression}`",
             )
@@ -90,7 +90,7 @@ def _inside(outer: Found | None, inner: str | None, layer: str, asset_path: str)
     if leads_out("", name):
         raise Problem(
             "package-unsafe",
-            f"The layer {layer!r} names {asset_path!r}, a member that would lie outside of its package.",
+            f"The layer {layer!r} names {asset_path!r}, a member outside its package.",
             member=asset_path,
             layer=layer,
             asset_path=asset_path,

@@ -82,7 +82,9 @@ class _Check:
         self._warn_of_unreadable()
         package = self._package_facts(entries, entry)
         if entry is None:
-            self._warn("ambiguous-entry", "", f"The package has {len(entries)} layers that could be the root; jobs name one.")
+            self._warn(
+                "ambiguous-entry", "", f"The package has {len(entries)} layers that can be its root; jobs must name one."
+            )
             self._warn_of_not_uploaded(frozenset())
             return package
         self._refuse_bombs(entry)
@@ -182,7 +184,7 @@ class _Check:
         """Warn of unreadable layers that no layer refers to; composition reports the others."""
         for name, error in self.unreadable.items():
             if name not in self.named:
-                self._warn("file-ignored", "", f"The layer {name!r} is left out. {error.message}", "info")
+                self._warn("file-ignored", "", f"The layer {name!r} is omitted. {error.message}", "info")
 
     def _refuse_bombs(self, entry: str) -> None:
         found = expansion(self.contents, _root_layer(self.files, entry), lambda layer, path: self.leads_to.get((layer, path)))
@@ -241,7 +243,7 @@ class _Check:
     def _warn_of_programs(self) -> None:
         for container, file in self.files.walk():
             if file.kind == "program":
-                detail = f"The file {container.shown(file.name)!r} is a program or a plug-in's description: it is never loaded."
+                detail = f"The file {container.shown(file.name)!r} is a program or a plug-in's description; it is not loaded."
                 self._warn("file-ignored", "", detail, "info")
 
     def _warn(self, code: str, prim: str, detail: str, severity: str = "warning", attribute: str = "") -> None:
@@ -285,7 +287,7 @@ def damaged(layer: str) -> Problem:
 
 def too_large(what: str, count: int, limit: int, layer: str | None = None) -> Problem:
     extra: dict[str, Any] = {"count": count, "limit": limit} | ({"layer": layer} if layer is not None else {})
-    return Problem("scene-too-large", f"The scene has {count:,} {what}; {limit:,} are allowed.", **extra)
+    return Problem("scene-too-large", f"The scene has {count:,} {what}; at most {limit:,} are allowed.", **extra)
 
 
 def _root_layer(files: Container, name: str) -> str:

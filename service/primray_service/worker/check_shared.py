@@ -92,7 +92,7 @@ def _refuse_outside(file: str, root: Path) -> None:
 
 
 def _outside(layer: str, path: str) -> Problem:
-    detail = f"The layer {layer!r} names {path!r}, which is outside of the shared root."
+    detail = f"The layer {layer!r} names {path!r}, which is outside the shared root."
     return Problem("asset-path-outside-job", detail, layer=layer, asset_path=path)
 
 

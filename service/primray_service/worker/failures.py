@@ -29,11 +29,11 @@ def problem_of_error(error: BaseException, job_folder: str) -> Problem:
     if isinstance(error, Problem):
         return error
     if isinstance(error, MemoryError):
-        return Problem("memory-limit", "The worker could get no more memory.")
+        return Problem("memory-limit", "The worker ran out of memory.")
     if isinstance(error, OSError) and error.errno in _DISK:
         return Problem("storage-limit", f"A file could not be written: {error.strerror}.")
     if not isinstance(error, errors.PrimrayError):
-        return Problem("render-failed", "The renderer met something it did not expect; the log says more.")
+        return Problem("render-failed", "The renderer failed with an unexpected error; see the log.")
     return _of_primray(error, job_folder)
 
 
@@ -54,7 +54,7 @@ def _of_primray(error: errors.PrimrayError, job_folder: str) -> Problem:
     if isinstance(error, errors.SceneError):
         return Problem("scene-rejected", _sentence(error, job_folder), **place)
     if error.code == "write-failed" and isinstance(error.__cause__, OSError) and error.__cause__.errno in _DISK:
-        return Problem("storage-limit", "A file could not be written: more than is allowed, or than there is room for.")
+        return Problem("storage-limit", "A file could not be written: it exceeds the limit or the free space.")
     return Problem("render-failed", _sentence(error, job_folder), code=error.code)
 
 

@@ -83,7 +83,7 @@ def _plain_files(folder: Path) -> Iterator[Path]:
             mode = path.lstat().st_mode
             if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
                 member = path.relative_to(folder).as_posix()
-                raise Problem("package-unsafe", "A member of the package is no plain file.", member=member)
+                raise Problem("package-unsafe", "A member of the package is not a plain file.", member=member)
             if stat.S_ISREG(mode):
                 yield path
 
@@ -98,7 +98,7 @@ def _add(container: Container, file: File, limits: Limits, depth: int) -> None:
         return
     shown = container.shown(file.name)
     if depth > limits.usdz_depth:
-        raise Problem("package-unsafe", f"Packages are nested more than {limits.usdz_depth} deep.", member=shown)
+        raise Problem("package-unsafe", f"Packages are nested more than {limits.usdz_depth} levels deep.", member=shown)
     opening, closing = ("[", "]") if not container.suffix else ("[", "]" + container.suffix)
     inside = Container(f"{container.prefix}{file.name}{opening}", closing)
     container.inner[file.name] = inside

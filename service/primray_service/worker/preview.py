@@ -143,8 +143,8 @@ def decode_preview(data: bytes) -> Preview:
     if data[HEADER.size : begin] != bytes([len(CHANNELS)]) + names:
         raise BadPreview("its channels are not those of a preview")
     if len(data) != begin + 2 * len(CHANNELS) * width * height:
-        raise BadPreview("its size is not what its header says")
+        raise BadPreview("its size differs from its header's")
     channels = np.frombuffer(data, "<f2", offset=begin).reshape(len(CHANNELS), height, width)
     if np.isnan(channels).any() or np.isinf(channels[:3]).any() or np.isinf(channels[6]).any():
-        raise BadPreview("it holds values that no picture has")
+        raise BadPreview("it contains impossible values")
     return Preview(channels, (full_width, full_height), passes, samples)

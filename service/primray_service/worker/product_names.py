@@ -33,7 +33,7 @@ def names_within_job(files: Sequence[str], time_code: float | None, end: str) ->
 def _at_frame(file: str, time_code: float | None) -> str:
     name = frame_name(file)
     if time_code is None and name.has_holder:
-        sentence = "The product's name has a place for the frame's number: settings.frames says which frames to render"
+        sentence = "The product's name has a placeholder for the frame's number: give the frames to render in settings.frames"
         raise SettingsError(sentence, where=file, code="frames")
     return name.of(time_code)
 

@@ -173,7 +173,7 @@ def settings_of(command: Mapping[str, Any], job: Path) -> RenderSettings:
     try:
         return settings_of_json(values)
     except (TypeError, ValueError) as error:
-        raise Problem("settings-rejected", f"The settings make no sense: {error}.") from error
+        raise Problem("settings-rejected", f"The settings are not valid: {error}.") from error
 
 
 def place_of_image(command: Mapping[str, Any], job: Path, name: str | None) -> str | None:

@@ -87,7 +87,7 @@ class Warnings:
                     attribute=found.attribute[:1000],
                 )
         if self._sent > MOST_WARNINGS:
-            more = f"{self._sent - MOST_WARNINGS} more are in the report."
+            more = f"{self._sent - MOST_WARNINGS} more warnings are in the report."
             self._channel.send(
                 "warning", code="more-diagnostics", prim="", detail=more, severity="info", kind="note", attribute=""
             )

@@ -88,7 +88,7 @@ def test_no_server(capsys: pytest.CaptureFixture[str]) -> None:
     assert "primray serve" in said.err
     assert said.out == ""
     assert run(["status", "--server", "nonsense"]) == 2
-    assert "no address of a server" in capsys.readouterr().err
+    assert "not a server's address" in capsys.readouterr().err
 
 
 def test_keys_come_from_the_environment_or_a_file(
@@ -223,7 +223,7 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
 def test_parallel_is_a_number_or_auto(capsys: pytest.CaptureFixture[str]) -> None:
     assert [parallel_of(text) for text in (None, "auto", "1", "64")] == [None, "auto", 1, 64]
     for text in ("0", "-1", "all", "1.5", "²"):
-        with pytest.raises(CommandError, match="a number from 1 on, or auto"):
+        with pytest.raises(CommandError, match="a number of at least 1, or auto"):
             parallel_of(text)
 
 
@@ -259,7 +259,7 @@ def test_a_quota_that_frees_up_is_waited_for_and_said_once(
         assert run(["submit", "shot.usda", "--server", server.url]) == 0
     said = capsys.readouterr()
     assert said.out == "job_1\n"
-    assert said.err.count("waiting: 2 jobs may wait. The request is sent again every 30 s") == 1
+    assert said.err.count("waiting: 2 jobs may wait. The request is repeated every 30 s") == 1
 
 
 def test_a_rejected_scene_is_not_submitted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -327,7 +327,7 @@ def test_cancel_and_fetch_of_nothing(capsys: pytest.CaptureFixture[str]) -> None
         assert run(["cancel", "job_1", "job_2", "--server", server.url]) == 0
         assert capsys.readouterr().out == "job_1 succeeded\njob_1 succeeded\n"
         assert run(["fetch", "job_1", "--server", server.url]) == 1
-        assert "has made no such file" in capsys.readouterr().err
+        assert "has no such files" in capsys.readouterr().err
         assert run(["submit", "none.usda", "--server", server.url]) == 3
         assert run(["submit", "none.usda", "-l", "nothing", "--server", server.url]) == 2
 

@@ -21,7 +21,7 @@ def test_a_folder_is_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     assert serve.places("here", None) == (Path("here"), None)
     monkeypatch.setenv("PRIMRAY_DATA", "/srv/primray")
     assert serve.places(None, None) == (Path("/srv/primray"), None)
-    with pytest.raises(CommandError, match="--cache is for an object store"):
+    with pytest.raises(CommandError, match="--cache requires an object store"):
         serve.places("here", Path("there"))
 
 

@@ -55,7 +55,7 @@ def test_quotas() -> None:
         ("upload_bytes=-1", "number"),
         ("upload_bytes=nan", "number"),
         ("upload_bytes=1e9", "number"),
-        ("upload_bytes=none", "cannot be left away"),
+        ("upload_bytes=none", "cannot be removed"),
         ("layers=1.5", "whole"),
         ("upload_bytes=99999999999999999999", "whole"),
         ("seconds=5G", "2h"),

@@ -83,7 +83,7 @@ def test_files_above_keep_their_places_and_are_told(show: Path, scratch: Path, t
     assert sent.entry == "shots/010/shot.usda"
     sent.write()
     assert members(sent) == ["shots/010/shot.usda", "tex/wood.png"]
-    assert sent.notes == ["../../tex/wood.png: is outside of the scene's folder; sent too"]
+    assert sent.notes == ["../../tex/wood.png: is outside the scene's folder; it is sent as well"]
     assert usd.dependencies(str(unpacked(sent, tmp_path / "server"))).missing == ()
 
 
@@ -94,7 +94,7 @@ def test_absolute_paths_are_rewritten_in_a_usdz(show: Path, scratch: Path, monke
     sent = scene_file(scene, scratch)
     assert (sent.name, sent.entry, sent.files) == ("shot.usdz", None, 2)
     assert sent.notes == [
-        f"{wood} (in shots/shot.usda): leads to the same file only on this machine; sent as a usdz with rewritten paths"
+        f"{wood} (in shots/shot.usda): is a path of this machine; the scene is sent as a usdz with rewritten paths"
     ]
     found = usd.dependencies(str(sent.path))
     assert found.files == (str(sent.path),)
@@ -106,7 +106,7 @@ def test_missing_files_are_told_and_not_too_many(show: Path, scratch: Path) -> N
     scene = scene_of(show / "shot.usda", *[f"./lost{n:02}.png" for n in range(14)])
     notes = scene_file(scene, scratch).notes
     assert len(notes) == 11
-    assert notes[0].endswith("lost00.png: cannot be found, and will be missing")
+    assert notes[0].endswith("lost00.png: not found; the render will report it as missing")
     assert notes[-1] == "... and 4 more"
 
 

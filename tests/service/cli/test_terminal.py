@@ -152,7 +152,7 @@ def test_ctrl_c_ends_the_watching_and_not_the_job(as_json_lines: bool) -> None:
         out, err = process.communicate(timeout=20)
         released.set()
     assert process.returncode == 130
-    assert b"the job goes on: `primray watch job_1`" in err
+    assert b"the job continues: `primray watch job_1`" in err
     assert b"Traceback" not in err
     assert all(method == "GET" for method in (request.method for request in server.requests))
     if as_json_lines:

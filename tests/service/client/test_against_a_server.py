@@ -174,7 +174,7 @@ def test_a_scene_of_several_files_is_sent_and_its_pictures_come_back(
     assert job_id.startswith("job_")
     assert sorted(Path(file).name for file in files) == sorted(os.listdir(tmp_path / "out"))
     assert any(file.endswith(".exr") for file in files)
-    assert "note: ../lib/world.usda: is outside of the scene's folder; sent too" in done.stderr
+    assert "note: ../lib/world.usda: is outside the scene's folder; it is sent as well" in done.stderr
     shown = primray("status", job_id, PRIMRAY_SERVER=server.url)
     assert "succeeded" in shown.stdout
     assert "shot=010" in shown.stdout

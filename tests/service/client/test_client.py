@@ -356,5 +356,5 @@ def test_the_environment_says_where_and_who(monkeypatch: pytest.MonkeyPatch, sle
 
 @pytest.mark.parametrize("server", ["localhost:8700", "ftp://x", "http://"])
 def test_an_address_that_is_none(server: str) -> None:
-    with pytest.raises(ValueError, match="no address of a server"):
+    with pytest.raises(ValueError, match="not a server's address"):
         Client(server)

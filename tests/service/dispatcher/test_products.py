@@ -170,7 +170,7 @@ def test_products_are_named_as_the_command_line_names_them(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     ("name", "asked", "words"),
-    [("####", ["*"], "settings.frames says"), ("x", ["/Render/none", "/Render/side"], "There is no product /Render/none")],
+    [("####", ["*"], "in settings.frames"), ("x", ["/Render/none", "/Render/side"], "There is no product /Render/none")],
 )
 def test_products_that_cannot_be_made_are_refused(tmp_path: Path, name: str, asked: list[str], words: str) -> None:
     async def act(rig: Rig) -> None:

@@ -84,7 +84,7 @@ Ends = Callable[..., tuple[Ended, list[Message]]]
         ("print('Hello', flush=True)", "not JSON"),
         ("print('[' * 100000, flush=True)", "not JSON"),
         ('print(\'{"at": "row", "t_s": NaN}\', flush=True)', "not JSON"),
-        ("print('[]', flush=True)", "no message"),
+        ("print('[]', flush=True)", "not a message"),
         ("say(at='hello')", "'hello'"),
         ("say(at='row', t_s=1)", "shape"),
         ("say(at='preview', **{'pass': 1, 'file': '../../etc/passwd', 'bytes': 1})", "shape"),
@@ -107,7 +107,7 @@ def test_one_that_does_not_leave(ends: Ends, monkeypatch: pytest.MonkeyPatch) ->
     start = time.monotonic()
     ended, heard = ends(f"{DONE}; time.sleep(60)")
     assert time.monotonic() - start < 20
-    assert "did not leave" in ended.protocol_error
+    assert "did not exit" in ended.protocol_error
     assert [message["at"] for message in heard] == ["done"]
 
 
@@ -284,7 +284,7 @@ def test_files_that_cannot_be_put_in_place(tmp_path: Path, bad: str) -> None:
         async with started(tmp_path / "data") as executor:
             ended, heard = await result_of(executor, chunk(READ, inputs=inputs))
             assert ended.reason == "lost"
-            assert "cannot be put in place" in ended.protocol_error
+            assert "cannot be linked into its folder" in ended.protocol_error
             assert heard == []
 
     asyncio.run(go())

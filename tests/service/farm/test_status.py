@@ -21,7 +21,7 @@ def test_nodes_and_what_runs_there() -> None:
         "aaaaaaaa  one   2      1",
         "                                render shot.usda 0:64, 12 s, for desk-7",
         "bbbbbbbb  two   0      0        it has primray 0.1",
-        "cccccccc               1        not among the nodes asked for",
+        "cccccccc               1        not among the selected nodes",
         "                                render s.usda 8:16, 12 s, for desk-7",
     ]
 

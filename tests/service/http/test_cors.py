@@ -77,7 +77,7 @@ def test_without_a_list_there_is_no_cors(server: RunningServer) -> None:
     "origin", ["*", "portal.example", "https://portal.example/", "https://Portal.example", "null", "file://"]
 )
 def test_an_origin_that_is_none(origin: str) -> None:
-    with pytest.raises(SettingsError, match="is no origin") as raised:
+    with pytest.raises(SettingsError, match="is not an origin") as raised:
         ServeConfig(Path("data"), allowed_origins=(origin,))
     assert raised.value.code == "allow-origin"
 

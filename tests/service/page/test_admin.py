@@ -35,7 +35,7 @@ def test_an_administrator_sees_and_changes_the_jobs_of_all_tenants(open_page, st
     watched = open_page("#/admin", url=server.url)
     page, watched.expected = watched.page, {401, 403}
     log_in(page, keys["lighting"])
-    page.get_by_text("This needs a key with the scope").wait_for()  # a tenant's key sees nothing, and no link
+    page.get_by_text("This requires a key with the scope").wait_for()  # a tenant's key sees nothing, and no link
     assert not page.get_by_role("link", name="Admin").is_visible()
     page.get_by_role("button", name="Log out").click()
     log_in(page, keys["operator"])

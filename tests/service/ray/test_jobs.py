@@ -222,7 +222,7 @@ def test_a_node_without_walls_takes_no_work(act: Act, cluster: RunningCluster, t
 
     async def what(rig: Rig) -> None:
         alone = RayExecutor(rig.data, LIMITS, address=cluster.address, labels={"pool": "open"})
-        with pytest.raises(Problem, match="the sandbox does not hold there: a worker can open a file") as raised:
+        with pytest.raises(Problem, match="the sandbox does not work there: a worker can open a file") as raised:
             await alone.start()
         assert raised.value.extra["code"] == protocol.NO_NODE
         await alone.close()
@@ -246,7 +246,7 @@ def test_without_the_head_jobs_wait_and_the_database_knows_them(
         await rig.until(lambda: rig.frame(job.id).checkpoint > 0, WAIT_S)
         cluster.ask(do="kill-head")
         await rig.until(lambda: not rig.executor.health()["ok"], WAIT_S)
-        assert "jobs wait" in rig.executor.health()["why"]
+        assert "jobs stay queued" in rig.executor.health()["why"]
         assert rig.executor.capacity().slots == 0
         waiting = rig.submit(rig.scene(SCENE.read_bytes()), settings=asked(16))
         await rig.until(lambda: rig.frame(job.id).state.value == "queued", WAIT_S)

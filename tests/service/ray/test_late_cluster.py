@@ -37,7 +37,7 @@ def says_that_jobs_wait(client: httpx2.Client, job: str) -> None:
     status, executor = executor_of(client)
     assert status == 503
     assert executor["ok"] is False
-    assert "jobs wait" in str(executor["detail"])
+    assert "jobs stay queued" in str(executor["detail"])
     assert "127.0.0.1" not in str(executor)
     assert client.get("/healthz").status_code == 200
     assert client.get(f"/v1/jobs/{job}").json()["state"] == "queued"
@@ -56,7 +56,7 @@ def test_a_server_waits_for_its_cluster_and_outlives_it(cluster: RunningCluster,
 
 def _wait_and_outlive(server: RunningServer, cluster: RunningCluster) -> None:
     client = server.client()
-    assert "the server starts, and jobs wait until the cluster is there" in server.log.read_text()
+    assert "the server starts, and jobs stay queued until the cluster is available" in server.log.read_text()
     early = submitted(client)
     says_that_jobs_wait(client, early)
 

@@ -77,14 +77,14 @@ def test_tokens_are_asked_for_unless_that_was_switched_off() -> None:
 
 @pytest.mark.parametrize("label", ["pool", "=render", "pool=", "pool=a,b", "pool=in(a)"])
 def test_a_label_that_is_none(label: str) -> None:
-    with pytest.raises(SettingsError, match="no label of nodes") as raised:
+    with pytest.raises(SettingsError, match="not a node label") as raised:
         ServeConfig(Path("data"), executor="ray", ray_labels=(label,))
     assert raised.value.code == "ray-label"
 
 
 def test_flags_of_ray_are_for_ray(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["serve", "--ray-address", "head:6379", "--ray-label", "pool=a"]) == 2
-    assert "--ray-address, --ray-label is for --executor ray" in capsys.readouterr().err
+    assert "--ray-address, --ray-label requires --executor ray" in capsys.readouterr().err
 
 
 def test_the_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -73,7 +73,7 @@ def test_without_a_plan_nothing_is_entered(tmp_path: Path) -> None:
         check=False,
     )
     assert ended.returncode == 1
-    assert "workers are started by the service" in ended.stderr
+    assert "workers must be started by the service" in ended.stderr
 
 
 def test_a_wall_that_cannot_be_raised_ends_the_worker(tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ def test_bytes_that_changed_in_the_store_are_not_rendered(many: Many, objects: O
             folder.rmdir()
     job = finished(client, submit(client, scene)["id"])
     assert job["state"] == "failed"
-    assert "not what was sent" in job["error"]["detail"]
+    assert "is damaged" in job["error"]["detail"]
 
 
 def test_a_layer_that_is_no_package_is_one(many: Many) -> None:

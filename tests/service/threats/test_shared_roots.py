@@ -98,7 +98,7 @@ def test_references_out_of_the_root_are_refused(client: Any, name: str, storage:
     error = ended["error"]
     assert error["type"] == "/problems/asset-path-outside-job", error
     assert error["layer"] == f"010/{name}.usda"
-    assert "outside of the shared root" in error["detail"]
+    assert "outside the shared root" in error["detail"]
 
 
 @pytest.mark.parametrize(

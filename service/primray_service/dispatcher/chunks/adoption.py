@@ -89,7 +89,7 @@ def adopt_outputs(
         with open(kept, "rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         if sha256 != item.sha256:
-            raise NotAdopted(f"{item.name} does not have the digest that was told")
+            raise NotAdopted(f"{item.name} does not have the reported digest")
         found.append((Adopted(item.name, size, sha256, item.media_type), kept))
     return found
 

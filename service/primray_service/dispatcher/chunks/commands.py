@@ -220,7 +220,7 @@ def _require(path: Path) -> None:
 def _entry(job: Job, scene: Scene) -> str:
     entry = choose(job.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
     if entry is None:
-        raise Problem("not-usd", "The package has no layer that could be the root.")
+        raise Problem("not-usd", "The package has no layer that can be its root.")
     return entry
 
 

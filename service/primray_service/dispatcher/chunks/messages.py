@@ -93,7 +93,7 @@ def clean(value: object) -> Any:
         nonlocal left
         left -= 1
         if left < 0 or depth > MOST_DEPTH:
-            raise NotBelieved("a message holds too much")
+            raise NotBelieved("a message is too large")
         if item is None or isinstance(item, bool):
             return item
         if isinstance(item, str):
@@ -139,7 +139,7 @@ def file_name(value: object) -> str:
 def phase_of(message: Mapping[str, Any]) -> str:
     phase = message.get("phase")
     if phase not in PHASES:
-        raise NotBelieved("there is no such phase")
+        raise NotBelieved("unknown phase")
     return str(phase)
 
 
@@ -232,7 +232,7 @@ def failed_of(message: Mapping[str, Any]) -> Failed:
     said = mapping(message.get("problem"))
     slug = str(said.get("type", "")).removeprefix("/problems/")
     if not SLUG.fullmatch(slug) or slug not in KINDS:
-        raise NotBelieved("there is no such problem")
+        raise NotBelieved("unknown problem")
     kind = KINDS[slug]
     extra = {name: value for name, value in said.items() if name not in ("type", "title", "status", "detail", "retryable")}
     detail = clean_text(said.get("detail", kind.title))

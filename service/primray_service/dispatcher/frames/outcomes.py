@@ -68,9 +68,9 @@ def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstanc
     if isinstance(last, Failed):
         return _of_failure(frame, last, about)
     if about.killed_for == "not-believed" or ended.protocol_error:
-        return Broken(Problem("render-failed", "The render process sent what it should not.").as_json())
+        return Broken(Problem("render-failed", "The render process sent an invalid message.").as_json())
     if about.killed_for == "silent":
-        return _killed(frame, limits, "silent", "It did nothing for too long, again and again.")
+        return _killed(frame, limits, "silent", "The render process hung repeatedly.")
     if about.killed_for:
         return Again(frame, about.killed_for)
     if ended.reason in LIMITS_REACHED:
@@ -79,7 +79,7 @@ def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstanc
         return _of_crash(frame, ended, limits)
     if ended.reason == "exited":
         return _of_crash(frame, ended, limits)
-    return _killed(frame, limits, "kill", "Its process was killed from outside, again and again.")
+    return _killed(frame, limits, "kill", "The render process was killed from outside repeatedly.")
 
 
 def _of_failure(frame: Frame, last: Failed, about: Circumstances) -> Outcome:
@@ -117,12 +117,16 @@ def limit_problem(ended: Ended, limits: Limits, memory_bytes: int | None = None,
     """Return the problem for a worker that an executor ended at a limit."""
     if ended.reason == "memory-limit":
         most = memory_bytes or limits.memory_bytes
-        return Problem("memory-limit", f"It needed more than the {_size(most)} that are allowed.", limit=most)
+        return Problem("memory-limit", f"The render needed more than the {_size(most)} of memory that are allowed.", limit=most)
     if ended.reason == "time-limit":
         seconds = limits.load_cpu_s if cpu_s is None else cpu_s
         sentence = f"Reading the scene took more than the {seconds:g} CPU seconds that are allowed."
         return Problem("time-limit", sentence, limit=seconds)
-    return Problem("storage-limit", f"It wrote more than the {_size(limits.output_bytes)} allowed.", limit=limits.output_bytes)
+    return Problem(
+        "storage-limit",
+        f"The render wrote more than the {_size(limits.output_bytes)} that are allowed.",
+        limit=limits.output_bytes,
+    )
 
 
 def _size(count: int) -> str:
@@ -134,7 +138,7 @@ def crash_problem(ended: Ended) -> Problem:
         name = signal_name(ended.signal)
         return Problem("renderer-crashed", f"The render process was ended by {name}.", signal=name)
     return Problem(
-        "renderer-crashed", f"The render process ended by itself with exit code {ended.exit_code}.", exit_code=ended.exit_code
+        "renderer-crashed", f"The render process exited unexpectedly with code {ended.exit_code}.", exit_code=ended.exit_code
     )
 
 

@@ -29,7 +29,7 @@ def not_begun(frame: Frame, error: Exception, limits: Limits) -> Outcome:
     if isinstance(error, Problem) and error.slug != "unavailable":
         return Broken(error.as_json())
     if isinstance(error, ValueError):
-        return Broken(Problem("settings-rejected", f"No render could follow these settings: {error}.").as_json())
+        return Broken(Problem("settings-rejected", f"These settings cannot be rendered: {error}.").as_json())
     frame = replace(frame, kills=frame.kills + 1)
     if frame.kills < limits.kills:
         return Again(frame, "unavailable")
@@ -53,15 +53,15 @@ class RunCompletion:
         began = time.monotonic()
         canceling = self.job.state is JobState.CANCELING
         if not done.outputs:
-            return GivenUp() if canceling else Broken(Problem("render-failed", "It made no picture.").as_json())
+            return GivenUp() if canceling else Broken(Problem("render-failed", "The render made no picture.").as_json())
         stop = _stop_of(done, out_of_time)
         if stop is None:
-            return Broken(Problem("render-failed", "The render process did not say why it ended.").as_json())
+            return Broken(Problem("render-failed", "The render process did not report why it ended.").as_json())
         earlier = await self._earlier_outputs()
         try:
             outputs = await self._adopt(done)
         except adoption.NotAdopted as error:
-            return Broken(Problem("render-failed", f"Its outputs are not what the render process said: {error}.").as_json())
+            return Broken(Problem("render-failed", f"The outputs do not match the render process's report: {error}.").as_json())
         except OSError:
             self.context.disk_is_full = True
             return Again(self.frame, "storage")
@@ -85,7 +85,7 @@ class RunCompletion:
 
     async def again(self, outcome: Again) -> None:
         context, frame = self.context, outcome.frame
-        await self._log(f"goes on later: {outcome.why}")
+        await self._log(f"queued again: {outcome.why}")
         if frame.kills > 1:
             await asyncio.sleep(min(FIRST_PAUSE_S * 2.0 ** (frame.kills - 2), LONGEST_PAUSE_S))
         if outcome.drop_checkpoint and frame.checkpoint_file:
@@ -109,7 +109,7 @@ class RunCompletion:
         assert self.run is not None
         assert self.ended is not None
         if not all(_is_asked(made.name, self.run.chunk.command) for made in done.outputs):
-            raise adoption.NotAdopted("there is one that was not asked for")
+            raise adoption.NotAdopted("one of them was not requested")
         adopted = await context.calls.disk(
             adoption.adopt_outputs,
             done.outputs,

@@ -95,7 +95,7 @@ class JobTotals:
     def warnings(self) -> list[Json]:
         listed = list(self._warnings.values())
         if self._left_out:
-            sentence = f"{self._left_out} more warnings are left out here; the frames' reports have them."
+            sentence = f"{self._left_out} more warnings are omitted here; see the frames' reports."
             listed.append({"code": "more-warnings", "prim": "", "detail": sentence})
         return listed
 
@@ -276,9 +276,11 @@ def target_warning(frame: Frame, result: Json, frames: int) -> Json | None:
     if stop.get("target_met") is not False or stop["reason"] == "interrupted":
         return None
     which = f"Frame {frame.number}" if frames > 1 else "It"
-    ended = {"samples": "its samples were used up", "time-limit": "its time was over"}.get(stop["reason"], "it ended")
+    ended = {"samples": "the sample limit was reached", "time-limit": "the time limit was reached"}.get(
+        stop["reason"], "it ended"
+    )
     reached = "" if error is None else f" at an error of {error['estimate']:.3g}"
-    wanted = "" if error is None or error["target"] is None else f", above the {error['target']:g} asked for"
+    wanted = "" if error is None or error["target"] is None else f", above the target {error['target']:g}"
     return {
         "code": "target-not-met",
         "prim": "",

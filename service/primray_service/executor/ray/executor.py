@@ -100,8 +100,10 @@ class RayExecutor:
             # A wrong address, a wrong token and a missing package do not go away by waiting.
             if not self._waits or error.code != protocol.UNREACHABLE:
                 raise Problem("unavailable", f"{error.why}.", code=error.code) from error
-            self._why_not = "the Ray cluster is not there yet; jobs wait"  # clients do not learn the cluster's address
-            LOG.warning("%s; the server starts, and jobs wait until the cluster is there", error.why)
+            self._why_not = (
+                "the Ray cluster is not available yet; jobs stay queued"  # clients do not learn the cluster's address
+            )
+            LOG.warning("%s; the server starts, and jobs stay queued until the cluster is available", error.why)
         else:
             self._why_not = ""
             await self._require_node(self._link)
@@ -113,7 +115,7 @@ class RayExecutor:
             return
         why = self._why_no_node()
         if self._waits:
-            LOG.warning("%s; the server starts, and jobs wait until a node does", why)
+            LOG.warning("%s; the server starts, and jobs stay queued until a node is", why)
             return
         await link.close()
         raise Problem("unavailable", f"{why}.", code=protocol.NO_NODE)
@@ -135,15 +137,18 @@ class RayExecutor:
                 self._link = link = await Link.connect(self._settings, self._on_line)
             except (NotConnected, OSError) as error:
                 if str(error) != logged:
-                    LOG.warning("the Ray cluster at %s is away; it is tried again: %s", self._address, error)
+                    LOG.warning("the Ray cluster at %s is not available; retrying: %s", self._address, error)
                 logged = str(error)
                 continue
             self._why_not = ""
-            LOG.warning("the Ray cluster at %s is there: %d slots", self._address, self.capacity().slots)
+            LOG.warning("connected to the Ray cluster at %s: %d slots", self._address, self.capacity().slots)
             return link
 
     def _lost(self, why: str) -> None:
-        self._link, self._why_not = None, "the Ray cluster is gone; jobs wait"  # clients do not learn the cluster's address
+        self._link, self._why_not = (
+            None,
+            "the Ray cluster is gone; jobs stay queued",
+        )  # clients do not learn the cluster's address
         if not self._closing:
             LOG.error("%s; %d chunks are lost", why, len(self._runs))
         for run in list(self._runs.values()):
@@ -153,7 +158,7 @@ class RayExecutor:
         if self._closing:
             raise Problem("unavailable", "The server is stopping.")
         if self._link is None:
-            raise Problem("unavailable", f"The Ray cluster at {self._address} is away.")
+            raise Problem("unavailable", f"The Ray cluster at {self._address} is not available.")
         self._made += 1
         run = RayRun(chunk, str(self._made), self._slots.make(), on_message, self._link.send)
         self._runs[run.id] = run
@@ -206,7 +211,7 @@ class RayExecutor:
             await end_tasks([self._keeping])
         if self._link is not None:
             await self._link.close()
-            self._lost("the server stops")
+            self._lost("the server is stopping")
         await asyncio.to_thread(self._slots.close)
 
 

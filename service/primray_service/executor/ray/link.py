@@ -107,7 +107,7 @@ class Link:
                 break
             self._take(json.loads(line))
         if not self._connected.done():
-            why = f"the Ray driver ended: {self._said[-1] if self._said else 'it said nothing'}"
+            why = f"the Ray driver ended: {self._said[-1] if self._said else 'it printed nothing'}"
             self._refuse(protocol.UNREACHABLE, why)
 
     def _take(self, line: Mapping[str, Any]) -> None:

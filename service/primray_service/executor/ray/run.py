@@ -71,7 +71,7 @@ class RayRun:
         try:
             self._on_message(message)
         except Exception:
-            LOG.exception("a message %r of %s was not taken", message.get("at"), self.chunk.id)
+            LOG.exception("a message %r of %s could not be processed", message.get("at"), self.chunk.id)
 
     def has_ended(self, told: Mapping[str, Any]) -> None:
         log_file = self._slot.log if told.get("log_file") else None

@@ -29,7 +29,7 @@ from .audit import record
 router = APIRouter(prefix="/v1/admin/jobs", tags=["admin"])
 
 CHANGED = ("not-found", "conflict", "precondition-failed")
-TENANT_TEXT = "Only this tenant's."
+TENANT_TEXT = "Only jobs of this tenant."
 
 
 def admin_json(service: Service, job: Job) -> Json:
@@ -52,23 +52,25 @@ def list_jobs(
     caller: Admin,
     service: Serving,
     tenant: Annotated[str | None, Query(max_length=64, description=TENANT_TEXT)] = None,
-    state: Annotated[list[JobState] | None, Query(description="Any of these.")] = None,
+    state: Annotated[list[JobState] | None, Query(description="Jobs in any of these states.")] = None,
     label: Annotated[
         list[Annotated[str, Query(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
-        Query(max_length=32, description="name:value, all of these; beside tenant."),
+        Query(max_length=32, description="name:value; jobs with all of these labels; requires tenant."),
     ] = None,
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
-    cursor: Annotated[str | None, Query(max_length=512, description="The page before gave it.")] = None,
-    order: Annotated[Literal["desc", "asc"], Query(description="By creation: desc has the newest first.")] = "desc",
+    cursor: Annotated[str | None, Query(max_length=512, description="Cursor from the previous page.")] = None,
+    order: Annotated[Literal["desc", "asc"], Query(description="Order by creation; desc: newest first.")] = "desc",
 ) -> Response:
     """List jobs of all tenants, or of one, a page at a time."""
     if label and tenant is None:
-        raise Problem("invalid-request", "label: labels are looked for within one tenant; name it.", member="label")
+        raise Problem(
+            "invalid-request", "label: labels are searched within one tenant; name the tenant as well.", member="label"
+        )
     where = JobFilter(frozenset(state or ()), dict(split_label(text) for text in label or []))
     try:
         page = service.store.jobs(tenant, where, limit, cursor, order == "desc")
     except ValueError:
-        raise Problem("invalid-request", "cursor: this is not a cursor that the server gave.", member="cursor") from None
+        raise Problem("invalid-request", "cursor: this cursor is not from this server's answers.", member="cursor") from None
     headers = {}
     if page.next_cursor is not None:
         query: list[tuple[str, str]] = [("state", each.value) for each in state or ()]
@@ -94,7 +96,7 @@ def frames(
     caller: Admin,
     service: Serving,
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
-    after: Annotated[int, Query(ge=-1, lt=2**31, description="Only frames with larger numbers.")] = -1,
+    after: Annotated[int, Query(ge=-1, lt=2**31, description="Only frames with higher numbers.")] = -1,
 ) -> Response:
     """List the frames of a job of any tenant, in order, a page at a time."""
     found(service, job_id)
@@ -136,7 +138,7 @@ def change(
 @router.post(
     "/{job_id}/cancel",
     **described(
-        answer(admin_views.AdminJob, 202, "It has ended, or ends soon.", headers=("ETag", "Retry-After")),
+        answer(admin_views.AdminJob, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
         problems=CHANGED,
         headers=("If-Match",),
     ),
@@ -152,7 +154,7 @@ def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
 @router.post(
     "/{job_id}/pause",
     **described(
-        answer(admin_views.AdminJob, 202, "It is paused, or soon will be.", headers=("ETag", "Retry-After")),
+        answer(admin_views.AdminJob, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
         problems=CHANGED,
         headers=("If-Match",),
     ),
@@ -168,7 +170,7 @@ def pause(job_id: JobId, request: Request, caller: Admin, service: Serving) -> R
 @router.post(
     "/{job_id}/resume",
     **described(
-        answer(admin_views.AdminJob, 202, "Its frames wait for their turn again.", headers=("ETag", "Retry-After")),
+        answer(admin_views.AdminJob, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
         problems=CHANGED,
         headers=("If-Match",),
     ),

@@ -38,7 +38,7 @@ def list_tenants(
     caller: Admin,
     service: Serving,
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
-    after: Annotated[str, Query(max_length=64, description="Only names that follow this one.")] = "",
+    after: Annotated[str, Query(max_length=64, description="Only names after this one.")] = "",
 ) -> Response:
     """List all tenants that have a key, or have used anything, with their usage and quotas."""
     rows = service.store.usage_of_all(time.time(), limit + 1, after)
@@ -56,7 +56,7 @@ def show(tenant: TenantName, caller: Admin, service: Serving) -> Response:
 @router.patch(
     "/{tenant}/quotas",
     **described(
-        answer(admin_views.Tenant, description="What it may use from now on."),
+        answer(admin_views.Tenant, description="The tenant's quotas from now on."),
         problems=CHANGED,
         request=json_request(QuotaRequest, {"running_jobs": 4, "cpu_s_per_day": None}),
     ),

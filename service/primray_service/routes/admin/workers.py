@@ -20,7 +20,7 @@ router = APIRouter(prefix="/v1/admin/workers", tags=["admin"])
 def list_workers(
     caller: Admin,
     service: Serving,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Frames that run, at most.")] = 200,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Most running frames to list.")] = 200,
 ) -> Response:
     """Return the executor of the server that dispatches, its nodes, and the running frames of all tenants, by start time."""
     leading = service.who_leads.now()

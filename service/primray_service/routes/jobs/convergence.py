@@ -37,8 +37,8 @@ def convergence(
     request: Request,
     caller: Reader,
     service: Serving,
-    frame: Annotated[int | None, Query(ge=0, lt=2**31, description="Only of this frame.")] = None,
-    format: Annotated[Literal["json", "csv"] | None, Query(description="Whatever Accept says; for links.")] = None,
+    frame: Annotated[int | None, Query(ge=0, lt=2**31, description="Only rows of this frame.")] = None,
+    format: Annotated[Literal["json", "csv"] | None, Query(description="Format, overriding Accept; for links.")] = None,
 ) -> Response:
     """Return estimates of the error by samples and seconds, frame after frame.
 

@@ -40,7 +40,7 @@ STREAM, PAGES = "text/event-stream", "application/json"
     "/{job_id}/events",
     **described(
         answer(views.EventPage, content={STREAM: {"type": "string"}}),
-        answer(None, 204, "A stream was asked for, the job has ended, and nothing follows the last event that was seen."),
+        answer(None, 204, "A stream was requested, the job has ended, and there are no events after the given one."),
         problems=("not-found", "not-acceptable", "invalid-request"),
         headers=("Last-Event-ID",),
     ),
@@ -50,8 +50,8 @@ async def events(
     request: Request,
     caller: Reader,
     service: Serving,
-    after: Annotated[int | None, Query(ge=0, lt=2**63, description="Only events with larger ids.")] = None,
-    limit: Annotated[int, Query(ge=1, le=PAGE, description="Of a page of JSON.")] = PAGE,
+    after: Annotated[int | None, Query(ge=0, lt=2**63, description="Only events with higher ids.")] = None,
+    limit: Annotated[int, Query(ge=1, le=PAGE, description="Most events of a JSON page.")] = PAGE,
 ) -> Response:
     """Return past and coming events of a job.
 
@@ -80,7 +80,7 @@ async def events(
 def last_seen(request: Request) -> int:
     text = request.headers.get("last-event-id", "0")
     if re.fullmatch(r"[0-9]{1,18}", text) is None:
-        raise Problem("invalid-request", "Last-Event-ID: this is no event's id.", member="Last-Event-ID")
+        raise Problem("invalid-request", "Last-Event-ID: this is not the id of an event.", member="Last-Event-ID")
     return int(text)
 
 

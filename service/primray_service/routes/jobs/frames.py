@@ -16,7 +16,7 @@ from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
-FrameNumber = Annotated[int, Path(ge=0, lt=2**31, description="Its place among the job's frames, from 0.")]
+FrameNumber = Annotated[int, Path(ge=0, lt=2**31, description="Index among the job's frames, from 0.")]
 
 
 @router.get(
@@ -28,8 +28,8 @@ def frames(
     caller: Reader,
     service: Serving,
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
-    after: Annotated[int | None, Query(ge=-1, lt=2**31, description="Only frames with larger numbers.")] = None,
-    cursor: Annotated[str | None, Query(pattern="^[0-9]{1,9}$", description="The page before gave it.")] = None,
+    after: Annotated[int | None, Query(ge=-1, lt=2**31, description="Only frames with higher numbers.")] = None,
+    cursor: Annotated[str | None, Query(pattern="^[0-9]{1,9}$", description="Cursor from the previous page.")] = None,
 ) -> Response:
     """List a job's frames, in order, a page at a time."""
     found(service, caller, job_id)

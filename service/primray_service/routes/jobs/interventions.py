@@ -24,7 +24,7 @@ CHANGED = ("not-found", "conflict", "precondition-failed")
 @router.post(
     "/{job_id}/pause",
     **described(
-        answer(views.Job, 202, "It is paused, or soon will be.", headers=("ETag", "Retry-After")),
+        answer(views.Job, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
         problems=CHANGED,
         headers=("If-Match",),
     ),
@@ -39,7 +39,7 @@ def pause(job_id: JobId, request: Request, caller: Submitter, service: Serving) 
 @router.post(
     "/{job_id}/resume",
     **described(
-        answer(views.Job, 202, "Its frames wait for their turn again.", headers=("ETag", "Retry-After")),
+        answer(views.Job, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
         problems=CHANGED,
         headers=("If-Match",),
     ),
@@ -81,7 +81,7 @@ def resumed(service: Service, job_id: str) -> Job:
 
 def retried(service: Service, job_id: str, number: int, quotas: Quotas) -> Job:
     frame = _frame(service, job_id, number)
-    said = f"Frame {number} is {frame.state.value}: only a frame that has ended can be retried, of a scene that is there."
+    said = f"Frame {number} is {frame.state.value}: only a frame that has ended can be retried, while its scene exists."
     conflict = Problem("conflict", said, state=frame.state.value)
     return acted(service, lambda: service.store.retry_frame(job_id, number, frame.attempt, time.time(), quotas), conflict)
 

@@ -36,7 +36,7 @@ JOB_ID = re.compile(r"job_[0-9A-HJKMNP-TV-Z]{26}")
 _PREFER_WAIT = re.compile(r"(?:^|[,;\s])wait=(\d{1,6})(?:$|[,;\s])", re.IGNORECASE)
 
 # Any text is looked up and may not be found: the pattern only documents ids.
-JobId = Annotated[str, Path(description="As POST /v1/jobs answered.", json_schema_extra={"pattern": f"^{JOB_ID.pattern}$"})]
+JobId = Annotated[str, Path(description="Id from POST /v1/jobs.", json_schema_extra={"pattern": f"^{JOB_ID.pattern}$"})]
 
 
 def found(service: Service, caller: Caller, job_id: str) -> Job:
@@ -150,15 +150,15 @@ def has_ended(job: Job) -> bool:
 def list_jobs(
     caller: Reader,
     service: Serving,
-    state: Annotated[list[JobState] | None, Query(description="Any of these.")] = None,
+    state: Annotated[list[JobState] | None, Query(description="Jobs in any of these states.")] = None,
     label: Annotated[
         list[Annotated[str, Query(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
-        Query(max_length=32, description="name:value (or name=value); all of these."),
+        Query(max_length=32, description="name:value (or name=value); jobs with all of these labels."),
     ] = None,
     scene: Annotated[str | None, Query(pattern="^sha256:[0-9a-f]{64}$")] = None,
     limit: Annotated[int, Query(ge=1, le=200)] = 50,
-    cursor: Annotated[str | None, Query(max_length=512, description="The page before gave it.")] = None,
-    order: Annotated[Literal["desc", "asc"], Query(description="By creation: desc has the newest first.")] = "desc",
+    cursor: Annotated[str | None, Query(max_length=512, description="Cursor from the previous page.")] = None,
+    order: Annotated[Literal["desc", "asc"], Query(description="Order by creation; desc: newest first.")] = "desc",
 ) -> Response:
     """List the tenant's jobs, a page at a time."""
     labels = dict(split_label(text) for text in label or [])
@@ -166,7 +166,7 @@ def list_jobs(
     try:
         page = service.store.jobs(caller.tenant, where, limit, cursor, order == "desc")
     except ValueError:
-        raise Problem("invalid-request", "cursor: this is not a cursor that the server gave.", member="cursor") from None
+        raise Problem("invalid-request", "cursor: this cursor is not from this server's answers.", member="cursor") from None
     headers = {}
     if page.next_cursor is not None:
         query: list[tuple[str, str]] = [("state", each.value) for each in state or ()]
@@ -189,7 +189,7 @@ def split_label(text: str) -> tuple[str, str]:
     "/{job_id}",
     **described(
         answer(views.Job, headers=("ETag", "Retry-After", "Preference-Applied")),
-        answer(None, 304, "It is as If-None-Match says.", headers=("ETag",)),
+        answer(None, 304, "Unchanged since the version in If-None-Match.", headers=("ETag",)),
         problems=("not-found",),
         headers=("If-None-Match", "Prefer"),
     ),
@@ -247,7 +247,7 @@ def change(
 @router.post(
     "/{job_id}/cancel",
     **described(
-        answer(views.Job, 202, "It has ended, or ends soon.", headers=("ETag", "Retry-After")),
+        answer(views.Job, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
         problems=("not-found", "conflict", "precondition-failed"),
         headers=("If-Match",),
     ),
@@ -262,7 +262,7 @@ def cancel(job_id: JobId, request: Request, caller: Submitter, service: Serving)
 @router.post(
     "/{job_id}/continue",
     **described(
-        answer(views.Job, 202, "It is queued again.", headers=("ETag", "Location", "Retry-After")),
+        answer(views.Job, 202, "The job is queued again.", headers=("ETag", "Location", "Retry-After")),
         problems=(
             "invalid-json",
             "not-found",
@@ -292,10 +292,10 @@ def go_on(
     job = found(service, caller, job_id)
     check_version(request, job)
     if job.state not in TERMINAL:
-        raise Problem("conflict", f"The job is {job.state.value}; only one that has ended can go on.", state=job.state.value)
+        raise Problem("conflict", f"The job is {job.state.value}; only one that has ended can continue.", state=job.state.value)
     stop = continued(job, asked.stop, service.limits)
     quotas = service.quotas_of(caller)
-    conflict = Problem("conflict", "The job cannot go on: it does so already, or its scene is gone.")
+    conflict = Problem("conflict", "The job cannot continue: it is not at its end any more, or its scene was deleted.")
     job = acted(service, lambda: service.store.continue_job(job_id, stop, time.time(), quotas), conflict)
     return job_answer(job, body_of(service, job), 202, {"location": f"/v1/jobs/{job.id}"})
 
@@ -303,7 +303,7 @@ def go_on(
 @router.delete(
     "/{job_id}",
     **described(
-        answer(None, 204, "It is gone, with all that it made."),
+        answer(None, 204, "The job and its files are deleted."),
         problems=("not-found", "precondition-failed", "unavailable"),
         headers=("If-Match",),
     ),
@@ -314,7 +314,9 @@ async def delete(job_id: JobId, request: Request, caller: Submitter, service: Se
     until = time.monotonic() + CANCEL_S
     while not await run_in_threadpool(removed, service, job_id):
         if time.monotonic() > until or service.changes.closing:
-            raise Problem("unavailable", "The job is being canceled; ask again.", headers={"retry-after": "1"})
+            raise Problem(
+                "unavailable", "The job is being canceled; repeat the request in a moment.", headers={"retry-after": "1"}
+            )
         await asyncio.sleep(0.05)
     return Response(status_code=204)
 

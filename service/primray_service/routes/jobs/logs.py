@@ -25,8 +25,13 @@ FILE = "log.txt"
     "/{job_id}/log",
     **described(
         answer(content={"text/plain": {"type": "string"}}, headers=("ETag", "Accept-Ranges")),
-        answer(status=206, description="The range.", content={"text/plain": {"type": "string"}}, headers=("Content-Range",)),
-        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        answer(
+            status=206,
+            description="The requested range.",
+            content={"text/plain": {"type": "string"}},
+            headers=("Content-Range",),
+        ),
+        answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
         problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
         headers=("Range", "If-Range", "If-None-Match"),
     ),

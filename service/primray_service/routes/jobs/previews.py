@@ -33,8 +33,8 @@ _BINARY = {"type": "string", "format": "binary"}
     "/{job_id}/preview",
     **described(
         answer(content=dict.fromkeys(("image/png", "image/jpeg", "application/octet-stream"), _BINARY), headers=("ETag",)),
-        answer(status=206, description="A range of half floats.", content={"application/octet-stream": _BINARY}),
-        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        answer(status=206, description="A range of the raw half floats.", content={"application/octet-stream": _BINARY}),
+        answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
         problems=("not-found", "range-not-satisfiable", "invalid-request", "view-unavailable"),
         headers=("If-None-Match",),
     ),
@@ -45,21 +45,23 @@ async def preview(
     caller: Reader,
     service: Serving,
     frame: Annotated[
-        int | None, Query(ge=0, lt=2**31, description="The frame's number, from 0; not given: the one that runs.")
+        int | None, Query(ge=0, lt=2**31, description="The frame's number, from 0; default: the running frame.")
     ] = None,
     view: Annotated[
-        str, Query(max_length=64, description="Of the picture, or of its error.", json_schema_extra={"enum": list(VIEWS)})
+        str, Query(max_length=64, description="The picture, or a map of its error.", json_schema_extra={"enum": list(VIEWS)})
     ] = "beauty",
-    channel: Annotated[Channel, Query(description="One channel alone, in grey.")] = "rgb",
-    exposure: Annotated[float, Query(ge=-MOST_STOPS, le=MOST_STOPS, allow_inf_nan=False, description="In stops.")] = 0.0,
-    format: Annotated[Format, Query(description="raw: half floats, as worker/preview.py says.")] = "png",
-    width: Annotated[int | None, Query(ge=1, le=MOST_WIDTH, description="At most so many pixels.")] = None,
+    channel: Annotated[Channel, Query(description="A single channel, shown in grey.")] = "rgb",
+    exposure: Annotated[
+        float, Query(ge=-MOST_STOPS, le=MOST_STOPS, allow_inf_nan=False, description="Exposure in stops.")
+    ] = 0.0,
+    format: Annotated[Format, Query(description="Image format; raw: half floats, in the layout of worker/preview.py.")] = "png",
+    width: Annotated[int | None, Query(ge=1, le=MOST_WIDTH, description="Most pixels in width.")] = None,
 ) -> Response:
     """Return the frame's current picture as PNG, JPEG or half floats, or a map of its error; the ETag identifies its pass."""
     if view not in VIEWS:
-        raise Problem("view-unavailable", f"There is no view {view!r}; there are: {', '.join(VIEWS)}.", views=list(VIEWS))
+        raise Problem("view-unavailable", f"There is no view {view!r}; views are {', '.join(VIEWS)}.", views=list(VIEWS))
     if view != "beauty" and channel == "a":
-        raise Problem("view-unavailable", "Coverage has no estimate of its error.", views=list(VIEWS))
+        raise Problem("view-unavailable", "Coverage (alpha) has no error estimate.", views=list(VIEWS))
     row, files = await run_in_threadpool(_frame, service, caller, job_id, frame)
     if row.state is FrameState.RUNNING:
         service.dispatcher.ask_preview(job_id, row.number)

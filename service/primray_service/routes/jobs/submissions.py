@@ -75,14 +75,14 @@ LINKS = leading_to(
         answer(
             views.Job,
             202,
-            "It is queued.",
+            "The job is queued.",
             headers=("Location", "ETag", "Retry-After", "Preference-Applied", "Idempotency-Replayed"),
             links=LINKS,
         ),
         answer(
             views.Job,
             200,
-            "Prefer asked to wait, and it has ended.",
+            "The job has ended within the time that Prefer requested.",
             headers=("Location", "ETag", "Preference-Applied", "Idempotency-Replayed"),
             links=LINKS,
         ),
@@ -178,7 +178,7 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
             job, times, service.quotas_of(caller), None if key is None else (key, fingerprint(asked))
         )
     except KeyReused:
-        raise Problem("idempotency-key-reused", "The first request with this key asked for something else.") from None
+        raise Problem("idempotency-key-reused", "An earlier request with this key was different.") from None
     except Conflict:
         raise no_scene() from None
     service.dispatcher.wake()

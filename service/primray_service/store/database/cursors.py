@@ -27,5 +27,5 @@ def read_cursor(cursor: str, order: str) -> tuple[float, str]:
     except (ValueError, TypeError, RecursionError):
         is_one = False
     if not is_one:
-        raise ValueError("The cursor is not one that this listing gave.")
+        raise ValueError("The cursor is not from this listing.")
     return float(at), row_id

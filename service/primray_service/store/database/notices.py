@@ -63,7 +63,7 @@ class Notices:
         try:
             self._waiting.put_nowait(told)
         except queue.Full:
-            LOG.warning("other servers are not told at once: the database is slow")
+            LOG.warning("notices to other servers are dropped: the database is slow")
 
     def _again_and_again(self, work: Callable[[psycopg.Connection], None]) -> None:
         """Run the work on a connection, and on another one whenever that breaks."""
@@ -75,7 +75,7 @@ class Notices:
                 pause = FIRST_PAUSE_S
             except Exception as error:
                 if not self._closing.is_set():
-                    LOG.warning("other servers are neither told nor heard for a moment: %r", error)
+                    LOG.warning("notices between servers are interrupted: %r", error)
             self._closing.wait(pause)
             pause = min(2 * pause, LONGEST_PAUSE_S)
 

@@ -118,7 +118,7 @@ class Frames(Operations):
         webhook_events: Sequence[str] = (),
     ) -> Job:
         if frame.state not in FRAME_TERMINAL or job_changes.keys() - OF_JOB:
-            raise ValueError(f"{frame.state} is no end, or {sorted(job_changes)} cannot be changed")
+            raise ValueError(f"{frame.state} is not a terminal state, or {sorted(job_changes)} cannot be changed")
 
         def work(transaction: Transaction[Job]) -> Job:
             opened, stored = _running(transaction, fence, frame)

@@ -62,7 +62,7 @@ class Interventions(Operations):
             if frame.attempt != attempt or frame.state not in FRAME_TERMINAL or opened.job.state == JobState.CANCELING:
                 raise Conflict(f"frame {number} of {job_id} is {frame.state}, in attempt {frame.attempt}")
             if scene is None or scene.state == "rejected":
-                raise Conflict(f"the scene of {job_id} is not there any more, or cannot be rendered")
+                raise Conflict(f"the scene of {job_id} was deleted, or cannot be rendered")
             _queue_again(transaction, opened, frame)
             if opened.job.state in TERMINAL:
                 check_room_for_job(transaction, opened.job.tenant, quotas)

@@ -135,7 +135,7 @@ class Jobs(Operations):
             if job.state not in TERMINAL:
                 raise Conflict(f"{job_id} is {job.state}")
             if scene is None or scene.state == "rejected":
-                raise Conflict(f"the scene of {job_id} is not there any more, or cannot be rendered")
+                raise Conflict(f"the scene of {job_id} was deleted, or cannot be rendered")
             check_room_for_job(transaction, job.tenant, quotas)
             _begin_attempt(transaction, opened, settings, now)
             opened.scene_ready = scene.state == "ready"
@@ -149,7 +149,7 @@ class Jobs(Operations):
             if opened is None:
                 return bool(transaction.previous)
             if opened.frames[FrameState.RUNNING]:
-                raise Conflict(f"{job_id} has frames that run")
+                raise Conflict(f"{job_id} has running frames")
             outputs = schema.outputs
             sizes = transaction.execute(select(outputs.c.bytes).where(outputs.c.job_id == job_id)).scalars()
             count_bytes(transaction, opened.job.tenant, -sum(sizes))
@@ -283,6 +283,6 @@ def _expired_before(transaction: Transaction[tuple[list[Job], list[str]]], now: 
 def _expire_job(opened: OpenJob, now: float) -> Job:
     opened.cancel_frames(FrameState.QUEUED, now)
     opened.cancel_frames(FrameState.RUNNING, now)
-    problem = Problem("job-expired", f"It was not finished {opened.job.ttl_s:g} s after it was queued.")
+    problem = Problem("job-expired", f"The job had not finished {opened.job.ttl_s:g} s after it was queued.")
     opened.end(JobState.EXPIRED, now, {"error": {**problem.as_json(), "attempt": opened.job.attempt}})
     return opened.save()

@@ -142,7 +142,7 @@ def test_texts_of_a_worker_can_be_stored_and_shown() -> None:
 def test_a_problem_keeps_its_own_title_and_status() -> None:
     said = {"type": "/problems/time-limit", "title": "<b>", "status": 200, "detail": "d", "limit": 3, "retryable": True}
     problem = messages.failed_of({"problem": said}).problem
-    assert (problem["title"], problem["status"], problem["retryable"]) == ("It took longer than is allowed", 422, False)
+    assert (problem["title"], problem["status"], problem["retryable"]) == ("The render took longer than is allowed", 422, False)
     assert problem["limit"] == 3
 
 

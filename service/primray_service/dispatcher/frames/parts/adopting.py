@@ -72,4 +72,4 @@ async def adopt_preview_of(context: Context, job: str, frame: int, merge: MergeR
 
 def unusable() -> Json:
     """Return the problem for parts that cannot be merged."""
-    return Problem("render-failed", "What the parts of the frame left could not be put together.").as_json()
+    return Problem("render-failed", "The checkpoints of the frame's parts could not be merged.").as_json()

@@ -76,19 +76,19 @@ class MergeRun:
         try:
             return self._found(run, outcome.done)
         except NotBelieved:
-            return Broken(Problem("render-failed", "The process that merges parts sent what it should not.").as_json())
+            return Broken(Problem("render-failed", "The process that merges parts sent an invalid message.").as_json())
 
     def _found(self, run: ChunkRun, done: Done) -> Found:
         """Return the merge's result; raises NotBelieved unless it covers exactly the requested samples."""
         if len(run.inbox.checkpoints) != 1 or done.outputs:
-            raise NotBelieved("one checkpoint was to be left, and nothing else")
+            raise NotBelieved("a merge must leave one checkpoint and nothing else")
         checkpoint = run.inbox.checkpoints.popleft()
         said = mapping(done.report.get("parts"))
         if said.get("ranges") != [[0, self.end]] or checkpoint.number != self._frame.checkpoint + 1:
-            raise NotBelieved("these are not the samples that were to be merged")
+            raise NotBelieved("the merged samples are not the requested ones")
         error = said.get("error")
         if error is not None and number(mapping(error).get("estimate")) < 0:
-            raise NotBelieved("an error is not below 0")
+            raise NotBelieved("an error is negative")
         return Found(checkpoint, whole(said.get("rays")), error, self._judged(said.get("judged")))
 
     def _judged(self, said: object) -> Judged | None:
@@ -103,7 +103,7 @@ class MergeRun:
         )
         is_over = judged.target_met or self.end >= rules.most
         if not is_over and not self.end < judged.goal <= max(2 * self.end, FIRST_ANCHOR):
-            raise NotBelieved("no render would measure its error next there")
+            raise NotBelieved("the next goal is not one at which a render measures its error")
         return judged
 
     def kill(self, why: str) -> None:

@@ -174,7 +174,7 @@ class PartRun:
             if not isinstance(stop, dict) or stop.get("reason") != "samples":
                 return Again(self._counted, "yield")
             if not self.part.checkpoint_file or outcome.done.outputs:
-                return Broken(Problem("render-failed", "The render process sent what it should not.").as_json())
+                return Broken(Problem("render-failed", "The render process sent an invalid message.").as_json())
         return outcome
 
     async def _settle(self, outcome: Outcome, ended: Ended | None) -> PartEnd:
@@ -208,7 +208,7 @@ class PartRun:
         signal = "" if ended.signal is None else f" {outcomes.signal_name(ended.signal)}"
         became = "done" if isinstance(outcome, Picture) else "failed"
         if isinstance(outcome, Again):
-            became = f"given out again: {outcome.why}"
+            became = f"queued again: {outcome.why}"
         title = f"samples {self.part.first}:{self.part.end}, chunk {self._run.chunk.id}: {ended.reason}{signal}; {became}"
         text = ended.log if ended.log_file is None else ended.log_file
         try:

@@ -135,7 +135,7 @@ class Cluster:
             "slots": slots,
             "cores": self.room.cores,
             "memory_bytes": self.room.memory_bytes,
-            "why": f"{self._away}; jobs wait" if self._away else "",
+            "why": f"{self._away}; jobs stay queued" if self._away else "",
             "nodes": [self._row(node) for node in self._nodes.values() if node.is_known],
         }
         if told != self._told:

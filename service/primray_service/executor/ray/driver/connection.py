@@ -31,14 +31,14 @@ def connect(address: str) -> None:
     except (ConnectionError, RuntimeError, ValueError, OSError) as error:
         raise NotConnected(protocol.UNREACHABLE, f"no Ray cluster at {address}: {_first_line(error)}") from error
     if os.environ.get("RAY_AUTH_MODE") == "disabled":
-        print("RAY_AUTH_MODE=disabled: whoever reaches the Ray cluster may run anything on its nodes", flush=True)
+        print("RAY_AUTH_MODE=disabled: anybody who can reach the Ray cluster can run code on its nodes", flush=True)
 
 
 def split(address: str) -> tuple[str, int]:
     """Return host and port; raises NotConnected for a malformed address."""
     host, _, port = address.rpartition(":")
     if address.startswith("ray://") or not host or not port.isdigit():
-        why = f"{address!r} is no address of a Ray cluster: HOST:PORT as `ray start --head` says, or auto on a node of it"
+        why = f"{address!r} is not the address of a Ray cluster: write HOST:PORT, or auto on one of its nodes"
         raise NotConnected(protocol.ADDRESS, why)
     return host.strip("[]"), int(port)
 

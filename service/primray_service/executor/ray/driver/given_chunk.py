@@ -99,7 +99,7 @@ class GivenChunk:
             ended = await self._run(order)
             if ended is not None:
                 return ended
-        raise ValueError("no node takes it")
+        raise ValueError("all nodes refused it")
 
     def _order(self) -> Order:
         chunk, settings = self._chunk, self._settings
@@ -126,7 +126,7 @@ class GivenChunk:
                     return None
                 if (ended := await self._take(item)) is not None:
                     return ended
-        raise ValueError("its task ended without a word")
+        raise ValueError("its task ended without a result")
 
     def _about(self, node: str) -> Json:
         return {"name": self._chunk.get("name", ""), "kind": self._chunk["kind"], "node": node, "since": time.time()}

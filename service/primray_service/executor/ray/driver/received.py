@@ -22,7 +22,7 @@ class Received:
         transit."""
         name = item.name
         if not name or name.startswith(".") or "/" in name or "\0" in name:
-            raise ValueError(f"{name!r} is no name of a worker's file")
+            raise ValueError(f"{name!r} is not the name of a worker's file")
         partial = self._out / f".{name}.partial"
         if isinstance(item, Part):
             self._sha256.setdefault(name, hashlib.sha256()).update(item.data)
@@ -32,5 +32,5 @@ class Received:
         sha256 = self._sha256.pop(name, hashlib.sha256()).hexdigest()
         if sha256 != item.sha256:
             partial.unlink(missing_ok=True)
-            raise ValueError(f"{name} has come with another content than it was sent with")
+            raise ValueError(f"{name} was changed in transit")
         os.replace(partial, self._out / name)

@@ -31,7 +31,7 @@ def node_folder() -> Path:
     folder = Path(named) if named else Path(tempfile.gettempdir(), f"primray-node-{os.getuid()}")
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     if folder.is_symlink() or os.lstat(folder).st_uid != os.getuid():
-        raise PermissionError(f"{folder} is another user's")
+        raise PermissionError(f"{folder} belongs to another user")
     return folder
 
 
@@ -172,7 +172,7 @@ class _Stream:
         while self.read(2**20):
             continue  # an archive's end may be padded
         if self._sha256.hexdigest() != self._content.sha256:
-            raise ValueError("a content has come with other bytes than it was sent with")
+            raise ValueError("a content was changed in transit")
 
 
 def _unpack(stream: _Stream, folder: Path) -> None:
@@ -183,7 +183,7 @@ def _unpack(stream: _Stream, folder: Path) -> None:
             name = PurePosixPath(member.name)
             source = archive.extractfile(member) if member.isreg() else None
             if source is None or name.is_absolute() or ".." in name.parts or not name.parts:
-                raise ValueError(f"{member.name!r} is no file of a scene")
+                raise ValueError(f"{member.name!r} is not a plain file of a scene")
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
             with open(target, "xb") as file:

@@ -14,7 +14,7 @@ from ....files import DataDirectory
 from ....sandbox import self_test
 from .cache import node_folder
 
-NO_TOKEN = "its Ray takes orders without a token: start it with RAY_AUTH_MODE=token"
+NO_TOKEN = "its Ray accepts commands without a token: start it with RAY_AUTH_MODE=token"
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,9 @@ def _fitness(wanted: Wanted) -> Fitness:
         data.slots.mkdir(mode=0o700, exist_ok=True)
         found = self_test(data.slots)
     except OSError as error:
-        return Fitness(f"its folder for work cannot be used: {error}")
+        return Fitness(f"its work folder cannot be used: {error}")
     if not found.ok and not wanted.allow_unsandboxed:
-        return Fitness(f"the sandbox does not hold there: {found.problem}", found.layers)
+        return Fitness(f"the sandbox does not work there: {found.problem}", found.layers)
     return Fitness("", found.layers)
 
 
