@@ -317,7 +317,7 @@ def test_quotas_of_a_tenant_that_nobody_knows_are_noted(known: str, noted: bool,
     with serving(script) as server:
         assert run(["admin", "quotas", "layout", "--stored-bytes", "3M", "--server", server.url]) == 0
     said = capsys.readouterr()
-    assert ("note: a tenant layout has no key, scene or job here" in said.err) == noted
+    assert ("note: a tenant layout has no key, scene or job yet" in said.err) == noted
     assert "stored_bytes    3,145,728" in said.out
     assert json.loads(server.requests[-1].body) == {"stored_bytes": 3 * 2**20}
 
@@ -345,7 +345,7 @@ def test_fetch_replaces_no_file_silently(tmp_path: Path, capsys: pytest.CaptureF
     (tmp_path / "a.exr").write_bytes(b"mine")
     with serving(answer) as server:
         assert run(["fetch", "job_1", "--server", server.url]) == 2
-        assert "error: file-exists: other files are there already" in capsys.readouterr().err
+        assert "error: file-exists: other files with these names exist" in capsys.readouterr().err
         assert [(tmp_path / name).read_bytes() for name in made] == [b"mine", b"two"]
         assert run(["fetch", "job_1", "--server", server.url, "--overwrite"]) == 0
         assert [(tmp_path / name).read_bytes() for name in made] == [b"one", b"two"]
