@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from primray_service.api.examples import SERVER, curl_example, python_example
+from primray_service.api.operations_page import SERVER, curl_example, python_example
 from primray_service.api.operations import Answer, Body, Operation, operations
-from primray_service.api.schema_words import Member, Ref, Words, members
+from primray_service.api.operations import Member, Ref, Words, members
 
 HEAD = """# HTTP reference
 

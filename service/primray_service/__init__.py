@@ -1,26 +1,37 @@
-"""The render service: USD in over HTTP, images and their error out.
+"""The render service: renders USD stages over HTTP, to a stated error.
 
-    app.py, routes/     HTTP: parse, call one function, answer; http/: what routes share
-    api/                what clients send and get
-    access/             who may ask, and for how much
-    jobs.py             what a job is (pure); admission.py: from a request to a job
-    problems.py         everything that is answered as an error
-    limits.py           what is allowed
+    app.py, routes/     HTTP: parse, call one function, answer; http/: code that routes share
+    api/                requests and answers as models, and the API's reference page
+    access/             authentication and quotas
+    jobs.py             jobs, their states and moves (pure); admission.py: from a request to a job
+    problems.py         every error answer
+    limits.py           limits of uploads, jobs, workers and tenants
     store/              the only SQL: SQLite or PostgreSQL
-    files.py            the data directory; objects.py: an object store that servers share in its place
+    files.py            the data directory; objects.py: an object store that servers share instead; file_lock.py: locks of files
     shared_roots.py     shared storage whose stages jobs may name
-    leading.py          what the server that dispatches can do, for answers that are the same on all servers
-    held.py             what is locked by whoever uses it, made while others sweep
+    changes.py          notification of changes to jobs, and reads of them that are shared
+    leader.py           capabilities of the server that dispatches, so that all servers give the same answers
     scenes/             uploads: streamed, recognised, unpacked, safely
-    dispatcher/         holds the lease, gives frames to an executor, adopts what comes back
+    queue/              order of queued jobs, their positions and estimated starts
+    dispatcher/         holds the lease, gives frames to an executor, adopts the results
     executor/           where chunks run: base.py is the interface
-    farm/               a cluster without the service: parts of frames, and what it does
-    worker/             the program that runs one
-    sandbox/            the walls around it
+    farm/               a Ray cluster without the service: parts of frames, and its state
+    worker/             the program that runs one chunk
+    sandbox/            isolation of that program
+    pictures/           previews, tone-mapped and encoded
+    webhooks/           calls of clients' addresses
     telemetry/          logs, metrics, traces
-    page/               the web page; main.js says how it is arranged
-    live/             `primray view`: a page that shows a stage, without the service
+    page/               the web page; main.js describes its folders
+    live/               `primray view`: a page that shows a stage, without the service
     cli/, client/       `primray serve`, `submit`, ...; the Python client
 
-The server process never parses USD and never decodes an image that somebody sent: workers do, one process a chunk.
+Five words for the work of a job:
+
+    frame    one picture of a job, at one time code; a job has one or many
+    part     a range of a frame's samples, rendered at the same time as its other parts
+    chunk    one command to one worker process: render a frame or a part up to its end, merge parts, or check a scene
+    slot     room for one running chunk, on this machine or on a node of a cluster
+    claim    the dispatcher's assignment of a queued frame or part to a chunk, under the fence of its lease
+
+The server process never parses USD and never decodes an uploaded image: workers do, one process for each chunk.
 """

@@ -12,11 +12,10 @@ from primray import __version__
 
 from .access.auth import Keys, Sessions, session_secret
 from .access.quotas import RequestRates
-from .http.cors import allow_origins
+from .http.callers import RateHeaders, spend_request
 from .http.failures import MethodsByPath, add_handlers
-from .http.guard import OriginGuard, RequestGuard
+from .http.guard import OriginGuard, RequestGuard, allow_origins
 from .http.measured import Measured
-from .http.rates import RateHeaders, spend_request
 from .routes import account, documents, health, keys, metrics, packages, page, scenes, sessions
 from .routes.admin import jobs as admin_jobs
 from .routes.admin import tenants as admin_tenants

@@ -22,7 +22,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from .app import create_app
-from .changes import Changes
+from .changes import Changes, SharedReads
 from .config import ServeConfig
 from .dispatcher import Dispatcher
 from .executor.by_name import executor_maker
@@ -32,10 +32,9 @@ from .limits import Limits
 from .objects import opened
 from .problems import Problem
 from .sandbox import SelfTest, self_test
-from .scenes import cache
+from .scenes import shared
 from .scenes.keep import sweep
 from .service import Service
-from .shared_reads import SharedReads
 from .store import open_store
 from .telemetry import logs
 from .webhooks import WebhookSender
@@ -161,10 +160,10 @@ async def keep_evicting(data: DataDirectory, limits: Limits) -> None:
     """Evict local copies periodically, until cancelled."""
     while True:
         try:
-            await asyncio.to_thread(cache.evict, data, 2 * limits.free_disk_bytes)
+            await asyncio.to_thread(shared.evict, data, 2 * limits.free_disk_bytes)
         except OSError as error:
             log.warning("local copies cannot be removed", error=str(error))
-        await asyncio.sleep(cache.EVERY_S)
+        await asyncio.sleep(shared.EVERY_S)
 
 
 def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:

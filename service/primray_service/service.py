@@ -6,23 +6,22 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from .access.tenants import TenantQuotas
+from .access.quotas import TenantQuotas
 from .api.job_json import job_json
 from .config import ServeConfig
 from .files import DataDirectory
 from .jobs import Job, Json
-from .leading import WhoLeads
+from .leader import WhoLeads
 from .limits import Limits, Quotas
 from .pictures.encoder import PictureEncoder
-from .waiting.places import Places
+from .queue.positions import Places
 
 if TYPE_CHECKING:
     from .access.auth import Caller
-    from .changes import Changes
+    from .changes import Changes, SharedReads
     from .dispatcher import Dispatcher
     from .executor.base import Executor
     from .sandbox import SelfTest
-    from .shared_reads import SharedReads
     from .store.base import Store
 
 

@@ -9,12 +9,11 @@ import pytest
 from pydantic import ValidationError
 
 from primray.errors import LimitError, SettingsError
-from primray_service.admission import _MEMBERS, _member, check_settings, new_job, render_settings, time_codes
+from primray_service.admission import _MEMBERS, _member, check_settings, continued, new_job, render_settings, time_codes
 from primray_service.api.models import ContinuedRules, JobRequest, Settings, StopRules
 from primray_service.jobs import Job, JobState, Json
 from primray_service.limits import Limits
 from primray_service.problems import Problem
-from primray_service.stop_rules import continued
 
 LIMITS = Limits(frames=5, samples=1000)
 SCENE = {"id": f"sha256:{'0' * 64}"}

@@ -6,7 +6,7 @@ import asyncio
 import threading
 import time
 
-from primray_service.shared_reads import SharedReads
+from primray_service.changes import SharedReads
 
 
 def test_reads_are_shared_until_a_change():

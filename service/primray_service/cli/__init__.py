@@ -8,7 +8,7 @@
     farm.py                                     nodes of a Ray cluster and what runs there, without a service
     ../live/command.py                          show a stage in a browser
     keys.py                                     API keys: over HTTP, or in a data directory for the first one
-    connection.py, exits.py, following.py, job_text.py    server and key; exit codes; progress; a job in words
+    connection.py, exits.py, job_text.py        server and key; exit codes; a job in words
 
 stdout is for results (ids, names of files, tables, JSON lines), stderr for everything else. Nothing heavy is imported before a
 command runs.

@@ -12,11 +12,10 @@ import typer
 from primray.cli.console import print_line
 
 from .cancel import Jobs
-from .connection import Json, KeyFile, Server, connected
+from .connection import Json, KeyFile, Labels, Server, connected, labels_of
 from .exits import USAGE, CommandError
 from .interventions import Job, show
 from .job_text import block, percent_text, place_text, plain, seconds_text, state_text
-from .labels import Labels, labels_of
 from .limit_options import quota_of
 
 if TYPE_CHECKING:

@@ -19,6 +19,7 @@ from .job_text import plain
 if TYPE_CHECKING:
     from ..client import Client, ProblemError
 
+
 Server = Annotated[
     str | None,
     typer.Option(
@@ -117,3 +118,18 @@ def key_of(file: Path | None) -> str | None:
     if readable:
         print(f"note: {file} can be read by other users of this machine; `chmod 600` it", file=sys.stderr)
     return key
+
+
+Labels = Annotated[
+    list[str] | None, typer.Option("--label", "-l", metavar="NAME=VALUE", help="May be repeated.", show_default=False)
+]
+
+
+def labels_of(texts: list[str] | None) -> dict[str, str]:
+    labels = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise CommandError("label", f"--label {text}: write name=value", USAGE)
+        labels[name] = value
+    return labels

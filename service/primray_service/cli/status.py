@@ -9,9 +9,8 @@ import typer
 
 from primray.cli.console import print_line
 
-from .connection import Json, KeyFile, Server, connected
+from .connection import Json, KeyFile, Labels, Server, connected, labels_of
 from .job_text import block, table
-from .labels import Labels, labels_of
 
 
 def status(

@@ -23,11 +23,10 @@ from primray.settings import (
     StudioLight,
 )
 
-from .connection import Json, KeyFile, Server, connected
+from .connection import Json, KeyFile, Labels, Server, connected, labels_of
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
 from .fetch import Overwrite, download_all
 from .job_text import plain
-from .labels import Labels, labels_of
 from .scene_file import SceneFile, scene_file, with_images
 from .watch import end_as, watched
 

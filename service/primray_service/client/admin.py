@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import quote
 
-from .answers import items_of, json_of, object_of
 from .documents import Frame, Job, Json, QuotaChanges, TenantUsage, Workers
 from .reading import read
-from .transport import Transport
+from .transport import Transport, items_of, json_of, object_of
 
 PAGE_ITEMS = 200
 

@@ -15,13 +15,12 @@ from typing import Any, Literal, TypeVar
 from urllib.parse import quote
 
 from .admin import Administration
-from .answers import items_of, job_path, json_of, object_of
 from .documents import Convergence, Event, Frame, Job, Json, Key, Output, Scene, Settings, StopRules, Usage, Webhook
 from .download import Show, download, target_of
 from .errors import ProblemError, ServerUnreachable, TimedOut, UnexpectedAnswer
 from .events import Reading
 from .reading import read
-from .transport import Transport
+from .transport import Transport, items_of, job_path, json_of, object_of
 from .upload import upload_files
 
 DEFAULT_SERVER = "http://127.0.0.1:8700"

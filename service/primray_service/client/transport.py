@@ -14,12 +14,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
+from urllib.parse import quote
 
 import httpx2
 
 from primray import __version__
 
 from ..http.retry_after import retry_after_s
+from .documents import Json
 from .errors import ProblemError, ServerUnreachable, UnexpectedAnswer
 
 RETRIED_STATUSES = frozenset({429, 502, 503, 504})
@@ -174,3 +176,27 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def job_path(job_id: str) -> str:
+    return f"/v1/jobs/{quote(job_id, safe='')}"
+
+
+def json_of(answer: Any) -> Any:
+    try:
+        return answer.json()
+    except ValueError:
+        raise UnexpectedAnswer(f"{answer.request.url} answered {answer.status_code} without JSON") from None
+
+
+def object_of(document: Any) -> Json:
+    if not isinstance(document, dict):
+        raise UnexpectedAnswer("a JSON object was expected")
+    return document
+
+
+def items_of(page: Any) -> list[Any]:
+    items = page.get("items") if isinstance(page, dict) else page
+    if not isinstance(items, list):
+        raise UnexpectedAnswer("a list was expected")
+    return items

@@ -13,12 +13,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from .answers import json_of, object_of
 from .documents import Json, Scene
 from .download import Show
 from .errors import UnexpectedAnswer
 from .reading import read
-from .transport import Transport
+from .transport import Transport, json_of, object_of
 
 MOST_ROUNDS = 5  # files may be removed on the server, or change here, during the upload
 PART_BYTES = 2**20

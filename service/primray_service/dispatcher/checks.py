@@ -1,17 +1,21 @@
-"""The check of one scene: a chunk of its own kind, and the scene's rows afterwards."""
+"""The check of one scene: a running chunk of its own kind, and the scene's rows afterwards."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import time
+from collections.abc import Mapping
+from typing import Any
 
 from .. import ids
-from ..executor.base import Ended
+from ..executor.base import Chunk, Ended, Executor
 from ..jobs import Json, Scene
 from ..problems import Problem
 from .chunks import commands, messages
-from .chunks.bringing import bring
-from .chunks.check_run import CheckRun
+from .chunks.chunk_run import LEAVE_S
+from .chunks.inbox import MOST_WARNINGS
+from .chunks.stage_inputs import stage_inputs
 from .context import Context
 from .frames import outcomes
 
@@ -27,7 +31,7 @@ async def check_scene(context: Context, scene: Scene) -> None:
     while True:
         run = None
         try:
-            await bring(context, scene)
+            await stage_inputs(context, scene)
             chunk = commands.check_chunk(f"k{ids.ulid(time.time())}", scene, context.data, context.limits)
             run = CheckRun(context.executor, chunk)
             ended = await run.ended()
@@ -74,3 +78,56 @@ def _judged(context: Context, run: CheckRun, ended: Ended) -> tuple[Json | None,
     if outcomes.was_killed(ended):
         return outcomes.crash_problem(ended).as_json(), "kill"
     return outcomes.crash_problem(ended).as_json(), "crash"
+
+
+MOST_KEPT = 500  # warnings kept
+
+
+class CheckRun:
+    def __init__(self, executor: Executor, chunk: Chunk) -> None:
+        self.facts: Json = {}
+        self.warnings: list[Json] = []
+        self.last: Json | messages.Failed | None = None  # facts, or the failure
+        self.is_not_believed = False
+        self._said_last = asyncio.Event()
+        self._warned = 0
+        self._handle = executor.submit(chunk, self._on_message)
+        self._ending = asyncio.create_task(self._handle.result())
+        self._ending.add_done_callback(lambda _: self._said_last.set())
+
+    def _on_message(self, message: Mapping[str, Any]) -> None:
+        try:
+            self._take(message)
+        except messages.NotBelieved:
+            self.is_not_believed = True
+            self._handle.kill()
+
+    def _take(self, message: Mapping[str, Any]) -> None:
+        at = message.get("at")
+        if at == "warning":
+            self._warned += 1
+            if self._warned > MOST_WARNINGS:
+                raise messages.NotBelieved("too many warnings")
+            if self._warned <= MOST_KEPT:
+                self.warnings.append(messages.warning_of(message))
+        elif at == "facts":
+            found = messages.mapping(message)
+            del found["at"]
+            self.facts = self.last = found
+        elif at == "failed":
+            self.last = messages.failed_of(message)
+        if self.last is not None:
+            self._said_last.set()
+
+    async def ended(self) -> Ended:
+        await self._said_last.wait()
+        if not self._ending.done():
+            await asyncio.wait([self._ending], timeout=LEAVE_S)
+            self._handle.kill()
+        return await asyncio.shield(self._ending)
+
+    async def close(self) -> None:
+        if not self._ending.done():
+            self._handle.kill()
+            await asyncio.wait([self._ending])
+        self._handle.release()

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from ..executor.base import Executor
 from ..files import DataDirectory
 from ..limits import Limits, Quotas
+from ..queue.rates import Rates
 from ..store.base import Store
-from ..waiting.rates import Rates
 from .calls import Calls
 from .metrics import Metrics
 

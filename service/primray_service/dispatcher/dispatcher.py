@@ -14,8 +14,8 @@ from ..files import DataDirectory
 from ..ids import ulid
 from ..jobs import Json
 from ..limits import Limits, Quotas
+from ..queue.rates import Rates
 from ..store.base import Store
-from ..waiting.rates import Rates
 from .calls import Calls
 from .context import Context
 from .lease import Lease

@@ -17,11 +17,11 @@ from ..executor.end_tasks import end_tasks
 from ..store.base import Claim, Lost
 from .checks import check_scene
 from .context import Context
-from .frames.parts.choosing import ClaimedFrame, claimed_frame
 from .frames.parts.parallel_frame import ParallelFrame
+from .frames.parts.select_mode import ClaimedFrame, select_mode
 from .frames.shared_jobs import SharedJobs
-from .giving_way import who_gives_way
 from .lease import Lease
+from .preemption import frames_to_preempt
 from .retention import Retention
 
 LOG = logging.getLogger(__name__)
@@ -168,11 +168,11 @@ class Scheduler:
         self._turn += 1
         self._served[claim.job.tenant] = self._turn
         for other in self._parallel():
-            other.has_given_way = False
+            other.was_preempted = False
         metrics = self._context.metrics
         metrics.frames_started += 1
         metrics.queue_wait.observe(max(time.time() - claim.job.queued_at, 0.0))
-        running = claimed_frame(self._context, self._jobs, claim, self._fill_slots)
+        running = select_mode(self._context, self._jobs, claim, self._fill_slots)
         self._running[running.key] = running
         if time.monotonic() - self._asked.pop(running.key, -PREVIEW_ASKED_S) < PREVIEW_ASKED_S:
             running.ask_preview()
@@ -210,7 +210,7 @@ class Scheduler:
         best = min(wanting, key=lambda running: (-running.job.priority, running.slots, running.key))
         if is_first:
             highest = max((priority for priority, _ in await self._waiting()), default=-1)
-            waits_its_turn = best.slots > 0 or best.has_given_way
+            waits_its_turn = best.slots > 0 or best.was_preempted
             if best.job.priority < highest or (best.job.priority == highest and waits_its_turn):
                 return False
             if not best.wants_slot:
@@ -259,8 +259,8 @@ class Scheduler:
         if not waiting:
             return
         seen = [holder for running in self._running.values() for holder in running.holders()]
-        for key in who_gives_way(seen, waiting, self._context.limits.time_slice_s):
-            self._running[key[0], key[1]].give_way(key)
+        for key in frames_to_preempt(seen, waiting, self._context.limits.time_slice_s):
+            self._running[key[0], key[1]].preempt(key)
 
     async def _start_check(self) -> None:
         if self._check is not None and not self._check.done():

@@ -21,7 +21,7 @@ from ..sandbox import layers
 from . import watchdog
 from .base import Capacity, Chunk, Handle, OnMessage
 from .local_run import Run
-from .local_worker import KINDS, Walls, Worker
+from .local_worker import KINDS, SandboxLayers, Worker
 from .slots import Slots
 
 LOG = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ class LocalExecutor:
         *,
         slots: int | None = None,
         cores: int,
-        walls: Walls = Walls(),  # noqa: B008 - immutable
+        walls: SandboxLayers = SandboxLayers(),  # noqa: B008 - immutable
         warm: bool = True,
     ) -> None:
         self._limits = limits

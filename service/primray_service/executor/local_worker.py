@@ -20,7 +20,7 @@ READY = b'{"at": "ready"}'
 
 
 @dataclass(frozen=True)
-class Walls:
+class SandboxLayers:
     """Start options of workers: `layers` of the sandbox (None: all available ones), and their program."""
 
     layers: frozenset[str] | None = None
@@ -37,7 +37,7 @@ class Worker:
         memory_bytes: int,
         threads: int,
         limits: Limits,
-        walls: Walls,
+        walls: SandboxLayers,
         roots: tuple[str, ...] = (),
     ) -> None:
         self.slot = slot

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import shutil
 import tempfile
 import threading
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -24,14 +25,14 @@ from primray.errors import LimitError, SettingsError
 from primray.report.report import settings_as_json
 from primray.settings import RenderSettings
 
-from ..cli.exits import error_of, problems_as_errors
+from ..cli.exits import SCENE_REJECTED, CommandError, error_of, problems_as_errors
+from ..cli.scene_file import scene_file
 from ..executor.base import Chunk, Ended, Handle
 from ..executor.ray.executor import RayExecutor
 from ..files import DataDirectory
 from ..jobs import Json
 from ..limits import Limits
 from ..problems import Problem
-from .packing import Packed, packed
 
 T = TypeVar("T")
 DAY_S = 24 * 3600.0
@@ -249,3 +250,39 @@ def _settle(future: Future[None], error: Exception | None) -> None:
             future.set_result(None)
         else:
             future.set_exception(error)
+
+
+LOG = logging.getLogger("primray")
+PACKAGE = "package"
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A packed stage; `root` is its path in a chunk's job folder."""
+
+    root: str
+    inputs: Mapping[str, Path] = field(default_factory=dict)
+    folders: Mapping[str, Path] = field(default_factory=dict)
+
+
+def packed(stage: Path, scratch: Path) -> Packed:
+    """Pack a stage; raises PrimrayError if a file cannot be read. Notes about files go to the log."""
+    found = scene_file(stage, scratch)
+    for note in found.notes:
+        LOG.warning(note)
+    if found.members is None or found.entry is None:
+        # A copy: nodes must not get half of a file that is saved while the frame is rendered.
+        copy = scratch / f"root{found.path.suffix.lower()}"
+        shutil.copyfile(found.path, copy)
+        return Packed(found.name, {found.name: copy})
+    folder = scratch / PACKAGE
+    for name, file in found.members.items():
+        copy = folder / name
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            shutil.copyfile(file, copy)
+        except OSError as error:
+            raise CommandError(
+                "unreadable-file", f"it cannot be read: {error.strerror}", SCENE_REJECTED, where=str(file)
+            ) from None
+    return Packed(f"{PACKAGE}/{found.entry}", {}, {PACKAGE: folder})

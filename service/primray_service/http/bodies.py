@@ -10,8 +10,8 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect
 
+from ..api.aliases import in_own_words
 from ..api.near import hint_of
-from ..api.words import in_own_words
 from ..problems import Problem
 from .callers import service_of
 

@@ -71,7 +71,7 @@ class PictureEncoder:
             return made
 
     async def view_table(self, space: Space, *through: str | None) -> bytes:
-        """Return the display transform in the form of view_table.py: view, display and look, or the configuration's defaults.
+        """Return the display transform as views.view_table makes it: view, display and look, or the configuration's defaults.
         Raises Problem("unavailable") if it cannot be made."""
         key = (space, *through)
         async with self._turn:

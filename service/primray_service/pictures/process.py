@@ -17,10 +17,8 @@ from typing import Any
 from primray.errors import SettingsError
 
 from ..worker.preview import BadPreview, Preview, read_preview
-from .png import png
 from .request import MEDIA_TYPES, PictureRequest
-from .view_table import view_table
-from .views import picture
+from .views import picture, png, view_table
 
 JPEG_QUALITY = 90
 

@@ -1,15 +1,24 @@
-"""Previews as 8-bit pixels: the picture as its PNG will be, one channel of it, or its error in false colours."""
+"""Previews as 8-bit pixels: the picture as its PNG will be, one channel of it, or its error in false colours; and PNG files.
+
+The display transform is also available as a table, so that the page, which has no OpenColorIO, draws parts of files alike. It
+holds the default view's 8-bit values at a cube of linear colours, whose sides are spaced by log2(value + LEAST) from 0 to MOST;
+interpolation is within one 8-bit step, except for a few in a hundred of the most saturated colours. Format: length of the JSON
+(4 bytes, little-endian), JSON {side, least, most, display, view}, then side^3 x 3 values, blue running fastest.
+"""
 
 from __future__ import annotations
 
+import json
+import struct
+import zlib
 from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 import numpy.typing as npt
 
-from primray.color.color_space import LUMINANCE_WEIGHTS
-from primray.color.ocio import check_view
+from primray.color.color_space import LUMINANCE_WEIGHTS, named
+from primray.color.ocio import check_view, to_display
 from primray.images.exposure import View, exposure_that_serves
 from primray.images.image import encode
 
@@ -129,3 +138,45 @@ def _box_mean(values: Values, side: int) -> Values:
     counts = np.diff(np.append(rows, height))[:, None, None] * np.diff(np.append(columns, width))[None, :, None]
     mean: Values = (sums / counts).astype(np.float32)
     return mean
+
+
+SIDE = 65
+LEAST, MOST = 0.03, 512.0
+
+
+def view_table(space: str, view: str | None = None, display: str | None = None, look: str | None = None) -> bytes:
+    """Return the table. `space`: one of request.Space; SettingsError for names that the configuration does not have."""
+    places = np.geomspace(LEAST, MOST + LEAST, SIDE, dtype=np.float64) - LEAST
+    places[0] = 0.0
+    cube = np.stack(np.meshgrid(places, places, places, indexing="ij"), axis=-1).astype(np.float32)
+    found = named(space)
+    assert found is not None
+    shown = to_display(cube.reshape(SIDE, -1, 3), view, display, look=look, space=found)
+    values = (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
+    display, view = check_view(view, display)
+    head = json.dumps({"side": SIDE, "least": LEAST, "most": MOST, "display": display, "view": view}).encode()
+    return struct.pack("<I", len(head)) + head + values.tobytes()
+
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+COLOR_TYPES = {1: 0, 3: 2, 4: 6}  # channels -> table 8: greyscale, truecolour, truecolour with alpha
+FILTER_UP = 2
+COMPRESSION = 1  # noise hardly compresses, so speed matters more
+
+
+def png(values: npt.NDArray[Any]) -> bytes:
+    """Return a PNG of (H, W, C) uint8 with 1, 3 or 4 channels."""
+    height, width, channels = values.shape
+    rows = values.reshape(height, width * channels)
+    filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
+    filtered[:, 0] = FILTER_UP
+    filtered[0, 1:] = rows[0]
+    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # modulo 256, as the filter requires
+    header = struct.pack(">IIBBBBB", width, height, 8, COLOR_TYPES[channels], 0, 0, 0)
+    srgb = _chunk(b"sRGB", b"\0")
+    body = zlib.compress(filtered.tobytes(), COMPRESSION)
+    return SIGNATURE + _chunk(b"IHDR", header) + srgb + _chunk(b"IDAT", body) + _chunk(b"IEND", b"")
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

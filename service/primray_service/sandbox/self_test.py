@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..held import make_held
+from ..file_lock import make_held
 from .layers import layers, works
 from .limits import Budget
 from .spawn import worker_spawn

@@ -14,12 +14,12 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from . import bubblewrap
 from .layers import usable_layers
 from .limits import Budget, limits_of
-from .ocio import OCIO, configuration, readable_files
 from .readable import DEVICES, machine_paths, readable_paths
 
 WORKER = ("-m", "primray_service.worker")
@@ -70,7 +70,7 @@ def worker_spawn(
 
 
 def _environment(out: str, threads: int) -> dict[str, str]:
-    """Return the worker's complete environment: beside the OpenColorIO configuration (ocio.py) only the core's ISA class is
+    """Return the worker's complete environment: beside the OpenColorIO configuration only the core's ISA class is
     inherited, and no plug-in path, search path or token."""
     chosen = {name: os.environ[name] for name in INHERITED if name in os.environ}
     return chosen | {
@@ -110,4 +110,52 @@ def _children(pid: int) -> list[int]:
     try:
         return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text("ascii").split()]
     except (OSError, ValueError):
+        return []
+
+
+OCIO = "OCIO"
+BUILTIN = "ocio://"
+_LUTS = """3dl cc ccc cdl clf csp ctf cub cube hdl icc icm itx look lut m3d mga spi1d spi3d spimtx vf"""
+LUTS = frozenset(f".{name}" for name in _LUTS.split())
+MOST_FILES = 4000
+
+
+def configuration() -> str | None:
+    """Return the absolute path or name of the configuration in $OCIO; None if it names nothing that exists."""
+    said = os.environ.get(OCIO, "")
+    if said.startswith(BUILTIN):
+        return said
+    path = os.path.abspath(said) if said else ""
+    return path if os.path.isfile(path) else None
+
+
+def readable_files(source: str, slot: Path) -> tuple[str, ...]:
+    """Return files and folders for workers; never one that contains a worker's own."""
+    found = () if source.startswith(BUILTIN) else _files_of(source)
+    return tuple(path for path in found if not slot.is_relative_to(path))
+
+
+@cache
+def _files_of(source: str) -> tuple[str, ...]:
+    config = Path(source)
+    folders = [Path(config.parent, path) for path in _search_paths(source)]
+    others = [
+        folder.resolve()
+        for folder in folders
+        if folder.is_dir() and not config.parent.resolve().is_relative_to(folder.resolve())
+    ]
+    beside = [path for path in sorted(config.parent.iterdir()) if path.is_file() and path.suffix.lower() in LUTS]
+    linked = {str(path.resolve()) for path in (config, *beside)}
+    return tuple(dict.fromkeys([source, *map(str, beside[:MOST_FILES]), *sorted(linked), *map(str, others)]))
+
+
+def _search_paths(source: str) -> list[str]:
+    """Return the configuration's search paths; none if it cannot be read, which the worker reports."""
+    import PyOpenColorIO as ocio
+
+    try:
+        config = ocio.Config.CreateFromFile(source)
+        context = config.getCurrentContext()
+        return [context.resolveStringVar(path) for path in config.getSearchPaths()]
+    except (ocio.Exception, ocio.ExceptionMissingFile, RuntimeError, ValueError):
         return []

@@ -1,8 +1,9 @@
 """Preparation of a staged upload for storage: it is recognised, unpacked, described and synced; and the lock of scenes/.
 
 A folder in scenes/ appears complete, by one rename, after everything in it was synced; the row follows. So a crash leaves at
-worst a folder without a row, which a sweep removes. The lock keeps an upload from relying on bytes that are about to be
-removed; it is a lock of a file open for writing, since servers on several machines may share a data directory (staging.py).
+worst a folder without a row, which a sweep removes. The lock keeps an upload from relying on bytes that are about to be removed.
+It is a lock of a file open for writing, since servers on several machines may share a data directory (staging.py). Zips are
+extracted member by member, counting the output: sizes in headers are compared, never trusted.
 """
 
 from __future__ import annotations
@@ -13,20 +14,22 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from ..files import DataDirectory
 from ..jobs import Json, Scene, SceneState
-from ..limits import Limits
-from ..problems import problem_of
+from ..limits import Limits, MiB
+from ..problems import Problem, problem_of
 from .entries import candidates
 from .receive import Received
 from .recognize import HEAD_BYTES, called_usdz, recognize, without_layers, wrong_as_usdz
-from .unpack import unpack
-from .zip_directory import read_directory
-from .zip_names import refuse_names
+from .zip_directory import DEFLATED, Member, read_directory, shown, unsafe
+from .zip_names import ARCHIVE_HEAD_BYTES, archive_kind, refuse_names
 
 ABOUT = "about.json"  # description from unpacking, for the next tenant who sends the same bytes
 LIBC = ctypes.CDLL(None, use_errno=True)
@@ -106,3 +109,106 @@ def scene_row(received: Received, tenant: str, about: Json, now: float) -> Scene
         created_at=now,
         used_at=now,
     )
+
+
+READ_BYTES = 256 * 1024
+WRITE_BYTES = 1 * MiB
+RATIO_FROM_BYTES = 1 * MiB  # smaller texts may well exceed the limit's ratio
+
+
+@dataclass(frozen=True)
+class Unpacked:
+    files: int
+    bytes: int
+
+
+def unpack(file: BinaryIO, members: list[Member], folder: Path, limits: Limits, free_bytes: Callable[[], int]) -> Unpacked:
+    """Unpack members whose names were checked. If refused, nothing is left behind."""
+    folder.mkdir(mode=0o700)
+    total = 0
+    packed = sum(member.packed_bytes for member in members)
+    files = [member for member in members if not member.is_folder]
+    try:
+        for member in members:
+            if member.is_folder and any(_content(file, member)):
+                raise unsafe("The member is a folder, but has content.", member.name)
+        for member in files:
+            target = folder / member.name
+            target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            total += _unpack_member(file, member, target, limits, total, packed, free_bytes)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return Unpacked(len(files), total)
+
+
+def _unpack_member(
+    file: BinaryIO, member: Member, target: Path, limits: Limits, before: int, packed: int, free_bytes: Callable[[], int]
+) -> int:
+    written, checksum = 0, 0
+    with target.open("xb", buffering=0) as output:
+        for data in _content(file, member):
+            if written == 0:
+                _refuse_archive(data[:ARCHIVE_HEAD_BYTES], member)
+            written += len(data)
+            _refuse_too_large(member, written, before, packed, limits)
+            if free_bytes() < limits.free_disk_bytes + len(data):
+                raise Problem("storage-full", "The server's disk has no room for what the package unpacks to.")
+            checksum = zlib.crc32(data, checksum)
+            output.write(data)
+    if written != member.bytes:
+        raise unsafe(f"The member has {written} bytes; its header says {member.bytes}.", member.name)
+    if checksum != member.crc:
+        raise unsafe("The member is damaged: its checksum differs from its header's.", member.name)
+    os.chmod(target, 0o600)
+    return written
+
+
+def _content(file: BinaryIO, member: Member) -> Iterator[bytes]:
+    """Yield the member's inflated bytes, at most WRITE_BYTES at a time. A stream that ends early or late is refused."""
+    file.seek(member.data_at)
+    left = member.packed_bytes
+    inflate = zlib.decompressobj(-zlib.MAX_WBITS) if member.method == DEFLATED else None
+    while left:
+        data = file.read(min(left, READ_BYTES))
+        if not data:
+            raise unsafe("The member is cut off.", member.name)
+        left -= len(data)
+        if inflate is None:
+            yield data
+            continue
+        while data:
+            try:
+                out = inflate.decompress(data, WRITE_BYTES)
+            except zlib.error:
+                raise unsafe("The member is damaged: it cannot be inflated.", member.name) from None
+            if out:
+                yield out
+            data = inflate.unconsumed_tail
+            if inflate.eof and (inflate.unused_data or left):
+                raise unsafe("The member's compressed data end too early.", member.name)
+    if inflate is not None:
+        # A limited inflate may hold back output without input left to give it.
+        while out := inflate.decompress(b"", WRITE_BYTES):
+            yield out
+        if not inflate.eof:
+            raise unsafe("The member's compressed data are cut off.", member.name)
+
+
+def _refuse_archive(head: bytes, member: Member) -> None:
+    kind = archive_kind(head)
+    if kind is not None and not (kind == "zip" and member.name.lower().endswith(".usdz")):
+        raise unsafe(f"The member is an archive ({kind}); only usdz archives are allowed in a package.", member.name)
+
+
+def _refuse_too_large(member: Member, written: int, before: int, packed: int, limits: Limits) -> None:
+    if before + written > limits.unpacked_bytes:
+        raise _too_large(f"The package unpacks to more than {limits.unpacked_bytes} bytes.", member, limits.unpacked_bytes)
+    for what, size, of in (("member", written, member.packed_bytes), ("package", before + written, packed)):
+        if size > RATIO_FROM_BYTES and size > limits.unpack_ratio * max(of, 1):
+            sentence = f"The {what} unpacks to more than {limits.unpack_ratio:g} times its {of} bytes."
+            raise _too_large(sentence, member, limits.unpack_ratio)
+
+
+def _too_large(detail: str, member: Member, limit: float) -> Problem:
+    return Problem("package-too-large", detail, member=shown(member.name), limit=limit)

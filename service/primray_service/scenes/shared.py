@@ -1,7 +1,8 @@
 """Scenes in an object store that several servers share: scenes/<hex>/upload, as it was sent, and about.json, which marks it as
 complete. Packages are unpacked where they are needed.
 
-A lock in the database keeps an upload from relying on bytes that are about to be removed.
+A lock in the database keeps an upload from relying on bytes that are about to be removed. Each server has a cache of local
+copies, removed after a day without use, and sooner, least recently used first, if the disk is short.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +23,7 @@ from ..objects import Objects
 from ..problems import Problem
 from ..store.base import Store
 from .contents import MANIFEST, bring_package
-from .preparing import ABOUT, locked, prepare, refuse_as_usdz, scene_row
+from .preparing import ABOUT, locked, prepare, refuse_as_usdz, scene_row, set_aside
 from .receive import Received
 from .staging import staging_here
 
@@ -76,7 +79,7 @@ def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
     if data.objects is None or scene.kind == "shared":
         return
     if folder.exists():
-        os.utime(folder)  # marks it as just used: cache.py
+        os.utime(folder)  # marks it as just used, for `evict`
         return
     with staging_here(data) as staged:
         path = staged / UPLOAD
@@ -134,3 +137,43 @@ def sweep(store: Store, data: DataDirectory) -> None:
 def _lock(scene_id: str, store: Store) -> Iterator[None]:
     with store.exclusive(f"scene {scene_id}"):
         yield
+
+
+KEPT_S = 24 * 3600.0
+USED_S = 600.0  # files used within this time may be in use
+EVERY_S = 60.0
+
+
+def evict(data: DataDirectory, wanted_bytes: int) -> int:
+    """Evict copies, and return their number. Blocks."""
+    now, removed = time.time(), 0
+    for used_at, folder in sorted(_copies(data)):
+        is_old = now - used_at > KEPT_S
+        if not is_old and (now - used_at < USED_S or data.free_bytes() >= wanted_bytes):
+            return removed
+        _remove(folder, data)
+        removed += 1
+    return removed
+
+
+def _copies(data: DataDirectory) -> Iterator[tuple[float, Path]]:
+    """Yield the copies with the time of their last use."""
+    for folder in data.scenes.iterdir():
+        yield folder.stat().st_mtime, folder
+    for path in data.contents.glob("*/*"):
+        yield path.stat().st_mtime, path
+    for folder in data.jobs.iterdir():
+        yield max(path.stat().st_mtime for path in (folder, *folder.glob("frames/*"))), folder
+
+
+def _remove(folder: Path, data: DataDirectory) -> None:
+    if folder.parent.parent == data.contents:
+        folder.unlink(missing_ok=True)  # packages that contain it keep their links
+        return
+    if folder.parent == data.jobs:
+        shutil.rmtree(folder, ignore_errors=True)
+        return
+    with locked(data):
+        gone = set_aside(f"sha256:{folder.name}", data)
+    if gone is not None:
+        shutil.rmtree(gone, ignore_errors=True)

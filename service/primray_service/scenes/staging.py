@@ -15,8 +15,8 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
+from ..file_lock import make_held
 from ..files import DataDirectory
-from ..held import make_held
 from .threads import to_the_end
 
 LOCK = ".lock"

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from ..jobs import Event, Frame, Job, JobState, Json, Output, Part, Scene
 from ..limits import Quotas
-from ..waiting.order import Waiting
+from ..queue.order import Waiting
 
 
 class Lost(Exception):

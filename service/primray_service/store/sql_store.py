@@ -8,21 +8,19 @@ from contextlib import AbstractContextManager
 from ..jobs import Json
 from .database.engine import Database
 from .database.migrate import migrate
+from .operations.claims import Claims
 from .operations.contents import Contents
 from .operations.frames import Frames
 from .operations.interventions import Interventions
 from .operations.jobs import Jobs
-from .operations.keys import Keys
+from .operations.keys import EndedSessions, Keys
 from .operations.leases import Leases
 from .operations.listing import Listing
 from .operations.parts import Parts
+from .operations.queue import Queue, WorkSeconds
 from .operations.scenes import Scenes
-from .operations.sessions import EndedSessions
 from .operations.tenants import Tenants
 from .operations.usage import Sums
-from .operations.waiting.claims import Claims
-from .operations.waiting.queue import Queue
-from .operations.waiting.work_seconds import WorkSeconds
 from .operations.webhooks import Webhooks
 
 

@@ -4,13 +4,11 @@ addresses.py   which addresses may be called: checked when a job is submitted, a
 signing.py     secrets and signatures
 delivery.py    one attempt: connect to the checked address, send, read a little
 sender.py      loop over due deliveries; run by the server that holds the lease
-acceptance.py  a job request's webhook, as it is stored with the job
 """
 
 from __future__ import annotations
 
-from .acceptance import accepted_webhook, shown_webhook
-from .addresses import check_address
+from .addresses import accepted_webhook, check_address, shown_webhook
 from .sender import WebhookSender
 from .signing import new_secret
 

@@ -1,4 +1,4 @@
-"""Addresses that webhooks may call: public ones, and those in networks that the configuration opens.
+"""Webhooks of job requests, and the addresses they may call: public ones, and those in networks that the configuration opens.
 
 A name is resolved when a job is submitted, for an immediate error, and again for each attempt, which connects to the very
 address that was resolved and checked then; so changes in between (DNS rebinding) do not matter.
@@ -11,8 +11,11 @@ import socket
 import threading
 from collections.abc import Callable, Sequence
 
+from ..api.models import Webhook
 from ..config import ServeConfig
+from ..jobs import Json
 from ..problems import Problem
+from .signing import key_of, new_secret
 
 # Returns addresses in the order of the system's resolver; OSError (socket.gaierror) if there are none.
 Resolve = Callable[[str, int], Sequence[str]]
@@ -151,3 +154,20 @@ def _looked_up(target: Target, resolve: Resolve) -> Sequence[str] | None:
 
 def _refused(detail: str) -> Problem:
     return Problem("webhook-address", detail)
+
+
+def accepted_webhook(webhook: Webhook, config: ServeConfig, resolve: Resolve = resolve_now) -> Json:
+    """Return the webhook to store: with a secret, made if none was given. Problem if it cannot be called. Call it in a thread:
+    it resolves a name."""
+    check_address(webhook.url, config, resolve)
+    if webhook.secret is not None:
+        try:
+            key_of(webhook.secret)
+        except ValueError as error:
+            raise Problem("invalid-request", str(error), errors=[{"at": "/webhook/secret", "detail": str(error)}]) from None
+    return {"url": webhook.url, "events": list(webhook.events), "secret": webhook.secret or new_secret()}
+
+
+def shown_webhook(kept: Json, *, with_secret: bool = False) -> Json:
+    """Return a stored webhook as clients see it; the secret only in the answer to the request that made it."""
+    return {name: value for name, value in kept.items() if name != "secret" or with_secret}

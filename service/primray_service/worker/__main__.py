@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..sandbox import Entered, enter, limit_cpu_of_phase
-from .channel import Channel, claim_stdout
-from .client_text import ClientText
+from .channel import Channel, ClientText, claim_stdout
 from .warm import warm_up
 
 Do = Callable[[Mapping[str, Any], Path, Path, Channel], None]

@@ -24,8 +24,7 @@ from primray.settings import RenderSettings, settings_of_json
 from ..problems import Problem
 from ..sandbox import end_phase
 from .channel import Channel
-from .outputs import DEFAULT_NAMES, described, to_send, write_pictures, write_report
-from .picture_files import PictureFiles, picture_files_of
+from .outputs import DEFAULT_NAMES, PictureFiles, described, picture_files_of, to_send, write_pictures, write_report
 from .render_watch import Numbers, Phases, Share, Warnings, Watch
 from .stage_of_frames import StageOfFrames
 

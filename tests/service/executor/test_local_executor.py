@@ -11,7 +11,7 @@ from tests.service.executor.contract import ExecutorContract
 from primray_service.executor.base import Executor, Handle
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run
-from primray_service.executor.local_worker import Walls
+from primray_service.executor.local_worker import SandboxLayers
 from primray_service.executor.watchdog import innermost
 from primray_service.files import DataDirectory
 from primray_service.limits import GiB, Limits
@@ -33,7 +33,7 @@ class TestWithoutBubblewrap(TestLocalExecutor):
 
     @classmethod
     def make(cls, folder: Path) -> Executor:
-        walls = Walls(frozenset({"rlimits", "landlock", "seccomp"}))
+        walls = SandboxLayers(frozenset({"rlimits", "landlock", "seccomp"}))
         return LocalExecutor(DataDirectory(folder), Limits(memory_bytes=2 * GiB), slots=2, cores=2, walls=walls)
 
 

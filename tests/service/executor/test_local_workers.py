@@ -20,7 +20,7 @@ import pytest
 from primray_service.executor.base import Chunk, Ended, Message
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run
-from primray_service.executor.local_worker import Walls
+from primray_service.executor.local_worker import SandboxLayers
 from primray_service.executor.process import READ_BYTES
 from primray_service.files import DataDirectory
 from primray_service.limits import GiB, Limits, MiB
@@ -42,7 +42,7 @@ LIMITS = Limits(memory_bytes=1 * GiB, output_bytes=8 * MiB, log_bytes=256 * 1024
 @asynccontextmanager
 async def started(folder: Path, limits: Limits = LIMITS, **options: Any) -> AsyncIterator[LocalExecutor]:
     executor = LocalExecutor(
-        DataDirectory(folder), limits, cores=2, walls=Walls(frozenset(), ("-c", PROGRAM)), **{"warm": False, **options}
+        DataDirectory(folder), limits, cores=2, walls=SandboxLayers(frozenset(), ("-c", PROGRAM)), **{"warm": False, **options}
     )
     await executor.start()
     try:
@@ -357,7 +357,7 @@ def test_one_worker_waits_for_each_kind_and_is_replaced(tmp_path: Path) -> None:
 
 def test_where_no_worker_starts(tmp_path: Path) -> None:
     async def go() -> None:
-        walls = Walls(frozenset(), ("-c", "raise SystemExit('no such luck')"))
+        walls = SandboxLayers(frozenset(), ("-c", "raise SystemExit('no such luck')"))
         executor = LocalExecutor(DataDirectory(tmp_path), LIMITS, cores=2, walls=walls)
         with pytest.raises(Problem, match="no such luck") as raised:
             await executor.start()

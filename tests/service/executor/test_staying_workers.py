@@ -18,7 +18,7 @@ from tests.service.sandbox.inside import needs
 from primray_service.executor.base import Chunk, Ended
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run
-from primray_service.executor.local_worker import Walls
+from primray_service.executor.local_worker import SandboxLayers
 from primray_service.files import DataDirectory
 from primray_service.limits import GiB, Limits, MiB
 
@@ -69,7 +69,7 @@ class Played:
 
 @asynccontextmanager
 async def playing(folder: Path, *, layers: frozenset[str] = frozenset(), **options: Any) -> AsyncIterator[Played]:
-    walls = Walls(layers, ("-c", f"ENTERS = {bool(layers)}\n{PROGRAM}"))
+    walls = SandboxLayers(layers, ("-c", f"ENTERS = {bool(layers)}\n{PROGRAM}"))
     executor = LocalExecutor(DataDirectory(folder), LIMITS, cores=2, walls=walls, **{"warm": False, **options})
     await executor.start()
     try:

@@ -13,9 +13,8 @@ import pytest
 from primray_service.executor.ray.driver import contents as sent
 from primray_service.executor.ray.driver.contents import Contents
 from primray_service.executor.ray.node.cache import NodeCache
-from primray_service.executor.ray.node.content import Content
-from primray_service.executor.ray.node.items import FileEnd, Part
-from primray_service.executor.ray.node.leaving import taken
+from primray_service.executor.ray.node.chunk_task import taken
+from primray_service.executor.ray.node.transfer import Content, FileEnd, Part
 
 
 class Store:

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("ray", reason="skipped: no ray")
 
-from primray_service.executor.ray.driver.room import Resources, room, selector
+from primray_service.executor.ray.driver.cluster import Resources, room, selector
 
 GiB = 2**30
 

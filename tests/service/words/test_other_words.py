@@ -11,8 +11,8 @@ from pydantic import BaseModel
 
 from primray.cli.quick import TABLE
 from primray.settings import RenderSettings
+from primray_service.api.aliases import STOP_WORDS, WORDS, in_own_words
 from primray_service.api.models import JobRequest, Settings, StopRules
-from primray_service.api.words import STOP_WORDS, WORDS, in_own_words
 from primray_service.http.bodies import parsed
 from primray_service.problems import Problem
 

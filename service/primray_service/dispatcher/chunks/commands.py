@@ -18,7 +18,7 @@ from ...jobs import Frame, Job, Json, Part, Scene
 from ...limits import Limits
 from ...problems import Problem
 from ...scenes.entries import choose
-from ...scenes.names import file_name
+from ...scenes.recognize import file_name
 from ...shared_roots import SharedFile, shared_name
 
 MERGE_CPU_S = 900.0  # for reading and measuring several large films

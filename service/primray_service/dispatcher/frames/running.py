@@ -15,14 +15,14 @@ from ... import ids
 from ...executor.base import Ended
 from ...jobs import TERMINAL, Frame, FrameState, Job, JobState
 from ...problems import Problem
+from ...queue.rates import MOST
 from ...store.base import Claim
-from ...waiting.rates import MOST
 from ..chunks import adoption, commands
-from ..chunks.bringing import bring
 from ..chunks.chunk_run import ChunkRun
 from ..chunks.messages import Checkpoint
+from ..chunks.stage_inputs import stage_inputs
 from ..context import Context
-from ..giving_way import Key, Running
+from ..preemption import Key, Running
 from . import progress_reports, run_completion
 from .outcomes import Again, Broken, Circumstances, GivenUp, Outcome, Picture, outcome_of
 from .shared_jobs import SharedJob, SharedJobs
@@ -129,7 +129,7 @@ class RunningFrame:
         else:
             run.kill("cancel")
 
-    def give_way(self, key: Key | None = None) -> None:
+    def preempt(self, key: Key | None = None) -> None:
         """Yield to another frame; `key` names the holder, of which a whole frame has one."""
         if not self.going:
             self.going = True
@@ -222,7 +222,7 @@ class RunningFrame:
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
-            await bring(context, scene, job.id, (frame.checkpoint_file,))
+            await stage_inputs(context, scene, job.id, (frame.checkpoint_file,))
             chunk_id = f"c{ids.ulid(time.time())}"
             capacity = context.executor.capacity()
             chunk = commands.render_chunk(chunk_id, job, frame, scene, context.data, capacity, context.limits, asked)

@@ -1,4 +1,4 @@
-"""State that concurrently running frames of one job share."""
+"""State that concurrently running frames of one job share, with the rate limit of the job's progress reports."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from ...jobs import Frame, Job
 from ..context import Context
-from .report_throttle import ReportThrottle
 from .totals import JobTotals
 
 PAGE = 500
@@ -55,3 +54,33 @@ class SharedJobs:
             if len(page) < PAGE:
                 break
         return SharedJob(JobTotals(job, frames), ReportThrottle(asyncio.get_running_loop().time()), asyncio.Lock())
+
+
+SOONEST_S = 0.5
+MOST_A_SECOND = 50.0  # reports of all frames; more would delay claims and ends
+LATEST_S = 10.0
+OF_ELAPSED = 0.02
+
+
+class ReportThrottle:
+    """Rate limit of one job. Times are of any monotonic clock."""
+
+    def __init__(self, began: float) -> None:
+        self._began = began
+        self._report_at = began
+        self._event_at: dict[str, float] = {}
+
+    def report_in(self, now: float) -> float:
+        """Return the seconds until the job's row may be written again."""
+        return max(self._report_at - now, 0.0)
+
+    def reported(self, now: float, running: int = 1) -> None:
+        """Record a report; `running` is the number of running frames of all jobs, which share the database's capacity."""
+        self._report_at = now + max(SOONEST_S, running / MOST_A_SECOND)
+
+    def takes_event(self, kind: str, now: float) -> bool:
+        """Return whether an event of this kind is due; if so, the next one is due later."""
+        if now < self._event_at.get(kind, self._began):
+            return False
+        self._event_at[kind] = now + min(max(OF_ELAPSED * (now - self._began), SOONEST_S), LATEST_S)
+        return True

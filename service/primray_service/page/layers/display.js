@@ -1,4 +1,4 @@
-// The view that the server's pictures are seen through, as a table of it (pictures/view_table.py): what is drawn here looks as
+// The view that the server's pictures are seen through, as a table of it (pictures/views.py): what is drawn here looks as
 // its PNG does.
 
 import { call } from "../base/api.js";

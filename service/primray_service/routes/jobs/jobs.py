@@ -13,7 +13,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
 from ...access.auth import Caller
-from ...admission import changes_of
+from ...admission import changes_of, continued
 from ...api import views
 from ...api.models import ContinueRequest, JobPatch
 from ...changes import wait
@@ -25,7 +25,6 @@ from ...jobs import TERMINAL, Job, JobState, Json, etag, version_in
 from ...limits import Limits
 from ...problems import Problem
 from ...service import Service
-from ...stop_rules import continued
 from ...store.base import Conflict, JobFilter
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])

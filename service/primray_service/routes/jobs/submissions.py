@@ -22,8 +22,7 @@ from ...http.uploads import receive_scene, refused
 from ...jobs import TERMINAL, Job, Scene, SceneState
 from ...problems import Problem
 from ...scenes.entries import choose
-from ...scenes.names import job_name
-from ...scenes.recognize import MEDIA_TYPES
+from ...scenes.recognize import MEDIA_TYPES, job_name
 from ...service import Service
 from ...store.base import Conflict, KeyReused
 from ...telemetry import tracing

@@ -1,10 +1,11 @@
-"""Rows of API keys."""
+"""Rows of API keys, and of sessions that were logged out, which every server on this database refuses."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from sqlalchemy import select, update
+from sqlalchemy import delete, select, update
 
 from ..base import ApiKey
 from ..database import schema
@@ -43,3 +44,19 @@ class Keys(Operations):
             return True
 
         return self._db.write(work)
+
+
+ended = schema.ended_sessions
+
+
+class EndedSessions(Operations):
+    def end_session(self, session: str, until: float, now: float) -> None:
+        def work(transaction: Transaction[Any]) -> None:
+            transaction.execute(delete(ended).where(ended.c.until <= now))
+            transaction.insert_new(ended, {"session": session, "until": until})
+
+        self._db.write(work)
+
+    def session_has_ended(self, session: str) -> bool:
+        found = select(ended.c.session).where(ended.c.session == session)
+        return self._db.read(lambda db: db.execute(found).first()) is not None

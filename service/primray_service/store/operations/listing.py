@@ -10,8 +10,7 @@ from sqlalchemy import Select, exists, select, tuple_, union_all
 from ...jobs import JobState
 from ..base import JobFilter, Page
 from ..database import schema
-from ..database.cursors import read_cursor, write_cursor
-from ..database.rows import JOB_COLUMNS, job_of
+from ..database.rows import JOB_COLUMNS, job_of, read_cursor, write_cursor
 from .operations import Operations
 
 jobs, labels = schema.jobs, schema.job_labels

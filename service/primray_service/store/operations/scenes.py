@@ -12,8 +12,7 @@ from ...jobs import TERMINAL, JobState, Json, Scene, SceneState
 from ...limits import Quotas
 from ..base import Conflict, QuotaExceeded
 from ..database import schema
-from ..database.cursors import read_cursor, write_cursor
-from ..database.rows import scene_of, values_of_scene
+from ..database.rows import read_cursor, scene_of, values_of_scene, write_cursor
 from ..database.transaction import Transaction
 from .contents import note_contents, release_contents
 from .leases import check_fence, look_at_fence

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from primray.settings import SAMPLE_BLOCK
-from primray_service.dispatcher.frames.parts.cutting import LEAST, LEAST_S, Known, next_samples, rules_of
+from primray_service.dispatcher.frames.parts.chunk_size import LEAST, LEAST_S, Known, next_samples, rules_of
 
 
 def cut(most: int, known: Known) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from primray_service.dispatcher.frames.parts.merge_pace import GUESS_S, MOST_WAITING, SHARE, SHARE_WATCHED, WATCHED_S, MergePace
+from primray_service.dispatcher.frames.parts.merge_run import GUESS_S, MOST_WAITING, SHARE, SHARE_WATCHED, WATCHED_S, MergePace
 
 
 def test_merges_take_a_share_of_the_time() -> None:

@@ -15,7 +15,7 @@ from tests.service.dispatcher.rig import Rig
 from tests.service.dispatcher.scripted import ScriptedExecutor, Worker, killed_outside, segfault
 
 from primray_service.dispatcher.frames import run_completion
-from primray_service.dispatcher.frames.parts import cutting, merge_pace, part_run
+from primray_service.dispatcher.frames.parts import chunk_size, merge_run, part_run
 from primray_service.jobs import JobState, PartState
 
 TO_64 = {"stop": {"max_samples": 64}}
@@ -130,10 +130,10 @@ def test_a_merge_takes_a_place(tmp_path: Path) -> None:
 def test_where_somebody_looks_there_are_merges_meanwhile(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, watched: bool
 ) -> None:
-    monkeypatch.setattr(merge_pace, "GUESS_S", 0.01)  # so after 0.1 s if watched, else after 10 s
-    monkeypatch.setattr(merge_pace, "SHARE", 0.001)
-    monkeypatch.setattr(merge_pace, "MOST_WAITING", 100)
-    monkeypatch.setattr(cutting, "LEAST_S", 0.01)
+    monkeypatch.setattr(merge_run, "GUESS_S", 0.01)  # so after 0.1 s if watched, else after 10 s
+    monkeypatch.setattr(merge_run, "SHARE", 0.001)
+    monkeypatch.setattr(merge_run, "MOST_WAITING", 100)
+    monkeypatch.setattr(chunk_size, "LEAST_S", 0.01)
     pieces = Pieces(pause_s=0.15)
 
     async def act(rig: Rig, executor: ScriptedExecutor) -> None:

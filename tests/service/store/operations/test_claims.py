@@ -11,10 +11,10 @@ import pytest
 
 from primray_service.jobs import FrameState, JobState
 from primray_service.limits import Quotas
+from primray_service.queue.order import in_order
 from primray_service.store import open_store
 from primray_service.store.base import Claim, Lost
 from primray_service.store.operations.open_job import open_jobs
-from primray_service.waiting.order import in_order
 
 from ..world import ANY, World, any_quotas, new_job, new_scene, scene_id
 
@@ -283,7 +283,7 @@ def test_a_job_canceled_meanwhile_is_left_out(world: World, monkeypatch: pytest.
 
     if world.store._db.is_sqlite:
         pytest.skip("skipped: a writer of SQLite is alone")
-    monkeypatch.setattr("primray_service.store.operations.waiting.claims.open_jobs", late)
+    monkeypatch.setattr("primray_service.store.operations.claims.open_jobs", late)
     claims = world.store.claim_frames(world.fence, world.tick(), any_quotas, 10)
     assert [claim.job.id for claim in claims] == [stays.id]
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from primray_service.jobs import JobState
 from primray_service.store import SqlStore
 from primray_service.store.base import JobFilter
-from primray_service.store.database.cursors import read_cursor, write_cursor
+from primray_service.store.database.rows import read_cursor, write_cursor
 
 from ..world import ANY, T0, World, new_job, scene_id
 

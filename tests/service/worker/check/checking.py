@@ -135,7 +135,7 @@ os.dup2(2, 1)
 from primray_service.sandbox import enter
 entered = enter((messages.fileno(),))
 from primray_service.worker.check import check_scene
-from primray_service.worker.client_text import ClientText
+from primray_service.worker.channel import ClientText
 from primray_service.worker.failures import problem_of_error
 
 class Left(BaseException):

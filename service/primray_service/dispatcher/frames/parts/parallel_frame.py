@@ -18,19 +18,17 @@ from ....jobs import TERMINAL, Frame, FrameState, Job, JobState, Part, PartState
 from ....store.base import Claim
 from ...chunks import adoption, commands
 from ...context import Context
-from ...giving_way import Key, Running
+from ...preemption import Key, Running
 from .. import progress_reports
 from ..outcomes import Again, Broken, GivenUp, Outcome
 from ..run_completion import RunCompletion
 from ..running import DROPPED, RunningFrame, Taken
 from ..shared_jobs import SharedJob, SharedJobs
-from .adopting import adopt_merge, adopt_preview_of, remove_merged, unusable
-from .course import Course
 from .ledger import waits_again
-from .merge_pace import MergePace
-from .merge_run import Found, MergeRun
+from .merge_run import Found, MergePace, MergeRun, adopt_merge, adopt_preview_of, remove_merged, unusable
 from .part_run import PartEnd, PartRun
-from .told import Told
+from .plan import Plan
+from .progress import PartsProgress
 
 LOOK_S = 0.5
 NOT_LOST = ("enough", "cancel")  # parts that are no longer needed
@@ -46,7 +44,7 @@ class ParallelFrame:
         self.job: Job = claim.job
         self.frame = claim.frame
         self.going = False
-        self.has_given_way = False  # since another frame was given a slot
+        self.was_preempted = False  # since another frame was given a slot
         self._places = places
         self._context = context
         self._jobs = jobs
@@ -63,11 +61,11 @@ class ParallelFrame:
         self._picture: RunningFrame | None = None
         self._wants_preview = False
         self._has_freed = False  # slots freed since others were notified
-        self._course = Course(self.job.settings.get("stop", {}), places)
+        self._plan = Plan(self.job.settings.get("stop", {}), places)
         self._merges = MergePace(self._loop.time(), places)
         capacity = context.executor.capacity()
         asked = settings_as_json(commands.frame_settings(self.job.settings, self.frame, capacity))
-        self._told = Told(self._loop.time(), self.frame.convergence, asked)
+        self._progress = PartsProgress(self._loop.time(), self.frame.convergence, asked)
         self._spent_s = commands.spent_s(self.frame)
 
     @property
@@ -93,7 +91,7 @@ class ParallelFrame:
     def wants_slot(self) -> bool:
         if self._is_ending or not self._has_read or self._picture is not None or self._holds_slot:
             return False
-        has_work = self._is_merge_due or self._course.next_part(self.frame) is not None or self._is_sampled
+        has_work = self._is_merge_due or self._plan.next_part(self.frame) is not None or self._is_sampled
         return self._used < self._places and has_work
 
     def take_slot(self) -> None:
@@ -124,19 +122,19 @@ class ParallelFrame:
             self.shut_down()
         self._news.set()
 
-    def give_way(self, key: Key | None = None) -> None:
+    def preempt(self, key: Key | None = None) -> None:
         if self._picture is not None:
-            self._picture.give_way()
+            self._picture.preempt()
         for run in self._parts.values():
             if (*self.key, run.part.first) == key:
-                run.give_way()
+                run.preempt()
 
     def shut_down(self) -> None:
         self.going = True
         if self._picture is not None:
             self._picture.shut_down()
         for run in self._parts.values():
-            run.give_way()
+            run.preempt()
         self._news.set()
 
     def ask_preview(self) -> None:
@@ -188,17 +186,17 @@ class ParallelFrame:
         if frame.merged and frame.checkpoint_file in gone:
             await calls.store(context.store.drop_parts, context.fence, frame)
             self.frame, parts = replace(frame, merged=0, checkpoint_file=""), []
-        self._course.begin(self.frame, [_as_left(part, gone) for part in parts])
-        keep = {part.checkpoint_file for part in self._course.ledger.parts} | {self.frame.checkpoint_file}
+        self._plan.begin(self.frame, [_as_left(part, gone) for part in parts])
+        keep = {part.checkpoint_file for part in self._plan.ledger.parts} | {self.frame.checkpoint_file}
         await calls.disk(adoption.tidy_frame, context.data, self.job.id, frame.number, keep)
-        self._told.error = frame.progress.get("error") if self.frame.merged else None
+        self._progress.error = frame.progress.get("error") if self.frame.merged else None
         self._has_read = True
 
     async def _sample(self, shared: SharedJob) -> Taken | Outcome:
         """Render and merge parts until the frame is complete, or something else ends it."""
         while True:
             await self._reap()
-            self._told.hear(self._parts.values(), self._loop.time())
+            self._progress.hear(self._parts.values(), self._loop.time())
             self._follow_clock()
             if (end := self._end_now()) is not None:
                 return end
@@ -222,28 +220,28 @@ class ParallelFrame:
             return None if self._parts else Again(self.frame, "shutdown")
         if self.is_canceling:
             self._kill_parts("cancel")
-            return None if self._parts or self._merging is not None or self._course.to_merge() else GivenUp()
+            return None if self._parts or self._merging is not None or self._plan.to_merge() else GivenUp()
         if not self._is_sampled:
             return None
         self._kill_parts("enough")
         if self._parts or not self._holds_slot:
             return None
-        samples, out_of_time = self._course.end
-        return Taken(samples, self._course.ledger.merged, out_of_time)
+        samples, out_of_time = self._plan.end
+        return Taken(samples, self._plan.ledger.merged, out_of_time)
 
     @property
     def _is_sampled(self) -> bool:
-        return self._course.is_sampled(self.frame, runs=bool(self._parts), merges=self._merging is not None)
+        return self._plan.is_sampled(self.frame, runs=bool(self._parts), merges=self._merging is not None)
 
     def _follow_clock(self) -> None:
-        self._course.at(self._elapsed_s, self._context.limits.seconds)
-        if self._course.is_out_of_time:
+        self._plan.at(self._elapsed_s, self._context.limits.seconds)
+        if self._plan.is_out_of_time:
             self._kill_parts("enough")
 
     @property
     def _elapsed_s(self) -> float:
         """Return the wall-clock seconds since the first sample, including earlier runs."""
-        since = self._told.inbox.sampling_since
+        since = self._progress.inbox.sampling_since
         return self._spent_s + (0.0 if since is None else self._loop.time() - since)
 
     def _use_slot(self) -> None:
@@ -253,13 +251,13 @@ class ParallelFrame:
             return
         if not self._holds_slot or self._is_ending or self._is_sampled:
             return
-        part = self._course.next_part(self.frame)
+        part = self._plan.next_part(self.frame)
         if part is None or self._used >= self._places:
             self._holds_slot = not self._used
             return
         self._holds_slot = False
         run = PartRun(self._context, self.job, self.frame, part, self._scene, self._news.set)
-        self._course.ledger.put(replace(part, state=PartState.RUNNING))
+        self._plan.ledger.put(replace(part, state=PartState.RUNNING))
         task = asyncio.create_task(run.live(), name="part")
         self._parts[task] = run
         task.add_done_callback(lambda _: self._news.set())
@@ -269,9 +267,9 @@ class ParallelFrame:
         for task in [task for task in self._parts if task.done()]:
             end, run = task.result(), self._parts.pop(task)
             self._has_freed = True
-            self._told.hear([run], self._loop.time())
+            self._progress.hear([run], self._loop.time())
             await self._take_part(end)
-            self.has_given_way = self.has_given_way or run.going
+            self.was_preempted = self.was_preempted or run.going
             keeps = not run.going and (not self._used or self._is_merge_due)
             self._holds_slot = self._holds_slot or keeps
         if self._merging is not None and self._merging[0].done():
@@ -286,13 +284,13 @@ class ParallelFrame:
             self._holds_slot = self._holds_slot or not self._parts
 
     async def _take_part(self, end: PartEnd) -> None:
-        is_cut = not self._course.ledger.ends(end.part)
+        is_cut = not self._plan.ledger.ends(end.part)
         if is_cut:
             await remove_merged(self._context, self.job.id, [end.part.checkpoint_file])
         if end.ended is not None:
             self._count(end.ended.cpu_s, end.ended.peak_rss_bytes)
         if end.outcome is None and not is_cut:
-            self._course.took(end.part.samples, end.sampled_s, end.load_s)
+            self._plan.took(end.part.samples, end.sampled_s, end.load_s)
         elif isinstance(end.outcome, Broken):
             self._failed = end.outcome
         elif end.outcome is None:
@@ -311,15 +309,15 @@ class ParallelFrame:
         """Return whether a merge comes before any part: something waits for it, or the pace asks for one."""
         if self._merging is not None or self.going or self._kill_for or self._failed is not None:
             return False
-        waiting = len(self._course.to_merge())
+        waiting = len(self._plan.to_merge())
         if self.is_canceling:
             return waiting > 0 and not self._parts
-        is_awaited = self._course.is_merge_awaited(self.frame, runs=bool(self._parts))
+        is_awaited = self._plan.is_merge_awaited(self.frame, runs=bool(self._parts))
         return is_awaited or self._merges.is_due(waiting, self._loop.time())
 
     def _merge(self) -> None:
         self._holds_slot = False
-        merge = MergeRun(self._context, self.job, self.frame, self._course.to_merge(), self._scene)
+        merge = MergeRun(self._context, self.job, self.frame, self._plan.to_merge(), self._scene)
         task = asyncio.create_task(merge.live(), name="merge")
         task.add_done_callback(lambda _: self._news.set())
         self._merging = task, merge
@@ -361,7 +359,7 @@ class ParallelFrame:
             gone = [part.checkpoint_file for part in self._note(merge, found)] + [before.checkpoint_file]
             self.frame = replace(taken, progress=before.progress | {"spent_s": self._elapsed_s})
             for run in self._parts.values():
-                if self._course.ledger.is_cut(run.part):
+                if self._plan.ledger.is_cut(run.part):
                     run.kill("enough")
             await remove_merged(self._context, self.job.id, gone)
             await self._take_preview(merge)
@@ -369,11 +367,11 @@ class ParallelFrame:
     def _note(self, merge: MergeRun, found: Found) -> list[Part]:
         """Record a merge and return the parts that are merged or shortened by it."""
         assert merge.run is not None
-        self._told.error = found.error
-        self._told.merged(found.rays, merge.end)
-        self._told.inbox.convergence = merge.run.inbox.convergence
-        self._told.inbox.has_news = True
-        return self._course.merged(merge.end, found.judged)
+        self._progress.error = found.error
+        self._progress.merged(found.rays, merge.end)
+        self._progress.inbox.convergence = merge.run.inbox.convergence
+        self._progress.inbox.has_news = True
+        return self._plan.merged(merge.end, found.judged)
 
     async def _take_preview(self, merge: MergeRun) -> None:
         number = await adopt_preview_of(self._context, self.job.id, self.frame.number, merge)
@@ -383,9 +381,9 @@ class ParallelFrame:
 
     async def _report(self, shared: SharedJob) -> None:
         running = list(self._parts.values())
-        self._told.progress(self._course, running, self._elapsed_s)
-        if progress_reports.wait_s(self._told, shared, self._loop.time()) == 0.0:
-            job, self.frame = await progress_reports.report(self._context, shared, self.job, self.frame, self._told)
+        self._progress.progress(self._plan, running, self._elapsed_s)
+        if progress_reports.wait_s(self._progress, shared, self._loop.time()) == 0.0:
+            job, self.frame = await progress_reports.report(self._context, shared, self.job, self.frame, self._progress)
             self.saw(job)
 
     async def _end_as(self, shared: SharedJob, end: Taken | Outcome) -> None:
@@ -395,7 +393,7 @@ class ParallelFrame:
         if isinstance(end, GivenUp) and self.frame.merged:
             await self._make_picture(None)  # of a canceled frame that had samples
             return
-        self.frame = progress_reports.updated(self.frame, self._told)
+        self.frame = progress_reports.updated(self.frame, self._progress)
         completion = RunCompletion(self._context, shared, self.job, self.frame, None, None)
         await self._end_tasks()
         self._holds_slot = False
@@ -410,7 +408,7 @@ class ParallelFrame:
             self._jobs.forget(self.job)
 
     async def _make_picture(self, taken: Taken | None) -> None:
-        self.frame = progress_reports.updated(self.frame, self._told)
+        self.frame = progress_reports.updated(self.frame, self._progress)
         claim = Claim(self.job, self.frame)
         self._picture = RunningFrame(self._context, self._jobs, claim, self._on_free, taken)
         self._holds_slot = False

@@ -12,10 +12,10 @@ from ....executor.base import Ended
 from ....jobs import Frame, Job, Part, PartState, Scene
 from ....problems import Problem
 from ...chunks import adoption, commands
-from ...chunks.bringing import bring
 from ...chunks.chunk_run import ChunkRun
 from ...chunks.inbox import Inbox
 from ...chunks.messages import Checkpoint
+from ...chunks.stage_inputs import stage_inputs
 from ...context import Context
 from .. import outcomes, run_completion
 from ..outcomes import Again, Broken, Circumstances, GivenUp, Outcome, Picture, outcome_of
@@ -65,7 +65,7 @@ class PartRun:
     def sampled_s(self) -> float:
         return 0.0 if self._run is None else self._run.sampled_s
 
-    def give_way(self) -> None:
+    def preempt(self) -> None:
         if not self.going:
             self.going = True
             if self._run is not None:
@@ -103,7 +103,7 @@ class PartRun:
         try:
             if self._scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
-            await bring(context, self._scene, part.job_id, (part.checkpoint_file,))
+            await stage_inputs(context, self._scene, part.job_id, (part.checkpoint_file,))
             capacity = context.executor.capacity()
             about = (self._job, self._frame, self.part, self._scene)
             chunk = commands.part_chunk(chunk_id, *about, context.data, capacity, context.limits)

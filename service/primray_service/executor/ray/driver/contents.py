@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ..node.content import PART_BYTES, Content
+from ..node.transfer import PART_BYTES, Content
 
 KEPT_BYTES = 8 * 2**30
 Put = Callable[[bytes], Any]  # stores bytes in the object store and returns the ref

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import os
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -13,12 +15,10 @@ import ray
 from ray.exceptions import RayError
 
 from ....jobs import Json
-from ..node.items import Begun, End, FileEnd, Item, Message, Part, Refused
-from ..node.order import Order
 from ..node.tasks import give_chunk
+from ..node.transfer import Begun, End, FileEnd, Item, Message, Order, Part, Refused
 from .cluster import Cluster
 from .contents import Contents
-from .received import Received
 
 KILL_WITHIN_S = 3.0  # for a node to end its worker; then its task is ended, with all processes it started
 CANCEL_WITHIN_S = 5.0  # for a task; then it counts as lost
@@ -153,3 +153,29 @@ def _lost(error: BaseException) -> Json:
     why = (str(error).strip().splitlines() or [""])[0]
     log = f"lost: {type(error).__name__}: {why[:500]}"
     return {"reason": "lost", "exit_code": None, "signal": None, "cpu_s": 0.0, "peak_rss_bytes": 0, "log": log}
+
+
+class Received:
+    """Received files of one chunk; `out` is the folder for the worker's files."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._sha256: dict[str, Any] = {}  # running digests of incomplete files
+
+    def take(self, item: Part | FileEnd) -> None:
+        """Take a block or the end of a file; ValueError for items that our tasks do not send, and for bytes changed in
+        transit."""
+        name = item.name
+        if not name or name.startswith(".") or "/" in name or "\0" in name:
+            raise ValueError(f"{name!r} is not the name of a worker's file")
+        partial = self._out / f".{name}.partial"
+        if isinstance(item, Part):
+            self._sha256.setdefault(name, hashlib.sha256()).update(item.data)
+            with open(partial, "ab") as file:
+                file.write(item.data)
+            return
+        sha256 = self._sha256.pop(name, hashlib.sha256()).hexdigest()
+        if sha256 != item.sha256:
+            partial.unlink(missing_ok=True)
+            raise ValueError(f"{name} was changed in transit")
+        os.replace(partial, self._out / name)

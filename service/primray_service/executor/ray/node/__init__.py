@@ -3,8 +3,8 @@
 tasks.py        everything that Ray is asked to run
 fitness.py      whether this node takes work: its versions, its CPU class, its token, its sandbox
 chunk_task.py   a chunk: its files come, its worker runs, its messages and files go back
-order.py, items.py, content.py    data that goes to a node and comes back
+transfer.py     data that goes to a node and comes back
 mailbox.py      commands to running chunks
 cache.py        contents that this node has already
-runner.py       a LocalExecutor in a thread of its own; leaving.py: files on their way back
+runner.py       a LocalExecutor in a thread of its own
 """

@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from .content import Content
+from .transfer import Content
 
 KEPT_BYTES = 32 * 2**30
 KEPT_PART = 0.25  # share of the disk

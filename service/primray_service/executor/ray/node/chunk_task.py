@@ -5,12 +5,16 @@ Ray's process is trusted as the server is; the worker is not, so nothing of a sc
 
 from __future__ import annotations
 
+import hashlib
+import os
+import stat
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ....files import DataDirectory
 from ....jobs import Json
@@ -18,10 +22,8 @@ from ....limits import Limits
 from ...base import Chunk, Ended
 from .cache import NodeCache, Read, node_folder
 from .fitness import fitness
-from .items import Begun, End, Item, Message, Refused
-from .leaving import files_of, taken
-from .order import Order
 from .runner import Runner, Running
+from .transfer import PART_BYTES, Begun, End, FileEnd, Item, Message, Order, Part, Refused
 
 Take = Callable[[], list[Json] | None]  # returns the mailbox's commands for the chunk; None: it is over
 
@@ -119,3 +121,33 @@ def _end(ended: Ended) -> End:
     log = ended.log_file.read_bytes() if ended.log_file is not None and ended.log_file.is_file() else ended.log.encode()
     told = {name: getattr(ended, name) for name in ("reason", "exit_code", "cpu_s", "peak_rss_bytes", "log", "protocol_error")}
     return End({**told, "signal": None if ended.signal is None else int(ended.signal)}, log)
+
+
+def files_of(message: Mapping[str, Any]) -> list[str]:
+    """Return the files that a message names."""
+    if message["at"] in ("preview", "checkpoint"):
+        return [message["file"]]
+    return [output["file"] for output in message["outputs"]] if message["at"] == "done" else []
+
+
+def taken(folder: Path, name: str, most_bytes: int) -> Iterator[Part | FileEnd]:
+    """Yield the file's blocks; nothing unless it is a plain file of at most `most_bytes`: its adoption then fails with a
+    report."""
+    try:
+        handle = os.open(folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return
+    with os.fdopen(handle, "rb") as file:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode) or found.st_nlink != 1 or found.st_size > most_bytes:
+            return
+        sha256, left = hashlib.sha256(), found.st_size  # bytes appended meanwhile are not taken
+        while left > 0 and (data := file.read(min(left, PART_BYTES))):
+            left -= len(data)
+            sha256.update(data)
+            yield Part(name, data)
+        if not found.st_size:
+            yield Part(name, b"")
+    with suppress(OSError):
+        os.unlink(folder / name)
+    yield FileEnd(name, sha256.hexdigest())

@@ -14,9 +14,8 @@ from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 from ....jobs import Json
 from . import chunk_task
 from .fitness import Fitness, Wanted, fitness
-from .items import Item
 from .mailbox import Mailbox
-from .order import Order
+from .transfer import Item, Order
 
 MOST_AHEAD = 16  # items of a task that nobody has taken yet: results must not fill the object store
 MOST_ASKING = 1000  # chunks that wait for commands

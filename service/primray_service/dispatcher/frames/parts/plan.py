@@ -1,0 +1,149 @@
+"""Plan of a frame in parts: what is rendered and merged next, and when the frame is complete. Pure: time is an argument.
+
+With a target error the frame ends where a single render does: the error is measured at the same numbers of samples (goals),
+over exactly the samples up to there. So no part is merged beyond the goal, and a part across it is rendered again, up to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from primray.distributed.planner import MOST_AHEAD, Range
+from primray.sampling.schedule import FIRST_ANCHOR
+
+from ....jobs import Frame, Json, Part, PartState
+from .chunk_size import Known, next_samples, rules_of
+from .ledger import Ledger
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Result of measuring the error of all merged samples: the target is reached; or else the number of samples at which it is
+    measured next, and the number at which the target should be reached, if known."""
+
+    target_met: bool
+    goal: int
+    expected: int | None
+
+
+class Plan:
+    """Plan of one frame. `ledger`: where samples are; `known`: what they cost; `target_met`: by the merged samples. `goal`: the
+    samples at which the error is measured next, or all of them; None: that of the merged samples is to be measured first."""
+
+    def __init__(self, stop: Json, places: int) -> None:
+        self.rules = rules_of(stop)
+        self.known = Known(places)
+        self.ledger = Ledger(0, ())
+        self.target_met = False
+        self.goal: int | None = None
+        self._expected: int | None = None
+        self._asked: int | None = stop.get("max_samples")
+
+    def begin(self, frame: Frame, parts: Iterable[Part]) -> None:
+        """Resume from what was merged, and rendered, before."""
+        self.ledger = Ledger(frame.merged, parts)
+        self.goal = None
+        if self.rules.target is None:
+            self.goal = self.rules.most
+        elif not frame.merged:
+            self._aim(FIRST_ANCHOR)
+
+    def took(self, samples: int, sampled_s: float, load_s: float) -> None:
+        """Record that a part of that many samples is done."""
+        each, known = max(sampled_s, 1e-6) / samples, self.known.sample_s
+        self.known = replace(self.known, sample_s=each if known is None else (known + each) / 2, load_s=load_s)
+
+    def merged(self, end: int, judged: Judged | None) -> list[Part]:
+        """Record that the first `end` samples are merged, with their error if one was requested; return the parts whose files
+        are no longer needed."""
+        gone = self.ledger.merge(end)
+        if judged is None or self.rules.target is None:
+            return gone
+        self.target_met, self._expected = judged.target_met, judged.expected
+        return gone if self.target_met else gone + self._aim(judged.goal)
+
+    def _aim(self, goal: int) -> list[Part]:
+        """Set the goal and return the parts that were shortened, and are not in progress."""
+        self.goal = min(goal, self.rules.most)
+        return [part for part in self.ledger.cut(self.goal) if part.state is not PartState.RUNNING]
+
+    @property
+    def expected_end(self) -> int | None:
+        """Return the number of samples after which the frame should end by its error or its sample limit; None if not known
+        yet."""
+        if self.rules.target is None:
+            return self.rules.most
+        return None if self._expected is None else min(self._expected, self.rules.most)
+
+    def to_merge(self) -> list[Part]:
+        return [] if self.goal is None else self.ledger.to_merge(self.goal)
+
+    def is_merge_awaited(self, frame: Frame, *, runs: bool) -> bool:
+        """Return whether a merge is needed now: the error is measured after it, or it completes the frame; or slots that wait
+        for other parts can merge in the meantime, so that less is left for later. `runs`: whether parts run."""
+        if self.target_met:
+            return False
+        if self.goal is None:
+            return True
+        parts = self.to_merge()
+        if not parts:
+            return False
+        return parts[-1].end == self.goal or ((len(parts) > 1 or not runs) and self.next_part(frame) is None)
+
+    def at(self, elapsed_s: float, allowed_s: float) -> None:
+        """Update the time left. A time limit in the job's stop rules determines the size of parts; the server's limit only ends
+        the frame."""
+        left = allowed_s - elapsed_s
+        if self.rules.seconds is not None:
+            left = min(left, self.rules.seconds - elapsed_s)
+        elif left > 0:
+            return
+        self.known = replace(self.known, left_s=left)
+
+    @property
+    def is_out_of_time(self) -> bool:
+        """Return whether the time is over and there are samples to show."""
+        has_some = self.ledger.merged > 0 or bool(self.to_merge())
+        return has_some and self.known.left_s is not None and self.known.left_s <= 0
+
+    def next_part(self, frame: Frame) -> Part | None:
+        """Return the first samples that nobody renders, from a part that came back or as a new part; None if none is to be
+        handed out now."""
+        if self.goal is None or self.target_met or self.is_out_of_time:
+            return None
+        waiting, new = self.ledger.waiting(), self._next_range(self.goal)
+        if waiting is not None and (new is None or waiting.first < new[0]):
+            return waiting
+        return None if new is None else Part(frame.job_id, frame.number, *new)
+
+    def _next_range(self, goal: int) -> Range | None:
+        board = self.ledger.board
+        end = board.reach(goal, self.expected_end, self.rules.most)
+        if end > goal and self.ledger.done_from(goal) >= MOST_AHEAD * self.known.places:
+            return None
+        samples = next_samples(board.left(end), self.known)
+        return board.next_part(goal, end, samples) if samples else None
+
+    def is_sampled(self, frame: Frame, *, runs: bool, merges: bool) -> bool:
+        """Return whether all samples of the frame are merged. `runs`: parts of it run; `merges`: some are being merged."""
+        if self.target_met:
+            return True
+        if self.goal is None:
+            return self.is_out_of_time and not merges
+        if self.ledger.merged >= self.rules.most:
+            return True
+        if merges or not self.ledger.merged or self.to_merge():
+            return False
+        nothing_comes = not runs and self.next_part(frame) is None
+        return self.is_out_of_time or (nothing_comes and self.known.left_s is not None)
+
+    @property
+    def end(self) -> tuple[int, bool]:
+        """Return, for a complete frame, the samples of its picture, one more than parts can take if an odd number was
+        requested; and whether its time is over."""
+        merged = self.ledger.merged
+        is_whole = merged >= self.rules.most
+        if is_whole and self._asked is not None and not self.target_met:
+            return max(self._asked, merged), False
+        return merged, not is_whole and not self.target_met
