@@ -1,4 +1,4 @@
-"""The API's reference as a page of the service: every operation with what it takes and answers, and examples in curl and Python.
+"""The API's reference as a page of the service: every operation with what it takes and answers; examples in curl and Python.
 
 page/docs/ adds a form to each operation that sends it; the page is readable without scripts. Knows no HTTP.
 """

@@ -1,7 +1,7 @@
 """Preparation of a staged upload for storage: it is recognised, unpacked, described and synced; and the lock of scenes/.
 
 A folder in scenes/ appears complete, by one rename, after everything in it was synced; the row follows. So a crash leaves at
-worst a folder without a row, which a sweep removes. The lock keeps an upload from relying on bytes that are about to be removed.
+worst a folder without a row, which a sweep removes. The lock keeps an upload from relying on bytes about to be removed.
 It is a lock of a file open for writing, since servers on several machines may share a data directory (staging.py). Zips are
 extracted member by member, counting the output: sizes in headers are compared, never trusted.
 """

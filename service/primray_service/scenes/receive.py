@@ -1,6 +1,6 @@
 """Reception of a scene, as a body or in a form, into a folder in incoming/: streamed, counted and hashed on the way.
 
-Content-Length is never trusted; it is used to refuse early what would be refused later. Blocking work (writing, hashing) runs in
+Content-Length is never trusted and serves to refuse early what would be refused later. Blocking work (writing, hashing) runs in
 threads, a mebibyte at a time. The parser of multipart/form-data yields parts as their bytes arrive.
 """
 
