@@ -6,9 +6,8 @@ import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from primray_service.api.operations import Answer, Body, Member, Operation, Ref, Words, members, operations
 from primray_service.api.operations_page import SERVER, curl_example, python_example
-from primray_service.api.operations import Answer, Body, Operation, operations
-from primray_service.api.operations import Member, Ref, Words, members
 
 HEAD = """# HTTP reference
 
