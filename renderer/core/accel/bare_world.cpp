@@ -8,7 +8,7 @@ namespace primray {
 namespace {
 
 void must(bool holds, const char* what) {
-  if (!holds) throw Error("internal", std::string("a bare world has no ") + what);
+  if (!holds) throw Error("internal", std::string("a bare world does not support ") + what);
 }
 
 // Attaches `count` triangles of the group from `first` on, with vertices at `steps` times.
@@ -24,7 +24,7 @@ void put_decomposition(const Turning& t, const daffine& undo, std::vector<float>
   const dvec3* s = t.stretch;
   const double size = std::fabs(s[0].x) + std::fabs(s[1].y) + std::fabs(s[2].z);
   const double skew = std::fabs(s[1].x) + std::fabs(s[2].x) + std::fabs(s[2].y);
-  must(skew < 1e-6 * size && undo.x.x == undo.y.y && undo.x.x == undo.z.z, "stretch across axes in what turns");
+  must(skew < 1e-6 * size && undo.x.x == undo.y.y && undo.x.x == undo.z.z, "rotating instances with non-uniform scale");
   const double u = undo.x.x;
   const Quaternion& q = t.rotation;
   for (const double value : {s[0].x * u, s[1].y * u, s[2].z * u, 0.0, 0.0, 0.0, s[0].x * undo.o.x, s[1].y * undo.o.y,

@@ -41,7 +41,7 @@ Run run_of(int lanes) {
       return run<16>;
 #endif
   }
-  throw Error("settings-error", "this build has no kernel of " + std::to_string(lanes) + " lanes");
+  throw Error("settings-error", "this build has no kernel for " + std::to_string(lanes) + " lanes");
 }
 
 }  // namespace

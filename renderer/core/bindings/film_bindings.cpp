@@ -42,7 +42,7 @@ nb::dict state_of(const Film& f) {
 template <class T>
 void take(const nb::dict& state, const char* name, std::vector<T>& into) {
   const auto array = nb::cast<nb::ndarray<const T, nb::c_contig, nb::device::cpu>>(state[name]);
-  if (array.size() != into.size()) throw Error("checkpoint", std::string(name) + " has not the film's size");
+  if (array.size() != into.size()) throw Error("checkpoint", std::string(name) + " does not have the film's size");
   std::copy_n(array.data(), array.size(), into.data());
 }
 
@@ -110,7 +110,8 @@ nb::tuple routed_image(const Film& f, double exposure) {
 // Returns the removed light of rows [first, end): means (rows, W, 3) and differences of both replicates (rows, W, 3), each
 // distributed like the mean's error; NaN where a pixel has samples of one replicate only.
 nb::tuple removed_rows(const Film& f, int why, double exposure, int first, int end) {
-  if (why < 0 || why >= kRemovals || !f.removed[size_t(why)].any()) throw Error("invariant", "the film counts no such light");
+  if (why < 0 || why >= kRemovals || !f.removed[size_t(why)].any())
+    throw Error("invariant", "the film does not record this kind of removed light");
   if (first < 0 || end < first || end > f.height) throw Error("invariant", "the film has no such rows");
   const size_t from = size_t(first) * size_t(f.width), pixels = size_t(end) * size_t(f.width) - from;
   std::vector<double> means(pixels * Film::kColors), differences(pixels * Film::kColors);

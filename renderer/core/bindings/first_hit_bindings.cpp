@@ -59,7 +59,7 @@ void want_coverage(FirstHits& self, uint32_t seed, int screen_block, int first_l
   const PixelWindow& pixels = self.scene.camera.pixels;
   const size_t tiles = size_t((pixels.width + kTile - 1) / kTile) * size_t((pixels.height + kTile - 1) / kTile);
   if (first.size() != kReplicates * tiles || end.size() != first.size())
-    throw Error("internal", "the samples are not those of a film of this size");
+    throw Error("internal", "the sample ranges do not match the film's size");
   planes.seed = seed, planes.screen_block = screen_block, planes.first_link = first_link;
   planes.first.assign(first.data(), first.data() + first.size());
   planes.end.assign(end.data(), end.data() + end.size());

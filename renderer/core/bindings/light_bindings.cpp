@@ -40,7 +40,7 @@ void move_portal(HeldLight& l, int i, InArray<float> times, InArray<double> stan
 int32_t add_ies_profile(SceneBuilder& b, InArray<float> vertical_deg, InArray<float> horizontal_deg, InArray<float> candela,
                         bool horizontal_pole) {
   if (candela.size() != vertical_deg.size() * horizontal_deg.size() || vertical_deg.size() < 2 || horizontal_deg.size() < 2)
-    throw Error("internal", "a profile needs an intensity for every pair of angles, two or more of each");
+    throw Error("internal", "an IES profile needs an intensity for every pair of angles, and at least two angles of each kind");
   return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
 }
 

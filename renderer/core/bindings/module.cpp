@@ -13,22 +13,23 @@ NB_MODULE(PRIMRAY_MODULE, m) {
   m.doc() = "primray's C++ core for one class of CPUs; use it through primray.core.";
   m.attr("ISA") = PRIMRAY_ISA;
   m.attr("MAX_LANES") = PRIMRAY_MAX_LANES;
-  m.def("load_embree", &load_embree, nb::arg("path"), "Open the Embree library at this path; once is enough.");
+  m.def("load_embree", &load_embree, nb::arg("path"), "Load the Embree library at this path; later calls do nothing.");
   m.def(
       "embree_memory",
       [] {
         const EmbreeMemory memory = embree_memory();
         return nb::make_tuple(memory.now, memory.peak);
       },
-      "Bytes that Embree holds now and held at most.");
-  m.def("limit_embree_memory", &limit_embree_memory, nb::arg("bytes"), "Embree's builds fail beyond so many bytes.");
+      "Return the current and peak memory of Embree in bytes.");
+  m.def("limit_embree_memory", &limit_embree_memory, nb::arg("bytes"),
+        "Limit the memory of Embree; builds that would exceed it fail.");
   m.def(
       "watch_memory",
       [](int64_t bytes, const std::string& before, const std::string& after, const std::string& json_before,
          const std::string& json_after,
          int exit_code) { watch_memory(bytes, {before, after, json_before, json_after, exit_code}); },
       nb::arg("bytes"), nb::arg("before") = "", nb::arg("after") = "", nb::arg("json_before") = "", nb::arg("json_after") = "",
-      nb::arg("exit_code") = 4, "End the process, saying so, before it holds so many bytes; 0: no more.");
+      nb::arg("exit_code") = 4, "End the process with a message before it holds more than `bytes`; 0: stop watching.");
   // Core errors carry a code; Python converts them to the classes of primray.errors.
   static PyObject* core_error = nb::exception<Error>(m, "CoreError").release().ptr();
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
@@ -46,7 +47,7 @@ NB_MODULE(PRIMRAY_MODULE, m) {
   bind_render(m);
   bind_first_hit(m);
   bind_subdivision(m);
-  nb::module_ testing = m.def_submodule("testing", "Array versions of what the kernels call, for the tests.");
+  nb::module_ testing = m.def_submodule("testing", "Array versions of the kernels' functions, for the tests.");
   bind_testing(testing);
   bind_caustics(m, testing);
 }

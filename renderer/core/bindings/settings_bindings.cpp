@@ -23,7 +23,7 @@ RouteTables tables_of(const InArray<uint8_t>& next, const InArray<uint8_t>& clas
   t.ends = int(ends), t.expressions = expressions, t.counts_straight = counts_straight;
   t.leaves_out = leaves_out;
   for (const uint8_t of : t.class_of)
-    if (of >= t.members.size()) throw Error("internal", "a light path has a class that there is not");
+    if (of >= t.members.size()) throw Error("internal", "a light path has an unknown class");
   return t;
 }
 
@@ -53,7 +53,7 @@ void bind_settings(nb::module_& m) {
       .def_prop_rw(
           "light_samples", [](const IntegratorSettings& s) { return s.light_samples; },
           [](IntegratorSettings& s, int samples) {
-            if (samples < 1 || samples > kMostLightSamples) throw nb::value_error("light_samples is not 1 to 4");
+            if (samples < 1 || samples > kMostLightSamples) throw nb::value_error("light_samples must be 1 to 4");
             s.light_samples = samples;
           })
       .def_prop_rw(

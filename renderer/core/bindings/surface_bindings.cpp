@@ -20,11 +20,12 @@ std::vector<Instruction> code_of(std::span<const int32_t> rows) {
   for (size_t i = 0; i + kCodeColumns <= rows.size(); i += kCodeColumns) {
     const int32_t* row = &rows[i];
     if (row[0] < 0 || row[0] >= int32_t(PatternOp::kCount) || row[1] < 1 || row[3] < 0 || row[3] + row[1] > kMostRegisters)
-      throw Error("internal", "an instruction of a tape means nothing");
+      throw Error("internal", "a tape has an unknown instruction");
     Instruction made;
     made.op = PatternOp(row[0]), made.width = uint8_t(row[1]), made.steps = uint16_t(row[2]), made.out = uint16_t(row[3]);
     for (size_t k = 0; k < 4; ++k) {
-      if (row[4 + k] < 0 || row[4 + k] >= kMostRegisters) throw Error("internal", "a tape reads no register");
+      if (row[4 + k] < 0 || row[4 + k] >= kMostRegisters)
+        throw Error("internal", "a tape reads a register that does not exist");
       made.in[k] = uint16_t(row[4 + k]);
     }
     made.data = row[8];

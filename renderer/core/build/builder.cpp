@@ -106,7 +106,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   if (moves ? group.moving_cutout_count > 0 && !mesh.cutout
             : group.cutout_count + group.moving_count + group.moving_cutout_count > 0 &&
                   !(mesh.cutout && group.moving_vertex_count == 0))
-    throw Error("internal", "a mesh comes after its group's cut-outs, or after moving ones");
+    throw Error("internal", "meshes of a group must precede its cutouts and its moving meshes");
   if (moves)
     (mesh.cutout ? group.moving_cutout_count : group.moving_count) += uint32_t(triangles);
   else
@@ -126,7 +126,7 @@ void SceneBuilder::place_points(std::span<const float> points, const daffine& gr
 void SceneBuilder::add_curved_row(CurvedRange& range, size_t record, int32_t surface) {
   CurvedTable& table = scene_->curved;
   if (range.count == 0) range.first = uint32_t(record), range.first_row = uint32_t(table.rows());
-  if (range.first_row + range.count != table.rows()) throw Error("internal", "curved shapes of two kinds are mixed");
+  if (range.first_row + range.count != table.rows()) throw Error("internal", "curved shapes of one kind must be consecutive");
   ++range.count;
   add_curved_row(surface);
 }

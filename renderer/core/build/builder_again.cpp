@@ -9,7 +9,8 @@ namespace primray {
 
 SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scene)), is_again_(true), keeps_accel_(true) {
   Scene& s = *scene_;
-  if (s.moves() || s.geometry_lights.any()) throw Error("internal", "what moves, or is a light, is not opened again");
+  if (s.moves() || s.geometry_lights.any())
+    throw Error("internal", "a scene with motion or geometry lights cannot be reopened");
   group_origin_ = s.origin, group_scale_ = s.scale;
   s.positions.resize(s.positions.size() - 4), s.indices.pop_back();  // what finish() added; their memory stays
   s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();

@@ -108,7 +108,7 @@ void SceneBuilder::add_curves(const CurvesInput& input, const daffine& group_fro
   for (const int32_t n : input.segments) count += 4 * size_t(n);
   if (table.points.size() + 4 * count >= kMostNumbers) throw Error("too-large", "more than 536 million control points");
   const bool moves = !input.times.empty();
-  if (!moves && curves.moving.segments > 0) throw Error("internal", "curves that stand still come after moving ones");
+  if (!moves && curves.moving.segments > 0) throw Error("internal", "static curves must precede moving ones");
 
   last_is_curved_ = true, last_curved_taken_ = false, last_curved_rows_ = s.curved.rows();
   if (table.row.empty()) table.first_row = uint32_t(s.curved.rows());

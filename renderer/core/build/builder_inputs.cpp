@@ -87,7 +87,7 @@ void SceneBuilder::set_texture_image(int texture, int tile, const ImageInput& im
   Texture& t = scene_->textures.at(texture);
   if (t.udim) {
     const int number = tile - kFirstTile;
-    if (number < 0 || number >= int(t.tiles.size())) throw Error("internal", "no tile of that number");
+    if (number < 0 || number >= int(t.tiles.size())) throw Error("internal", "the texture has no such UDIM tile");
     t.tiles[number] = int32_t(t.images.size());
   }
   t.images.push_back(make_image(image.pixels, image.width, image.height, t.channels, finest_level(t, image.width, image.height),

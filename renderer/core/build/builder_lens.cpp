@@ -19,7 +19,7 @@ DistortionModel model_of(std::string_view name) {
   }};
   for (const auto& [known, model] : kModels)
     if (known == name) return model;
-  throw Error("internal", "no such model of distortion");
+  throw Error("internal", "unknown distortion model");
 }
 
 }  // namespace
@@ -38,7 +38,7 @@ void SceneBuilder::set_distortion(const DistortionInput& input) {
                  w[3],
                  std::vector<float>(input.directions.begin(), input.directions.end())};
   if (made->table.directions.size() != 3 * size_t(made->table.columns) * size_t(made->table.rows))
-    throw Error("internal", "a table of directions of another size");
+    throw Error("internal", "the table of directions has the wrong size");
   made->limit();
   Camera& camera = scene_->camera;
   scene_->distortion = std::move(made), camera.distortion = scene_->distortion.get();

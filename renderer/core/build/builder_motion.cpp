@@ -28,8 +28,10 @@ void SceneBuilder::take_clock(std::span<const float> times) {
   Group& group = s.groups.back();
   const MotionClock clock = clock_of_times(times);
   const int32_t number = s.motion.clock_of(clock);
-  if (group.clock >= 0 && group.clock != number) throw Error("internal", "shapes of one group move by different clocks");
-  if (s.groups.size() == 1 && !clock.uniform) throw Error("internal", "the world's shapes move by an uneven clock");
+  if (group.clock >= 0 && group.clock != number)
+    throw Error("internal", "shapes of one group have different motion sample times");
+  if (s.groups.size() == 1 && !clock.uniform)
+    throw Error("internal", "shapes of the world group need evenly spaced motion samples");
   group.clock = number, s.motion.any_points = true;
 }
 
@@ -52,7 +54,7 @@ void SceneBuilder::add_mesh_steps(const MeshInput& mesh, const daffine& group_fr
 void SceneBuilder::end_group() {
   std::vector<float>& to = scene_->positions;
   for (std::vector<float>& step : later_points_) {
-    if (to.size() + step.size() >= kMostNumbers) throw Error("too-large", "more than 715 million points of meshes that move");
+    if (to.size() + step.size() >= kMostNumbers) throw Error("too-large", "more than 715 million points of moving meshes");
     to.insert(to.end(), step.begin(), step.end());
     std::vector<float>().swap(step);
   }

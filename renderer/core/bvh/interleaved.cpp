@@ -267,10 +267,10 @@ void occluded_interleaved(const TriangleBvh& bvh, uint32_t count, const RayColum
 namespace primray {
 
 void intersect_interleaved(const TriangleBvh&, uint32_t, const RayColumns&, const HitColumns&) {
-  throw Error("bug", "no hierarchy is made without AVX-512");
+  throw Error("bug", "the triangle hierarchy needs AVX-512");
 }
 void occluded_interleaved(const TriangleBvh&, uint32_t, const RayColumns&, int32_t*) {
-  throw Error("bug", "no hierarchy is made without AVX-512");
+  throw Error("bug", "the triangle hierarchy needs AVX-512");
 }
 
 }  // namespace primray

@@ -115,7 +115,7 @@ class Builder {
     const void* const root = e.rtcBuildBVH(&arguments);
     e.rtcReleaseBVH(arguments.bvh);
     check_embree();
-    if (!root) throw Error("embree", "Embree built no hierarchy");
+    if (!root) throw Error("embree", "Embree could not build the triangle hierarchy");
     Bvh made;
     made.memory = slabs_->joined(), made.bytes = made.memory.get_deleter().bytes, made.root = id_of(root);
     return made;

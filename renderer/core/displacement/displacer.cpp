@@ -49,7 +49,7 @@ void Displacer::set_texture_image(int texture, int tile, std::span<const float> 
   Texture& t = scene_.textures.at(size_t(texture));
   if (t.udim) {
     const int number = tile - kFirstTile;
-    if (number < 0 || number >= int(t.tiles.size())) throw Error("internal", "no tile of that number");
+    if (number < 0 || number >= int(t.tiles.size())) throw Error("internal", "the texture has no such UDIM tile");
     t.tiles[size_t(number)] = int32_t(t.images.size());
   }
   t.images.push_back(make_image(pixels, width, height, t.channels, 0, false));

@@ -98,11 +98,11 @@ void load_embree(const std::string& path) {
   rtc::Api found{};
   find_all(lib, found);
   rtc::Device opened = found.rtcNewDevice(kConfig);
-  if (!opened) throw Error("embree", std::string("Embree opened no device for ") + kConfig);
+  if (!opened) throw Error("embree", std::string("Embree could not create a device with the configuration ") + kConfig);
   const ptrdiff_t version = found.rtcGetDeviceProperty(opened, rtc::kVersion);
   if (version != kWantedVersion) {
-    throw Error("embree", "Embree " + std::to_string(version) + " was found, its interface is known for " +
-                              std::to_string(kWantedVersion));
+    throw Error("embree",
+                "Embree " + std::to_string(version) + " was found, but this build needs " + std::to_string(kWantedVersion));
   }
   found.rtcSetDeviceMemoryMonitorFunction(opened, count_memory, nullptr);
   api = found;

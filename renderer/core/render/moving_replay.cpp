@@ -57,7 +57,7 @@ void with_lanes(int lanes, const F& f) {
 #if PRIMRAY_MAX_LANES >= 16
   if (lanes == 16) return f.template operator()<16>();
 #endif
-  throw Error("internal", "this build has no such lanes");
+  throw Error("internal", "this build has no kernel for this number of lanes");
 }
 
 // Whether one ray of a call hits the same in both.

@@ -61,7 +61,7 @@ TileBlock tile_block(const Task& task, const Span& span, const Film& film, const
 
 TaskFunction kernel_of(int lanes) {
   const TaskFunction run_task = task_function(lanes);
-  if (!run_task) throw Error("settings-error", "this build has no kernel of " + std::to_string(lanes) + " lanes");
+  if (!run_task) throw Error("settings-error", "this build has no kernel for " + std::to_string(lanes) + " lanes");
   return run_task;
 }
 
@@ -73,10 +73,10 @@ PassStatistics render_pass(const Scene& scene, const IntegratorSettings& setting
   if (ends.size() != kReplicates * tiles || film.width != pixels.width || film.height != pixels.height)
     throw Error("invariant", "the pass does not fit the film");
   if (film.expressions != (settings.routes ? settings.routes->expressions : 0))
-    throw Error("invariant", "the film holds other light path expressions");
+    throw Error("invariant", "the film has other light path expressions");
   const bool caustics_left_out = settings.routes && settings.routes->leaves_out >= 0;
   if (film.removed[kClamped].any() != settings.clamps() || film.removed[kCaustics].any() != caustics_left_out)
-    throw Error("invariant", "the film counts other light that is left out");
+    throw Error("invariant", "the film records other kinds of removed light");
   std::vector<Span> spans(tiles);
   for (size_t t = 0; t < tiles; ++t)
     for (int r = 0; r < kReplicates; ++r) spans[t].first[r] = film.next[r * tiles + t], spans[t].end[r] = ends[r * tiles + t];

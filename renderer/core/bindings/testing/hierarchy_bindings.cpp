@@ -8,7 +8,7 @@ namespace primray {
 namespace {
 
 nb::dict intersect_stream(const Scene& scene, InArray<double> o_, InFloats d_) {
-  if (!scene.triangle_bvh.any()) throw nb::value_error("the scene has no hierarchy of triangles");
+  if (!scene.triangle_bvh.any()) throw nb::value_error("the scene has no triangle hierarchy");
   const CorePoints o(scene, o_);
   const Input<float> d(d_, o.n, 3);
   std::vector<float> column[8];

@@ -81,7 +81,7 @@ nb::tuple bsdf_lobes(const SurfaceInput& surface, InFloats wo_, InInts front_, i
 
 // Checks the index of a sampled light in the table: its order of addition, excluding domes that are not sampled.
 void check_light(const Scene& scene, int light) {
-  if (light < 0 || light >= scene.lights.count) throw Error("internal", "no sampled light of this number");
+  if (light < 0 || light >= scene.lights.count) throw Error("internal", "there is no sampled light with this number");
 }
 
 nb::tuple light_sample_rows(const Scene& scene, int light, InArray<double> p_, InFloats u_, int lanes) {

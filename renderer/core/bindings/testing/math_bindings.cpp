@@ -31,13 +31,13 @@ void bind_math(nb::module_& m) {
           r.put(at, a.sin, 0), r.put(at, a.cos, 1);
         });
       },
-      nb::arg("u"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+      nb::arg("u"), nb::arg("lanes") = 0, "Function of the first of each two numbers.");
   m.def(
       "acos",
       [](InFloats u, int lanes) {
         return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, acos(x)); });
       },
-      nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+      nb::arg("x"), nb::arg("lanes") = 0, "Function of the first of each two numbers.");
   m.def(
       "atan2",
       [](InFloats yx, int lanes) {
@@ -50,7 +50,7 @@ void bind_math(nb::module_& m) {
       [](InFloats u, int lanes) {
         return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, exp2(x)); });
       },
-      nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+      nb::arg("x"), nb::arg("lanes") = 0, "Function of the first of each two numbers.");
   m.def(
       "log2_cosine",
       [](InFloats cs, int lanes) {

@@ -58,7 +58,7 @@ template <class T>
 class Input {
  public:
   Input(const InArray<T>& a, size_t rows, int width) : data_(a.data()), n_(rows), width_(width) {
-    if (a.size() != rows * width) throw Error("internal", "an array of another shape was expected");
+    if (a.size() != rows * width) throw Error("internal", "an array has the wrong shape");
   }
   template <int W>
   Vector<T, W> number(size_t first, int c = 0) const {

@@ -50,7 +50,7 @@ void note_inputs(Scene& scene) {
   scene.has_inputs = !scene.surface_inputs.empty();
   const auto check = [&](int texture) {
     if (texture >= 0 && !scene.textures[texture].udim && scene.textures[texture].images.empty())
-      throw Error("internal", "a texture was given no image");
+      throw Error("internal", "a texture has no image");
   };
   for (const Tape& tape : scene.tapes)
     for (const PatternImage& image : tape.images) check(image.color), check(image.alpha);

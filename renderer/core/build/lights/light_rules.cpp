@@ -40,12 +40,12 @@ void finish_light_rules(LightTable& table) {
   if (!table.shadow_rows.empty()) table.shadow_rows.resize(size_t(table.count) * kShadowFields, 0.0f);
   const int limit = 32 * table.links.words;
   for (const int32_t link : table.light_link)
-    if (link < 0 || link >= limit) throw Error("internal", "a light reaches a collection that there is not");
+    if (link < 0 || link >= limit) throw Error("internal", "a light's link names a collection that does not exist");
   for (size_t i = 0; i < table.shadow_rows.size(); i += kShadowFields)
     if (table.shadow_rows[i + kCasters] != 0 && table.shadow_rows[i + kCasters] >= float(limit))
-      throw Error("internal", "a collection that there is not casts a light's shadows");
+      throw Error("internal", "a light's shadow link names a collection that does not exist");
   for (const DomeTraits& dome : table.dome_traits)
-    if (dome.link != 0 && dome.link >= limit) throw Error("internal", "a dome reaches a collection that there is not");
+    if (dome.link != 0 && dome.link >= limit) throw Error("internal", "a dome's link names a collection that does not exist");
 }
 
 }  // namespace primray
