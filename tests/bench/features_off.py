@@ -26,7 +26,7 @@ from .ablations import compile_core
 from .results import write_results
 from .scenes import ROOT, BenchScene, available
 
-CLOCKLESS = Row("", "", edits=(Edit("path/rays/entry_choice.hpp", "{ return __rdtsc(); }", "{ return 0; }"),))
+CLOCKLESS = Row("", "", edits=(Edit("integrator/rays/packet_choice.hpp", "{ return __rdtsc(); }", "{ return 0; }"),))
 # As PRIMRAY_WITHOUT of renderer/core/CMakeLists.txt has them, and the scenes here that use one.
 FEATURES = [
     "attributes",

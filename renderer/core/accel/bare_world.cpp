@@ -1,7 +1,7 @@
 // Construction of bare_world.hpp.
 #include "accel/bare_world.hpp"
 
-#include "accel/triangle_geometry.hpp"
+#include "accel/geometry.hpp"
 #include "base/error.hpp"
 
 namespace primray {
@@ -20,7 +20,7 @@ void attach_triangles(rtc::Scene target, const Scene& scene, const Group& group,
 }
 
 // RTCQuaternionDecomposition: scale, skew, shift, quaternion (real part first), translation.
-void put_decomposition(const Turning& t, const daffine& undo, std::vector<float>& to) {
+void put_decomposition(const PoseSegment& t, const daffine& undo, std::vector<float>& to) {
   const dvec3* s = t.stretch;
   const double size = std::fabs(s[0].x) + std::fabs(s[1].y) + std::fabs(s[2].z);
   const double skew = std::fabs(s[1].x) + std::fabs(s[2].x) + std::fabs(s[2].y);

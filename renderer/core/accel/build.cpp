@@ -1,10 +1,7 @@
 // Construction of Embree scenes over the flat arrays, which are shared, not copied.
 #include "accel/build.hpp"
 
-#include "accel/curve_geometry.hpp"
-#include "accel/cutout.hpp"
-#include "accel/placed_geometry.hpp"
-#include "accel/triangle_geometry.hpp"
+#include "accel/geometry.hpp"
 #include "base/error.hpp"
 
 namespace primray {

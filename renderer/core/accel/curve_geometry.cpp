@@ -1,12 +1,9 @@
 // Embree geometry of tubes and their ends. Ends are intersected in double, a ray at a time: discs, and wedges of balls between
 // the last discs of two segments. A hit carries its position on the disc or ball as Ng, in parts of the radius.
-#include "accel/curve_geometry.hpp"
+#include "accel/geometry.hpp"
 
 #include <algorithm>
 #include <cmath>
-
-#include "accel/cutout.hpp"
-#include "accel/user_geometry.hpp"
 
 namespace primray {
 namespace {

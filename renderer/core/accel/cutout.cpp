@@ -3,7 +3,7 @@
 //
 // Opacity is read at the finest texture level, since a filter knows no ray cone: a cutout has the same holes for every ray. A
 // ray that hits the edge of two triangles may be tested twice, with the same answer.
-#include "accel/cutout.hpp"
+#include "accel/geometry.hpp"
 
 #include "surface/evaluate_inputs.hpp"
 
@@ -54,7 +54,7 @@ bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
   const Scene& scene = *cutouts.scene;
   const Group& group = scene.groups[cutouts.group];
   const vbool<1> yes(true);
-  // Inside a group of instances the numbers are the group's own: primvars of the instance are not read there.
+  // MediumState a group of instances the numbers are the group's own: primvars of the instance are not read there.
   const bool placed = hit.instance != rtc::kInvalidId && !scene.has_grouped;
   const int32_t placement = placed ? int32_t(hit.instance - kFirstPlacement + scene.groups[0].placement_base) : -1;
   const int32_t triangle = int32_t(group.triangle_base + cutouts.first + hit.prim);

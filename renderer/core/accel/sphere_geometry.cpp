@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "accel/user_geometry.hpp"
+#include "accel/geometry.hpp"
 
 namespace primray {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "bvh/pairs.hpp"
 #include "embree/embree.hpp"
-#include "ray/rays.hpp"
+#include "ray/ray.hpp"
 
 namespace primray {
 

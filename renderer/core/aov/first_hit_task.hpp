@@ -9,9 +9,9 @@
 #include "accel/query.hpp"
 #include "aov/first_hit.hpp"
 #include "aov/smooth_surfaces.hpp"
-#include "emitter/emitter.hpp"
+#include "integrator/emission.hpp"
+#include "light/mesh/emitter.hpp"
 #include "light/types/disk.hpp"
-#include "path/emission.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/evaluate_inputs.hpp"
 #include "surface/interaction.hpp"
@@ -305,11 +305,11 @@ class FirstHitTask {
       const Hits<W> hits = intersect(scene_, true, active, p.ray);
       B hit = active & (hits.geom != I(-1));
       V gathered(F(0.0f));
-      const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered).covered;
+      const B covered = intersect_lights(scene_.lights, active, hit, p, hits.t, gathered).covered;
       hit &= !covered;
       const B escaped = active & !hit & !covered;
       if (!scene_.lights.domes.empty() && any(escaped))
-        gathered += select(escaped, meet_domes(scene_.lights, escaped, p), V(F(0.0f)));
+        gathered += select(escaped, evaluate_domes(scene_.lights, escaped, p), V(F(0.0f)));
       light(active, gathered);
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);

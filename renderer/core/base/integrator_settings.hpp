@@ -9,7 +9,7 @@ namespace primray {
 struct CausticGuide;
 struct Guide;
 struct GuideLog;
-struct RouteTables;
+struct LpeAutomaton;
 
 struct IntegratorSettings {
   int max_depth = 1 << 20;  // surface scattering events; Russian roulette ends paths long before
@@ -23,7 +23,7 @@ struct IntegratorSettings {
   const Guide* guide = nullptr;            // guide for scattered rays, beside the BSDF
   GuideLog* log = nullptr;                 // records of paths that learn a guide
   const CausticGuide* caustics = nullptr;  // guide of scattered rays towards metal and glass
-  const RouteTables* routes = nullptr;     // light path expressions of the film
+  const LpeAutomaton* lpe = nullptr;       // light path expressions of the film
   // Upper limit of the largest channel of a sample's indirect light (two scattering events and more); infinite: none. Pilots
   // and guides have no limit, so a clamp changes no path.
   float clamp_indirect = std::numeric_limits<float>::infinity();

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "base/error.hpp"
 #include "math/matrix.hpp"
 
 namespace primray {
@@ -22,7 +23,10 @@ std::span<const T> span_of(const InArray<T>& a) {
 }
 
 // Converts a (4, 4) or (3, 4) float64 matrix in column-vector convention.
-daffine affine_of(const InArray<double>& m);
+inline daffine affine_of(const InArray<double>& m) {
+  if (m.ndim() != 2 || m.shape(0) < 3 || m.shape(1) != 4) throw Error("internal", "a matrix must have shape (4, 4) or (3, 4)");
+  return affine_from_rows(m.data());
+}
 
 // Returns a new numpy array that owns `data`.
 template <class T>

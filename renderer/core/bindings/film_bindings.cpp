@@ -86,7 +86,7 @@ nb::tuple image(const Film& f, double exposure) {
 }
 
 // Returns for each light path expression its means (E, H, W, 3), and their errors as in image().
-nb::tuple routed_image(const Film& f, double exposure) {
+nb::tuple lpe_image(const Film& f, double exposure) {
   const size_t n = size_t(f.expressions), values = f.pixels() * Film::kColors;
   std::vector<double> means(n * values);
   std::vector<float> errors(n * values);
@@ -94,7 +94,7 @@ nb::tuple routed_image(const Film& f, double exposure) {
     const nb::gil_scoped_release release;
     for (size_t e = 0; e < n; ++e)
       for (size_t p = 0; p < f.pixels(); ++p) {
-        const PixelEstimate found = estimate_routed(f, int(e), p, exposure);
+        const PixelEstimate found = estimate_lpe(f, int(e), p, exposure);
         for (size_t c = 0; c < Film::kColors; ++c) {
           const size_t i = e * values + Film::kColors * p + c;
           means[i] = found.mean[c];
@@ -179,7 +179,7 @@ void bind_film(nb::module_& m) {
       .def(
           "start_at", [](Film& f, uint32_t first) { std::fill(f.next.begin(), f.next.end(), first); }, nb::arg("first"))
       .def("image", &image, nb::arg("exposure"))
-      .def("routed_image", &routed_image, nb::arg("exposure"))
+      .def("routed_image", &lpe_image, nb::arg("exposure"))
       .def("removed_rows", &removed_rows, nb::arg("why"), nb::arg("exposure"), nb::arg("first"), nb::arg("end"))
       .def_ro("expressions", &Film::expressions)
       .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"),

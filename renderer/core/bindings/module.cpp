@@ -3,7 +3,6 @@
 #include "base/memory_watch.hpp"
 #include "bindings/arrays.hpp"
 #include "embree/embree.hpp"
-#include "embree/memory_limit.hpp"
 
 #include <nanobind/stl/string.h>
 

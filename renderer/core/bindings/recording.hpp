@@ -1,7 +1,7 @@
 // Rays of a render on one thread, recorded in order.
 #pragma once
 
-#include "path/rays/ray_recorder.hpp"
+#include "integrator/rays/ray_recorder.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

@@ -64,7 +64,7 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def("add_mesh",
            [](SceneBuilder& b, const HeldMesh& input, InArray<double> matrix) { b.add_mesh(input, affine_of(matrix)); })
       .def("restand_mesh", [](SceneBuilder& b, size_t row, const HeldMesh& input, InArray<double> before,
-                              InArray<double> now) { return b.restand_mesh(row, input, affine_of(before), affine_of(now)); })
+                              InArray<double> now) { return b.replace_mesh(row, input, affine_of(before), affine_of(now)); })
       .def("add_mesh_primvar", [](SceneBuilder& b, int name, PrimvarKind kind, int width,
                                   InArray<float> values) { b.add_mesh_primvar(name, kind, width, span_of(values)); })
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,

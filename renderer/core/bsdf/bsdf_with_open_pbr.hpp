@@ -16,7 +16,7 @@ PRIMRAY_INLINE vbool<W> select(vbool<W> m, vbool<W> a, vbool<W> b) {
 
 template <int W>
 struct BsdfWithOpenPbr : Bsdf<W> {
-  static constexpr bool kAmongBodies = true;
+  static constexpr bool kFollowsMedia = true;
   using F = vfloat<W>;
   using V = vvec3<W>;
 

@@ -1,22 +1,128 @@
-// Construction of the scene; lights are in builder_lights.cpp.
-#include "build/builder.hpp"
+// Construction of the scene, including the camera's lens, and reopening of finished scenes; lights are in builder_lights.cpp.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <string_view>
 #include <unordered_map>
 #include <utility>
 
 #include "accel/build.hpp"
 #include "base/error.hpp"
+#include "build/builder.hpp"
 #include "build/emitters/emitters.hpp"
 #include "build/inputs/input_facts.hpp"
-#include "build/inputs/interiors.hpp"
-#include "build/inputs/placed_normals.hpp"
-#include "build/lights/light_outlines.hpp"
-#include "build/lights/light_rows.hpp"
-#include "build/lights/shaping_rows.hpp"
+#include "build/lights/lights.hpp"
+#include "build/texture_levels.hpp"
 
 namespace primray {
+
+// Part of SceneBuilder that sets a distorting lens.
+
+namespace {
+
+DistortionModel model_of(std::string_view name) {
+  constexpr std::array<std::pair<std::string_view, DistortionModel>, 4> kModels{{
+      {"rational", DistortionModel::kRational},
+      {"angle-to-radius", DistortionModel::kAngleToRadius},
+      {"radius-to-angle", DistortionModel::kRadiusToAngle},
+      {"table", DistortionModel::kTable},
+  }};
+  for (const auto& [known, model] : kModels)
+    if (known == name) return model;
+  throw Error("internal", "unknown distortion model");
+}
+
+}  // namespace
+
+void SceneBuilder::set_distortion(const DistortionInput& input) {
+  auto made = std::make_unique<Distortion>();
+  made->model = model_of(input.model);
+  std::copy_n(input.coefficients.begin(), std::min(input.coefficients.size(), size_t(Distortion::kCoefficients)), made->k);
+  made->most_angle = input.most_angle;
+  const double* w = input.table_window;
+  made->table = {input.table_columns,
+                 input.table_rows,
+                 w[0],
+                 w[1],
+                 w[2],
+                 w[3],
+                 std::vector<float>(input.directions.begin(), input.directions.end())};
+  if (made->table.directions.size() != 3 * size_t(made->table.columns) * size_t(made->table.rows))
+    throw Error("internal", "the table of directions has the wrong size");
+  made->limit();
+  Camera& camera = scene_->camera;
+  scene_->distortion = std::move(made), camera.distortion = scene_->distortion.get();
+  const ExactWindow& film = camera.window;
+  camera.finest = float(camera.distortion->finest(film.left, film.right, film.bottom, film.top));
+}
+
+void SceneBuilder::set_flaws(const CameraInput& c) {
+  Camera& camera = scene_->camera;
+  const double unit = scene_->scale;
+  LensFlaws& f = camera.flaws;
+  f.natural = c.natural_vignetting;
+  f.rim_distance = float(c.rim_distance * unit), f.rim_radius = float(c.rim_radius * unit);
+  for (int i = 0; i < 3; ++i) {
+    f.magnification[i] = float(c.magnification[i]), f.focus_shift[i] = float(c.focus_shift[i] * unit);
+    f.is_chromatic |= c.magnification[i] != 1 || (c.focus_shift[i] != 0 && camera.has_lens());
+  }
+  camera.flawed = f.any() && !camera.orthographic;
+}
+
+// Part of SceneBuilder that reopens finished scenes. Embree, and user geometry, point to the Scene and into its arrays: these
+// stay in place.
+SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scene)), is_reopened_(true), keeps_accel_(true) {
+  Scene& s = *scene_;
+  if (s.moves() || s.geometry_lights.any())
+    throw Error("internal", "a scene with motion or geometry lights cannot be reopened");
+  group_origin_ = s.origin, group_scale_ = s.scale;
+  s.positions.resize(s.positions.size() - 4), s.indices.pop_back();  // what finish() added; their memory stays
+  s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();
+  LinkTable links = std::move(s.lights.links);
+  s.lights = {}, s.lights.links = std::move(links);
+  s.emitters = {}, s.outlines = {}, s.interiors = {};
+  s.camera = {}, s.distortion.reset();
+  s.has_emission = s.has_thin = false;
+}
+
+bool SceneBuilder::replace_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object) {
+  Scene& s = *scene_;
+  const bool mirrored = group_from_object.determinant() < 0;
+  if (!mesh.times.empty() || mesh.cutout || mirrored != (before.determinant() < 0)) return false;
+  if (keeps_accel_) {
+    for (Group& group : s.groups) group.accel = {};
+    s.placed.clear(), s.cutouts.clear();
+    s.few_triangles = {}, s.triangle_bvh = {};
+    keeps_accel_ = false;
+  }
+  place_points(mesh.points, group_from_object, s.positions.data() + 3 * size_t(s.meshes.vertex_base.at(row)));
+  if (row < s.object_spaces.of_mesh.size() && s.object_spaces.of_mesh[row] > 0) {
+    const daffine group_from_world{
+        {group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
+    s.object_spaces.put(size_t(s.object_spaces.of_mesh[row]), group_from_world * group_from_object);
+  }
+  const PlacedNormals placed(group_from_object);
+  const int order[3] = {0, mirrored ? 2 : 1, mirrored ? 1 : 2};
+  float* to = s.normals.data() + s.meshes.normal_base[row];
+  for (size_t i = 0; i < mesh.normals.size() / 3; ++i) {
+    const size_t j = 3 * (mesh.normal_kind == Attribute::kCorner ? i - i % 3 + order[i % 3] : i);
+    const dvec3 n = placed({mesh.normals[j], mesh.normals[j + 1], mesh.normals[j + 2]});
+    to[3 * i] = float(n.x), to[3 * i + 1] = float(n.y), to[3 * i + 2] = float(n.z);
+  }
+  return true;
+}
+
+bool SceneBuilder::keeps_levels() {
+  Scene& s = *scene_;
+  if (s.textures.empty()) return true;
+  measure_footprints(s);
+  for (const Texture& t : s.textures)
+    for (const TextureImage& image : t.images)
+      if (finest_level(t, image.width, image.height) != image.first_level) return false;
+  return true;
+}
+
 namespace {
 
 constexpr size_t kMaxElements = size_t(1) << 31;  // gathers address elements by 32-bit signed numbers
@@ -242,19 +348,19 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   // Camera rays pass through hidden surfaces as if these were transmissive.
   s.has_thin |= s.camera_sights.any();
   note_inputs(s);
-  note_bodies(s);
+  mark_media_boundaries(s);
   s.has_emission |= s.geometry_lights.any();
   if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
   s.lights.analytic_count = s.lights.count;
   if (s.has_emission) build_emitters(s);
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
-  s.only_met_lights_found =
+  s.only_hierarchy_lights_found =
       !s.has_emission && s.lights.domes.empty() && !s.lights.hierarchy.empty() && s.lights.hierarchy.far.empty();
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   if (!keeps_accel_) build_accel(s);
-  find_bodies(s);
+  find_camera_media(s);
   s.outlines = find_light_outlines(s);
   return std::move(scene_);
 }

@@ -2,25 +2,40 @@
 // power of two.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <span>
 
-#include "build/inputs/camera_input.hpp"
-#include "build/inputs/curves_input.hpp"
-#include "build/inputs/light_input.hpp"
-#include "build/inputs/mesh_input.hpp"
-#include "build/lights/light_rules.hpp"
+#include "build/inputs/scene_inputs.hpp"
+#include "build/lights/lights.hpp"
+#include "math/matrix.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
+
+// Normals of a mesh in world space.
+
+// Scales all by one factor rather than normalizing each: normals are interpolated as the object has them, here as in instances.
+class PlacedNormals {
+ public:
+  explicit PlacedNormals(const daffine& m) : x_(cross(m.y, m.z)), y_(cross(m.z, m.x)), z_(cross(m.x, m.y)) {
+    const double largest = std::max({length(x_), length(y_), length(z_)});
+    factor_ = (m.determinant() < 0 ? -1 : 1) / (largest > 0 ? largest : 1.0);
+  }
+  dvec3 operator()(const dvec3& n) const { return (x_ * n.x + y_ * n.y + z_ * n.z) * factor_; }
+
+ private:
+  dvec3 x_, y_, z_;
+  double factor_;
+};
 
 class SceneBuilder {
  public:
   // world point -> (world - origin) * scale; scale is a power of two, so that it causes no rounding.
   SceneBuilder(dvec3 origin, double scale);
   SceneBuilder(const SceneBuilder&) = delete;
-  // Reopens a finished scene (build/builder_again.cpp): its shapes, placements and textures are kept, everything else must be
+  // Reopens a finished scene (build/builder.cpp): its shapes, placements and textures are kept, everything else must be
   // given again, with the same numbers of surfaces and textures. It must have neither motion nor shapes that are lights.
   explicit SceneBuilder(std::unique_ptr<Scene> scene);
 
@@ -61,7 +76,7 @@ class SceneBuilder {
   size_t placement_rows() const { return scene_->placement_group.size(); }
   // For a reopened scene: replaces what add_mesh() made of the mesh with matrix `before` by what it makes with the new one,
   // from that row on. Returns false, and changes nothing, if more than points and normals would change.
-  bool restand_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object);
+  bool replace_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object);
   // For a reopened scene, after its camera: whether its textures have the levels that those of a new scene would have.
   bool keeps_levels();
   // Reserves memory for all meshes.
@@ -141,7 +156,7 @@ class SceneBuilder {
   bool last_mirrored_ = false, last_curved_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
   // Reopened scene.
-  bool is_again_ = false, keeps_accel_ = false;
+  bool is_reopened_ = false, keeps_accel_ = false;
   int textures_met_ = 0;
   int32_t link_row_ = 0;
 };

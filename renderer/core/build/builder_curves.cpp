@@ -5,7 +5,7 @@
 
 #include "base/error.hpp"
 #include "build/builder.hpp"
-#include "motion/clock_of_times.hpp"
+#include "motion/clock.hpp"
 
 namespace primray {
 namespace {

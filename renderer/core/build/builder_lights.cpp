@@ -1,8 +1,7 @@
 // Part of SceneBuilder that adds lights, including those that are shapes.
 #include "base/error.hpp"
 #include "build/builder.hpp"
-#include "build/lights/light_paths.hpp"
-#include "build/lights/light_rows.hpp"
+#include "build/lights/lights.hpp"
 
 namespace primray {
 

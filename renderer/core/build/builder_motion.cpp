@@ -3,7 +3,7 @@
 
 #include "base/error.hpp"
 #include "build/builder.hpp"
-#include "motion/clock_of_times.hpp"
+#include "motion/clock.hpp"
 
 namespace primray {
 namespace {
@@ -78,7 +78,7 @@ std::vector<int64_t> SceneBuilder::add_moving_instances(std::span<const float> t
   m.clock = table.clock_of(clock_of_times(times));
   std::vector<int64_t> left_out;
   std::vector<daffine> path(steps);
-  std::vector<Turning> turning(steps);
+  std::vector<PoseSegment> turning(steps);
   for (size_t i = 0; i < count; ++i) {
     bool finite = true, regular = false;
     for (size_t k = 0; k < steps; ++k) {
@@ -91,7 +91,7 @@ std::vector<int64_t> SceneBuilder::add_moving_instances(std::span<const float> t
       continue;
     }
     if (turns) {
-      make_turning(path.data(), steps, turning.data());
+      make_pose_segments(path.data(), steps, turning.data());
       table.turning.insert(table.turning.end(), turning.begin(), turning.end());
     } else {
       for (const daffine& at : path) {
@@ -116,12 +116,12 @@ void SceneBuilder::set_camera_path(const CameraInput& c) {
   const size_t steps = c.times.size();
   camera.path.clock = clock_of_times(c.times), camera.moves = true;
   std::vector<daffine> matrices(steps);
-  std::vector<Turning> turning(steps);
+  std::vector<PoseSegment> turning(steps);
   for (size_t k = 0; k < steps; ++k) {
     matrices[k] = affine_from_rows(&c.pose_matrices[12 * k]);
     matrices[k].o = (matrices[k].o - s.origin) * s.scale;
   }
-  make_turning(matrices.data(), steps, turning.data());
+  make_pose_segments(matrices.data(), steps, turning.data());
   const double unit = c.orthographic ? s.scale : 1.0;
   for (size_t k = 0; k < steps; ++k) {
     const double* n = &c.pose_numbers[8 * k];

@@ -79,8 +79,8 @@ void for_reads(const Scene& s, const SurfaceInputs& inputs, const F& f) {
 }
 
 // Accounts for one triangle with the texture; `width`: of the narrowest cone on it, in its own lengths.
-void wear(const Scene& s, const TextureRead& source, Texture& texture, uint32_t mesh, size_t triangle, const uint32_t* corner,
-          double area2, double width) {
+void add_triangle(const Scene& s, const TextureRead& source, Texture& texture, uint32_t mesh, size_t triangle,
+                  const uint32_t* corner, double area2, double width) {
   const PrimvarTable& t = s.primvars;
   const int32_t primvar = source.primvar < 0 ? -1 : t.of_mesh[size_t(mesh) * t.names + source.primvar];
   const PrimvarKind kind = primvar < 0 ? PrimvarKind::kConstant : PrimvarKind(t.kind[primvar]);
@@ -131,7 +131,7 @@ void measure_footprints(Scene& s) {
       const double distance = std::max(std::fabs(dot(n, to)) / area2, length(to) - std::max(length(e1), length(e2)));
       const double width = g == 0 ? cone_at(s.camera, distance) : on_instances[g];
       for_reads(s, s.surface_inputs[inputs], [&](const TextureRead& read) {
-        wear(s, read, s.textures[size_t(read.texture)], mesh, t, corner, area2, width);
+        add_triangle(s, read, s.textures[size_t(read.texture)], mesh, t, corner, area2, width);
       });
     }
   }

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "ray/rays.hpp"
+#include "ray/ray.hpp"
 
 namespace primray {
 

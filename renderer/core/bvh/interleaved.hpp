@@ -14,7 +14,7 @@
 #pragma once
 
 #include "bvh/triangle_bvh.hpp"
-#include "ray/rays.hpp"
+#include "ray/ray.hpp"
 
 namespace primray {
 

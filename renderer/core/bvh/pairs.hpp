@@ -9,7 +9,7 @@
 #include <span>
 
 #include "math/lanes.hpp"
-#include "ray/grouped_hit.hpp"
+#include "ray/ray.hpp"
 
 namespace primray {
 

@@ -8,7 +8,6 @@
 #include <mutex>
 
 #include "base/error.hpp"
-#include "embree/memory_limit.hpp"
 
 namespace primray {
 namespace {

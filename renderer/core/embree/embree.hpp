@@ -1,12 +1,18 @@
 // Embree, loaded once: its entry points, its device, and owners for its scenes.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
 #include "embree/embree_abi.hpp"
 
 namespace primray {
+
+// Limit of Embree's memory over all scenes of the process.
+
+// Builds that would exceed `bytes` end with Error("out-of-memory").
+void limit_embree_memory(int64_t bytes);
 
 // Opens the library at `path` and a device pinned to this module's ISA class. Throws Error("embree", ...) if it is missing, not
 // 4.4.0 or of another build. Later calls do nothing.

@@ -37,7 +37,7 @@ void Film::merge(const Film& other) {
   for (size_t p = 0; p < counts.size(); ++p) {
     for (int c = 0; c < kColors; ++c) {
       for (int e = 0; e < expressions; ++e) terms[size_t(e)] = other.routed_sum(e, p, c);
-      add_routed(p, c, terms.data());
+      add_lpe_sums(p, c, terms.data());
       add(p, c, other.sum(p, c));
     }
     for (size_t why = 0; why < kRemovals; ++why)
@@ -79,7 +79,7 @@ PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure) {
   return estimate(film, pixel, exposure, [&](size_t p, int color) { return film.sum(p, color); });
 }
 
-PixelEstimate estimate_routed(const Film& film, int expression, size_t pixel, double exposure) {
+PixelEstimate estimate_lpe(const Film& film, int expression, size_t pixel, double exposure) {
   return estimate(film, pixel, exposure, [&](size_t p, int color) { return film.routed_sum(expression, p, color); });
 }
 

@@ -87,7 +87,7 @@ struct Film {
     return {routed[i], routed[i + 1], bins[pixel * kColors + size_t(color)]};
   }
   // Adds the part of a pixel's samples that matches each expression, in the bin of the samples; before these are added.
-  void add_routed(size_t pixel, int color, const ExactSum* terms) {
+  void add_lpe_sums(size_t pixel, int color, const ExactSum* terms) {
     for (int e = 0; e < expressions; ++e) {
       const size_t i = routed_at(e, pixel, color);
       ExactSum s{routed[i], routed[i + 1], bins[pixel * kColors + size_t(color)]};
@@ -112,7 +112,7 @@ struct PixelEstimate {
 };
 PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure);
 // Estimate of the light that matches an expression.
-PixelEstimate estimate_routed(const Film& film, int expression, size_t pixel, double exposure);
+PixelEstimate estimate_lpe(const Film& film, int expression, size_t pixel, double exposure);
 // Estimate of the light that is left out of a pixel.
 PixelEstimate estimate_removed(const Film& film, Removal why, size_t pixel, double exposure);
 

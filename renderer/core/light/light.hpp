@@ -4,15 +4,15 @@
 #include <algorithm>
 #include <vector>
 
-#include "light/choice/hierarchy.hpp"
-#include "light/choice/linking.hpp"
-#include "light/choice/tree.hpp"
 #include "light/dome/dome.hpp"
 #include "light/shaping/shaping.hpp"
+#include "light/tree/light_hierarchy.hpp"
+#include "light/tree/light_tree.hpp"
+#include "light/tree/linking.hpp"
 #include "light/types/light_types.hpp"
 #include "light/types/textured_rect.hpp"
+#include "lpe/automaton.hpp"
 #include "motion/light_motion.hpp"
-#include "route/route_tables.hpp"
 
 namespace primray {
 
@@ -38,9 +38,9 @@ struct LightTable {
   std::vector<DomeTraits> dome_traits;
   std::vector<LightImage> images;  // of rectangle lights; several may share one
   std::vector<LightTable>
-      portals;               // by dome: rectangles of radiance 1 that guide its samples (light/selection/portal.hpp); or empty
-  LightTree tree;            // for choosing among lights, where there are too many to weigh each
-  LightHierarchy hierarchy;  // of the lights that rays can hit, where there are many
+      portals;                  // by dome: rectangles of radiance 1 that guide its samples (light/sampler/portal.hpp); or empty
+  LightTree tree;               // for choosing among lights, where there are too many to weigh each
+  LightHierarchy hierarchy;     // of the lights that rays can hit, where there are many
   bool needs_hit_test = false;  // some light has area or a cone that BSDF-sampled rays can hit
   bool camera_sees_area = false;
   Fact<built::kLobeFactors> lobe_factors = false;  // some light's diffuse or specular factor is not 1
@@ -85,7 +85,7 @@ PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>
 
 // Shaping factor of one light that rays along wi hit.
 template <int W>
-PRIMRAY_INLINE vvec3<W> met_shaping(const LightTable& table, const float* row, const vvec3<W>& wi) {
+PRIMRAY_INLINE vvec3<W> hit_shaping(const LightTable& table, const float* row, const vvec3<W>& wi) {
   const int number = int(row[kShaping]);
   return number == 0 ? vvec3<W>(vfloat<W>(1.0f)) : shaping_factor(table.shaping, vint<W>(number), -wi);
 }
@@ -125,7 +125,7 @@ PRIMRAY_INLINE void sample_domes(const LightTable& table, vbool<W> domes, vint<W
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_direction(const LightTable& table, size_t k, const vvec3<W>& wi, vfloat<W> time) {
   const int32_t path = table.motion.any() ? table.motion.dome(k) : -1;
-  return path < 0 ? wi : stances_of(table.motion.paths[size_t(path)], time).vector_to_row(wi);
+  return path < 0 ? wi : poses_of(table.motion.paths[size_t(path)], time).vector_to_row(wi);
 }
 
 // Transforms samples from the light's frame to world space, in lanes `active`.
@@ -178,7 +178,7 @@ template <int W>
 PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
                                            vfloat<W> u, vfloat<W> v, vfloat<W> time) {
   if (!table.motion.any()) return row_sample(table, light, active, p, u, v);
-  const LightStances<W> stances = stances_of(table.motion, active, light, time);
+  const LightPoses<W> stances = poses_of(table.motion, active, light, time);
   LightSample<W> s = row_sample(table, light, active, stances.point_to_row(p), u, v);
   s.wi = stances.vector_to_world(s.wi);
   return s;

@@ -1,10 +1,10 @@
 // Shadow properties of lights (UsdLux ShadowAPI and shadow linking). "Special" lights have shadows that differ from those of
 // the geometry: they are only found by light sampling, so that their occlusion is computed in one place
-// (path/rays/shadow_rays.hpp).
+// (integrator/rays/shadow_rays.hpp).
 #pragma once
 
-#include "light/choice/linking.hpp"
-#include "math/power.hpp"
+#include "light/tree/linking.hpp"
+#include "math/transcendental.hpp"
 
 namespace primray {
 

@@ -27,7 +27,7 @@ struct Medium {
   PRIMRAY_INLINE vbool<W> exists() const { return max_component(extinction) > vfloat<W>(0.0f); }
   PRIMRAY_INLINE vbool<W> scatters() const { return max_component(scattering) > vfloat<W>(0.0f); }
   // Transmittance over distance `t`.
-  PRIMRAY_INLINE vvec3<W> left_after(vfloat<W> t) const {
+  PRIMRAY_INLINE vvec3<W> transmittance(vfloat<W> t) const {
     const vfloat<W> way = min(t, kEndless);
     const vvec3<W> left{exp_of_minus(extinction.x * way), exp_of_minus(extinction.y * way), exp_of_minus(extinction.z * way)};
     return select((t >= vfloat<W>(kEndless)) & !scatters(), vvec3<W>(vfloat<W>(1.0f)), left);
@@ -36,7 +36,7 @@ struct Medium {
 
 // Result of distance sampling up to at most `end`.
 template <int W>
-struct MediumStep {
+struct DistanceSample {
   vbool<W> scatters;  // before the end, at `t`
   vfloat<W> t;
   vvec3<W> beta;  // throughput of the path from there on
@@ -44,8 +44,8 @@ struct MediumStep {
 
 // Samples the distance by `u` and `channel` in [0, 1), for paths with throughput `beta`.
 template <int W>
-PRIMRAY_INLINE MediumStep<W> step_in(const Medium<W>& medium, const vvec3<W>& beta, vfloat<W> end, vfloat<W> u,
-                                     vfloat<W> channel) {
+PRIMRAY_INLINE DistanceSample<W> sample_distance(const Medium<W>& medium, const vvec3<W>& beta, vfloat<W> end, vfloat<W> u,
+                                                 vfloat<W> channel) {
   using F = vfloat<W>;
   using V = vvec3<W>;
   const F sum = beta.x + beta.y + beta.z, scale = 1.0f / max(sum, 1e-30f), x = channel * sum;
@@ -53,7 +53,7 @@ PRIMRAY_INLINE MediumStep<W> step_in(const Medium<W>& medium, const vvec3<W>& be
   const F rate = select(x < beta.x, e.x, select(x < beta.x + beta.y, e.y, e.z));
   // -ln(1 - u) / rate.
   const F t = -0.693147181f * log2_cosine(1.0f - u, u * (2.0f - u)) / max(rate, 1e-30f);
-  MediumStep<W> s;
+  DistanceSample<W> s;
   s.scatters = t < min(end, kEndless);
   s.t = select(s.scatters, t, end);
   const F way = min(s.t, kEndless);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
 namespace primray {
@@ -33,5 +34,13 @@ struct MotionClock {
     return (float(m.segment) + m.within) / float(segments());
   }
 };
+
+// Makes a clock from input times and determines whether they are evenly spaced: exactly so, or not at all.
+inline MotionClock clock_of_times(std::span<const float> times) {
+  MotionClock clock{{times.begin(), times.end()}, true};
+  const float count = float(clock.segments());
+  for (size_t k = 0; k < times.size(); ++k) clock.uniform &= times[k] == float(k) / count;
+  return clock;
+}
 
 }  // namespace primray

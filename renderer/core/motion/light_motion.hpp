@@ -7,14 +7,14 @@
 #include "base/features.hpp"
 #include "math/vec3.hpp"
 #include "motion/clock.hpp"
-#include "motion/turning.hpp"
+#include "motion/pose_segment.hpp"
 
 namespace primray {
 
 // Path of one light: rotations from the row's frame, and origins.
 struct LightPath {
   MotionClock clock;
-  std::vector<Turning> places;
+  std::vector<PoseSegment> places;
   dvec3 origin;  // of the row
   // Bounding sphere of the path; without a radius: a light without a position.
   vec3 center{0.0f};
@@ -23,12 +23,12 @@ struct LightPath {
 };
 
 // World from the row's pose: p -> R (p - origin) + place.
-struct LightStance {
+struct LightPose {
   daffine rotation;
   dvec3 place, origin;
 };
 
-inline LightStance stance_of(const LightPath& path, float time) {
+inline LightPose stance_of(const LightPath& path, float time) {
   const Moment now = path.clock.at(time);
   const daffine m = between(path.places[size_t(now.segment)], path.places[size_t(now.segment) + 1], now.within);
   return {{m.x, m.y, m.z, dvec3(0.0)}, m.o, path.origin};
@@ -36,11 +36,11 @@ inline LightStance stance_of(const LightPath& path, float time) {
 
 // Poses of W lanes' lights; static lights have the identity.
 template <int W>
-struct LightStances {
+struct LightPoses {
   vvec3<W> x{vfloat<W>(1.0f), vfloat<W>(0.0f), vfloat<W>(0.0f)}, y{vfloat<W>(0.0f), vfloat<W>(1.0f), vfloat<W>(0.0f)},
       z{vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f)}, place{vfloat<W>(0.0f)}, origin{vfloat<W>(0.0f)};
 
-  PRIMRAY_INLINE void put(int lane, const LightStance& s) {
+  PRIMRAY_INLINE void put(int lane, const LightPose& s) {
     const auto set = [&](vvec3<W>& to, const dvec3& v) {
       to.x.set(lane, float(v.x)), to.y.set(lane, float(v.y)), to.z.set(lane, float(v.z));
     };
@@ -63,8 +63,8 @@ struct LightMotion {
 
 // Poses in lanes `m`, each of its own light.
 template <int W>
-PRIMRAY_RARE LightStances<W> stances_of(const LightMotion& motion, vbool<W> m, vint<W> light, vfloat<W> time) {
-  LightStances<W> r;
+PRIMRAY_RARE LightPoses<W> poses_of(const LightMotion& motion, vbool<W> m, vint<W> light, vfloat<W> time) {
+  LightPoses<W> r;
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
     if (const int32_t path = motion.row(light[i]); path >= 0) r.put(i, stance_of(motion.paths[size_t(path)], time[i]));
@@ -73,8 +73,8 @@ PRIMRAY_RARE LightStances<W> stances_of(const LightMotion& motion, vbool<W> m, v
 }
 // Poses of one path in all lanes.
 template <int W>
-PRIMRAY_RARE LightStances<W> stances_of(const LightPath& path, vfloat<W> time) {
-  LightStances<W> r;
+PRIMRAY_RARE LightPoses<W> poses_of(const LightPath& path, vfloat<W> time) {
+  LightPoses<W> r;
   for (int i = 0; i < W; ++i) r.put(i, stance_of(path, time[i]));
   return r;
 }

@@ -3,7 +3,6 @@
 // Accuracies were measured against double precision by tests/unit/core/patterns.
 #pragma once
 
-#include "math/power.hpp"
 #include "math/transcendental.hpp"
 
 namespace primray::pattern {

@@ -1,11 +1,12 @@
-// Gradient and cell noise on lattices, in lanes: the functions of MaterialX's library, with the same hash of cells, so that
-// images match.
+// Noise on lattices, in lanes: gradient and cell noise, Worley noise and flakes, the functions of MaterialX's library, with the
+// same hash of cells, so that images match.
 //
 // Perlin 2002, "Improving Noise", with gradients chosen and scaled as in Open Shading Language; the hash is the final mixing of
 // Bob Jenkins's lookup3 (2006, public domain).
 #pragma once
 
 #include "math/lanes.hpp"
+#include "math/transcendental.hpp"
 
 namespace primray::pattern {
 
@@ -154,6 +155,119 @@ PRIMRAY_INLINE vfloat<W> cell_noise(const vfloat<W>* p) {
   Cell<N, W> cell;
   for (int k = 0; k < N; ++k) cell.at[k] = floor_to_int(p[k]);
   return fraction(cell.hash());
+}
+
+}  // namespace primray::pattern
+
+namespace primray::pattern {
+
+// Worley noise: distances to the nearest of feature points, one in each cell, or the cell value of the nearest.
+
+// Nearest feature points in the surrounding cells.
+template <int N, int W>
+struct Nearest {
+  vfloat<W> square[3];  // squared distances, the least first
+  vfloat<W> offset[N];  // from here to the nearest
+};
+
+template <int N, int W>
+PRIMRAY_INLINE Nearest<N, W> nearest_points(const vfloat<W>* p, vfloat<W> jitter) {
+  using F = vfloat<W>;
+  Cell<N, W> home;
+  F local[N];
+  for (int k = 0; k < N; ++k) home.at[k] = floor_to_int(p[k]), local[k] = p[k] - to_float(home.at[k]);
+  Nearest<N, W> r;
+  for (F& s : r.square) s = F(1e6f);
+  for (F& o : r.offset) o = F(0.0f);
+  constexpr int kCells = N == 2 ? 9 : 27;
+  for (int i = 0; i < kCells; ++i) {
+    // The last coordinate varies fastest: of equally near points the first is kept.
+    const int step[3] = {N == 2 ? i / 3 - 1 : i / 9 - 1, N == 2 ? i % 3 - 1 : i / 3 % 3 - 1, i % 3 - 1};
+    Cell<N, W> cell;
+    for (int k = 0; k < N; ++k) cell.at[k] = home.at[k] + vint<W>(step[k]);
+    F to[N], square(0.0f);
+    for (int k = 0; k < N; ++k) {
+      to[k] = (fraction(cell.hash(uint32_t(k))) - 0.5f) * jitter + 0.5f + float(step[k]) - local[k];
+      square += to[k] * to[k];
+    }
+    const vbool<W> first = square < r.square[0], second = square < r.square[1], third = square < r.square[2];
+    r.square[2] = select(second, r.square[1], select(third, square, r.square[2]));
+    r.square[1] = select(first, r.square[0], select(second, square, r.square[1]));
+    r.square[0] = select(first, square, r.square[0]);
+    for (int k = 0; k < N; ++k) r.offset[k] = select(first, to[k], r.offset[k]);
+  }
+  return r;
+}
+
+template <int N, int W>
+PRIMRAY_INLINE void worley_distances(const vfloat<W>* p, vfloat<W> jitter, int count, vfloat<W>* out) {
+  const Nearest<N, W> found = nearest_points<N>(p, jitter);
+  for (int i = 0; i < count; ++i) out[i] = sqrt(found.square[i]);
+}
+
+// One, two or three numbers in [0, 1] for the cell of the nearest feature point.
+template <int N, int W>
+PRIMRAY_INLINE void worley_cells(const vfloat<W>* p, vfloat<W> jitter, int count, vfloat<W>* out) {
+  const Nearest<N, W> found = nearest_points<N>(p, jitter);
+  Cell<N, W> cell;
+  for (int k = 0; k < N; ++k) cell.at[k] = floor_to_int(p[k] + found.offset[k]);
+  for (int i = 0; i < count; ++i) out[i] = fraction(count == 1 ? cell.hash() : cell.hash(uint32_t(i)));
+}
+
+}  // namespace primray::pattern
+
+namespace primray::pattern {
+
+// Flakes: randomly rotated cubes, at most one per cell, of which the one of highest priority is visible.
+//
+// Implements flake3d of MaterialX 1.39. A rotation is made of three random numbers after Arvo, "Fast Random Rotation Matrices"
+// (Graphics Gems III, 1992).
+template <int W>
+PRIMRAY_INLINE vfloat<W> hash_more(const Cell<3, W>& cell, uint32_t more, uint32_t channel, uint32_t words) {
+  HashState<W> s = cell.state(words);
+  s.mix();
+  s.a += vuint<W>(more), s.b += vuint<W>(channel);
+  return fraction(s.end());
+}
+
+template <int W>
+PRIMRAY_INLINE vvec3<W> turned(const vvec3<W>& p, const vfloat<W> (&u)[3]) {
+  using F = vfloat<W>;
+  const SinCos<W> theta = sincos_turns(u[0]), phi = sincos_turns(u[1]);
+  const F z = u[2] * 2.0f, r = sqrt(z);
+  const vvec3<W> v{phi.sin * r, phi.cos * r, safe_sqrt(2.0f - z)};
+  const F sx = v.x * theta.cos - v.y * theta.sin, sy = v.x * theta.sin + v.y * theta.cos;
+  return vvec3<W>{v.x * sx - theta.cos, v.x * sy - theta.sin, v.x * v.z} * p.x +
+         vvec3<W>{v.y * sx + theta.sin, v.y * sy - theta.cos, v.y * v.z} * p.y + vvec3<W>{v.z * sx, v.z * sy, 1.0f - z} * p.z;
+}
+
+// `p`: in flake sizes. Returns presence, two numbers for the flake's normal, and its own random number.
+template <int W>
+PRIMRAY_INLINE void flake(const vfloat<W>* at, vfloat<W> probability, vfloat<W>* out) {
+  using F = vfloat<W>;
+  constexpr float kDiameter = 0.866025404f;  // 1.5 / sqrt(3)
+  const Cell<3, W> home{{floor_to_int(at[0]), floor_to_int(at[1]), floor_to_int(at[2])}};
+  F best(0.0f);
+  Cell<3, W> seen{{vint<W>(0), vint<W>(0), vint<W>(0)}};
+  for (int i = 0; i < 27; ++i) {
+    const int step[3] = {i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1};
+    Cell<3, W> cell;
+    F d[3];
+    for (int k = 0; k < 3; ++k) cell.at[k] = home.at[k] + vint<W>(step[k]), d[k] = at[k] - to_float(cell.at[k]) - 0.5f;
+    vbool<W> there = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < F(kDiameter * kDiameter * 3.0f);
+    there &= !(fraction(cell.hash()) > probability);
+    if (!any(there)) continue;
+    const F priority = fraction(cell.hash(3u));
+    there &= !(priority < best);
+    const F turn[3] = {fraction(cell.hash(0u)), fraction(cell.hash(1u)), fraction(cell.hash(2u))};
+    const vvec3<W> q = abs(turned(vvec3<W>{d[0], d[1], d[2]}, turn));
+    there &= max_component(q) <= F(kDiameter);
+    best = select(there, priority, best);
+    for (int k = 0; k < 3; ++k) seen.at[k] = select(there, cell.at[k], seen.at[k]);
+  }
+  const vbool<W> is = best > F(0.0f);
+  out[0] = select(is, best, 0.0f);
+  for (uint32_t k = 0; k < 3; ++k) out[1 + k] = select(is, hash_more(seen, 2u, k, 5u), 0.0f);
 }
 
 }  // namespace primray::pattern

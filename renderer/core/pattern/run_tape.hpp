@@ -2,9 +2,8 @@
 #pragma once
 
 #include "pattern/elementary.hpp"
-#include "pattern/flakes.hpp"
+#include "pattern/noise.hpp"
 #include "pattern/tape.hpp"
-#include "pattern/worley.hpp"
 
 namespace primray::pattern {
 

@@ -1,6 +1,6 @@
 // A surface's pattern as a tape: instructions on registers of lanes, in an order in which each reads only earlier results.
 //
-// This folder: tape.hpp is the data; run_tape.hpp interprets it; elementary.hpp, noise.hpp, worley.hpp and flakes.hpp have
+// This folder: tape.hpp is the data; run_tape.hpp interprets it; elementary.hpp and noise.hpp have
 // those of its functions that take more than a line. It knows no scene: surface/pattern_leaves.hpp evaluates the instructions
 // that read the shading point.
 //

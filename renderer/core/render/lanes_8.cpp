@@ -1,5 +1,5 @@
 // Instance of the path loop for 8 lanes.
-#include "path/path_loop.hpp"
+#include "integrator/path_loop.hpp"
 
 namespace primray {
 template void render_tile_block<8>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);

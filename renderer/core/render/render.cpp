@@ -1,6 +1,5 @@
 // Scheduling of a pass: it is divided into tasks of up to kBlock samples of each replicate of one tile. They are claimed in
 // order, blocks before tiles, so that all tiles advance together; which thread renders which task, and when, changes no bit.
-#include "render/render.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -13,9 +12,31 @@
 #include <vector>
 
 #include "base/error.hpp"
-#include "route/route_tables.hpp"
+#include "lpe/automaton.hpp"
+#include "render/render.hpp"
+#include "render/task_function.hpp"
 
 namespace primray {
+
+// Lookup of kernels by number of lanes.
+TaskFunction task_function(int lanes) {
+  switch (lanes) {
+    case 1:
+      return render_tile_block<1>;
+    case 4:
+      return render_tile_block<4>;
+#if PRIMRAY_MAX_LANES >= 8
+    case 8:
+      return render_tile_block<8>;
+#endif
+#if PRIMRAY_MAX_LANES >= 16
+    case 16:
+      return render_tile_block<16>;
+#endif
+  }
+  return nullptr;
+}
+
 namespace {
 
 struct Task {
@@ -72,9 +93,9 @@ PassStatistics render_pass(const Scene& scene, const IntegratorSettings& setting
   const PixelWindow& pixels = scene.camera.pixels;
   if (ends.size() != kReplicates * tiles || film.width != pixels.width || film.height != pixels.height)
     throw Error("invariant", "the pass does not fit the film");
-  if (film.expressions != (settings.routes ? settings.routes->expressions : 0))
+  if (film.expressions != (settings.lpe ? settings.lpe->expressions : 0))
     throw Error("invariant", "the film has other light path expressions");
-  const bool caustics_left_out = settings.routes && settings.routes->leaves_out >= 0;
+  const bool caustics_left_out = settings.lpe && settings.lpe->leaves_out >= 0;
   if (film.removed[kClamped].any() != settings.clamps() || film.removed[kCaustics].any() != caustics_left_out)
     throw Error("invariant", "the film records other kinds of removed light");
   std::vector<Span> spans(tiles);

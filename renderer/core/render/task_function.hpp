@@ -2,7 +2,7 @@
 #pragma once
 
 #include "base/flush_denormals.hpp"
-#include "path/tile_task.hpp"
+#include "integrator/tile_task.hpp"
 
 namespace primray {
 

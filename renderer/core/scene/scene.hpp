@@ -13,7 +13,6 @@
 #include <memory>
 #include <vector>
 
-#include "bsdf/basics/camera_sight.hpp"
 #include "bsdf/surface.hpp"
 #include "bsdf/surface_inputs.hpp"
 #include "bvh/few_triangles.hpp"
@@ -24,20 +23,112 @@
 #include "math/matrix.hpp"
 #include "motion/motion_table.hpp"
 #include "pattern/tape.hpp"
-#include "ray/grouped_hit.hpp"
+#include "ray/ray.hpp"
 #include "scene/camera.hpp"
 #include "scene/curved/curve_table.hpp"
 #include "scene/curved/curved_shapes.hpp"
-#include "scene/embree_records.hpp"
 #include "scene/emitter_table.hpp"
-#include "scene/geometry_light_table.hpp"
-#include "scene/interiors.hpp"
 #include "scene/light_outline_table.hpp"
-#include "scene/object_spaces.hpp"
-#include "scene/primvars.hpp"
 #include "texture/texture.hpp"
 
 namespace primray {
+
+// Records that user geometry and filters keep beside their Embree geometry, which holds pointers to these.
+
+struct MotionClock;
+struct MovingInstances;
+struct Scene;
+
+// Data for the filters of a group's cutout triangles.
+struct CutoutGroup {
+  const Scene* scene;
+  uint32_t group;
+  uint32_t first;  // first triangle of the geometry, counted in the group
+};
+
+// Ends of a group's tubes, static or moving.
+struct TubeEnds {
+  const Scene* scene;
+  uint32_t group;
+  uint32_t first, count;  // range of CurveTable::ends
+  int steps;              // number of times at which control points are given
+};
+
+// A placement that is user geometry. Must outlive it.
+struct PlacedGroup {
+  const Scene* scene;
+  uint32_t first_instance, count;  // rows of Scene::world_from_group
+  bool grouped;                    // it places placements
+  uint32_t inner_base;             // the first of those
+  rtc::Scene accel;                // scene of the group that it places
+  rtc::Bounds bounds;              // bounds of that group, in its own space
+  const MovingInstances* moving;   // null: none moves
+  int bound_segments;              // number of time segments for Embree
+  const MotionClock* warp;         // the group's motion samples, if Embree's times are not rays' times; otherwise null
+};
+
+// Participating media inside closed surfaces: which surfaces bound them, what is inside, and which of them contain the camera.
+
+// Maximum number of nested objects around a point; beyond, the outermost are dropped.
+constexpr int kMaxNestedMedia = 4;
+
+struct Interiors {
+  bool followed = false;               // paths track the stack of media that they are in
+  bool lit = false;                    // some light is inside a medium
+  float per_length = 1;                // world units per unit of the core's lengths
+  std::vector<int32_t> bounds_medium;  // by surface: 1 or 0
+  std::vector<float> priorities;   // by surface: where objects overlap the one of higher priority prevails; empty: all equal
+  std::vector<int32_t> object_of;  // by surface: representative of the surfaces that bound the same object; empty: each bounds
+                                   // its own
+  int32_t camera[kMaxNestedMedia] = {-1, -1, -1, -1};  // surfaces of the objects that contain the camera, the innermost first
+  float camera_index2 = 1;                             // square of the index of refraction around the camera
+  bool around_camera() const { return camera[0] >= 0; }
+};
+
+// Object spaces of shapes within their groups, for surfaces whose patterns read them.
+struct ObjectSpaces {
+  // 12 floats each: columns x, y, z, origin. The first is the group's own space, for all shapes that do not read theirs.
+  std::vector<float> group_from_object, object_from_group;
+  // Index of the space by row of the MeshTable and the CurvedTable; may be shorter than these.
+  std::vector<int32_t> of_mesh, of_curved;
+
+  bool any() const { return !group_from_object.empty(); }
+  void put(size_t number, const daffine& m) {
+    // A degenerate matrix has no inverse: the shape's space is then its group's.
+    const daffine own = is_regular(m) ? m : kItself;
+    const size_t at = 12 * number;
+    if (group_from_object.size() < at + 12) group_from_object.resize(at + 12), object_from_group.resize(at + 12);
+    put_columns(own, &group_from_object[at]), put_columns(inverse(own), &object_from_group[at]);
+  }
+  // Adds a space and returns its index.
+  int32_t add(const daffine& m) {
+    if (!any()) put(0, kItself);
+    put(group_from_object.size() / 12, m);
+    return int32_t(group_from_object.size() / 12) - 1;
+  }
+
+ private:
+  static inline const daffine kItself{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
+};
+
+// Primvars that surface inputs read by name: one flat array of values, and a table of the shapes that have them.
+
+// Order as in scene_upload.
+enum class PrimvarKind : int32_t { kConstant, kFace, kPoint, kCorner, kInstance };
+
+struct PrimvarTable {
+  std::vector<float> values;
+  // By primvar: interpolation, components per row (1 to 4), and the offset of its first row.
+  std::vector<int32_t> kind, width, base;
+  // By (owner, name): the primvar, or -1. Names are those that some surface reads, numbered from 0.
+  int names = 0;
+  std::vector<int32_t> of_mesh, of_curved, of_placement;
+
+  int32_t add(PrimvarKind k, int w, int32_t at) {
+    kind.push_back(int32_t(k)), width.push_back(w), base.push_back(at);
+    return int32_t(kind.size()) - 1;
+  }
+};
 
 // Embree geometry ids in every group: triangles, cutout triangles, pairs of triangles (bvh/pairs.hpp), moving triangles and
 // cutouts, those of curved shapes (scene/curved), tubes and their ends, static and moving ones, and after them the group's
@@ -132,11 +223,11 @@ struct Scene {
   Fact<built::kTextures> has_inputs = false;        // some surface has varying inputs
   Fact<built::kCutouts> has_cutouts = false;        // some triangles have a filter
   Fact<built::kEmission> has_emission = false;
-  bool rays_find_light = false;         // domes, area lights or emission that a scattered ray could hit
-  bool only_domes_found = false;        // ... only domes among these, for which an occlusion test suffices
-  bool only_met_lights_found = false;   // ... or only lights in LightTable::hierarchy
-  bool has_pairs = false;               // some groups begin with triangles in pairs
-  Fact<built::kThin> has_thin = false;  // something lets light pass straight: shadow rays need their hits
+  bool rays_find_light = false;              // domes, area lights or emission that a scattered ray could hit
+  bool only_domes_found = false;             // ... only domes among these, for which an occlusion test suffices
+  bool only_hierarchy_lights_found = false;  // ... or only lights in LightTable::hierarchy
+  bool has_pairs = false;                    // some groups begin with triangles in pairs
+  Fact<built::kThin> has_thin = false;       // something lets light pass straight: shadow rays need their hits
 
   // All geometry, if it consists of triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
   FewTriangles few_triangles;

@@ -3,9 +3,9 @@
 
 #include <functional>
 
-#include "math/affine_lanes.hpp"
-#include "motion/vertex_motion.hpp"
-#include "ray/rays.hpp"
+#include "math/matrix.hpp"
+#include "motion/motion_table.hpp"
+#include "ray/ray.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

@@ -1,7 +1,7 @@
 // Values that a pattern's tape reads at a point: positions, normals, tangents, primvars, spaces, images.
 //
 // World space is the stage's: origin + p / scale. A shape's object space is reached from its group's space, in which
-// coordinates are small wherever the camera looks, by the shape's own matrix (scene/object_spaces.hpp); for a shape in a
+// coordinates are small wherever the camera looks, by the shape's own matrix (scene/scene.hpp); for a shape in a
 // prototype it is the prototype's, whatever the instance. Where a ray hits geometry that is not instanced, the hit point itself
 // is used, which on large triangles is more precise than barycentrics (surface/interaction.hpp).
 #pragma once

@@ -1,5 +1,5 @@
 // Radiance that a surface emits at sampled points, times its presence, for emitter sampling; in lanes `own`, what it would emit
-// with an emission of 1 everywhere (geometry_lights.hpp). Its mean is average_emission() (input_facts.hpp).
+// with an emission of 1 everywhere (build/lights/lights.hpp). Its mean is average_emission() (input_facts.hpp).
 #pragma once
 
 #include "surface/evaluate_inputs.hpp"

@@ -5,7 +5,7 @@
 // darken the edge of every texture that just fills its surface, the more the coarser the level.)
 #pragma once
 
-#include "texture/image.hpp"
+#include "texture/texture.hpp"
 
 namespace primray {
 

@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "texture/image.hpp"
+#include "texture/texture.hpp"
 
 namespace primray {
 

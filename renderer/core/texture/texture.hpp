@@ -1,11 +1,52 @@
-// Texture: one image, or a set of UDIM tiles, of which surfaces read one channel or three.
+// Textures: one image, or a set of UDIM tiles, of which surfaces read one channel or three.
+//
+// This folder: texture.hpp is the data and its formats; mip_pyramid.cpp creates it from pixels; lookup.hpp reads it in lanes.
+// An image has its kept mip levels in one array, a texel's channels side by side, the lowest row first. Two bytes per channel
+// where that loses nothing significant, otherwise four: kUnorm16 where every value is a multiple of 1/65535 (all that 8 and 16
+// bits without a transfer curve can hold: read back exactly), kHalf where values fit its range (11 significant bits), otherwise
+// kFloat.
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <vector>
 
-#include "texture/image.hpp"
+#include "math/lanes.hpp"
 
 namespace primray {
+
+// One image of a texture: its kept mip levels in one array, a texel's channels side by side, the lowest row first.
+//
+// This folder: texture.hpp is the data and its formats; mip_pyramid.cpp creates it from pixels; lookup.hpp reads it in lanes. Two
+// bytes per channel where that loses nothing significant, otherwise four: kUnorm16 where every value is a multiple of 1/65535
+// (all that 8 and 16 bits without a transfer curve can hold: read back exactly), kHalf where values fit its range (11
+// significant bits), otherwise kFloat.
+enum class TexelFormat : int32_t { kUnorm16, kHalf, kFloat };
+
+struct TextureImage {
+  static constexpr int kMaxLevels = 24;
+  int width = 0, height = 0, channels = 1;  // of the finest level of all; 1 or 3 channels
+  TexelFormat format = TexelFormat::kFloat;
+  int first_level = 0, last_level = 0;  // those that are kept
+  // By level, for those kept; the offset of its first texel in channels.
+  int32_t level_width[kMaxLevels] = {}, level_height[kMaxLevels] = {}, level_offset[kMaxLevels] = {};
+  std::vector<uint16_t> small;  // kUnorm16, kHalf; padded by one, which gathers may read
+  std::vector<float> large;     // kFloat
+  float mean[3] = {}, low[3] = {}, high[3] = {};
+
+  int64_t memory_bytes() const { return int64_t(small.size() * sizeof(uint16_t) + large.size() * sizeof(float)); }
+};
+
+// Converts 16 bits in the low half of each lane, as IEEE 754 binary16; denormals without denormal arithmetic. No infinities, no
+// NaN.
+template <int W>
+PRIMRAY_INLINE vfloat<W> float_from_half(vint<W> h) {
+  const vint<W> magnitude = (h & vint<W>(0x7fff)) << 13;
+  const vbool<W> denormal = magnitude < vint<W>(1 << 23);
+  const vfloat<W> f = bit_cast<vfloat<W>>(magnitude + select(denormal, vint<W>(113 << 23), vint<W>(112 << 23)));
+  const vfloat<W> a = select(denormal, f - 0x1p-14f, f);
+  return bit_cast<vfloat<W>>(bit_cast<vint<W>>(a) | ((h & vint<W>(0x8000)) << 16));
+}
 
 // 1001 to 1100, ten across: the tile that holds (s, t) is 1001 + floor(s) + 10 floor(t).
 constexpr int kFirstTile = 1001, kTileColumns = 10, kTileRows = 10;

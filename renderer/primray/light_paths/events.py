@@ -19,7 +19,7 @@ class Event:
 
 
 CAMERA = Event("C")
-# In the core's order (route/route_tables.hpp).
+# In the core's order (lpe/automaton.hpp).
 SCATTERINGS = (*(Event(way, lobe) for way in "RT" for lobe in "DGS"), Event("T", "s"), Event("V"))
 STRAIGHT = SCATTERINGS.index(Event("T", "s"))
 END_KINDS = ("L", "LB", "O")

@@ -58,19 +58,19 @@ ROWS = (
         "Russian roulette",
         "none before the 1024th scattering",
         scenes=("box", "metals"),
-        edits=(Edit("path/scatter.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),),
+        edits=(Edit("integrator/scatter.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),),
     ),
     Row(
         "packets or single rays by measurement",
         "always single rays",
         scenes=("field",),
-        edits=(Edit("path/rays/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
+        edits=(Edit("integrator/rays/packet_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
     ),
     Row(
         "packets or single rays by measurement (2)",
         "always packets",
         scenes=("field",),
-        edits=(Edit("path/rays/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
+        edits=(Edit("integrator/rays/packet_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
     ),
     Row(
         "MIS compensation of domes",
@@ -106,13 +106,13 @@ ROWS = (
         "paths end by the light that they are expected to find",
         "by their throughput",
         scenes=("cove", "window"),
-        edits=(Edit("path/round.hpp", ".first_received = settings.guide != nullptr", ".first_received = false"),),
+        edits=(Edit("integrator/round.hpp", ".first_received = settings.guide != nullptr", ".first_received = false"),),
     ),
     Row(
         "many lights chosen by how shiny surfaces reflect",
         "as for matte ones",
         scenes=("showroom",),
-        edits=(Edit("path/shiny_lanes.hpp", "kShiny = 0.04f", "kShiny = 2.0f"),),
+        edits=(Edit("integrator/sample_light.hpp", "kLeastGlossy = 0.04f", "kLeastGlossy = 2.0f"),),
     ),
     Row(
         "many lights chosen by the surface's normal",
@@ -120,7 +120,7 @@ ROWS = (
         scenes=("lamps", "showroom"),
         edits=(
             Edit(
-                "light/selection/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"
+                "light/sampler/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"
             ),
         ),
     ),
@@ -140,7 +140,7 @@ ROWS = (
         "power heuristic",
         "balance heuristic",
         scenes=("box", "metals", "showroom"),
-        edits=(Edit("path/emission.hpp", "return 1.0f / (1.0f + r * r);", "return 1.0f / (1.0f + r);"),),
+        edits=(Edit("integrator/emission.hpp", "return 1.0f / (1.0f + r * r);", "return 1.0f / (1.0f + r);"),),
     ),
     Row(
         "pixels of a tile in Morton order",
@@ -148,7 +148,7 @@ ROWS = (
         scenes=("field", "hills"),
         edits=(
             Edit(
-                "path/tile_task.hpp",
+                "integrator/tile_task.hpp",
                 "x |= (m >> (2 * b) & 1) << b, y |= (m >> (2 * b + 1) & 1) << b;",
                 "x = m % kTile, y = m / kTile;",
             ),
@@ -158,7 +158,7 @@ ROWS = (
         "leaving rarely met lights to light samples",
         "rays look for all of them",
         scenes=("lamps",),
-        edits=(Edit("path/emission.hpp", "kRarelyMet = 0.05f;", "kRarelyMet = 1e-12f;"),),
+        edits=(Edit("integrator/emission.hpp", "kRareHit = 0.05f;", "kRareHit = 1e-12f;"),),
     ),
     Row(
         "few triangles without a hierarchy",
@@ -180,13 +180,13 @@ ROWS = (
         "caustics guided by photons",
         "not guided",
         scenes=("metals",),
-        edits=(Edit("pilot/learn_caustics.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
+        edits=(Edit("guiding/pilot/learn_caustics.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
     ),
     Row(
         "photons only where they pay",
         "wherever there are some",
         scenes=("haze", "plastics", "showroom"),
-        edits=(Edit("pilot/learn_caustics.cpp", "return error * kGuidedCost <", "return kGuidedCost > 0 || error <"),),
+        edits=(Edit("guiding/pilot/learn_caustics.cpp", "return error * kGuidedCost <", "return kGuidedCost > 0 || error <"),),
     ),
     Row(
         "meshes that emit among each other are one choice",
@@ -204,13 +204,13 @@ ROWS = (
         "gradients of photons",
         "sources stay where they are",
         scenes=("metals",),
-        edits=(Edit("pilot/caustic_photons.cpp", "kLeastSpread = 1e-4f", "kLeastSpread = 2.0f"),),
+        edits=(Edit("guiding/pilot/caustic_photons.cpp", "kLeastSpread = 1e-4f", "kLeastSpread = 2.0f"),),
     ),
     Row(
         "a guide into indirect light",
         "not guided",
         scenes=("cove", "window"),
-        edits=(Edit("pilot/learn_guide.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
+        edits=(Edit("guiding/pilot/learn_guide.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
     ),
     Row(
         "film point and directions in four dimensions",

@@ -8,7 +8,7 @@
 #include "bindings/testing/rows.hpp"
 #include "bsdf/bsdf_with_hair.hpp"
 #include "build/inputs/input_facts.hpp"
-#include "light/selection/portal.hpp"
+#include "light/sampler/portal.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/interaction.hpp"
 #include "surface/surface_emission.hpp"
@@ -165,7 +165,7 @@ nb::object light_shaping_rows(const Scene& scene, int light, InFloats wi_, int l
   const Input<float> wi(wi_, n, 3);
   Column<float> r(n, 3);
   for_rows(n, lanes,
-           [&]<int W>(size_t at) { r.put(at, met_shaping(scene.lights, scene.lights.row(light), wi.vector<W>(at))); });
+           [&]<int W>(size_t at) { r.put(at, hit_shaping(scene.lights, scene.lights.row(light), wi.vector<W>(at))); });
   return r.array();
 }
 

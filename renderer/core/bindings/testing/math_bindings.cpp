@@ -4,9 +4,8 @@
 #include "light/light.hpp"
 #include "math/ellipsoid.hpp"
 #include "math/matrix.hpp"
-#include "math/power.hpp"
 #include "math/transcendental.hpp"
-#include "motion/clock_of_times.hpp"
+#include "motion/clock.hpp"
 
 namespace primray {
 namespace {

@@ -7,6 +7,19 @@
 
 namespace primray {
 
+// Rows of W lanes in a table of lobe parameters.
+template <int W>
+struct LobeRows {
+  const float* rows;
+  vint<W> base;
+  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
+  // Reads three columns at once; no colour is the last of a row.
+  PRIMRAY_INLINE vvec3<W> color(int field) const {
+    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
+    return {c.x, c.y, c.z};
+  }
+};
+
 enum class InputField : int32_t {
   kDiffuseColor,
   kEmissiveColor,

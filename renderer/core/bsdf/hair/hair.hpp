@@ -11,7 +11,7 @@
 #include "bsdf/basics/scattering.hpp"
 #include "bsdf/hair/row.hpp"
 #include "bsdf/open_pbr/fresnel.hpp"
-#include "math/power.hpp"
+#include "math/transcendental.hpp"
 
 namespace primray {
 

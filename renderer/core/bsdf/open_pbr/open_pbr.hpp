@@ -8,8 +8,8 @@
 
 #include "bsdf/basics/scattering.hpp"
 #include "bsdf/open_pbr/albedos.hpp"
-#include "bsdf/open_pbr/dispersion.hpp"
 #include "bsdf/open_pbr/eon.hpp"
+#include "bsdf/open_pbr/fresnel.hpp"
 #include "bsdf/open_pbr/fuzz.hpp"
 #include "bsdf/open_pbr/row.hpp"
 #include "bsdf/open_pbr/thin_film.hpp"
@@ -119,7 +119,7 @@ struct OpenPbr {
       metal_gain = white + f0 * ((one - whole) / max(whole, 0.05f));
       metal_albedo = metal_reflects(cosine) * metal_part;
     }
-    F below_weight = select(m & deep & front, row(kOpenBelow), zero);
+    F below_weight = select(m & deep & front, row(kOpenSubsurface), zero);
     any_enters = has(below_weight * opaque_part);
     diffuse_part = opaque_part * row(kOpenDiffuseWeight);
     diffuse_left = white - V(min(reflected.x, one), min(reflected.y, one), min(reflected.z, one));
@@ -150,7 +150,7 @@ struct OpenPbr {
       // Light that enters crosses the coat here, and again where it leaves, approximated by a cosine of 2/3.
       const V across = any_coat ? layers(coat_inverse + inverse_within(F(2.0f / 3))) : below;
       enters = diffuse_left * across * (below_weight * opaque_part);
-      w_enter = luminance(row.color(kOpenBelowColor) * enters);
+      w_enter = luminance(row.color(kOpenSubsurfaceColor) * enters);
     }
     const F total = w_diffuse + w_behind + w_specular + w_transmit + w_coat + w_fuzz + w_enter,
             scale = 1.0f / max(total, 1e-20f);

@@ -1,7 +1,7 @@
 // Row of lobe parameters of an OpenPBR surface.
 #pragma once
 
-#include "bsdf/basics/lobe_rows.hpp"
+#include "bsdf/basics/varying_inputs.hpp"
 #include "bsdf/open_pbr/fresnel.hpp"
 #include "bsdf/open_pbr/inputs.hpp"
 #include "bsdf/open_pbr/interior.hpp"
@@ -29,12 +29,12 @@ enum OpenPbrField : int {
   // an opaque surface.
   kOpenExtinction = kOpenTangent + 3,
   kOpenScattering = kOpenExtinction + 3,
-  kOpenBelowExtinction = kOpenScattering + 3,
-  kOpenBelowAlbedo = kOpenBelowExtinction + 3,  // single-scattering albedo
-  kOpenBelowColor = kOpenBelowAlbedo + 3,       // of all that leaves
-  kOpenAside = kOpenBelowColor + 3,             // albedo of the diffuse reflection beside that
-  kOpenDiffuseWeight = kOpenAside + 3,          // with kOpenDiffuse
-  kOpenDiffuseRoughness,                        //
+  kOpenSubsurfaceExtinction = kOpenScattering + 3,
+  kOpenSubsurfaceAlbedo = kOpenSubsurfaceExtinction + 3,  // single-scattering albedo
+  kOpenSubsurfaceColor = kOpenSubsurfaceAlbedo + 3,       // of all that leaves
+  kOpenAside = kOpenSubsurfaceColor + 3,                  // albedo of the diffuse reflection beside that
+  kOpenDiffuseWeight = kOpenAside + 3,                    // with kOpenDiffuse
+  kOpenDiffuseRoughness,                                  //
   kOpenMetalness,
   kOpenMetalWeight,   //
   kOpenTransmission,  //
@@ -57,11 +57,11 @@ enum OpenPbrField : int {
   kOpenBaseRoughness,   // r_b of the specification
   kOpenFilm,
   kOpenFilmThickness,
-  kOpenFilmIor,  //
-  kOpenAbove,    // index of what is above the base
-  kOpenPhase,    // mean cosine of the phase function in the interior
-  kOpenBelow,    // weight of subsurface scattering; 0 if the surface is thin-walled or has no depth
-  kOpenBelowPhase,
+  kOpenFilmIor,     //
+  kOpenAbove,       // index of what is above the base
+  kOpenPhase,       // mean cosine of the phase function in the interior
+  kOpenSubsurface,  // weight of subsurface scattering; 0 if the surface is thin-walled or has no depth
+  kOpenSubsurfacePhase,
   kOpenAsideWeight,
   kOpenPbrFields
 };
@@ -91,9 +91,9 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   row[kOpenTransmission] = v.transmission_weight;
   put(kOpenTint, select((v.transmission_depth > zero) & !vbool<W>(thin), V(one), v.transmission_color));
   const Interior<W> under = subsurface_interior(v);
-  row[kOpenBelow] = select(under.exists() & !vbool<W>(thin), s, zero), row[kOpenBelowPhase] = under.phase;
-  put(kOpenBelowExtinction, under.extinction), put(kOpenBelowAlbedo, under.scattering),
-      put(kOpenBelowColor, v.subsurface_color);
+  row[kOpenSubsurface] = select(under.exists() & !vbool<W>(thin), s, zero), row[kOpenSubsurfacePhase] = under.phase;
+  put(kOpenSubsurfaceExtinction, under.extinction), put(kOpenSubsurfaceAlbedo, under.scattering),
+      put(kOpenSubsurfaceColor, v.subsurface_color);
   put(kOpenAside, base), row[kOpenAsideWeight] = v.base_weight * (one - s);
   const F abbe = max(v.transmission_dispersion_abbe_number, 1.0f);
   row[kOpenDispersion] = thin ? zero : v.transmission_dispersion_scale / abbe;

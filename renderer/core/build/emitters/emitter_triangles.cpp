@@ -1,6 +1,6 @@
-// Construction of emitter_triangles.hpp. A tree needs about 150 bytes per leaf, so the triangles of large shapes share leaves:
+// Choice among a shape's triangles (emitters.hpp). A tree needs about 150 bytes per leaf, so the triangles of large shapes share leaves:
 // runs of consecutive triangles, which are usually adjacent.
-#include "build/emitters/emitter_triangles.hpp"
+#include "build/emitters/emitters.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,8 +13,8 @@
 namespace primray {
 namespace {
 
-// Weight of back faces of closed emissive shapes: a triangle seen from its back is usually behind the shape's front. Inside
-// such a shape all triangles are seen from the back, and none is preferred.
+// Weight of back faces of closed emissive shapes: a triangle seen from its back is usually behind the shape's front.
+// MediumState such a shape all triangles are seen from the back, and none is preferred.
 constexpr float kBackFloor = 0.1f;
 // Cosine limit that includes all directions.
 constexpr float kAllSides = -1.01f;

@@ -5,26 +5,22 @@
 #include <algorithm>
 #include <cmath>
 
-#include "build/emitters/emitter_shapes.hpp"
-#include "build/lights/geometry_lights.hpp"
-#include "build/lights/light_rows.hpp"
-#include "build/lights/light_rules.hpp"
-#include "build/lights/shaping_rows.hpp"
-#include "light/types/anchor.hpp"
+#include "build/lights/lights.hpp"
+#include "light/types/light_row.hpp"
 
 namespace primray {
 namespace {
 
 daffine instance_matrix(const Scene& s, size_t instance) { return affine_from_columns(&s.world_from_group[12 * instance]); }
 
-// Writes the fields of a geometry light to its row, for a placement of its group: kGlow, and those of any light.
+// Writes the fields of a geometry light to its row, for a placement of its group: kEmissionFactor, and those of any light.
 void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
-  row[kGlow] = row[kGlow + 1] = row[kGlow + 2] = 1;
+  row[kEmissionFactor] = row[kEmissionFactor + 1] = row[kEmissionFactor + 2] = 1;
   if (number < 0) return;
   const GeometryLight& light = s.geometry_lights.all[number];
   copy_common_fields(light.row.data(), row);
   const vec3 L = placed_radiance(s, light, world_from_group);
-  put(row, kGlow, dvec3(L));
+  put(row, kEmissionFactor, dvec3(L));
   row[kLightFlags] = float(int(row[kLightFlags]) | (light.own ? kOwnRadiance : 0));
   if (light.shaping) add_shaping(*light.shaping, world_from_group * light.group_from_object, row, s.lights);
 }
@@ -32,11 +28,11 @@ void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_grou
 // Share of its radiance after the division by the area.
 double share_of(const GeometryLight& light, const float* row) {
   const double whole = luminance(dvec3(light.radiance));
-  return whole > 0 ? luminance(dvec3{row[kGlow], row[kGlow + 1], row[kGlow + 2]}) / whole : 0.0;
+  return whole > 0 ? luminance(dvec3{row[kEmissionFactor], row[kEmissionFactor + 1], row[kEmissionFactor + 2]}) / whole : 0.0;
 }
 
 // Bounding sphere of the path of a part of a moving instance's group, and the part's largest size on it.
-struct PassingBall {
+struct PathBounds {
   DoubleBox centers;
   double radius = 0;  // radius of the part's own bounding sphere
   double area = 0;    // squared size: factor of areas in the group's space, averaged over directions
@@ -45,11 +41,11 @@ struct PassingBall {
 };
 
 // `center`, `own_radius`: bounding sphere of the part, in the group's space; `part`: frame in it whose unit sphere is queried.
-PassingBall passing_ball(const Scene& s, size_t instance, const dvec3& center, double own_radius, const daffine& part) {
+PathBounds path_bounds(const Scene& s, size_t instance, const dvec3& center, double own_radius, const daffine& part) {
   const MovingInstances& moving = *s.motion.find(int32_t(instance));
   const MotionClock& clock = s.motion.clocks[size_t(moving.clock)];
   constexpr int kProbes = 8;  // per segment
-  PassingBall ball;
+  PathBounds ball;
   for (int k = 0; k <= clock.segments() * kProbes; ++k) {
     const int segment = std::min(k / kProbes, clock.segments() - 1);
     const float from = clock.times[size_t(segment)], to = clock.times[size_t(segment) + 1];
@@ -76,8 +72,8 @@ void note_moving(Scene& s, size_t instance, int32_t k, const daffine& frame) {
 }
 
 // Writes the bounding sphere of a shape's path in a moving instance, in place of its own.
-void put_passing_ball(const Scene& s, const ShapeWeight& w, size_t instance, float* row) {
-  const PassingBall ball = passing_ball(s, instance, w.center(), w.radius(), kHere);
+void put_path_bounds(const Scene& s, const ShapeWeight& w, size_t instance, float* row) {
+  const PathBounds ball = path_bounds(s, instance, w.center(), w.radius(), kHere);
   double uneven = 1;
   const double axes[] = {length(light_vector(row, kAxisX)), length(light_vector(row, kAxisY)),
                          length(light_vector(row, kAxisZ))};
@@ -85,7 +81,7 @@ void put_passing_ball(const Scene& s, const ShapeWeight& w, size_t instance, flo
   if (least > 0) uneven = std::cbrt(axes[0] * axes[1] * axes[2]) / least;
   put(row, kMeshCenter, ball.center());
   row[kSize0] = float(ball.reach() * std::max(uneven, 1.0));
-  row[kLightFlags] = float(int(row[kLightFlags]) | kPassing);
+  row[kLightFlags] = float(int(row[kLightFlags]) | kMoving);
 }
 
 // `placement`, `instance`: see kMeshPlacement.
@@ -103,7 +99,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   const bool moves = placement >= 0 && s.motion.find(s.placement_instance[size_t(placement)]);
   if (moves) {
     const size_t passing = size_t(s.placement_instance[size_t(placement)] + instance);
-    put_passing_ball(s, w, passing, row);
+    put_path_bounds(s, w, passing, row);
     note_moving(s, passing, shape, w.light < 0 ? kHere : s.geometry_lights.all[w.light].group_from_object);
   }
   (!moves && put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
@@ -152,16 +148,16 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
 }
 
 // Adds the row of shape `k`, a sphere in a moving instance: the bounding sphere of its path, of which the sphere is a part.
-void add_passing_sphere_row(Scene& s, const Group& group, int32_t k, const daffine& world_from_group, size_t instance) {
+void add_moving_sphere_row(Scene& s, const Group& group, int32_t k, const daffine& world_from_group, size_t instance) {
   const int32_t curved_row = s.emitters.first[size_t(k)], number = s.geometry_lights.curved(curved_row);
   const uint32_t record = group.curved.of<SphereShape>().record_of(curved_row);
   const daffine sphere = s.curved.records<SphereShape>()[record].to_group();
   const double own_radius = std::max({length(sphere.x), length(sphere.y), length(sphere.z)});
-  const PassingBall ball = passing_ball(s, instance, sphere.o, own_radius, sphere);
+  const PathBounds ball = path_bounds(s, instance, sphere.o, own_radius, sphere);
   const double reach = std::max(ball.reach(), kSmallestLight);
   float row[kLightFields] = {};
   row[kType] = float(int(LightType::kSphere));
-  row[kLightFlags] = float(int(kGeometry | kPassing));
+  row[kLightFlags] = float(int(kGeometry | kMoving));
   row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
   for (const int field : {kAxisX, kInverseX})
     put(row, field, kHere.x), put(row, field + 3, kHere.y), put(row, field + 6, kHere.z);
@@ -254,8 +250,8 @@ void build_emitters(Scene& s) {
       if (table.count[k] > 0)
         add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
       else if (placement >= 0 && s.motion.find(s.placement_instance[size_t(placement)]))
-        add_passing_sphere_row(s, s.groups[group], k, world_from_group,
-                               size_t(s.placement_instance[size_t(placement)] + instance));
+        add_moving_sphere_row(s, s.groups[group], k, world_from_group,
+                              size_t(s.placement_instance[size_t(placement)] + instance));
       else
         add_sphere_row(s, s.groups[group], table.first[k], world_from_group);
     }

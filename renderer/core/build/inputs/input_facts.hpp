@@ -1,9 +1,23 @@
-// Properties of surfaces' varying inputs that are known before rendering: ranges, means, and the features that they need.
+// Facts about the scene that are derived from surfaces' inputs before rendering: ranges and means of varying inputs, mean
+// values of patterns, and the objects that contain media.
 #pragma once
 
 #include "scene/scene.hpp"
 
 namespace primray {
+
+// Detection of the objects with media that paths must follow, and of those that contain the camera.
+
+// Marks the surfaces that bound media, and has_thin for boundaries that let light pass straight; before the scene's rays can be
+// traced. Varying inputs of interiors have their means.
+void mark_media_boundaries(Scene& scene);
+// Finds, after that, the objects that contain the camera, and whether any contain lights.
+void find_camera_media(Scene& scene);
+
+// Mean values of patterns, estimated on the shapes that use them: the choice among emitters, and photons, rely on these.
+
+// Sets `fallback` of inputs that read a tape, for surfaces that some triangles have; others keep theirs.
+void note_pattern_means(Scene& scene);
 
 // Sets has_inputs, has_emission and has_thin for varying inputs. Called after all images are set.
 void note_inputs(Scene& scene);

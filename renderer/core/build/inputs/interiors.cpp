@@ -1,13 +1,12 @@
 // Detection of media and of the ones around the camera.
-#include "build/inputs/interiors.hpp"
+#include "build/inputs/input_facts.hpp"
 
 #include <algorithm>
 #include <map>
 #include <numeric>
 
 #include "accel/query.hpp"
-#include "build/inputs/input_facts.hpp"
-#include "medium/bodies.hpp"
+#include "medium/medium_stack.hpp"
 #include "surface/interaction.hpp"
 
 namespace primray {
@@ -19,9 +18,9 @@ constexpr int kMostBoundaries = 256, kMostLights = 4096;
 bool has(const float* row, int color) { return std::max({row[color], row[color + 1], row[color + 2]}) > 0; }
 
 // Joins the surfaces of each mesh that has several, represented by the first of them.
-void join_bodies(const Scene& scene, Interiors& interiors) {
+void join_objects(const Scene& scene, Interiors& interiors) {
   const MeshTable& meshes = scene.meshes;
-  std::vector<int32_t> first(interiors.is_body.size());
+  std::vector<int32_t> first(interiors.bounds_medium.size());
   std::iota(first.begin(), first.end(), 0);
   const auto root = [&](int32_t s) {
     while (first[size_t(s)] != s) s = first[size_t(s)];
@@ -30,14 +29,15 @@ void join_bodies(const Scene& scene, Interiors& interiors) {
   bool joined = false;
   for (size_t i = 1; i < meshes.surface.size(); ++i) {
     const int32_t a = meshes.surface[i - 1], b = meshes.surface[i];
-    if (meshes.vertex_base[i] != meshes.vertex_base[i - 1] || !interiors.is_body[size_t(a)] || !interiors.is_body[size_t(b)])
+    if (meshes.vertex_base[i] != meshes.vertex_base[i - 1] || !interiors.bounds_medium[size_t(a)] ||
+        !interiors.bounds_medium[size_t(b)])
       continue;
     const int32_t low = std::min(root(a), root(b)), high = std::max(root(a), root(b));
     first[size_t(high)] = low, joined |= low != high;
   }
   if (!joined) return;
   for (size_t i = 0; i < first.size(); ++i) first[i] = root(int32_t(i));
-  interiors.bodies = std::move(first);
+  interiors.object_of = std::move(first);
 }
 
 // Surface of an object that contains `p`, found by a ray, and the distance to its boundary.
@@ -46,7 +46,7 @@ struct Found {
   int32_t surface;
 };
 
-std::vector<Found> bodies_along(const Scene& scene, const vec3& p, const vec3& d) {
+std::vector<Found> objects_along(const Scene& scene, const vec3& p, const vec3& d) {
   const vfloat<1> far(kInfinity), zero(0.0f);
   const auto lane = [](const vec3& v) { return vvec3<1>(vfloat<1>(v.x), vfloat<1>(v.y), vfloat<1>(v.z)); };
   const vbool<1> one(true);
@@ -59,8 +59,8 @@ std::vector<Found> bodies_along(const Scene& scene, const vec3& p, const vec3& d
     const Interaction<1> it = interact(scene, one, ray, hits);
     const bool front = dot(it.ng, ray.d)[0] < 0;
     const int32_t surface = it.surface[0];
-    if (scene.interiors.is_body[size_t(surface)]) {
-      int& entered = depth[scene.interiors.bodies.empty() ? surface : scene.interiors.bodies[size_t(surface)]];
+    if (scene.interiors.bounds_medium[size_t(surface)]) {
+      int& entered = depth[scene.interiors.object_of.empty() ? surface : scene.interiors.object_of[size_t(surface)]];
       if (front) {
         ++entered;
       } else if (--entered < 0) {
@@ -74,12 +74,12 @@ std::vector<Found> bodies_along(const Scene& scene, const vec3& p, const vec3& d
 }
 
 // Surfaces that two of three rays find: one may slip past an edge, or through an open mesh. The innermost first.
-std::vector<Found> bodies_at(const Scene& scene, const vec3& p) {
+std::vector<Found> objects_around(const Scene& scene, const vec3& p) {
   const vec3 directions[3] = {{0.4621f, 0.7214f, 0.5158f}, {-0.8037f, 0.2113f, 0.5562f}, {0.1873f, -0.5229f, -0.8316f}};
   std::map<int32_t, std::vector<float>> seen;
   for (const vec3& d : directions) {
     std::map<int32_t, float> nearest;
-    for (const Found& f : bodies_along(scene, p, d * (1 / std::sqrt(dot(d, d))))) nearest.emplace(f.surface, f.distance);
+    for (const Found& f : objects_along(scene, p, d * (1 / std::sqrt(dot(d, d))))) nearest.emplace(f.surface, f.distance);
     for (const auto& [surface, distance] : nearest) seen[surface].push_back(distance);
   }
   std::vector<Found> bodies;
@@ -91,7 +91,7 @@ std::vector<Found> bodies_at(const Scene& scene, const vec3& p) {
 
 }  // namespace
 
-void note_bodies(Scene& scene) {
+void mark_media_boundaries(Scene& scene) {
   Interiors& interiors = scene.interiors;
   std::vector<float> priorities = std::move(interiors.priorities);
   interiors = {};
@@ -99,7 +99,7 @@ void note_bodies(Scene& scene) {
   if (scene.surfaces.open_pbr.empty()) return;
   const size_t count = scene.surfaces.rows.size() / kSurfaceFields;
   interiors.per_length = float(1 / scene.scale);
-  interiors.is_body.assign(count, 0);
+  interiors.bounds_medium.assign(count, 0);
   int bodies = 0;
   bool media = false;
   for (size_t i = 0; i < count; ++i) {
@@ -108,25 +108,25 @@ void note_bodies(Scene& scene) {
     if (!(flags & kOpenPbr) || (flags & kThin)) continue;
     float* open = &scene.surfaces.open_pbr[size_t(row[kOpenPbrRow]) * kOpenPbrFields];
     if (scene.surface_inputs_of[i] >= 0) average_interior(scene, int32_t(i), open);
-    media |= open[kOpenBelow] > 0;
+    media |= open[kOpenSubsurface] > 0;
     if (!(row[kTransmission] > 0)) continue;
-    interiors.is_body[i] = 1, ++bodies;
+    interiors.bounds_medium[i] = 1, ++bodies;
     const bool filled = has(open, kOpenExtinction);
     media |= filled;
     scene.has_thin |= filled && open[kOpenEta] == 1;
   }
   interiors.followed = media || bodies > 1;
-  if (bodies > 1) join_bodies(scene, interiors);
+  if (bodies > 1) join_objects(scene, interiors);
 }
 
-void find_bodies(Scene& scene) {
+void find_camera_media(Scene& scene) {
   Interiors& interiors = scene.interiors;
-  if (!interiors.followed || std::count(interiors.is_body.begin(), interiors.is_body.end(), 1) == 0) return;
-  const std::vector<Found> around = bodies_at(scene, scene.camera.world_from_camera.o);
-  BodyLanes<1> stack;
+  if (!interiors.followed || std::count(interiors.bounds_medium.begin(), interiors.bounds_medium.end(), 1) == 0) return;
+  const std::vector<Found> around = objects_around(scene, scene.camera.world_from_camera.o);
+  MediumStack<1> stack;
   for (size_t i = around.size(); i-- > 0;) stack.add(scene, vbool<1>(true), vint<1>(around[i].surface));
-  for (int k = 0; k < kMostBodies; ++k) interiors.camera[k] = stack.inside[k][0];
-  const float index = index_in(scene, stack)[0];
+  for (int k = 0; k < kMaxNestedMedia; ++k) interiors.camera[k] = stack.surfaces[k][0];
+  const float index = ior_in(scene, stack)[0];
   interiors.camera_index2 = index * index;
   const LightTable& lights = scene.lights;
   interiors.lit = scene.emitters.any() || lights.analytic_count > kMostLights;
@@ -134,7 +134,7 @@ void find_bodies(Scene& scene) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
     if (type == LightType::kDistant || type == LightType::kDome) continue;
-    interiors.lit = !bodies_at(scene, {row[kOrigin], row[kOrigin + 1], row[kOrigin + 2]}).empty();
+    interiors.lit = !objects_around(scene, {row[kOrigin], row[kOrigin + 1], row[kOrigin + 2]}).empty();
   }
 }
 

@@ -1,5 +1,5 @@
 // Radiance and lookup tables of geometry lights.
-#include "build/lights/geometry_lights.hpp"
+#include "build/lights/lights.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // Detection of pixels with light outlines: outlines are walked in steps of a fraction of a pixel, and each step's pixel is
 // recorded if nothing hides the light there.
-#include "build/lights/light_outlines.hpp"
+#include "build/lights/lights.hpp"
 
 #include <algorithm>
 #include <array>
@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "accel/query.hpp"
-#include "build/lights/light_bounds.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

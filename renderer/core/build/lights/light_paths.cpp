@@ -1,11 +1,10 @@
 // Construction of light paths.
-#include "build/lights/light_paths.hpp"
+#include "build/lights/lights.hpp"
 
 #include <algorithm>
 
-#include "build/lights/light_bounds.hpp"
 #include "math/box.hpp"
-#include "motion/clock_of_times.hpp"
+#include "motion/clock.hpp"
 
 namespace primray {
 namespace {
@@ -45,7 +44,7 @@ void add_light_path(const LightInput& light, const dvec3& origin, double scale, 
     places.add(relative[k].o);
   }
   path.places.resize(steps);
-  make_turning(relative.data(), steps, path.places.data());
+  make_pose_segments(relative.data(), steps, path.places.data());
   path.origin = (light.world_from_light.o - origin) * scale;
   for (int i = first_row; i < table.count; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
@@ -60,7 +59,7 @@ void add_light_path(const LightInput& light, const dvec3& origin, double scale, 
     }
     with_light_type(table.row(i), [&]<class T>(T) {
       LightBounds still;
-      path.spread = float(T::spread(table.row(i), still).factor);
+      path.spread = float(T::tree_bounds(table.row(i), still).factor);
     });
     path.center = vec3((places.low + places.high) * 0.5);
     path.radius = float(std::max(0.5 * length(places.high - places.low) + std::sqrt(reach), kSmallestLight) * 1.0001);

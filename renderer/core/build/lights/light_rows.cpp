@@ -1,19 +1,58 @@
-// Construction of light rows. Scale is moved from the matrix to the light's size if its axes stay perpendicular, so that only
-// true shear remains.
-#include "build/lights/light_rows.hpp"
+// Construction of light rows and of light rules. Scale is moved from the matrix to the light's size if its axes stay
+// perpendicular, so that only true shear remains.
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "build/lights/light_bounds.hpp"
-#include "build/lights/light_choice.hpp"
-#include "build/lights/light_paths.hpp"
-#include "build/lights/light_rules.hpp"
-#include "build/lights/shaping_rows.hpp"
-#include "light/types/anchor.hpp"
+#include "base/error.hpp"
+#include "build/lights/lights.hpp"
+#include "light/shadow.hpp"
+#include "light/types/light_row.hpp"
 
 namespace primray {
+
+// Construction of light rules.
+bool is_special(const LightRules& light) {
+  const vec3& c = light.shadow_color;
+  return light.casters != 0 || !light.casts_shadows || c.x != 0 || c.y != 0 || c.z != 0 || light.shadow_distance >= 0;
+}
+
+void add_light_rules(const LightRules& light, double scale, LightTable& table) {
+  const size_t row = size_t(table.count) - 1;
+  const bool special = is_special(light);
+  float& flags = table.rows[row * kLightFields + kLightFlags];
+  flags = float(int(flags) | (light.visible_to_camera ? 0 : kHidden) | (special ? kSpecial : 0));
+  if (light.link != 0) table.light_link.resize(row + 1, 0), table.light_link[row] = light.link;
+  const bool dome = int(table.rows[row * kLightFields + kType]) == int(LightType::kDome);
+  table.ends.resize(row + 1, int32_t(kEndObject)), table.ends[row] = end_number(light.group, dome ? kEndDome : kEndLight);
+  if (!special) return;
+  table.shadow_rows.resize((row + 1) * kShadowFields, 0.0f);
+  float* shadow = &table.shadow_rows[row * kShadowFields];
+  shadow[kCasters] = float(light.casters), shadow[kCastsShadows] = light.casts_shadows ? 1.0f : 0.0f;
+  shadow[kShadowColor] = light.shadow_color.x, shadow[kShadowColor + 1] = light.shadow_color.y,
+  shadow[kShadowColor + 2] = light.shadow_color.z;
+  const bool ends = light.shadow_distance >= 0;
+  shadow[kShadowEnd] = ends ? float(light.shadow_distance * scale) : INFINITY;
+  // The fading zone lies within the distance (ShadowAPI), and has no meaning without one.
+  const double fade = std::min(light.shadow_falloff, light.shadow_distance);
+  shadow[kShadowFade] = ends && fade > 0 ? float(fade * scale) : 0.0f;
+  shadow[kShadowGamma] = float(light.shadow_gamma);
+}
+
+void finish_light_rules(LightTable& table) {
+  if (table.links.any()) table.light_link.resize(size_t(table.count), 0);
+  if (!table.shadow_rows.empty()) table.shadow_rows.resize(size_t(table.count) * kShadowFields, 0.0f);
+  const int limit = 32 * table.links.words;
+  for (const int32_t link : table.light_link)
+    if (link < 0 || link >= limit) throw Error("internal", "a light's link names a collection that does not exist");
+  for (size_t i = 0; i < table.shadow_rows.size(); i += kShadowFields)
+    if (table.shadow_rows[i + kCasters] != 0 && table.shadow_rows[i + kCasters] >= float(limit))
+      throw Error("internal", "a light's shadow link names a collection that does not exist");
+  for (const DomeTraits& dome : table.dome_traits)
+    if (dome.link != 0 && dome.link >= limit) throw Error("internal", "a dome's link names a collection that does not exist");
+}
+
 namespace {
 
 // Frame of a light: perpendicular unit axes with separate sizes, or the matrix divided by its mean size if that is impossible.
@@ -135,7 +174,7 @@ void put_placed(const LightInput& light, double scale, float* row, RowFrame& f) 
 
 // Writes what ray hits and light selection need of their surface.
 void put_surface(const LightInput& light, int image, LightTable& table, float* row, const RowFrame& f) {
-  table.needs_hit_test |= can_be_met(light.type);
+  table.needs_hit_test |= can_be_hit(light.type);
   LightTypes::with(light.type, [&]<class T>(T) {
     if constexpr (requires { T::kAxial; }) put_anchor(row, f.m, T::kAxial);
   });
@@ -151,9 +190,9 @@ void add_hierarchy(LightTable& table) {
   for (int i = 0; i < table.analytic_count; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
     const bool moves = table.motion.row(i) >= 0;
-    if ((type == LightType::kDistant && table.row(i)[kSize0] > 0) || (moves && can_be_met(type) && type != LightType::kDistant))
+    if ((type == LightType::kDistant && table.row(i)[kSize0] > 0) || (moves && can_be_hit(type) && type != LightType::kDistant))
       table.hierarchy.far.push_back(i);
-    if (type == LightType::kDistant || moves || !can_be_met(type)) continue;
+    if (type == LightType::kDistant || moves || !can_be_hit(type)) continue;
     const LightBox box = light_box(table.row(i));
     double diagonal2 = 0;
     for (int a = 0; a < 3; ++a) diagonal2 += (double(box.high[a]) - box.low[a]) * (double(box.high[a]) - box.low[a]);

@@ -1,12 +1,12 @@
 // Construction of shaping rows. Beside the formula's own parameters, a row has the largest angle off its axis at which the
 // light emits, for light selection.
-#include "build/lights/shaping_rows.hpp"
+#include "build/lights/lights.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "light/shaping/shaped_frame.hpp"
+#include "light/shaping/shaping.hpp"
 
 namespace primray {
 namespace {
@@ -24,7 +24,7 @@ bool keeps_angles(const daffine& m) {
 // Radius of the light's bounding sphere, more than rounding requires.
 double reach_radius(const float* row) {
   double r = 0;
-  with_light_type(row, [&]<class T>(T) { r = T::ball(row); });
+  with_light_type(row, [&]<class T>(T) { r = T::bounding_radius(row); });
   const float* center = row + light_center(row);
   return r * 1.001 + 1e-6 * std::max({std::fabs(center[0]), std::fabs(center[1]), std::fabs(center[2])});
 }

@@ -6,8 +6,6 @@
 #include <limits>
 #include <numbers>
 
-#include "light/dome/dome_compensation.hpp"
-
 namespace primray {
 namespace {
 

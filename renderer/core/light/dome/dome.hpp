@@ -3,9 +3,10 @@
 // Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi; other
 // formats are in dome_format.hpp. Texels are interpolated bilinearly. Sampling chooses a cell of a lat-long grid, which is the
 // image's own grid if that is lat-long, by a row and a column distribution, then a point uniformly in its solid angle. Part of
-// the radiance is left to BSDF-sampled rays everywhere (dome_compensation.hpp); a constant dome needs no light samples at all.
+// the radiance is left to BSDF-sampled rays everywhere (dome_compensation.cpp); a constant dome needs no light samples at all.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "light/dome/cdf.hpp"
@@ -15,6 +16,13 @@
 #include "math/matrix.hpp"
 
 namespace primray {
+
+// MIS compensation of domes: how much of a dome's radiance is left to BSDF-sampled rays.
+
+// Returns the radiance that is left to BSDF-sampled rays everywhere; light samples go where there is more ("MIS compensation":
+// Karlik et al. 2019). Infinity: under a smooth sky light samples are not worth their cost. `luminance`: of rows x columns
+// cells in lat-long order, the first row at a pole, with its mean; `solid_angle`: of each row's cells.
+double dome_compensation(std::span<const double> luminance, std::span<const double> solid_angle, int columns, double mean);
 
 struct Dome {
   Affine<float> world_from_light;  // a rotation

@@ -2,7 +2,7 @@
 // a Lambert surface in the open and summed over its orientations: of one cosine-sampled ray, and of such a ray and a dome
 // sample together (MIS with the power heuristic), which costs one ray more. Karlik et al. leave the mean; but half of a sky is
 // above its mean, and light samples that go there are lost to a sun.
-#include "light/dome/dome_compensation.hpp"
+#include "light/dome/dome.hpp"
 
 #include <algorithm>
 #include <array>

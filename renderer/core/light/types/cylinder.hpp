@@ -96,16 +96,16 @@ struct CylinderLight : LightTypeDefaults {
     const vfloat<W> near2 = max(d2 - x * x, row[kSize0] * row[kSize0]) + beyond * beyond;
     return power * min(4 * row[kSize0] * row[kSize1] / near2, kPi);
   }
-  static double reach(const float* row, int axis) {
+  static double half_extent(const float* row, int axis) {
     const AxisParts a(row, axis);
     return double(row[kSize1]) * a.x + double(row[kSize0]) * std::sqrt(a.y * a.y + a.z * a.z);
   }
-  static double ball(const float* row) {
+  static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double s0 = row[kSize0], s1 = row[kSize1];
     return int(row[kLightFlags]) & kSheared ? s1 * a.x + s0 * std::hypot(a.y, a.z) : std::hypot(s0, s1);
   }
-  static LightSpread spread(const float* row, LightBounds& b) {
+  static TreeBounds tree_bounds(const float* row, LightBounds& b) {
     const double s0 = row[kSize0], s1 = row[kSize1];
     b.exact = true;
     return {4 * s0 * s1, s0 * s0 + s1 * s1 / 3};

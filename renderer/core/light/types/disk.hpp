@@ -148,16 +148,16 @@ struct DiskLight : FlatLight {
   static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
     return importance_of(row, kPi * row[kSize0] * row[kSize0], to, d2, power);
   }
-  static double reach(const float* row, int axis) {
+  static double half_extent(const float* row, int axis) {
     const AxisParts a(row, axis);
     return row[kSize0] * std::sqrt(a.x * a.x + a.y * a.y);
   }
-  static double ball(const float* row) {
+  static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double r = row[kSize0];
     return int(row[kLightFlags]) & kSheared ? r * std::hypot(a.x, a.y) : r;
   }
-  static LightSpread spread(const float* row, LightBounds& b) {
+  static TreeBounds tree_bounds(const float* row, LightBounds& b) {
     const double r = row[kSize0];
     return spread_of(row, std::numbers::pi * r * r, b);
   }

@@ -49,7 +49,7 @@ struct DistantLight : LightTypeDefaults {
   }
   // Direction to the light (+z of its frame), and the spread of the cone about it, 1 - cos = kSize0.
   static dvec3 far_direction(const float* row) { return light_vector(row, kAxisZ); }
-  static double far_reach(const float* row) {
+  static double far_half_extent(const float* row) {
     const double spread = row[kSize0];
     return spread < 1 ? std::sqrt(spread * (2 - spread)) : 2.0;
   }

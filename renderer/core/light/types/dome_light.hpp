@@ -14,7 +14,7 @@ struct DomeLight : LightTypeDefaults {
     return power;
   }
   static dvec3 far_direction(const float*) { return dvec3(0.0); }
-  static double far_reach(const float*) { return 4.0; }
+  static double far_half_extent(const float*) { return 4.0; }
 };
 
 }  // namespace primray

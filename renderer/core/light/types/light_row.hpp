@@ -8,6 +8,8 @@
 #include <cstdint>
 
 #include "light/shape/local_shape.hpp"
+#include "math/matrix.hpp"
+#include "math/row.hpp"
 
 namespace primray {
 
@@ -33,9 +35,9 @@ enum LightField : int {
   kImportance = kAnchorNormal + 3,  // luminance of what light selection weighs
   kDiffuseFactor,
   kSpecularFactor,
-  kImage,  // of a rectangle: 1 + index of its texture in LightTable::images; 0: none
-  kGlow,   // of geometry: factor of its material's emission, or its own radiance (kOwnRadiance)
-  kLightFlags = kGlow + 3,
+  kImage,           // of a rectangle: 1 + index of its texture in LightTable::images; 0: none
+  kEmissionFactor,  // of geometry: factor of its material's emission, or its own radiance (kOwnRadiance)
+  kLightFlags = kEmissionFactor + 3,
   kShaping,  // 1 + index in ShapingTable; 0: none
   kLightFields,
   // Mesh lights have no inverse and no single radiance. In place of these they store the centre of the bounding sphere, half
@@ -49,14 +51,14 @@ enum LightField : int {
 enum LightFlag : int32_t {
   kSheared = 1,
   kGeometry = 2,   // rays hit it as a shape of the scene, not as a light
-  kRectangle = 4,  // a mesh that is a rectangle (build/emitters/emitter_rectangles.hpp)
+  kRectangle = 4,  // a mesh that is a rectangle (build/emitters/emitters.hpp)
   kHidden = 16,    // hidden from the camera
   kSpecial = 32,   // its shadows differ from those of the geometry: found by light sampling only, with weight 1
                    // (light/shadow.hpp)
   // Geometry with UsdLux LightAPI (light:materialSyncMode):
-  kOwnRadiance = 1 << 10,  // emits kGlow, whatever its material emits
-  kPassing = 1 << 11,      // it moves: the row has the bounding sphere of its path, by which it is chosen
-                           // (emitter/passing_emitter.hpp)
+  kOwnRadiance = 1 << 10,  // emits kEmissionFactor, whatever its material emits
+  kMoving = 1 << 11,       // it moves: the row has the bounding sphere of its path, by which it is chosen
+                           // (light/mesh/moving_emitter.hpp)
 };
 
 template <int W>
@@ -109,6 +111,21 @@ struct LightRow {
 template <int W>
 PRIMRAY_INLINE vbool<W> is_type(vint<W> type, LightType t) {
   return type == vint<W>(int32_t(t));
+}
+
+// Anchor of a round light: a surface point that keeps LightRow::outside() precise.
+
+// Stores the point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin. `axial`:
+// weight of the light's axis in distances.
+inline void put_anchor(float* row, const daffine& m, float axial) {
+  if (m.determinant() == 0) return;  // such a light is skipped
+  dvec3 out = inverse(m).point(dvec3(0.0));
+  const double along = axial == 0 ? out.x : 0.0;
+  out.x -= along;
+  out = length(out) > 0 ? normalize(out) : dvec3{0, 0, 1};
+  const dvec3 nearest = out * double(row[kSize0]);
+  put(row, kAnchor, m.point({nearest.x + along, nearest.y, nearest.z}));
+  put(row, kAnchorNormal, out);
 }
 
 }  // namespace primray

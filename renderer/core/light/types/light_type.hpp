@@ -4,8 +4,8 @@
 //   sample, hit in its frame: samples a direction from a point, intersects a ray (absent: rays do not hit it); or sample_world
 //   is_delta           rays cannot hit it by chance; for types that sample in their frame
 //   importance         upper estimate of the irradiance at a point; see light_importance()
-//   reach, ball        half extent along a coordinate axis from its centre; radius of its bounding sphere
-//   spread             its bounds in a light tree; or far_direction, far_reach for lights at infinity
+
+//   tree_bounds        its bounds in a light tree; or far_direction, far_half_extent for lights at infinity
 //   is_round, sizes    when its axes keep it without shear; its sizes from a description
 //   place              a frame that differs from the description's; for types that depend on only part of it
 //   outline            its silhouette as seen by the camera
@@ -17,7 +17,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "light/choice/tree.hpp"
+#include "light/tree/light_tree.hpp"
 #include "light/types/light_row.hpp"
 #include "math/matrix.hpp"
 #include "math/row.hpp"
@@ -35,7 +35,7 @@ constexpr double kSmallestLight = 1e-15;
 constexpr float kFlatFloor = 1e-3f;
 
 // Factor of a light's power in the tree, and the lower limit of the squared distance from its centre.
-struct LightSpread {
+struct TreeBounds {
   double factor = 1, least2 = 0;
 };
 
@@ -66,9 +66,9 @@ inline bool is_as_long(const dvec3& a, const dvec3& b) {
 struct LightTypeDefaults {
   static constexpr int kCenter = kOrigin;  // the row's field
   static constexpr bool kFlat = false;     // lies in its plane z = 0, and needs no depth
-  static double reach(const float*, int) { return 0; }
-  static double ball(const float*) { return 0; }
-  static LightSpread spread(const float*, LightBounds&) { return {}; }
+  static double half_extent(const float*, int) { return 0; }
+  static double bounding_radius(const float*) { return 0; }
+  static TreeBounds tree_bounds(const float*, LightBounds&) { return {}; }
   static bool is_round(const daffine&) { return true; }
   // Factor of the emission that compensates for sizes that were raised to kSmallestLight.
   static double emission_scale(const double (&size)[2], const double (&kept)[2], double) {
@@ -79,7 +79,7 @@ struct LightTypeDefaults {
 // Defaults of flat lights. They emit where local z is negative, whatever shears x and y.
 struct FlatLight : LightTypeDefaults {
   static constexpr bool kFlat = true;
-  static LightSpread spread_of(const float* row, double area, LightBounds& b) {
+  static TreeBounds spread_of(const float* row, double area, LightBounds& b) {
     put(b.axis, 0, normalize(dvec3{row[kInverseX + 2], row[kInverseY + 2], row[kInverseZ + 2]}) * -1.0);
     b.cos_end = 0, b.floor = kFlatFloor;
     return {area, area / std::numbers::pi};

@@ -50,7 +50,7 @@ PRIMRAY_INLINE int light_center(const float* row) {
 }
 
 // Whether rays can hit lights of that type, other than as geometry or as background.
-PRIMRAY_INLINE bool can_be_met(LightType type) {
+PRIMRAY_INLINE bool can_be_hit(LightType type) {
   bool found = false;
   LightTypes::with(type, [&]<class T>(T) { found = MetLightType<T>; });
   return found;

@@ -60,9 +60,9 @@ struct LineLight : LightTypeDefaults {
     const vfloat<W> beyond = max(x - row[kSize1], 0.0f), rho2 = max(d2 - x * x, 1e-6f * d2);
     return power * min(2 * row[kSize1] / (rho2 + beyond * beyond), 2.0f / sqrt(rho2));
   }
-  static double reach(const float* row, int axis) { return double(row[kSize1]) * AxisParts(row, axis).x; }
-  static double ball(const float* row) { return row[kSize1]; }
-  static LightSpread spread(const float* row, LightBounds& b) {
+  static double half_extent(const float* row, int axis) { return double(row[kSize1]) * AxisParts(row, axis).x; }
+  static double bounding_radius(const float* row) { return row[kSize1]; }
+  static TreeBounds tree_bounds(const float* row, LightBounds& b) {
     const double s1 = row[kSize1];
     b.exact = true;
     return {2 * s1, s1 * s1 / 3};

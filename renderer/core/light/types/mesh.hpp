@@ -29,18 +29,18 @@ struct MeshLight : LightTypeDefaults {
     const double size = std::cbrt(std::fabs(dot(cross(a, b), c)));
     return size > 0 ? row[kSize0] / size : without_size;
   }
-  static double reach(const float* row, int axis) {
+  static double half_extent(const float* row, int axis) {
     if (int(row[kLightFlags]) & kRectangle)
       return double(std::fabs(row[kMeshHalfX + axis])) + std::fabs(row[kMeshHalfY + axis]);
     const AxisParts a(row, axis);
     return own_radius(row, 1e12) * std::sqrt(a.x * a.x + a.y * a.y + a.z * a.z);
   }
-  static double ball(const float* row) {
+  static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double size = own_radius(row, -1);
     return size < 0 ? 1e30 : size * std::hypot(a.x, a.y, a.z);
   }
-  static LightSpread spread(const float* row, LightBounds&) { return {0.5, double(row[kSize0]) * double(row[kSize0])}; }
+  static TreeBounds tree_bounds(const float* row, LightBounds&) { return {0.5, double(row[kSize0]) * double(row[kSize0])}; }
 };
 
 }  // namespace primray

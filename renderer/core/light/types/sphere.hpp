@@ -67,16 +67,16 @@ struct SphereLight : LightTypeDefaults {
   static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>&, vfloat<W> d2, vfloat<W> power) {
     return power * (kPi * row[kSize0] * row[kSize0]) / max(d2, row[kSize0] * row[kSize0]);
   }
-  static double reach(const float* row, int axis) {
+  static double half_extent(const float* row, int axis) {
     const AxisParts a(row, axis);
     return row[kSize0] * std::sqrt(a.x * a.x + a.y * a.y + a.z * a.z);
   }
-  static double ball(const float* row) {
+  static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double r = row[kSize0];
     return int(row[kLightFlags]) & kSheared ? r * std::hypot(a.x, a.y, a.z) : r;
   }
-  static LightSpread spread(const float* row, LightBounds&) {
+  static TreeBounds tree_bounds(const float* row, LightBounds&) {
     const double r = row[kSize0];
     return {std::numbers::pi * r * r, r * r};
   }

@@ -7,14 +7,21 @@
 
 #include "base/features.hpp"
 #include "embree/embree.hpp"
-#include "math/affine_lanes.hpp"
 #include "math/box.hpp"
 #include "math/ellipsoid.hpp"
 #include "math/matrix.hpp"
-#include "ray/rays.hpp"
-#include "scene/curved/curved_point.hpp"
+#include "math/vec3.hpp"
+#include "ray/ray.hpp"
 
 namespace primray {
+
+// Point on a curved shape that a ray hit, in the space of the shape's group.
+template <int W>
+struct CurvedPoint {
+  vvec3<W> p;
+  vvec3<W> normal;  // outwards, of any length
+  vvec3<W> spread;  // magnitude of what was rounded in computing p, by axis
+};
 
 struct SphereShape {
   static constexpr uint32_t kGeometry = 1;

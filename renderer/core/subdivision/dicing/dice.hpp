@@ -14,8 +14,8 @@
 
 #include "subdivision/cage.hpp"
 #include "subdivision/dicing/footprint.hpp"
+#include "subdivision/dicing/level.hpp"
 #include "subdivision/dicing/mover.hpp"
-#include "subdivision/dicing/stitch.hpp"
 #include "subdivision/face_varying.hpp"
 
 namespace primray::subdivision {

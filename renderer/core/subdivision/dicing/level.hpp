@@ -1,6 +1,8 @@
-// Levels of a cage that is being diced: the faces drawn at each, and the indices of their vertices, normals and values in the
-// output mesh.
+// Levels of a cage that is being diced: the faces drawn at each, the indices of their vertices, normals and values in the
+// output mesh, and the triangulation of the drawn faces.
 #pragma once
+
+#include <vector>
 
 #include "subdivision/split.hpp"
 #include "subdivision/topology.hpp"
@@ -34,5 +36,21 @@ struct Level {
     t.twin = {}, t.edge_corner = {}, t.outgoing = {}, t.edge_sharpness = {}, t.vertex_sharpness = {}, t.is_sharp = {};
   }
 };
+
+}  // namespace primray::subdivision
+
+namespace primray::subdivision {
+
+// Triangulation of the drawn faces of all levels. A face beside finer ones includes the vertices that these have on its edges,
+// so that every edge of the mesh has the same two ends on both sides.
+struct Triangles {
+  std::vector<int32_t> points;               // three per triangle, into the output's vertices
+  std::vector<int32_t> normals;              // three per triangle; empty where normals belong to vertices
+  std::vector<std::vector<int32_t>> values;  // one per face-varying primvar
+  std::vector<int32_t> faces;                // of the cage, one per triangle
+};
+
+// `points`: the output's vertices, three floats each.
+Triangles stitch(const std::vector<Level>& levels, const std::vector<float>& points);
 
 }  // namespace primray::subdivision

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "subdivision/dicing/stitch.hpp"
+#include "subdivision/dicing/level.hpp"
 
 namespace primray::subdivision {
 namespace {

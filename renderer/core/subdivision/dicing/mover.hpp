@@ -10,7 +10,6 @@
 
 #include "subdivision/dicing/footprint.hpp"
 #include "subdivision/dicing/level.hpp"
-#include "subdivision/dicing/stitch.hpp"
 
 namespace primray::subdivision {
 

@@ -1,5 +1,5 @@
-// Triangulation of stitch.hpp.
-#include "subdivision/dicing/stitch.hpp"
+// Triangulation of the drawn faces (level.hpp).
+#include "subdivision/dicing/level.hpp"
 
 namespace primray::subdivision {
 namespace {

@@ -1,0 +1,163 @@
+// Construction of a CausticGuide's tree: a complete tree of median cuts through the longest side.
+#include "guiding/caustic_guide.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <thread>
+
+#include "math/box.hpp"
+
+namespace primray {
+namespace {
+
+// Fewer photons per leaf give noisy lobes, more cost time for every density.
+constexpr size_t kLeast = CausticGuide::kMostInLeaf / 2;
+constexpr float kInv4Pi = 0.0795774715f;
+// Candidate lobes of a leaf: squared chords, and squared reaches as shares of the photons' mean squared distance.
+constexpr int kWidths = 10;
+constexpr float kNarrowest = 1e-6f, kWidthStep = 4;
+constexpr float kReaches[] = {0.03f, 0.2f, 1e4f};
+// Density, beside that of the lobes, of other techniques that find the light.
+constexpr float kElsewhere = 0.1f;
+// Lobes are sharp if they give photons, by geometric mean, at least this density per steradian; a Lambert surface's is 0.3.
+constexpr double kSharp = 20;
+// Distance, as a share of the bounding box, at which the density outside it falls to a quarter.
+constexpr float kFadeShare = 0.5f;
+
+vec3 unit_to(const vec3& from, const vec3& to) {
+  const vec3 d = to - from;
+  return d * (1.0f / std::sqrt(std::max(dot(d, d), 1e-30f)));
+}
+
+// Width and reach that maximize the likelihood of a leaf's photons, each predicted by the others; `moving`: with sources
+// shifted by their gradients.
+struct Lobes {
+  float width2, reach2;
+  double likelihood;
+};
+Lobes likeliest_lobes(const CausticPhoton* photons, int count, bool moving) {
+  constexpr int most = CausticGuide::kMostInLeaf;
+  // A row for each predicted photon, a column for each predictor; all columns, so that loops over them have a fixed length.
+  alignas(64) float apart2[most][most] = {}, chord2[most][most] = {};
+  float mean = 0;
+  for (int j = 0; j < count; ++j) {
+    const vec3 at = photons[j].landing, d = unit_to(at, photons[j].source);
+    for (int i = 0; i < count; ++i) {
+      const CausticPhoton& seen = photons[i];
+      const vec3 beside = at - seen.landing;
+      const vec3 source = moving ? source_seen(seen.source, seen.landing, beside, seen.gradient) : seen.source;
+      const vec3 off = unit_to(at, source) - d;
+      apart2[i][j] = dot(beside, beside), chord2[i][j] = dot(off, off);
+      mean += apart2[i][j] / float(count * count);
+    }
+  }
+  Lobes best{kNarrowest, 1, 0};
+  for (const float reach : kReaches) {
+    const float reach2 = std::max(reach * mean, 1e-20f);
+    alignas(64) float near[most][most], total[most];
+    std::fill_n(total, most, 1e-20f);
+    for (int i = 0; i < count; ++i) {
+      for (int j = 0; j < most; ++j) near[i][j] = i == j ? 0 : caustic_nearness(apart2[i][j], reach2);
+      for (int j = 0; j < most; ++j) total[j] += near[i][j];
+    }
+    float width2 = kNarrowest;
+    for (int k = 0; k < kWidths; ++k, width2 *= kWidthStep) {
+      alignas(64) float sum[most] = {};
+      for (int i = 0; i < count; ++i) {
+        for (int j = 0; j < most; ++j) {
+          const float q = width2 + chord2[i][j];
+          sum[j] += near[i][j] / (q * q);
+        }
+      }
+      double likelihood = 1;
+      for (int j = 0; j < count; ++j) likelihood *= double(sum[j] / total[j] * (width2 * (width2 + 4) * kInv4Pi) + kElsewhere);
+      if (likelihood > best.likelihood) best = {width2, reach2, likelihood};
+    }
+  }
+  return best;
+}
+
+struct LeafWeight {
+  double all = 0, sharp = 0;
+};
+
+struct Builder {
+  std::vector<CausticPhoton>& photons;
+  CausticGuide& guide;
+
+  void divide(int node, int level, size_t first, size_t count) {
+    if (level == guide.levels) return;
+    Box box;
+    for (size_t i = first; i < first + count; ++i) box.add(photons[i].landing);
+    const vec3 side = box.high - box.low;
+    const size_t axis = side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
+    const auto begin = photons.begin() + long(first), middle = begin + long(count / 2);
+    std::nth_element(begin, middle, begin + long(count), [axis](const CausticPhoton& a, const CausticPhoton& b) {
+      return component(a.landing, axis) < component(b.landing, axis);
+    });
+    guide.axis[size_t(node)] = int(axis), guide.split[size_t(node)] = component(middle->landing, axis);
+    divide(2 * node + 1, level + 1, first, count / 2), divide(2 * node + 2, level + 1, first + count / 2, count - count / 2);
+  }
+
+  static void put(float* to, const vec3& v) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
+
+  LeafWeight put_leaf(size_t number) const {
+    const size_t count = size_t(guide.leaf_photons), first = number * count;
+    // Gradients are of little use on flat facets and bumpy mirrors, and are left out there.
+    const Lobes still = likeliest_lobes(&photons[first], int(count), false);
+    const Lobes moving = likeliest_lobes(&photons[first], int(count), true);
+    const bool moves = moving.likelihood > still.likelihood;
+    const Lobes& lobes = moves ? moving : still;
+    Box box;
+    double weight = 0;
+    for (size_t i = first; i < first + count; ++i) {
+      const CausticPhoton& p = photons[i];
+      box.add(p.landing);
+      weight += p.weight;
+      float* to = &guide.photons[kPhotonFields * i];
+      put(to + kSource, p.source), put(to + kLanding, p.landing);
+      for (int k = 0; moves && k < 3; ++k) put(to + kGradient + 3 * k, p.gradient[k]);
+    }
+    // Area of their bounding box, without its shortest side.
+    float side[3] = {box.high.x - box.low.x, box.high.y - box.low.y, box.high.z - box.low.z};
+    std::sort(side, side + 3);
+    const double area = double(side[2]) * std::max(side[1], 0.1f * side[2]),
+                 reach = kFadeShare * std::max(side[1], 0.25f * side[2]);
+    float* to = &guide.leaf[number * kLeafFields];
+    to[kLow] = box.low.x, to[kLow + 1] = box.low.y, to[kLow + 2] = box.low.z;
+    to[kHigh] = box.high.x, to[kHigh + 1] = box.high.y, to[kHigh + 2] = box.high.z;
+    to[kFade] = float(1 / std::max(reach * reach, 1e-30));
+    to[kDensity] = float(std::min(weight / std::max(area, 1e-30), 1e6));
+    to[kWidth2] = lobes.width2, to[kReach2] = lobes.reach2;
+    return {weight, lobes.likelihood > std::pow(kSharp, double(count)) ? weight : 0};
+  }
+};
+
+}  // namespace
+
+void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide, int threads) {
+  guide = {};
+  if (photons.size() < 2 * kLeast) return;
+  while ((photons.size() >> (guide.levels + 1)) >= kLeast) ++guide.levels;
+  const size_t leaves = size_t(1) << guide.levels, each = photons.size() >> guide.levels;
+  photons.resize(leaves * each);
+  guide.leaf_photons = int(each);
+  guide.axis.resize(leaves), guide.split.resize(leaves);
+  guide.photons.resize(kPhotonFields * photons.size()), guide.leaf.resize(leaves * kLeafFields);
+  Builder builder{photons, guide};
+  builder.divide(0, 0, 0, photons.size());
+  std::vector<LeafWeight> weights(leaves);
+  std::atomic<size_t> next{0};
+  const auto work = [&] {
+    for (size_t i; (i = next++) < leaves;) weights[i] = builder.put_leaf(i);
+  };
+  std::vector<std::thread> pool;
+  for (int i = 0; i < std::max(threads, 1); ++i) pool.emplace_back(work);
+  for (std::thread& t : pool) t.join();
+  LeafWeight sum;
+  for (const LeafWeight& w : weights) sum.all += w.all, sum.sharp += w.sharp;
+  guide.sharp = float(sum.sharp / std::max(sum.all, 1e-30));
+}
+
+}  // namespace primray

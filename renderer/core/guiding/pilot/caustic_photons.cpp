@@ -1,0 +1,315 @@
+// Photon tracing for caustics. Photons are aimed at the bounding spheres of objects with smooth surfaces; a photon is a
+// function of its number alone, and photons are kept in the order of their numbers, so that neither threads nor lanes change a
+// bit.
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <thread>
+
+#include "accel/query.hpp"
+#include "bsdf/bsdf_with_open_pbr.hpp"
+#include "build/inputs/input_facts.hpp"
+#include "guiding/caustic_guide.hpp"
+#include "guiding/guided_scattering.hpp"
+#include "guiding/pilot/caustic_photons.hpp"
+#include "light/sampler/selection.hpp"
+#include "math/box.hpp"
+#include "render/task_function.hpp"
+#include "sampler/sampler.hpp"
+#include "surface/evaluate_inputs.hpp"
+#include "surface/interaction.hpp"
+
+namespace primray {
+
+// Collection of caustic targets.
+
+namespace {
+
+constexpr size_t kMostTargets = 4096;
+
+bool casts(const float* row) {
+  if (!(int(row[kFlags]) & kPreview) || row[kPresence] <= 0) return false;
+  const bool clear = !(int(row[kFlags]) & kOpenPbr) || row[kAlpha] < kCasterAlpha;  // UsdPreviewSurface does not blur
+                                                                                    // transmission
+  const bool passes = row[kTransmission] > 0 && !(int(row[kFlags]) & kThin) && clear;
+  const bool reflects = row[kAlpha] < kCasterAlpha && std::max({row[kF0], row[kF0 + 1], row[kF0 + 2]}) > 0.01f;
+  return passes || reflects || (row[kClearcoat] > 0 && row[kClearcoatAlpha] < kCasterAlpha);
+}
+
+// Adds the boxes of objects that cast caustics in a group: runs of triangles of one mesh, and curved shapes.
+void add_boxes(const Scene& scene, const Group& group, const std::vector<uint8_t>& caster, std::vector<Box>& boxes) {
+  const size_t end = size_t(group.triangle_base) + group.triangle_count + group.cutout_count;
+  int32_t last = -1;
+  for (size_t t = group.triangle_base; t < end; ++t) {
+    const int32_t mesh = scene.triangle_mesh[t];
+    if (!caster[size_t(scene.meshes.surface[size_t(mesh)])]) continue;
+    if (mesh != last) boxes.emplace_back();
+    last = mesh;
+    for (int k = 0; k < 3; ++k) {
+      const float* p = &scene.positions[3 * (size_t(group.vertex_base) + scene.indices[3 * t + size_t(k)])];
+      boxes.back().add({p[0], p[1], p[2]});
+    }
+  }
+  for_curved_kinds([&]<class K>(K) {
+    const CurvedRange& r = group.curved.of<K>();
+    for (uint32_t i = 0; i < r.count; ++i)
+      if (caster[size_t(scene.curved.surface[r.first_row + i])])
+        boxes.push_back(K::box(scene.curved.records<K>()[r.first + i]));
+  });
+}
+
+CausticTarget ball_about(const Box& b) { return {(b.low + b.high) * 0.5f, 0.5f * length(b.high - b.low)}; }
+
+}  // namespace
+
+std::vector<CausticTarget> caustic_targets(const Scene& scene) {
+  std::vector<uint8_t> caster;
+  bool any = false;
+  for (size_t i = 0; i < scene.surfaces.rows.size() / kSurfaceFields; ++i) {
+    float row[kSurfaceFields];
+    average_row(scene, int32_t(i), row);
+    caster.push_back(casts(row));
+    any |= caster.back() != 0;
+  }
+  std::vector<CausticTarget> targets;
+  if (!any) return targets;
+  std::vector<Box> boxes;
+  add_boxes(scene, scene.groups[0], caster, boxes);
+  for (const Box& box : boxes) targets.push_back(ball_about(box));
+  // Targets of instances; nested instances are left to chance.
+  const Group& world = scene.groups[0];
+  for (uint32_t k = world.placement_base; k < world.placement_base + world.placement_count; ++k) {
+    const Group& group = scene.groups[size_t(scene.placement_group[k])];
+    boxes.clear();
+    add_boxes(scene, group, caster, boxes);
+    Box all;
+    for (const Box& b : boxes) all.add(b);
+    if (!all.any()) continue;
+    const CausticTarget ball = ball_about(all);
+    const size_t first = size_t(scene.placement_instance[k]);
+    const size_t end =
+        k + 1 < scene.placement_instance.size() ? size_t(scene.placement_instance[k + 1]) : scene.world_from_group.size() / 12;
+    for (size_t i = first; i < end && targets.size() < kMostTargets; ++i) {
+      const float* m = &scene.world_from_group[12 * i];
+      const auto axis = [m](int c) { return vec3{m[3 * c], m[3 * c + 1], m[3 * c + 2]}; };
+      const vec3 at = axis(0) * ball.center.x + axis(1) * ball.center.y + axis(2) * ball.center.z + axis(3);
+      targets.push_back({at, ball.radius * std::max({length(axis(0)), length(axis(1)), length(axis(2))})});
+    }
+  }
+  return targets;
+}
+
+namespace {
+
+constexpr int W = PRIMRAY_MAX_LANES;
+using F = vfloat<W>;
+using I = vint<W>;
+using B = vbool<W>;
+using V = vvec3<W>;
+
+// Lower limit of the density per steradian with which small lights are sampled.
+constexpr float kSmallLight = 10;
+constexpr int kLongest = 10;  // vertices of a photon's path
+constexpr int kRound = 1 << 14, kRounds = 16, kTask = 256;
+// Limits of the number of photons, and their number by the frame's pixels; for small images photons would cost more than they
+// gain.
+constexpr size_t kFewest = 1 << 13, kMost = 1 << 17, kPixelsEach = 4;
+// A photon's gradients are computed from two photons that start beside it, offset by this share of their target.
+constexpr int kCorners = 3;
+constexpr float kBeside = 2e-3f;
+constexpr float kLeastSpread = 1e-4f;   // squared sine between their landing offsets
+constexpr float kLeastApart2 = 1e-20f;  // squared distances to those: less is rounding, and gradients would overflow
+static_assert(W >= kCorners);
+constexpr uint32_t kPhotonSeed = 0x51ed270bu;
+
+class Photons {
+ public:
+  Photons(const Scene& scene, std::vector<CausticTarget> targets, int longest)
+      : scene_(scene), targets_(std::move(targets)), longest_(longest) {
+    // Chooses targets in proportion to their radius, so that neither the smallest nor the largest are neglected.
+    double sum = 0;
+    for (const CausticTarget& t : targets_) sum += t.radius;
+    float run = 0;
+    for (const CausticTarget& t : targets_) {
+      cdf_.push_back(run), run += float(t.radius / sum);
+      data_.insert(data_.end(), {t.center.x, t.center.y, t.center.z, t.radius, float(t.radius / sum)});
+    }
+    cdf_.push_back(1.0f);
+  }
+
+  // Traces photons [first, first + kTask).
+  void trace(uint32_t first, std::vector<CausticPhoton>& landed) const {
+    for (int i = 0; i < kTask; i += W / kCorners) {
+      alignas(64) int32_t number[W], corner[W], inside[W];
+      for (int k = 0; k < W; ++k) {
+        const int photon = i + k / kCorners;
+        number[k] = int32_t(first) + photon, corner[k] = k % kCorners;
+        inside[k] = k / kCorners < W / kCorners && photon < kTask;
+      }
+      trace_lanes({bit_cast<vuint<W>>(load<W>(number)), load<W>(corner), load<W>(inside) != I(0)}, landed);
+    }
+  }
+
+ private:
+  const Scene& scene_;
+  const std::vector<CausticTarget> targets_;
+  const int longest_;
+  std::vector<float> cdf_, data_;
+
+  // Photons in triples of adjacent lanes: the photon itself, and two that start beside it and are scattered by the same random
+  // numbers.
+  struct Corners {
+    vuint<W> number;
+    I corner;
+    B active;
+  };
+
+  B launch(const Corners& lanes, const Sampler<W>& sampler, Rays<W>& rays, F& weight) const {
+    const LightTable& lights = scene_.lights;
+    const I none(0);
+    const I t = find_interval<W>(cdf_.data(), none, int(targets_.size()), sampler.single(none, Purpose::kLobe));
+    const auto field = [&](int f) { return gather<W>(data_.data() + f, t * I(5)); };
+    const V center{field(0), field(1), field(2)};
+    const F radius = field(3);
+    const LightChoice<W> choice =
+        choose_light(lights, B(true), center, V(F(0.0f)), sampler.bits_of(none, Purpose::kLightChoice));
+    const Pair<W> u = sampler.pair(none, Purpose::kLightPoint), disc = sampler.link(none);
+    F time(0.0f);
+    if (scene_.moves()) time = scene_.motion.opens + sampler.single(none, Purpose::kRoulette) * scene_.motion.length;
+    const B possible = choice.probability > F(0.0f);
+    const LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v, time);
+    B alive = lanes.active & possible & (s.pdf > F(0.0f)) & (s.is_delta | (s.pdf > F(kSmallLight)));
+    alive &= max_component(s.L) > F(0.0f);
+    const Frame<F> frame(s.wi);
+    const SinCos<W> phi = sincos_turns(disc.v);
+    const F r = radius * sqrt(disc.u);
+    const F beside = radius * kBeside, zero(0.0f);
+    const V at = center + frame.s * (r * phi.cos + select(lanes.corner == I(1), beside, zero)) +
+                 frame.t * (r * phi.sin + select(lanes.corner == I(2), beside, zero));
+    // Start at the light's sampled point, unless it is at infinity.
+    const B near = s.t < F(1e18f);
+    const V point = center + s.wi * select(near, s.t, F(0.0f));
+    const V wi = select(near, normalize(point - at), s.wi);
+    const V start = at + wi * (radius * 1.01f);
+    const F left = select(near, length(point - at) - radius * 1.01f, F(kInfinity));
+    alive &= left > F(0.0f);
+    if (!any(alive)) return alive;
+    const Rays<W> to_light{start, wi, F(0.0f), left * 0.999f, time};
+    alive &= !occluded(scene_, true, alive, to_light);
+    rays = {start, -wi, F(0.0f), F(kInfinity), time};
+    weight = kPi * radius * radius / field(4);
+    return alive;
+  }
+
+  void trace_lanes(const Corners& lanes, std::vector<CausticPhoton>& landed) const {
+    const Sampler<W> sampler{reverse_bits(lanes.number), Sampler<W>::pixel_seed(kPhotonSeed, I(0), I(0), vuint<W>(0u))};
+    Rays<W> rays;
+    F weight(0.0f);
+    B alive = launch(lanes, sampler, rays, weight), scattered(false);
+    V source = rays.o;
+    I way(0);  // hash of the surfaces that were hit, and of what passed them
+    for (int vertex = 1; vertex <= longest_ && any(alive); ++vertex) {
+      const Hits<W> hits = intersect(scene_, true, alive, rays);
+      alive &= hits.geom != I(-1);
+      if (!any(alive)) return;
+      Interaction<W> it = interact(scene_, alive, rays, hits);
+      SurfaceRows<W> rows(scene_.surfaces, it.surface);
+      LaneRows<W> varying;
+      if (any_inputs(scene_, alive, it.surface))
+        rows = evaluate_inputs(scene_, alive, hits, it.surface, F(0.0f), it.p, it.ng, it.ns, varying);
+      const V wo = -rays.d;
+      const B front = dot(it.ng, wo) > F(0.0f);
+      const F side = select(front, F(1.0f), F(-1.0f));
+      const V ng = it.ng * side, ns = it.ns * side;
+      Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
+      if (!scene_.surfaces.open_pbr.empty()) align_tangent(rows, alive, frame);
+      const V local = frame.to_local(wo);
+      const BsdfWithOpenPbr<W> bsdf(rows, alive, local, front);
+      const B there = alive & scattered;
+      keep(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, source, way + it.surface, weight, landed);
+      if (!bsdf.any_preview) return;
+      const Pair<W> u = sampler.link(I(vertex));
+      const F lobe = sampler.single(I(vertex), Purpose::kLobe);
+      const BsdfSample<W> s = bsdf.sample(local, lobe, u.u, u.v);
+      const B rough = !s.is_delta;
+      const F among = lobe / max(bsdf.presence, 1e-20f);
+      B smooth = among >= bsdf.p_diffuse;
+      if (bsdf.any_coat) {
+        const B coat = among >= bsdf.p_diffuse + bsdf.p_specular;
+        smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | ((!coat) & (bsdf.alpha < F(kCasterAlpha)));
+      } else {
+        smooth &= bsdf.alpha < F(kCasterAlpha);
+      }
+      alive &= bsdf.preview & (s.is_delta | (rough & smooth)) & (max_component(s.weight) > F(0.0f));
+      const V d = select(s.straight, rays.d, frame.to_world(s.wi));
+      const F out = dot(ng, d);
+      alive &= s.transmits | (out > F(0.0f));
+      source = select(s.straight, source, it.p);
+      way = way * I(31) + it.surface * I(2) + select(s.transmits, I(1), I(0));
+      scattered |= alive & !s.straight;
+      weight = select(s.straight, weight, weight * min(luminance(s.weight), 1.0f));
+      rays.o = it.p + ng * (it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f)));
+      rays.d = d;
+    }
+  }
+
+  // Keeps photons `kept` of those that are `there`, with gradients where their neighbours took the same path.
+  static void keep(B there, B kept, const V& p, const V& source, I way, F weight, std::vector<CausticPhoton>& landed) {
+    const auto at = [](const V& v, int i) { return vec3{v.x[i], v.y[i], v.z[i]}; };
+    constexpr uint32_t all = (1u << kCorners) - 1;
+    for (uint32_t b = bits(kept); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      CausticPhoton photon{at(p, i), at(source, i), weight[i]};
+      if ((bits(there) >> i & all) == all && way[i + 1] == way[i] && way[i + 2] == way[i]) {
+        const vec3 landings[2] = {at(p, i + 1) - photon.landing, at(p, i + 2) - photon.landing};
+        const vec3 sources[2] = {at(source, i + 1) - photon.source, at(source, i + 2) - photon.source};
+        add_gradients(landings, sources, photon);
+      }
+      landed.push_back(photon);
+    }
+  }
+
+  // Adds the smallest gradients that map changes of the landing point to changes of the source: by the pseudo-inverse of the
+  // landing offsets.
+  static void add_gradients(const vec3 (&landings)[2], const vec3 (&sources)[2], CausticPhoton& photon) {
+    const vec3 &a = landings[0], &b = landings[1];
+    const float aa = dot(a, a), ab = dot(a, b), bb = dot(b, b), det = aa * bb - ab * ab;
+    if (!(det > kLeastSpread * aa * bb) || std::min(aa, bb) < kLeastApart2) return;
+    const vec3 by_a = (a * bb - b * ab) * (1 / det), by_b = (b * aa - a * ab) * (1 / det);
+    photon.gradient[0] = by_a * sources[0].x + by_b * sources[1].x;
+    photon.gradient[1] = by_a * sources[0].y + by_b * sources[1].y;
+    photon.gradient[2] = by_a * sources[0].z + by_b * sources[1].z;
+  }
+};
+
+}  // namespace
+
+std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads) {
+  std::vector<CausticPhoton> all;
+  if (scene.lights.count == 0) return all;
+  std::vector<CausticTarget> targets = caustic_targets(scene);
+  if (targets.empty()) return all;
+  const Photons photons(scene, std::move(targets), std::min(longest, kLongest));
+  const size_t pixels = size_t(scene.camera.width) * size_t(scene.camera.height);
+  const size_t enough = std::clamp(pixels / kPixelsEach, kFewest, kMost);
+  int rounds = 0;
+  while (rounds < kRounds && all.size() < enough) {
+    std::vector<CausticPhoton> landed[kRound / kTask];
+    std::atomic<int> next{0};
+    const auto work = [&] {
+      set_float_mode();
+      for (int i; (i = next++) < kRound / kTask;) photons.trace(uint32_t(rounds * kRound + i * kTask), landed[i]);
+    };
+    std::vector<std::thread> pool;
+    for (int i = 0; i < std::max(threads, 1); ++i) pool.emplace_back(work);
+    for (std::thread& t : pool) t.join();
+    for (const auto& part : landed) all.insert(all.end(), part.begin(), part.end());
+    ++rounds;
+    if (all.size() < size_t(kRound) / 512) return {};  // hardly any light comes that way
+  }
+  for (CausticPhoton& p : all) p.weight /= float(rounds * kRound);
+  return all;
+}
+
+}  // namespace primray

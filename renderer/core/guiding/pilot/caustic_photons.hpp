@@ -1,0 +1,30 @@
+// Photons from small lights over smooth surfaces, from which a CausticGuide is built, and the bounding spheres that they are
+// aimed at.
+#pragma once
+
+#include <vector>
+
+#include "guiding/caustic_guide.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+// Targets of caustic photons: bounding spheres of objects with smooth surfaces.
+
+// Largest alpha (roughness 0.41) of lobes that cast caustics which scattered rays do not find. Rough metals and glass under a
+// sun of five degrees, 32 samples, four seeds: relMSE x CPU time is 0.87 of that with 0.05.
+inline constexpr float kCasterAlpha = 0.17f;
+
+struct CausticTarget {
+  vec3 center;
+  float radius;
+};
+
+std::vector<CausticTarget> caustic_targets(const Scene& scene);
+
+// Traces photons and returns those that landed on surfaces which scatter widely, after at least one and at most `longest` - 1
+// smooth surfaces. Empty if no small light reaches a smooth surface. A function of scene and depth alone; threads do not change
+// a bit.
+std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads);
+
+}  // namespace primray

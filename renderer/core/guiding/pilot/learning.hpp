@@ -1,0 +1,37 @@
+// What is learnt before a render: the guide, the guide for caustics, and the number of paths and light samples at the first
+// surface.
+#pragma once
+
+#include <memory>
+
+#include "guiding/caustic_guide.hpp"
+#include "guiding/guide.hpp"
+#include "render/task_function.hpp"
+
+namespace primray {
+
+// Guide for caustics, learnt from photons before the render.
+
+// Returns the guide, or null if there are no significant caustics. A function of scene and depth alone, not of seed, threads or
+// lanes, so that every part of a distributed render has the same one.
+std::unique_ptr<CausticGuide> find_caustics(const Scene& scene, int max_depth, int threads);
+
+// Returns the guide, or null if it would not pay.
+std::unique_ptr<CausticGuide> learn_caustics(const Scene& scene, int max_depth, int threads, TaskFunction task);
+
+// Number of paths and light samples at the first surface, measured on a few pixels before the render.
+
+// Paths that continue from the first surface (1, 2, 4 or 8), and light samples taken there (1, 2 or 4).
+struct Splits {
+  int paths = 1, lights = 1;
+};
+
+// Chooses by error per ray. A function of scene, depth and guide, not of seed, samples, threads or lanes, so that every part of
+// a distributed render makes the same choice.
+Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task);
+
+// Returns the guide, or null if it would not pay. A function of scene, depth and settings.splits (which must be chosen) alone,
+// not of seed, threads or lanes, so that every part of a distributed render has the same one.
+std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings& settings, TaskFunction task);
+
+}  // namespace primray

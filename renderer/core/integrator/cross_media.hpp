@@ -1,0 +1,155 @@
+// Stage between trace and shade for scenes with participating media: attenuates paths up to their next hit, or scatters them in
+// the medium before it. Paths that scatter continue from that point and are not shaded in this round. Random in_subsurface
+// below opaque surfaces take hundreds of such steps, each of which costs only a ray and a new direction.
+#pragma once
+
+#include "integrator/lpe_light.hpp"
+#include "integrator/media.hpp"
+#include "integrator/sample_light.hpp"
+#include "integrator/scatter.hpp"
+
+namespace primray {
+
+// Paths in dense media without absorption scatter as often as the object is optically thick, so Russian roulette starts later
+// for them and ends fewer.
+constexpr int kMediumDeep = 16384;
+constexpr float kMediumDeepKeep = 0.9999f;
+
+// Continues paths from distance `t` along their rays without sampling lights.
+template <int W>
+PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t,
+                                  const MediumState<W>& inside, vfloat<W> phase) {
+  using F = vfloat<W>;
+  PathLanes<W> n = p;
+  const vint<W> bounce = p.vertex + vint<W>(1);
+  const Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
+  const vvec3<W> local = sample_phase(phase, u.u, u.v);
+  n.ray.o = p.ray.o + p.ray.d * t;
+  n.ray.d = Frame<F>(p.ray.d).to_world(local);
+  n.ray.tnear = F(0.0f), n.ray.tfar = F(kInfinity);
+  n.vertex = bounce;
+  const vbool<W> below = inside.in_subsurface();
+  n.depth = p.depth + select(below, vint<W>(0), vint<W>(1));
+  n.bsdf_pdf = n.travelled = F(0.0f);
+  MediumState<W> now = inside;
+  now.lead = F(0.0f);
+  n.cone_width = p.cone_width + p.cone_spread * t;
+  n.cone_spread = p.cone_spread + kLobeSpread / sqrt(max(phase_density(local.z, phase), 1e-6f));
+  n.normal = vvec3<W>(F(0.0f)), n.diffuse_share = vvec3<W>(F(1.0f));
+  if (round.needs.lpe) advance_lpe_in_medium(*round.settings.lpe, scatters & !below, n);
+  vbool<W> alive = scatters & (max_component(n.beta) > F(0.0f)) & (n.depth <= vint<W>(round.settings.max_depth));
+  const vbool<W> thins = alive & (bounce >= vint<W>(kRouletteStart));
+  const F most = select(bounce >= vint<W>(kMediumDeep), F(kMediumDeepKeep), F(1.0f));
+  const F survive = select(thins, min(max_component(n.beta) * n.splits * kRouletteKeep, most), F(1.0f));
+  if (any(thins & (survive < F(1.0f)))) {
+    alive &= !(thins & (n.sampler.single(bounce, Purpose::kRoulette) >= survive));
+    n.beta = n.beta * (1.0f / survive);
+  }
+  const Compaction<W> kept(alive);
+  round.worker.inside->next->put(round.worker.next->count, kept, now);
+  round.worker.next->append(kept, n, round.needs);
+}
+
+// Scatters at distance `t` along the rays as at any vertex: lights are sampled there.
+template <int W>
+PRIMRAY_RARE void scatter_lit(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t, const MediumState<W>& inside,
+                              vfloat<W> phase) {
+  using F = vfloat<W>;
+  const vvec3<W> back = -p.ray.d;
+  Interaction<W> it;
+  it.p = p.ray.o + p.ray.d * t, it.ng = it.ns = back;
+  it.offset = it.least_cosine = F(0.0f);
+  it.at_edge = it.smooth = vbool<W>(false);
+  it.surface = it.mesh = it.triangle = it.curved = vint<W>(0);
+  it.link = round.needs.links ? max(p.link, vint<W>(0)) : vint<W>(0);
+  it.color = vvec3<W>(F(1.0f));
+  Hits<W> hits{};
+  const Crossing<W> crossing{inside, Boundary<W>(inside.stack), {}};
+  const vvec3<W> head_on(F(0.0f), F(0.0f), F(1.0f));
+  const Vertex<W, PhaseLobes<W>> v{
+      it, back, Frame<F>(back), head_on, PhaseLobes<W>(phase), hits, {vint<W>(-1), vint<W>(0)}, nullptr, &crossing};
+  if (round.scene.lights.count > 0) sample_lights(round, scatters & (p.depth < vint<W>(round.settings.max_depth)), v, p);
+  scatter(round, scatters, v, p);
+}
+
+// Returns the lanes in which light samples can contribute: media without a refracting boundary, and all media if a light is
+// inside one.
+template <int W>
+PRIMRAY_INLINE vbool<W> is_lit(const Scene& scene, const MediumState<W>& inside) {
+  if (scene.lights.count == 0) return vbool<W>(false);
+  return (!inside.in_subsurface()) & (vbool<W>(scene.interiors.lit) | (ior_in(scene, inside.stack) == vfloat<W>(1.0f)));
+}
+
+// Advances one packet of paths of the pool through their medium; returns the lanes that are shaded next.
+template <int W>
+PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_medium, const Medium<W>& medium,
+                                     const MediumState<W>& inside, const Hits<W>& hits, PathLanes<W>& p) {
+  using F = vfloat<W>;
+  const Scene& scene = round.scene;
+  const vbool<W> hit = active & (hits.geom != vint<W>(-1));
+  F end = select(hit, hits.t, kInfinity);
+  vbool<W> stays = active;
+  vvec3<W> gathered(F(0.0f));
+  const LightHits<W> met = intersect_lights(scene.lights, in_medium, hit, p, hits.t, gathered, &medium, inside.lead);
+  add_to_slots(round, in_medium, sum_of(round, p.slot, p.depth), p.beta * gathered * radiance_scale(scene, inside.stack));
+  if (round.needs.lpe) {
+    record_light_hits(round, in_medium, p, hits, hit, ListenerMedium<W>{&medium, inside.lead});
+    add_recorded(round, p, p.beta * radiance_scale(scene, inside.stack));
+  }
+  const vbool<W> covered = in_medium & met.covered;
+  end = select(covered, met.nearest, end);
+  for (uint32_t b = bits(covered & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
+  stays &= !covered;
+  const vbool<W> in_subsurface = inside.in_subsurface(), may_scatter = in_medium & medium.scatters();
+  end += inside.lead;
+  p.beta = select(in_medium & !may_scatter, p.beta * medium.transmittance(end), p.beta);
+  if (!any(may_scatter)) return stays;
+  // These sample dimensions are used by camera rays only, so they are free here.
+  const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(1), Purpose::kLens);
+  const DistanceSample<W> step = sample_distance(medium, p.beta, end, u.u, u.v);
+  p.beta = select(may_scatter, step.beta, p.beta);
+  const vbool<W> scatters = may_scatter & step.scatters;
+  const F t = max(step.t - inside.lead, 0.0f);
+  if (any(scatters)) {
+    if (round.needs.lpe) resolve_lpe_where(scatters, p);
+    for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
+    const vbool<W> lit = scatters & is_lit(scene, inside), kinds[2] = {scatters & !lit, lit};
+    for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
+      if (kind == 0) return scatter_unlit(round, lanes, p, t, inside, medium.phase);
+      scatter_lit(round, lanes, p, t, inside, medium.phase);
+    });
+  }
+  // A random walk that hits no surface has left through a gap, or by rounding.
+  return stays & !scatters & !(in_subsurface & !hit);
+}
+
+template <int W>
+PRIMRAY_RARE void cross_media(Round& round) {
+  Worker& w = round.worker;
+  PathPool& pool = *w.pool;
+  MediumStateColumns& insides = *w.inside->pool;
+  const int count = pool.count;
+  int kept = 0;
+  for (int at = 0; at < count; at += W) {
+    const vbool<W> active = lane_numbers<W>() < vint<W>(count - at);
+    const MediumState<W> inside = insides.at<W>(at);
+    const Medium<W> medium = inside.medium(round.scene);
+    const vbool<W> in_medium = active & medium.exists();
+    if (!any(in_medium) && kept == at) {
+      kept += std::min(W, count - at);
+      continue;
+    }
+    PathLanes<W> p = pool.paths<W>(at, round.needs);
+    const Hits<W> hits = pool.hits<W>(at);
+    const vbool<W> stays = any(in_medium) ? cross_medium(round, active, in_medium, medium, inside, hits, p) : active;
+    const Compaction<W> c(stays);
+    insides.put(kept, c, inside);
+    put_hits(pool, kept, c, hits);
+    pool.count = kept;
+    pool.append(c, p, round.needs);
+    kept = pool.count;
+  }
+  pool.count = kept;
+}
+
+}  // namespace primray

@@ -1,0 +1,169 @@
+// Medium state of paths: the media that a path is in, stored beside the columns of the path pool (only present where
+// Interiors::followed); vertices on boundaries of media; and phase functions in the place of a surface's lobes.
+#pragma once
+
+#include "bsdf/basics/scattering.hpp"
+#include "bsdf/bsdf.hpp"
+#include "bsdf/surface.hpp"
+#include "integrator/rays/path_pool.hpp"
+#include "medium/medium.hpp"
+#include "medium/medium_stack.hpp"
+
+namespace primray {
+
+// Phase function in the place of a surface's lobes, for vertices inside a medium: all directions are transmitted.
+
+// Local frame: +z points back along the ray.
+template <int W>
+struct PhaseLobes : Bsdf<W> {
+  static constexpr bool kInMedium = true, kFollowsMedia = true;
+  vfloat<W> phase;
+
+  explicit PhaseLobes(vfloat<W> mean_cosine)
+      : Bsdf<W>(plain(), vbool<W>(false), {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f)}, vbool<W>(true)),
+        phase(mean_cosine) {}
+
+  static vbool<W> lets_through() { return vbool<W>(true); }
+  PRIMRAY_INLINE BsdfEval<W> eval(const vvec3<W>&, const vvec3<W>& wi) const {
+    const vfloat<W> density = phase_density(-wi.z, phase);
+    return {vvec3<W>(density), vvec3<W>(vfloat<W>(0.0f)), density};
+  }
+  PRIMRAY_INLINE BsdfSample<W> sample(const vvec3<W>&, vfloat<W>, vfloat<W> u, vfloat<W> v) const {
+    const vbool<W> never(false);
+    const vvec3<W> one(vfloat<W>(1.0f)), on = sample_phase(phase, u, v), wi{on.x, on.y, -on.z};
+    return {wi, one, phase_density(on.z, phase), never, wi.z < vfloat<W>(0.0f), never, one};
+  }
+
+ private:
+  // Row of a surface without lobes; nothing of it is evaluated.
+  static SurfaceRows<W> plain() {
+    static const float row[kSurfaceFields] = {};
+    return SurfaceRows<W>(row, vint<W>(0), nullptr);
+  }
+};
+
+// Medium state of one packet of paths. `subsurface` is the subsurface medium of paths that have entered an opaque surface,
+// until they leave it.
+template <int W>
+struct MediumState {
+  MediumStack<W> stack;
+  Medium<W> subsurface;
+  vfloat<W> lead{0.0f};  // distance between the surface point and the ray's offset origin, which the medium also fills
+
+  PRIMRAY_INLINE vbool<W> in_subsurface() const { return subsurface.exists(); }
+  // Medium that surrounds each path.
+  PRIMRAY_INLINE Medium<W> medium(const Scene& scene) const {
+    const vbool<W> in_walk = in_subsurface();
+    if (!any(in_walk)) return medium_of(scene, stack);
+    Medium<W> r = medium_of(scene, stack);
+    r.extinction = select(in_walk, subsurface.extinction, r.extinction);
+    r.scattering = select(in_walk, subsurface.scattering, r.scattering);
+    r.phase = select(in_walk, subsurface.phase, r.phase);
+    return r;
+  }
+};
+
+// Calls f(k, lanes) for the lanes of each of the disjoint masks `kinds`. If samples are split (`parted`), parts of one sample
+// may be adjacent lanes whose contributions are added in the order of the calls; the masks are then processed in runs of lanes,
+// so that the result has the same bits for every lane count.
+template <int W, int K, class F>
+PRIMRAY_INLINE void for_kinds(bool parted, const vbool<W> (&kinds)[K], const F& f) {
+  uint32_t masks[K], all = 0;
+  for (int k = 0; k < K; ++k) masks[k] = bits(kinds[k]), all |= masks[k];
+  for (int k = 0; k < K; ++k)
+    if (masks[k] == all) parted = false;
+  if (!parted) {
+    for (int k = 0; k < K; ++k)
+      if (masks[k]) f(k, kinds[k]);
+    return;
+  }
+  for (uint32_t left = all; left;) {
+    int k = 0;
+    while (!(masks[k] & left & -left)) ++k;
+    const uint32_t others = left & ~masks[k], run = others ? left & ((others & -others) - 1) : left;
+    left &= ~run;
+    vbool<W> lanes(false);
+    lanes = (lane_numbers<W>() >= vint<W>(__builtin_ctz(run))) & (lane_numbers<W>() <= vint<W>(31 - __builtin_clz(run)));
+    f(k, lanes & kinds[k]);
+  }
+}
+
+struct MediumStateColumns {
+  alignas(64) int32_t inside[kMaxNestedMedia][kPadded];
+  alignas(64) float below[7][kPadded], lead[kPadded];
+
+  template <int W>
+  PRIMRAY_INLINE MediumState<W> at(int i) const {
+    MediumState<W> r;
+    for (int k = 0; k < kMaxNestedMedia; ++k) r.stack.surfaces[k] = load<W>(inside[k] + i);
+    const auto column = [&](int k) { return load<W>(below[k] + i); };
+    r.subsurface.extinction = {column(0), column(1), column(2)}, r.subsurface.scattering = {column(3), column(4), column(5)};
+    r.subsurface.phase = column(6);
+    r.lead = load<W>(lead + i);
+    return r;
+  }
+  // Stores at `i` the lanes that `c` selects.
+  template <int W>
+  PRIMRAY_INLINE void put(int i, const Compaction<W>& c, const MediumState<W>& r) {
+    for (int k = 0; k < kMaxNestedMedia; ++k) c.append(inside[k] + i, r.stack.surfaces[k]);
+    const Medium<W>& m = r.subsurface;
+    const vfloat<W>* columns[7] = {&m.extinction.x, &m.extinction.y, &m.extinction.z, &m.scattering.x,
+                                   &m.scattering.y, &m.scattering.z, &m.phase};
+    for (int k = 0; k < 7; ++k) c.append(below[k] + i, *columns[k]);
+    c.append(lead + i, r.lead);
+  }
+};
+
+// Medium stacks at the origins of shadow rays, which may pass straight through boundaries.
+struct ShadowMediaColumns {
+  alignas(64) int32_t inside[kMaxNestedMedia][ShadowQueue::kSize];
+  alignas(64) float lead[ShadowQueue::kSize];
+
+  template <int W>
+  PRIMRAY_INLINE ShadowMedia<W> at(int i) const {
+    ShadowMedia<W> r;
+    for (int k = 0; k < kMaxNestedMedia; ++k) r.stack.surfaces[k] = load<W>(inside[k] + i);
+    r.lead = load<W>(lead + i);
+    return r;
+  }
+  template <int W>
+  PRIMRAY_INLINE void put(int i, const Compaction<W>& c, const ShadowMedia<W>& r) {
+    for (int k = 0; k < kMaxNestedMedia; ++k) c.append(inside[k] + i, r.stack.surfaces[k]);
+    c.append(lead + i, r.lead);
+  }
+};
+
+// Medium state of one worker: for its two path pools and its shadow queues.
+struct MediumStateStore {
+  MediumStateColumns columns[2];
+  MediumStateColumns* pool = &columns[0];
+  MediumStateColumns* next = &columns[1];
+  ShadowMediaColumns shadows, special_shadows;
+};
+
+// Vertex in a scene with media: the media on both sides of the surface, and the one that a ray enters when it leaves the
+// vertex.
+template <int W>
+struct Crossing {
+  MediumState<W> inside;  // of the incoming path
+  Boundary<W> boundary;
+  Medium<W> entered;  // medium below opaque surfaces that may be entered (subsurface)
+
+  // State of the path after the scattering event `s`.
+  PRIMRAY_INLINE MediumState<W> after(const BsdfSample<W>& s) const {
+    MediumState<W> r;
+    r.stack = select(s.transmits & !s.enters, boundary.beyond, boundary.here);
+    r.subsurface.extinction = select(s.enters, entered.extinction, inside.subsurface.extinction);
+    r.subsurface.scattering = select(s.enters, entered.scattering, inside.subsurface.scattering);
+    r.subsurface.phase = select(s.enters, entered.phase, inside.subsurface.phase);
+    return r;
+  }
+  // Transmittance over distance `t` from here, times the radiance scale of the medium; in lanes `beyond` on the far side of the
+  // surface.
+  PRIMRAY_RARE vvec3<W> transmittance_towards(const Scene& scene, vbool<W> beyond, vfloat<W> t) const {
+    const MediumStack<W> around = select(beyond, boundary.beyond, boundary.here);
+    return medium_of(scene, around).transmittance(t) * radiance_scale(scene, around);
+  }
+};
+
+}  // namespace primray

@@ -1,0 +1,63 @@
+// Wavefront path tracing loop. Included only by lanes_<W>.cpp, one translation unit per lane count.
+#pragma once
+
+#include <algorithm>
+
+#include "integrator/add_to_film.hpp"
+#include "integrator/camera_rays.hpp"
+#include "integrator/cross_media.hpp"
+#include "integrator/outline_rays.hpp"
+#include "integrator/shade.hpp"
+#include "integrator/trace.hpp"
+
+namespace primray {
+
+inline void clear_slots(Worker& w, int slots, bool clamps) {
+  for (float* sums : {w.r, w.g, w.b, w.a}) std::fill_n(sums, slots, 0.0f);
+  if (w.lpe) w.lpe->clear(0, slots);
+  if (!clamps) return;
+  for (float* sums : {w.r, w.g, w.b}) std::fill_n(sums + Worker::kSlots, slots, 0.0f);
+  if (w.lpe) w.lpe->clear(Worker::kSlots, slots);
+}
+
+inline void clear_queues(Round& round) {
+  Worker& w = round.worker;
+  w.next->count = 0;
+  w.shadows.count = 0;
+  if (round.has_special()) w.special_shadows->rays.count = 0;
+}
+
+// Runs rounds until no path is left.
+template <int W>
+void run_rounds(Round& round, int slots) {
+  while (true) {
+    if (round.settings.log) ++round.settings.log->round;
+    refill<W>(round, slots);
+    if (round.worker.pool->count == 0) break;
+    trace<W>(round);
+    clear_queues(round);
+    if (round.follows_media()) cross_media<W>(round);
+    shade<W>(round);
+    trace_shadows<W>(round);
+  }
+}
+
+template <int W>
+void render_tile_block(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker,
+                       Film& film, RayRecorder* recorder) {
+  Round round(scene, settings, block, worker, recorder);
+  round.pixels = list_pixels(block, worker);
+  round.outlined = scene.outlines.any() && look_up_outlines(round);
+  const int slots = round.pixels * round.samples;
+  clear_slots(worker, slots, settings.clamps());
+  worker.pool->count = 0;
+  if (round.outlined) trace_outlines<W>(round);
+  run_rounds<W>(round, slots);
+  if (scene.camera.flawed) apply_lens_weights(worker, 0, slots);
+  if (scene.camera.flawed && settings.clamps()) apply_lens_weights(worker, Worker::kSlots, slots);
+  if (round.leaves_out_caustics()) leave_out_caustics(worker, slots, settings.clamps());
+  if (settings.clamps()) clamp_indirect(worker, slots, settings.clamp_indirect);
+  add_to_film(block, worker, round.pixels, round.samples, film);
+}
+
+}  // namespace primray

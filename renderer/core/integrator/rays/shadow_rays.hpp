@@ -1,0 +1,150 @@
+// Shadow rays that need their hits: through surfaces that let light pass straight, and towards lights with special shadows
+// (light/shadow.hpp). All other shadow rays are plain occlusion queries.
+#pragma once
+
+#include "accel/query.hpp"
+#include "bsdf/bsdf_with_hair.hpp"
+#include "integrator/rays/ray_recorder.hpp"
+#include "light/mesh/emitter.hpp"
+#include "light/shadow.hpp"
+#include "medium/medium_stack.hpp"
+#include "surface/evaluate_inputs.hpp"
+#include "surface/interaction.hpp"
+
+namespace primray {
+
+template <int W>
+PRIMRAY_RARE vvec3<W> straight_with_open_pbr(const SurfaceRows<W>& rows, vbool<W> active, const vvec3<W>& wo, vbool<W> front,
+                                             vfloat<W> beside) {
+  return straight_transmittance(BsdfWithOpenPbr<W>(rows, active, wo, front, beside));
+}
+
+// Surface hit by a shadow ray, and its transmittance for light that continues straight.
+template <int W>
+struct ShadowStep {
+  Interaction<W> it;
+  vbool<W> front;
+  vvec3<W> through;
+  vbool<W> overridden{false};  // boundaries of lower priority inside overlapping media
+
+  // `around`: medium stack along the ray, if media are followed; updated to the one behind the surface.
+  PRIMRAY_INLINE ShadowStep(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits,
+                            ShadowMedia<W>* around)
+      : it(interact(scene, active, rays, hits)), front(dot(it.ng, rays.d) < vfloat<W>(0.0f)), through(vfloat<W>(0.0f)) {
+    if (!scene.has_thin) return;
+    const vfloat<W> z = clamp(abs(dot(it.ns, rays.d)), 0.0f, 1.0f);
+    const vvec3<W> wo{safe_sqrt(1.0f - z * z), vfloat<W>(0.0f), z};
+    SurfaceRows<W> rows(scene.surfaces, it.surface);
+    LaneRows<W> varying;
+    if (any_inputs(scene, active, it.surface)) {
+      // Normal maps do not bend light that passes straight, and shadow rays have no ray cones.
+      vvec3<W> unbent = it.ns;
+      rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
+    }
+    if (around) {
+      cross(scene, active, rays, hits.t, rows, wo, *around);
+    } else {
+      through = scene.surfaces.open_pbr.empty() ? straight_transmittance(Bsdf<W>(rows, active, wo, front))
+                                                : straight_with_open_pbr(rows, active, wo, front, vfloat<W>(1.0f));
+    }
+    if (!scene.surfaces.hair.empty()) through = straight_through_hair(rows, active, front, through);
+  }
+  PRIMRAY_RARE void cross(const Scene& scene, vbool<W> active, const Rays<W>& rays, vfloat<W> t, const SurfaceRows<W>& rows,
+                          const vvec3<W>& wo, ShadowMedia<W>& around) {
+    const vvec3<W> left = medium_of(scene, around.stack).transmittance(t + around.lead), one(vfloat<W>(1.0f));
+    const Boundary<W> b(scene, active, around.stack, it.surface, front);
+    through = select(b.overridden, one, straight_with_open_pbr(rows, active, wo, front, b.beside)) * left;
+    overridden = b.overridden;
+    around.stack = select(active, b.beyond, around.stack);
+    around.lead = select(active, lead_of(it.offset, it.ng, rays.d), around.lead);
+  }
+  // Advances rays past the hit, towards the same end point: it may be so close to the light's surface that a ray aimed beside
+  // it would hit that surface.
+  PRIMRAY_INLINE void advance(Rays<W>& rays) const {
+    const vvec3<W> o = it.p + it.ng * (it.offset * select(front, vfloat<W>(-1.0f), vfloat<W>(1.0f)));
+    const vfloat<W> left = rays.tfar - dot(o - rays.o, rays.d);
+    const vbool<W> ends = (left > vfloat<W>(0.0f)) & (left < vfloat<W>(kInfinity));
+    const vvec3<W> to = rays.d * rays.tfar - (o - rays.o);
+    const vfloat<W> length_to = length(to);
+    rays.d = select(ends, to * (1.0f / length_to), rays.d);
+    rays.tfar = select(ends, length_to, left);
+    rays.o = o;
+  }
+};
+
+// Transmittance and radiance scale over the last segment of shadow rays, which nothing blocks.
+template <int W>
+PRIMRAY_RARE vvec3<W> transmittance_at_end(const Scene& scene, const ShadowMedia<W>& around, const Rays<W>& rays) {
+  return medium_of(scene, around.stack).transmittance(rays.tfar + around.lead) * radiance_scale(scene, around.stack);
+}
+
+// Traces shadow rays through surfaces that let light pass straight, attenuates `carried`, and returns the lanes that arrive.
+// `around`: see ShadowStep. `passed`, if given, counts the surfaces passed by each ray.
+template <int W>
+PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried,
+                                ShadowMedia<W>* around, vint<W>* passed = nullptr) {
+  const vfloat<W> zero(0.0f);
+  vbool<W> arrived(false);
+  while (any(active)) {
+    if (recorder) recorder->record(false, true, active, rays);
+    const Hits<W> hits = intersect(scene, true, active, rays);
+    const vbool<W> hit = active & (hits.geom != vint<W>(-1));
+    if (around) carried = select(active & !hit, carried * transmittance_at_end(scene, *around, rays), carried);
+    arrived |= active & !hit;
+    active = hit;
+    if (!any(active)) break;
+    const ShadowStep<W> step(scene, active, rays, hits, around);
+    if (passed) *passed += select(active & !step.overridden, vint<W>(1), vint<W>(0));
+    // Lanes that have arrived keep what they carry.
+    carried = select(active, carried * step.through, carried);
+    active &= max_component(carried) > zero;
+    step.advance(rays);
+    active &= rays.tfar > zero;
+    arrived |= hit & (max_component(carried) > zero) & !(rays.tfar > zero);
+  }
+  return arrived;
+}
+
+// Traces shadow rays towards special lights; returns the factor of their light. The first opaque caster ends a shadow,
+// transmissive casters before it tint it. Each caster is weighted by its distance; surfaces that cast no shadow of the light
+// are skipped. Geometry that is a light always hides its own far side, which is not a shadow. `passed`: see pass_thin().
+template <int W>
+PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light,
+                                   ShadowMedia<W>* around, vint<W>* passed = nullptr) {
+  const vfloat<W> zero(0.0f), one(1.0f);
+  const vint<W> none(-1);
+  const LightTable& lights = scene.lights;
+  const ShadowLanes<W> shadow(lights.shadow_rows, light);
+  const vbool<W> has_body = (LightRow<W>(lights, light).flags() & vint<W>(kGeometry)) != vint<W>(0);
+  const vvec3<W> from = rays.o;
+  vvec3<W> open(one);
+  vbool<W> casting = active & shadow.enabled, hidden(false);
+  active = casting | (active & has_body);
+  while (any(active)) {
+    if (recorder) recorder->record(false, true, active, rays);
+    const Hits<W> hits = intersect(scene, true, active, rays);
+    const vbool<W> free = active & (hits.geom == none);
+    if (around) open = select(free, open * transmittance_at_end(scene, *around, rays), open);
+    active &= !free;
+    if (!any(active)) break;
+    const ShadowStep<W> step(scene, active, rays, hits, around);
+    if (any(active & has_body)) {
+      const vbool<W> own = active & has_body & (emitter_light(scene, active, hits, step.it) == light);
+      hidden |= own, active &= !own;
+    }
+    const vfloat<W> distance = length(step.it.p - from);
+    const vbool<W> caster = active & casting & in_collection(lights.links, step.it.link, shadow.casters);
+    const vfloat<W> strength = shadow.strength(distance);
+    open = select(caster, open * (vvec3<W>(one) - (vvec3<W>(one) - step.through) * strength), open);
+    const vbool<W> opaque = !(max_component(step.through) > zero);
+    if (passed) *passed += select(caster & !opaque & !step.overridden, vint<W>(1), vint<W>(0));
+    casting &= (!(caster & opaque)) & (distance < shadow.end);
+    active &= casting | has_body;
+    step.advance(rays);
+    active &= rays.tfar > zero;
+  }
+  const vvec3<W> left = shadow.color + (vvec3<W>(one) - shadow.color) * open;
+  return select(hidden, vvec3<W>(zero), left);
+}
+
+}  // namespace primray

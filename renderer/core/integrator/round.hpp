@@ -1,0 +1,112 @@
+// State that all stages of the path loop share: the scene, one task's samples, and the worker that renders them.
+//
+// A round advances every path of the pool by one vertex: refill with camera rays, trace, shade (which leaves the surviving
+// paths compacted in the other pool and shadow rays in a queue), trace the shadow rays. Each stage is a file of free functions
+// over this.
+#pragma once
+
+#include <memory>
+
+#include "guiding/guide.hpp"
+#include "integrator/tile_task.hpp"
+
+namespace primray {
+
+// Optional state that paths of this scene carry.
+inline PathNeeds path_needs(const Scene& scene, const IntegratorSettings& settings) {
+  return {.travelled = scene.has_thin,
+          .cones = scene.has_inputs,
+          .diffuse_shares = scene.lights.lobe_factors || settings.lpe,
+          .links = scene.lights.links.any(),
+          .time = scene.moves(),
+          .normals = scene.lights.by_tree() || scene.emitters.by_triangle(),
+          .first_received = settings.guide != nullptr,
+          .lpe = settings.lpe != nullptr};
+}
+
+struct Round {
+  const Scene& scene;
+  const IntegratorSettings& settings;
+  const TileBlock& block;
+  Worker& worker;
+  RayRecorder* recorder;
+  const PathNeeds needs;
+  const int samples;      // per pixel, both replicates together
+  int pixels = 0;         // of the block, as the worker lists them
+  int next_slot = 0;      // slot of the next camera ray
+  int first_camera = 0;   // index in the pool of the first camera ray
+  bool outlined = false;  // outlines of lights cross some pixels of this tile
+
+  Round(const Scene& s, const IntegratorSettings& asked, const TileBlock& task, Worker& thread, RayRecorder* log)
+      : scene(s),
+        settings(asked),
+        block(task),
+        worker(thread),
+        recorder(log),
+        needs(path_needs(s, asked)),
+        samples(task.count[0] + task.count[1]) {
+    if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
+    if (follows_media() && !worker.inside) worker.inside = std::make_unique<MediumStateStore>();
+    if (needs.lpe && !worker.lpe)
+      worker.lpe = std::make_unique<LpeStore>(*settings.lpe, settings.clamps() ? Worker::kSums : Worker::kSlots);
+    if (leaves_out_caustics()) worker.caustics.resize(3 * size_t(Worker::kSlots));
+    if (scene.camera.flawed) worker.weights.resize(Worker::kSlots, vec3(1.0f));
+  }
+
+  bool has_special() const { return scene.lights.has_special(); }
+  bool follows_media() const { return scene.interiors.followed; }
+  bool leaves_out_caustics() const { return settings.lpe && settings.lpe->leaves_out >= 0; }
+
+  // Index of the film point in the chain of linked dimensions that it forms with the following directions: each even link
+  // shares a 4D point of a sequence with the next. Parts of a split path have indices of their own, so there the first two
+  // directions are paired.
+  int first_link() const { return settings.splits > 1 ? 1 : 0; }
+  // Replicate of a pixel's k-th sample: those of the first replicate come first.
+  int replicate(int k) const { return k < block.count[0] ? 0 : 1; }
+  uint32_t index(int k) const { return uint32_t(replicate(k) ? block.first[1] + k - block.count[0] : block.first[0] + k); }
+  int pixel_x(int i) const { return block.x0 + worker.pixel_x[i] * block.stride_x; }
+  int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
+};
+
+// Returns ray times within the shutter interval for numbers u in [0, 1), at pixels (x, y), with rolling shutter.
+template <int W>
+PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vint<W> y) {
+  const MotionTable& motion = round.scene.motion;
+  const vfloat<W> time = motion.opens + u * motion.length;
+  if (!motion.rolls) return time;
+  return min(max(time + to_float(x) * motion.per_column + to_float(y) * motion.per_row, 0.0f), vfloat<W>(1.0f));
+}
+
+// Whether the paths at `at` were in a medium: cross_media() has already added the lights that those rays hit.
+template <int W>
+PRIMRAY_RARE vbool<W> has_crossed_medium(const Round& round, int at) {
+  return round.worker.inside->pool->template at<W>(at).medium(round.scene).exists();
+}
+
+// Factor of radiance that the paths at `at` receive (medium/medium_stack.hpp).
+template <int W>
+PRIMRAY_RARE vfloat<W> radiance_scale_at(const Round& round, int at) {
+  return radiance_scale(round.scene, round.worker.inside->pool->template at<W>(at).stack);
+}
+
+// Index of the sum for light that reaches samples `slot` after that many scattering events.
+template <int W>
+PRIMRAY_INLINE vint<W> sum_of(const Round& round, vint<W> slot, vint<W> scatterings) {
+  if (!round.settings.clamps()) return slot;
+  return slot + select(scatterings > vint<W>(1), vint<W>(Worker::kSlots), vint<W>(0));
+}
+
+// Adds `c` to the slots of lanes `m`; most paths contribute nothing at most vertices.
+template <int W>
+PRIMRAY_INLINE void add_to_slots(const Round& round, vbool<W> m, vint<W> slot, const vvec3<W>& c) {
+  Worker& w = round.worker;
+  GuideLog* const log = round.settings.log;
+  const vfloat<W> zero(0.0f);
+  for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
+    const int i = __builtin_ctz(b), s = slot[i];
+    w.r[s] += c.x[i], w.g[s] += c.y[i], w.b[s] += c.z[i];
+    if (log) log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
+  }
+}
+
+}  // namespace primray

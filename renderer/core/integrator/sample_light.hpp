@@ -1,0 +1,206 @@
+// Next-event estimation: chooses a light for each vertex, samples a point on it, and queues a shadow ray with its contribution.
+#pragma once
+
+#include "bsdf/bsdf.hpp"
+#include "integrator/emission.hpp"
+#include "integrator/lpe_light.hpp"
+#include "integrator/vertex.hpp"
+#include "light/mesh/emitter.hpp"
+#include "light/sampler/tree_choice.hpp"
+#include "surface/ray_origin.hpp"
+
+namespace primray {
+
+// Surfaces glossy enough to influence which of many lights is sampled.
+
+// Minimum albedo, and maximum roughness (alpha), of a specular lobe that influences the choice.
+constexpr float kLeastGlossy = 0.04f, kDullAlpha = 0.6f;
+// Minimum weight of the diffuse remainder, since the preview lobe is only approximate.
+constexpr float kLeastRest = 0.02f;
+
+// Finds the lanes of `scatters` whose surface, seen along unit wo (world space), is glossy, and their lobes; returns whether
+// there are any.
+template <int W, class Lobes>
+PRIMRAY_RARE bool find_glossy(vbool<W> scatters, const Lobes& b, const vvec3<W>& wo, GlossyLanes<W>& s) {
+  const vbool<W> by_coat = b.any_coat ? b.p_coat > b.p_specular : vbool<W>(false);
+  const vfloat<W> alpha = b.any_coat ? select(by_coat, b.coat_alpha, b.alpha) : b.alpha;
+  s.specular = select(by_coat, b.p_coat, b.p_specular), s.rest = max(1.0f - s.specular, kLeastRest);
+  s.glossy =
+      scatters & b.preview & (by_coat | !b.mirror) & (s.specular > vfloat<W>(kLeastGlossy)) & (alpha < vfloat<W>(kDullAlpha));
+  s.wo = wo, s.alpha2 = alpha * alpha;
+  return any(s.glossy);
+}
+
+// Light chosen in each lane, and the glossy surfaces that influenced the choice.
+template <int W>
+struct ChosenLight {
+  LightChoice<W> choice;
+  GlossyLanes<W> glossy;
+  bool any_glossy = false;
+};
+
+template <int W, class Lobes>
+PRIMRAY_INLINE void choose_light_at(const Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
+                                    const vvec3<W>& from, ChosenLight<W>& chosen) {
+  const LightTable& lights = round.scene.lights;
+  const vuint<W> number = lights.count > 1 ? p.sampler.bits_of(p.vertex + vint<W>(1), Purpose::kLightChoice) : vuint<W>(0u);
+  const bool linked = lights.links.any();
+  chosen.any_glossy =
+      v.bsdf.any_preview && lights.by_tree() && !linked && find_glossy(scatters, v.bsdf, v.frame.to_world(v.wo), chosen.glossy);
+  chosen.choice = linked
+                      ? choose_linked_light(lights, scatters, from, facing(v), number, v.it.link)
+                      : choose_light(lights, scatters, from, facing(v), number, chosen.any_glossy ? &chosen.glossy : nullptr);
+}
+
+// Samples a point on the chosen light, seen from `from`. Domes with portals and geometry lights have their own sampling
+// routines.
+template <int W, class Lobes>
+PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, vint<W> light, const Vertex<W, Lobes>& v,
+                                           const PathLanes<W>& p, const vvec3<W>& from) {
+  using B = vbool<W>;
+  const Scene& scene = round.scene;
+  const LightTable& lights = scene.lights;
+  const vint<W> bounce = p.vertex + vint<W>(1);
+  const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
+  LightSample<W> s = light_sample(lights, light, useful, from, u.u, u.v, p.ray.time);
+  if (lights.has_portals()) {
+    const B dome = useful & is_type(LightRow<W>(lights, light).type(), LightType::kDome);
+    if (any(dome))
+      sample_portals(lights, dome, light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, p.ray.time, s);
+  }
+  if (scene.emitters.any()) {
+    const LightRow<W> row(lights, light);
+    const B geometry = useful & ((row.flags() & vint<W>(kGeometry)) != vint<W>(0));
+    const B mesh = geometry & is_type(row.type(), LightType::kMesh), sphere = geometry & !mesh;
+    if (any(sphere)) sample_sphere(scene, sphere, light, from, u.u, u.v, p.ray.time, s);
+    if (any(mesh)) {
+      const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
+      sample_mesh(scene, mesh, light, from, facing(v), bits, u.u, u.v, p.ray.time, s);
+    }
+  }
+  return s;
+}
+
+// BSDF times cosine for light from `s`, with the light's lobe multipliers.
+template <int W>
+PRIMRAY_INLINE vvec3<W> reflected_of(const LightTable& lights, vint<W> light, const BsdfEval<W>& f) {
+  if (!lights.lobe_factors) return f.diffuse + f.specular;
+  const LightRow<W> row(lights, light);
+  return f.diffuse * row(kDiffuseFactor) + f.specular * row(kSpecularFactor);
+}
+
+// MIS weight of the light sample against BSDF-sampled rays that hit the light.
+template <int W, class Lobes>
+PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool<W> special, const ChosenLight<W>& chosen,
+                                      const LightSample<W>& s, vfloat<W> pdf, vfloat<W> scattered_pdf,
+                                      const Vertex<W, Lobes>& v, const vvec3<W>& from) {
+  const LightTable& lights = round.scene.lights;
+  const vint<W> light = chosen.choice.light;
+  vbool<W> alone = s.is_delta | special;
+  if (!lights.hierarchy.empty()) alone |= rarely_hit(lights, light, from, scattered_pdf);
+  // For MIS the choice is treated as if no surface were glossy, since that is all that a ray which hits the light knows. The
+  // weights of both techniques then add up to 1, whatever the densities in them.
+  vfloat<W> known_pdf = pdf;
+  if (chosen.any_glossy) {
+    const vbool<W> m = useful & chosen.glossy.glossy;
+    known_pdf = select(m, s.pdf * probability_of(lights, light, m, from, facing(v)), pdf);
+  }
+  return select(alone, vfloat<W>(1.0f), mis_weight(known_pdf, scattered_pdf));
+}
+
+// Redirects samples of lanes `m` from origin `from` to origin `o`, towards the same point of the light.
+template <int W>
+PRIMRAY_INLINE void aim_from(vbool<W> m, const vvec3<W>& from, const vvec3<W>& o, LightSample<W>& s) {
+  const vvec3<W> to = s.wi * s.t - (o - from);
+  const vfloat<W> t = length(to);
+  const vbool<W> near = m & (t < vfloat<W>(kInfinity)) & (t > vfloat<W>(0.0f));
+  s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
+}
+
+// Moves the origins of rays in lanes `below`, which start below the triangle's plane, to the smooth surface at `o`, and
+// redirects them to the same point of the light; returns the lanes for which that succeeds.
+template <int W, class Lobes>
+PRIMRAY_INLINE vbool<W> lift_towards_light(Round& round, vbool<W> below, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
+                                           const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
+  const vbool<W> lifted = lift_origins(round, below, v, s.wi, p.ray.time, o);
+  aim_from(lifted, from, o, s);
+  return lifted;
+}
+
+// Moves the origins of rays of lanes `m` to the other side of the surface, towards the same point of the light.
+template <int W, class Lobes>
+PRIMRAY_RARE void cross_surface(vbool<W> m, const Vertex<W, Lobes>& v, const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
+  o = select(m, v.it.p - v.ng * v.it.offset, o);
+  if constexpr (Lobes::kFibres) o = o + s.wi * distance_through_tube(m & v.bsdf.is_hair, v.it, s.wi);
+  aim_from(m, from, o, s);
+}
+
+// Stores the medium stacks of shadow rays that are about to be queued.
+template <int W>
+PRIMRAY_RARE void put_shadow_media(Round& round, vbool<W> special, vbool<W> other, vbool<W> beyond, const Crossing<W>& c,
+                                   vfloat<W> lead) {
+  Worker& w = round.worker;
+  const ShadowMedia<W> around{select(beyond, c.boundary.beyond, c.boundary.here), lead};
+  if (any(special)) w.inside->special_shadows.put(w.special_shadows->rays.count, Compaction<W>(special), around);
+  w.inside->shadows.put(w.shadows.count, Compaction<W>(other), around);
+}
+
+template <int W, class Lobes>
+void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  using B = vbool<W>;
+  using V = vvec3<W>;
+  const LightTable& lights = round.scene.lights;
+  // Same origin as scattered rays, so that both techniques agree on which lights are above the surface.
+  const V from = v.it.p + v.ng * v.it.offset;
+  ChosenLight<W> chosen;
+  choose_light_at(round, scatters, v, p, from, chosen);
+  const vint<W> light = chosen.choice.light;
+  B useful = scatters & (chosen.choice.probability > vfloat<W>(0.0f));
+  if (!any(useful)) return;
+  LightSample<W> s = sample_point(round, useful, light, v, p, from);
+  const V wi = v.frame.to_local(s.wi);
+  const B above = dot(v.ng, s.wi) > vfloat<W>(0.0f);
+  const B beyond = v.bsdf.lets_through() & (wi.z < vfloat<W>(0.0f)) & !above;  // through the surface
+  useful &= (s.pdf > vfloat<W>(0.0f)) & (((wi.z > vfloat<W>(0.0f)) & (above | v.it.smooth)) | beyond);
+  if (!any(useful)) return;
+  const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
+  const V reflected = reflected_of(lights, light, f);
+  const vfloat<W> pdf = s.pdf * chosen.choice.probability;
+  B special(false);  // no other technique finds these lights
+  if (round.has_special()) special = (LightRow<W>(lights, light).flags() & vint<W>(kSpecial)) != vint<W>(0);
+  const vfloat<W> scattered_pdf = scattered_density(round, v, s.wi, f.pdf);
+  const vfloat<W> weight = light_weight(round, useful, special, chosen, s, pdf, scattered_pdf, v, from);
+  V carried = p.beta * reflected * s.L * (weight / pdf);
+  const bool crosses = Lobes::kFollowsMedia && v.crossing;
+  if (crosses && !round.scene.has_thin)
+    carried = carried * v.crossing->transmittance_towards(round.scene, beyond, s.t + lead_of(v.it.offset, v.ng, s.wi));
+  useful &= max_component(carried) > vfloat<W>(0.0f);
+  V o = from;
+  if (any(useful & beyond)) cross_surface(useful & beyond, v, from, s, o);
+  if (const B below = useful & !above & !beyond; any(below))
+    useful &= above | beyond | lift_towards_light(round, below, v, p, from, s, o);
+  Worker& w = round.worker;
+  if (crosses)
+    put_shadow_media(round, useful & special, useful & !special, beyond, *v.crossing, lead_of(v.it.offset, v.ng, s.wi));
+  if (round.needs.lpe) put_shadow_lpe_states<W, Lobes>(round, useful & special, useful & !special, p, f, beyond, light);
+  const vint<W> sum = sum_of(round, p.slot, p.depth + vint<W>(1));
+  if (any(useful & special))
+    w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, sum, light, p.ray.time, round.needs);
+  useful &= !special;
+  if (any(useful)) w.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, sum, p.ray.time, round.needs);
+}
+
+// Takes one light sample per vertex; at a path's first surface that is not a mirror, as many as the pilot renders chose.
+template <int W, class Lobes>
+void sample_lights(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  const int samples = round.settings.light_samples;
+  const vbool<W> more = scatters & (p.vertex == vint<W>(0)) & !v.bsdf.mirror;
+  if (samples == 1 || !any(more)) return sample_light(round, scatters, v, p);
+  PathLanes<W> part = split_part(p, more, samples);
+  for (int k = 0; k < samples; ++k) {
+    number_part(part, p, more, samples, k);
+    sample_light(round, k == 0 ? scatters : more, v, part);
+  }
+}
+
+}  // namespace primray

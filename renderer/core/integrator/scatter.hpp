@@ -1,0 +1,229 @@
+// Scattering: samples the next direction of each path, updates its state, and ends paths by Russian roulette.
+#pragma once
+
+#include <algorithm>
+
+#include "integrator/emission.hpp"
+#include "integrator/lpe_light.hpp"
+#include "integrator/tile_task.hpp"
+#include "integrator/vertex.hpp"
+#include "surface/ray_origin.hpp"
+
+namespace primray {
+
+// Widening of the ray cone at a scattering event: the angle w of a cone that holds 1/256 of the solid angle 1 / pdf of the
+// sample, from pi (w / 2)^2 = 1 / (256 pdf); an eighth of a radian for diffuse lobes. A wider cone would blur distant parts of
+// a texture that are adjacent only in the image. Mirrors and refractions keep the cone; curvature is ignored.
+constexpr float kLobeSpread = 0.0705236979f;
+// Russian roulette: from this vertex on a path survives with probability min(1, kRouletteKeep * its largest throughput). On the
+// Cornell box (relMSE, rays per sample, 64 samples): keep 1 from vertex 4: 0.00180, 5.2; 2 from 3: 0.00162, 5.1; 4 from 2:
+// 0.00139, 5.9; 8 from 3: 0.00134, 6.5; none: 0.00132, 7.6. With paths split in four, 2 costs as much as 4 on the Cornell box,
+// and half as much again on a terrain under a sky, where the last rays are cheap.
+constexpr int kRouletteStart = 2;
+constexpr float kRouletteKeep = 4;
+// Beyond this depth even lossless paths may end: one that is trapped between mirrors or by total internal reflection would
+// never end otherwise. If each scattering event keeps a share a of the light, the variance of the weights stays finite as long
+// as a^2 is below the survival probability: 0.98 made a closed room of albedo 0.998 6 % too dark in any render.
+constexpr int kRouletteDeep = 1024;
+constexpr float kRouletteDeepKeep = 0.999f;
+
+// Marks the samples of camera rays that pass only gaps: surfaces that are not present, or hidden from the camera
+// (integrator/tile_task.hpp).
+template <int W>
+PRIMRAY_RARE void mark_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) {
+  for (uint32_t b = bits(gaps & (p.vertex == vint<W>(0))); b; b &= b - 1) {
+    float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+    if (a < kThroughGaps) a += kGapMark;
+  }
+}
+
+// Updates the gap marks of camera rays that pass straight through `v`: set for a gap, cleared for a transmissive surface.
+template <int W, class Lobes>
+PRIMRAY_RARE void update_gap_marks(Round& round, vbool<W> straight, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
+                                   const PathLanes<W>& p) {
+  if constexpr (requires { v.bsdf.presence; }) {
+    const vfloat<W> one(1.0f);
+    const vbool<W> gap = straight & (v.bsdf.presence < one) & (s.weight.x == one) & (s.weight.y == one) & (s.weight.z == one);
+    mark_gaps(round, gap, p);
+    for (uint32_t b = bits(straight & !gap); b; b &= b - 1) {
+      float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+      if (a >= kThroughGaps) a -= kGapMark;
+    }
+  }
+}
+
+// Samples a direction from the BSDF, the guide or the caustic photons. `splits`: number of parts of each sample, which photons
+// change. `own`: with photons, the density without them.
+template <int W, class Lobes>
+PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
+                                              vfloat<W>& splits, vfloat<W>& own) {
+  const Guide* guide = round.settings.guide;
+  const vint<W> bounce = p.vertex + vint<W>(1);
+  Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
+  const vfloat<W> lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : vfloat<W>(0.0f);
+  const vbool<W> by_guide = guide ? choose_guide(v.place, u.u) : vbool<W>(false);
+  // Inlined for the common case; the compiler would otherwise count the guided branch as well and emit a call for all.
+  const auto sample = [&](vfloat<W> l) __attribute__((always_inline)) {
+    BsdfSample<W> found = v.bsdf.sample(v.wo, l, u.u, u.v);
+    if (guide) sample_guided(*guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, found);
+    return found;
+  };
+  const auto density = [&](const vvec3<W>& wi, vfloat<W> by_bsdf) { return scattered_density(round, v, wi, by_bsdf); };
+  if (!v.caustics) return sample(lobe);
+  return sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, round.settings.splits, sample, density, splits, own);
+}
+
+// Offsets the origins of `n` to the side on which they leave; returns the lanes that leave on the side that `s` sampled.
+template <int W, class Lobes>
+PRIMRAY_INLINE vbool<W> offset_origins(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
+                                       vfloat<W> time, PathLanes<W>& n) {
+  const vfloat<W> zero(0.0f), out = dot(v.ng, n.ray.d);
+  n.ray.o = v.it.p + v.ng * (v.it.offset * select(out > zero, vfloat<W>(1.0f), vfloat<W>(-1.0f)));
+  // The true surface, or the smooth surface that its normals approximate, decides on which side a direction is, whatever the
+  // shading normal.
+  vbool<W> above = out > zero;
+  if (const vbool<W> below = scatters & v.it.smooth & !above & !s.transmits & (max_component(n.beta) > zero); any(below))
+    above |= lift_origins(round, below, v, n.ray.d, time, n.ray.o);
+  return scatters & ((s.transmits & (out < zero)) | (above & !s.transmits));
+}
+
+// Updates the optional path state that the scene needs at the next vertex.
+template <int W, class Lobes>
+PRIMRAY_INLINE void update_path_state(const Round& round, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
+                                      const BsdfSample<W>& s, PathLanes<W>& n) {
+  using F = vfloat<W>;
+  const Scene& scene = round.scene;
+  if (scene.has_thin) n.travelled = select(s.straight, p.travelled + dot(v.it.p - p.ray.o, p.ray.d), F(0.0f));
+  if (scene.has_inputs) {
+    n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
+    n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
+  }
+  if (round.needs.normals) n.normal = select(s.straight, p.normal, facing(v));
+  if (round.needs.links) n.link = select(s.straight, p.link, v.it.link);
+  if (round.needs.diffuse_shares) n.diffuse_share = select(s.straight, p.diffuse_share, s.diffuse_share);
+  // Guided paths keep their surface's split count until the next diffuse scattering event.
+  if (round.settings.caustics) {
+    const vbool<W> widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
+    n.splits = select(widely, min(n.splits, float(round.settings.splits)), n.splits);
+  }
+}
+
+// Plays Russian roulette among `alive`, divides the throughput of survivors, and returns the survival probabilities.
+// `expected`: see expected_light().
+template <int W>
+PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vfloat<W> expected, PathLanes<W>& n,
+                                       vbool<W>& alive) {
+  using F = vfloat<W>;
+  using I = vint<W>;
+  const I bounce = n.vertex;
+  const vbool<W> roulette = alive & (bounce >= I(kRouletteStart)) & !straight;
+  F survive(1.0f);
+  if (!any(roulette)) return survive;
+  const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
+  F kept = max_component(n.beta) * n.splits * kRouletteKeep;
+  if (round.needs.first_received) kept = select(n.first_received > F(0.0f), max(kept * expected, kLeastSurvival), kept);
+  survive = select(roulette, min(kept, most), survive);
+  const F r = n.sampler.single(bounce, Purpose::kRoulette);
+  alive &= !(roulette & (r >= survive));
+  n.beta = n.beta * (1.0f / survive);
+  return survive;
+}
+
+// Stores the medium state of paths that continue with the BSDF sample `s`.
+template <int W>
+PRIMRAY_RARE void put_medium_state(Round& round, const Compaction<W>& kept, const Crossing<W>& crossing, const BsdfSample<W>& s,
+                                   vfloat<W> lead) {
+  MediumState<W> inside = crossing.after(s);
+  inside.lead = lead;
+  round.worker.inside->next->put(round.worker.next->count, kept, inside);
+}
+template <int W>
+PRIMRAY_RARE void attenuate_sky_light(Round& round, vbool<W> lit, const Crossing<W>& crossing, const BsdfSample<W>& s,
+                                      vfloat<W> lead, vvec3<W>& carried) {
+  const MediumState<W> inside = crossing.after(s);
+  if (!round.scene.has_thin)
+    carried =
+        carried * inside.medium(round.scene).transmittance(vfloat<W>(kInfinity)) * radiance_scale(round.scene, inside.stack);
+  round.worker.inside->shadows.put(round.worker.shadows.count, Compaction<W>(lit), ShadowMedia<W>{inside.stack, lead});
+}
+
+// On the last bounce only visibility of the environment matters, so a cheaper shadow ray is traced.
+template <int W>
+PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLanes<W>& n, const Crossing<W>* crossing,
+                                     const BsdfSample<W>& s, vfloat<W> lead) {
+  vvec3<W> carried = n.beta * evaluate_domes(round.scene.lights, last, n);
+  const vbool<W> lit = last & (max_component(carried) > vfloat<W>(0.0f));
+  if (!any(lit)) return;
+  if (crossing) attenuate_sky_light(round, lit, *crossing, s, lead, carried);
+  if (round.needs.lpe) put_sky_lpe_states(round, lit, n);
+  const vint<W> sum = sum_of(round, n.slot, n.depth);
+  round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, sum, n.ray.time, round.needs);
+}
+
+template <int W, class Lobes>
+void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  using F = vfloat<W>;
+  using I = vint<W>;
+  using B = vbool<W>;
+  const Scene& scene = round.scene;
+  PathLanes<W> n = p;
+  F own(0.0f);
+  const BsdfSample<W> s = sample_direction(round, v, p, n.splits, own);
+  if (const B through = scatters & s.straight & (p.depth == I(0)); scene.has_thin && any(through))
+    update_gap_marks(round, through, v, s, p);
+  n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
+  n.beta = p.beta * s.weight;
+  B alive = offset_origins(round, scatters, v, s, p.ray.time, n) & (max_component(n.beta) > F(0.0f));
+  n.vertex = p.vertex + I(1);
+  // A path that enters below a surface has not scattered until it leaves again.
+  n.depth = p.depth + select(s.straight | s.enters, I(0), I(1));
+  alive &= n.depth <= I(round.settings.max_depth);
+  // Rays from the last vertex can only collect emission; end the paths if no ray could hit a light.
+  const B last = n.depth == I(round.settings.max_depth);
+  if (!scene.rays_find_light) alive &= !last;
+  n.bsdf_pdf = select(s.straight, p.bsdf_pdf, v.caustics ? own : s.pdf);
+  update_path_state(round, v, p, s, n);
+  if (round.needs.lpe) advance_lpe<Lobes::kInMedium>(*round.settings.lpe, p, s, n);
+  const F expected =
+      round.needs.first_received ? expected_light(*round.settings.guide, v.place, n.ray.d, n.first_received) : F(0.0f);
+  const F survive = play_roulette(round, s.straight, expected, n, alive);
+  // End the paths as well if light sampling alone finds all lights near them.
+  if (scene.only_hierarchy_lights_found)
+    alive &= (!last) | s.straight | s.enters |
+             may_hit_light(scene.lights.hierarchy, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
+  if (!any(alive)) return;
+  // The far plane also applies to what the camera sees through a gap.
+  n.ray.tnear = F(0.0f);
+  if constexpr (Lobes::kFibres)
+    n.ray.tnear = distance_through_tube(alive & v.bsdf.is_hair & s.transmits & !s.straight, v.it, n.ray.d);
+  n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));
+  // No lights are sampled during a random walk below a surface.
+  const bool crosses = Lobes::kFollowsMedia && v.crossing;
+  if (crosses) n.bsdf_pdf = select(v.crossing->inside.in_subsurface(), F(0.0f), n.bsdf_pdf);
+  if (const B sky = alive & last & !(s.straight | s.enters); scene.only_domes_found && any(sky)) {
+    queue_sky_shadow(round, sky, n, crosses ? v.crossing : nullptr, s, crosses ? lead_of(v.it.offset, v.ng, n.ray.d) : F(0.0f));
+    alive &= !sky;
+    if (!any(alive)) return;
+  }
+  if (round.settings.log && !Lobes::kInMedium)
+    keep_vertex(*round.settings.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive, n);
+  const Compaction<W> kept(alive);
+  if (crosses) put_medium_state(round, kept, *v.crossing, s, lead_of(v.it.offset, v.ng, n.ray.d));
+  round.worker.next->append(kept, n, round.needs);
+}
+
+// Splits each path at its first surface that is not a mirror: more work goes to what follows than to finding that surface.
+template <int W, class Lobes>
+void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  const int splits = round.settings.splits;
+  const vbool<W> split = scatters & (p.vertex == vint<W>(0)) & !v.bsdf.mirror;
+  if (splits == 1 || !any(split)) return scatter_once(round, scatters, v, p);
+  PathLanes<W> part = split_part(p, split, splits);
+  part.splits = select(split, vfloat<W>(float(splits)), p.splits);
+  for (int k = 0; k < splits; ++k) {
+    number_part(part, p, split, splits, k);
+    scatter_once(round, k == 0 ? scatters : split, v, part);
+  }
+}
+
+}  // namespace primray
