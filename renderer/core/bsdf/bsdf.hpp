@@ -33,7 +33,7 @@ PRIMRAY_INLINE vvec3<W> divide(const vvec3<W>& a, const vvec3<W>& b) {
 template <int W>
 struct Bsdf {
   static constexpr bool kInMedium = false;      // not a surface
-  static constexpr bool kFollowsMedia = false;  // media are followed at these vertices (path/interiors)
+  static constexpr bool kFollowsMedia = false;  // media are followed at these vertices (integrator/media.hpp)
   static constexpr bool kFibres = false;        // some lanes may be hair
 
   vbool<W> preview;  // otherwise Lambert

@@ -52,7 +52,7 @@ struct Film {
   // Progress of each tile: the next sample's index; and its number of rays, as a measure of its cost.
   std::vector<uint32_t> next;  // replicate, tile
   std::vector<int64_t> tile_rays;
-  // Light path expressions (route/): like `parts`, in the same bins, with the expression first, so that those of a partition
+  // Light path expressions (lpe/): like `parts`, in the same bins, with the expression first, so that those of a partition
   // add up to `parts` to the last digit.
   int expressions = 0;
   std::vector<int64_t> routed;

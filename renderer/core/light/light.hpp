@@ -48,7 +48,7 @@ struct LightTable {
   LinkTable links;
   std::vector<int32_t> light_link;
   LinkedLights linked;
-  std::vector<int32_t> ends;       // by row: the kind of end for light path expressions (route/); may be shorter: the rest are
+  std::vector<int32_t> ends;       // by row: the kind of end for light path expressions (lpe/); may be shorter: the rest are
                                    // objects
   std::vector<float> shadow_rows;  // kShadowFields per row, where some light is special; otherwise empty
   ShapingTable shaping;

@@ -1,5 +1,5 @@
 // Light path expressions compiled to one automaton over scattering events: built by renderer/primray/light_paths, evaluated in
-// path/.
+// integrator/.
 //
 // A path is in one of up to 256 states, and each scattering event moves it to the next. When it ends at a light, the state and
 // the light determine its class: the set of expressions that it matches.

@@ -2,10 +2,10 @@
 //
 // This folder: scene.hpp and the tables beside it are the data, which build/ fills from double-precision input; camera.hpp
 // generates camera rays. accel/ builds Embree scenes of it, surface/ evaluates what varies over shapes, light/ and bsdf/ read
-// their tables, path/ traces paths through it. A `Group` is geometry with its own Embree scene: group 0 is everything placed
+// their tables, integrator/ traces paths through it. A `Group` is geometry with its own Embree scene: group 0 is everything placed
 // once, in world space; the others are prototypes in their own space, placed by instances. A prototype may consist of
 // instances, and has no shapes then: Embree supports one level of instances, so such a prototype is placed by
-// accel/placed_geometry.
+// accel/geometry.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Mesh light as a light type: its row. How it is sampled is in emitter/.
+// Mesh light as a light type: its row. How it is sampled is in light/mesh/.
 #pragma once
 
 #include "base/flush_denormals.hpp"
