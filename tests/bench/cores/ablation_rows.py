@@ -119,9 +119,7 @@ ROWS = (
         "as if lit from all around",
         scenes=("lamps", "showroom"),
         edits=(
-            Edit(
-                "light/sampler/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"
-            ),
+            Edit("light/sampler/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"),
         ),
     ),
     Row(
