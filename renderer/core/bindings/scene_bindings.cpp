@@ -1,4 +1,4 @@
-// Python bindings of SceneBuilder and Scene: arrays as in description.py.
+// Python bindings of SceneBuilder and Scene: arrays as in primray/description/.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>

@@ -1,4 +1,4 @@
-// Python binding of dice(): a cage's arrays as in description.py, and a dictionary of arrays as the result; and its
+// Python binding of dice(): a cage's arrays as in primray/description/, and a dictionary of arrays as the result; and its
 // displacement.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
