@@ -153,14 +153,14 @@ def _check_flaws(name: str, given: Camera, require: Callable[[bool, str], None])
 
 def _check_distortion(given: Camera, require: Callable[[bool, str], None]) -> None:
     from .camera import Projection
-    from .lens.distortion import NUMBERS, Distortion, DistortionModel
+    from .lens.distortion import COEFFICIENT_COUNTS, Distortion, DistortionModel
 
     lens = given.distortion
     if not isinstance(lens, Distortion):
         require(False, f"distortion must be a Distortion, not {lens!r}")
         return
     require(given.projection is Projection.PERSPECTIVE, "distortion must be None: it is orthographic")
-    wanted = NUMBERS[lens.model]
+    wanted = COEFFICIENT_COUNTS[lens.model]
     finite = all(isinstance(k, int | float) and math.isfinite(k) for k in lens.coefficients)
     require(finite and len(lens.coefficients) == wanted, f"distortion needs {wanted} finite coefficients: {lens.model.value}")
     require(0 < lens.most_angle_deg <= 180, f"most_angle_deg must be above 0, 180 or less, not {lens.most_angle_deg}")

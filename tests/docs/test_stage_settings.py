@@ -8,7 +8,7 @@ from pathlib import Path
 
 from primray.cli.commands.render import render
 from primray.cli.quick import TABLE
-from primray.usd.adapters.rendering.stage_settings import NAMES, VARIABLES
+from primray.usd.render_settings.stage_settings import NAMES, VARIABLES
 from primray.usd.scene.schemas import ERROR_THRESHOLDS, SETTINGS_OF_OTHERS
 
 PAGE = (Path(__file__).parents[2] / "docs/stage-settings.md").read_text(encoding="utf-8")

@@ -19,8 +19,8 @@ from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.images.exposure import View, exposure_that_serves, view_fault
 from primray.settings import RenderSettings
-from primray.staging import staged
-from primray.staging.additions import GROUND
+from primray.studio import with_requested_additions
+from primray.studio.additions import GROUND
 from primray.usd import translate
 
 FFMPEG = turntable._program()  # before a test hides it from PATH
@@ -138,14 +138,14 @@ def test_the_ground_touches_the_lowest_point(up: str) -> None:
     (placed,) = description.static
     cube = description.shapes[placed.shape]
     world = cube.points @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]  # type: ignore[union-attr]
-    made = staged(description, settings, Diagnostics())
+    made = with_requested_additions(description, settings, Diagnostics())
     (ground,) = (p for p in made.static if made.shapes[p.shape].path == GROUND)
     below = world[:, axis].min() - ground.matrix[axis, 3]
     assert 0 < below < 1e-4
     mesh = made.shapes[ground.shape]
     a, b, c = mesh.points[mesh.triangles[0]]  # type: ignore[union-attr]
     assert np.cross(b - a, c - a)[axis] > 0
-    assert staged(description, RenderSettings(), Diagnostics()) is description
+    assert with_requested_additions(description, RenderSettings(), Diagnostics()) is description
 
 
 def test_only_the_shadow_on_a_ground_is_seen() -> None:

@@ -11,7 +11,7 @@ from pxr import Usd
 import primray
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
-from primray.staging.judged_light import BLOCK, DARK, lit_share
+from primray.studio.studio_light import BLOCK, DARK_RADIANCE, lit_share
 from primray.usd import translate
 
 CAMERA = """
@@ -79,7 +79,7 @@ def test_an_led_does_not_switch_the_studio_off() -> None:
     (message,) = says(image)
     assert "emissive surfaces light" in message
     assert says(dark) == []
-    assert body_of(dark) < DARK
+    assert body_of(dark) < DARK_RADIANCE
     assert body_of(image) == pytest.approx(body_of(rendered(BODY)), rel=0.1)
     again = rendered(BODY + LED, studio_light="auto", threads=1)
     np.testing.assert_array_equal(image.pixels, again.pixels)
@@ -126,6 +126,6 @@ def test_shares_are_of_the_coverage() -> None:
     pixels = np.zeros((2 * BLOCK, 4 * BLOCK, 4), np.float32)
     assert lit_share(pixels) is None
     pixels[:, : 3 * BLOCK, 3] = 1
-    pixels[:BLOCK, :BLOCK, 2] = DARK * 1.01
-    pixels[BLOCK:, BLOCK : 2 * BLOCK, :3] = DARK * 0.99
+    pixels[:BLOCK, :BLOCK, 2] = DARK_RADIANCE * 1.01
+    pixels[BLOCK:, BLOCK : 2 * BLOCK, :3] = DARK_RADIANCE * 0.99
     assert lit_share(pixels) == pytest.approx(1 / 6)

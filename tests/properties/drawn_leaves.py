@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Kind, Usd, UsdGeom, UsdShade
 
-from primray.aov_names import WIDE
+from primray.aovs import WIDE
 from primray.description import Mesh, PrimvarInput, SceneDescription
 
 from .random_namespaces import FALLBACK

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import CRYPTOMATTES, AovRequest, kind_of, light_path_of, primvar_of, taxonomy_of
+from ..aovs import CRYPTOMATTES, AovRequest, kind_of, light_path_of, primvar_of, taxonomy_of
 from ..core.light_path_tables import Routes
 from ..denoising.denoised import guides_of
 from ..denoising.denoiser import Guides

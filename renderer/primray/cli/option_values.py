@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Literal
 
-from ..aov_names import AOVS
+from ..aovs import AOVS
 from ..errors import SettingsError
 from ..images.encoding import BIT_DEPTHS, Encoding, compression_of
 from ..process_memory import available_bytes

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ..aov_names import CRYPTOMATTES, light_path_of
+from ..aovs import CRYPTOMATTES, light_path_of
 from ..arrays import Doubles
 from ..errors import SettingsError
 from ..images.aov import Aov, Values

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ..aov_names import AovRequest, light_paths_of
+from ..aovs import AovRequest, light_paths_of
 from .light_upload import LightGroups
 from .native import module, raise_primray_error
 
 if TYPE_CHECKING:
-    from ..light_paths.tables import Tables
+    from ..lpe.automaton import Tables
 
 
 # Light that reaches a diffuse surface or a medium through specular scattering alone (mirror, glossy or refracted, of any
@@ -33,9 +33,9 @@ def routes_of(requests: Sequence[AovRequest], groups: LightGroups) -> Routes | N
     expressions = light_paths_of(requests)
     if not expressions:
         return None
-    from ..light_paths.tables import tables_of
+    from ..lpe.automaton import build_tables
 
-    made = tables_of(expressions, groups.names)
+    made = build_tables(expressions, groups.names)
     try:
         tables = _tables(made)
     except module().CoreError as error:
@@ -45,9 +45,9 @@ def routes_of(requests: Sequence[AovRequest], groups: LightGroups) -> Routes | N
 
 def tables_without_caustics(expressions: Sequence[str], groups: LightGroups) -> Any:
     """Return the core's tables of these expressions, with caustics removed from them and from the picture."""
-    from ..light_paths.tables import tables_of
+    from ..lpe.automaton import build_tables
 
-    made = tables_of((*expressions, CAUSTICS), groups.names)
+    made = build_tables((*expressions, CAUSTICS), groups.names)
     try:
         return _tables(replace(made, expressions=len(expressions)), leaves_out=len(expressions))
     except module().CoreError as error:
@@ -68,9 +68,14 @@ def _tables(made: Tables, leaves_out: int = -1) -> Any:
 
 def missing_groups(routes: Routes, groups: LightGroups) -> list[tuple[str, str, str]]:
     """Return a warning for each light group that an expression names and no light belongs to."""
-    from ..light_paths.grammar import parse
+    from ..lpe.grammar import parse_expression
 
-    named = {label: text for text in routes.expressions for label in sorted(parse(text).labels) if label not in groups.names}
+    named = {
+        label: text
+        for text in routes.expressions
+        for label in sorted(parse_expression(text).labels)
+        if label not in groups.names
+    }
     return [
         ("light-group", "", f"{text} names the light group {label!r}, which contains no light.")
         for label, text in named.items()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..aov_names import WIDE
+from ..aovs import WIDE
 from ..description.placement import Levels, instance_name
 
 Numbers = npt.NDArray[np.integer[Any]]

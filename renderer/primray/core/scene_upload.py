@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..aov_names import WIDE, primvars_of
+from ..aovs import WIDE, primvars_of
 from ..arrays import Doubles
 from ..description import (
     Camera,

@@ -5,7 +5,7 @@ units. Colours are linear in the rendering colour space (`rendering_space`). The
 SceneDescription; `core` uploads it.
 """
 
-from ..aov_names import AovRequest
+from ..aovs import AovRequest
 from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
 from .geometry import (

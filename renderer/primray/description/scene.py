@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..aov_names import AovRequest
+from ..aovs import AovRequest
 from ..arrays import Doubles
 from ..camera import Camera, Projection
 from ..color.color_space import REC709, ColorSpace
@@ -67,7 +67,7 @@ class SceneDescription:
     file: PictureFile = PLAIN  # EXR options of the stage's render product
     asked: StageSettings = NOTHING_ASKED  # render settings from the stage
     # Surfaces emit and there are no lights: a small test render decides whether a studio light is added
-    # (staging/judged_light.py).
+    # (studio/studio_light.py).
     may_need_light: bool = False
 
     @property

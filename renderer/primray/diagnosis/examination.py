@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import usd
-from ..aov_names import requests_of
+from ..aovs import requests_of
 from ..description import SceneDescription, Shape, Surface
 from ..diagnostics import Diagnostics
 from ..images.image import Image

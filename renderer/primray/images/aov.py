@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..aov_data_types import Stored, data_type_of
-from ..aov_names import RGB, UV, AovRequest, kind_of, occlusion_distance, primvar_of
+from ..aovs import RGB, UV, AovRequest, Stored, data_type_of, kind_of, occlusion_distance, primvar_of
 
 Values = npt.NDArray[Any]
 STDERR = "stderr"  # layer of a channel's standard errors: NAME.stderr.X

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import CRYPTOMATTES, AovRequest
+from ..aovs import CRYPTOMATTES, AovRequest
 from ..arrays import Floats
 from ..sampling.sampling import Sampling
 from ..settings import SAMPLE_BLOCK

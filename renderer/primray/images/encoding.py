@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..aov_names import CRYPTOMATTES
+from ..aovs import CRYPTOMATTES
 from ..diagnostic_codes import CODES
 from ..diagnostics import Diagnostic
 from ..errors import SettingsError

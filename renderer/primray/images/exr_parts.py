@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..aov_data_types import Stored
-from ..aov_names import light_path_of
+from ..aovs import Stored, light_path_of
 from ..errors import SettingsError
 from ..textures.image_errors import last_error
 from .aov import STDERR, Aov, Values

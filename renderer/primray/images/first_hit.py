@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import WIDE, AovRequest, kind_of, occlusion_distance, primvar_of, primvars_of, taxonomy_of
+from ..aovs import WIDE, AovRequest, kind_of, occlusion_distance, primvar_of, primvars_of, taxonomy_of
 from ..core.scene_record import SceneRecord
 from ..description import Camera
 from ..errors import LimitError

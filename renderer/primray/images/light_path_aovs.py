@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..aov_names import AovRequest, light_path_of
+from ..aovs import AovRequest, light_path_of
 from ..arrays import Doubles, Floats
 from .aov import Aov, channel_names, make_aov
 

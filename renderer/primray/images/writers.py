@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..aov_names import CRYPTOMATTES
+from ..aovs import CRYPTOMATTES
 from ..arrays import Doubles, Floats
 from ..color.color_space import REC709, ColorSpace, matrix, named, transformed
 from ..description import Camera, Frame, Projection

@@ -43,15 +43,15 @@ class Diffusion:
 
 
 SHARES, WIDTHS = ("strength", "glare", "starburst"), ("bloom_width", "starburst_width")
-WIDEST = 1.0  # largest width, as a fraction of the picture's height
+WIDEST_DIFFUSION = 1.0  # largest width, as a fraction of the picture's height
 
 
 def fault_of(name: str, value: float | None) -> str:
     """Return why a value of a Diffusion's field is invalid; "" if it is valid."""
     if name in SHARES and not (value is not None and 0 <= value <= 1):
         return f"{name} is a share of light, from 0 to 1, not {value}"
-    if name in WIDTHS and not (value is not None and 0 < value <= WIDEST):
-        return f"{name} is a share of the picture's height above 0, at most {WIDEST:g}, not {value}"
+    if name in WIDTHS and not (value is not None and 0 < value <= WIDEST_DIFFUSION):
+        return f"{name} is a share of the picture's height above 0, at most {WIDEST_DIFFUSION:g}, not {value}"
     if name == "blades" and value is not None and (value < 0 or value in (1, 2)):
         return f"blades is a number of sides, 0 (a circle) or 3 and more, not {value}"
     if name == "blade_rotation_deg" and not (value is not None and math.isfinite(value)):

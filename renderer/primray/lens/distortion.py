@@ -17,9 +17,9 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 
-SCAN = 4096  # steps of the search for a model's turning point, as in the core
+SCAN_STEPS = 4096  # steps of the search for a model's turning point, as in the core
 HALVINGS = 64
-WIDEST = 1e4  # largest radius on the film
+LARGEST_RADIUS = 1e4  # largest radius on the film
 _AROUND = 16  # directions in half a turn
 _COARSE = 64  # directions per side of a table among which the nearest is searched
 
@@ -41,7 +41,7 @@ class DistortionModel(Enum):
     TABLE = "table"
 
 
-NUMBERS = {
+COEFFICIENT_COUNTS = {
     DistortionModel.RATIONAL: 12,
     DistortionModel.ANGLE_TO_RADIUS: 5,
     DistortionModel.RADIUS_TO_ANGLE: 5,
@@ -121,7 +121,7 @@ class Distortion:
     def _farthest(self, most: float) -> float:
         """Return the radius up to which the angle grows and is at most `most`."""
         k, end = self.coefficients, 1.0
-        while end < WIDEST and _polynomial(k, np.array([end]))[0] < most and _slope(k, np.array([end]))[0] > 0:
+        while end < LARGEST_RADIUS and _polynomial(k, np.array([end]))[0] < most and _slope(k, np.array([end]))[0] > 0:
             end *= 2
         return first_turn(end, lambda r: np.where(_polynomial(k, r) <= most, _slope(k, r), -1.0))
 
@@ -130,7 +130,7 @@ class Distortion:
         x, y = d[:, 0] / -d[:, 2], d[:, 1] / d[:, 2]
         k, most = self.coefficients, np.radians(min(self.most_angle_deg, 90.0))
         u, v = _rational(k, x, y)[:2]
-        end = min(float(_tangent(np.array([first_turn(most, lambda a: _unfolds(k, _tangent(a)))]))[0]), WIDEST)
+        end = min(float(_tangent(np.array([first_turn(most, lambda a: _unfolds(k, _tangent(a)))]))[0]), LARGEST_RADIUS)
         seen = (d[:, 2] < 0) & (np.hypot(x, y) <= end)
         return np.stack([np.where(seen, u, np.nan), np.where(seen, -v, np.nan)], axis=1)
 
@@ -179,11 +179,11 @@ def _newton(table: DirectionTable, film: Doubles, step: Doubles, u: Doubles, v: 
 
 def first_turn(end: float, slope: Callable[[Doubles], Any]) -> float:
     """Return the first x in (0, end] at which `slope` is not positive; `end` if there is none."""
-    x = end * np.arange(1, SCAN + 1) / SCAN
+    x = end * np.arange(1, SCAN_STEPS + 1) / SCAN_STEPS
     turned = np.flatnonzero(~(np.asarray(slope(x)) > 0))
     if not len(turned):
         return end
-    low, high = end * turned[0] / SCAN, float(x[turned[0]])
+    low, high = end * turned[0] / SCAN_STEPS, float(x[turned[0]])
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if np.asarray(slope(np.array([middle])))[0] > 0 else (low, middle)
@@ -209,7 +209,7 @@ def _slope(k: tuple[float, ...], r: Doubles) -> Doubles:
 
 
 def _tangent(angle: Doubles) -> Doubles:
-    return np.asarray(np.where(np.cos(angle) * WIDEST > np.sin(angle), np.tan(angle), WIDEST))
+    return np.asarray(np.where(np.cos(angle) * LARGEST_RADIUS > np.sin(angle), np.tan(angle), LARGEST_RADIUS))
 
 
 def _rational(k: tuple[float, ...], x: Doubles, y: Doubles) -> tuple[Doubles, Doubles, Doubles]:
@@ -274,7 +274,7 @@ def distortion_of(values: Mapping[str, Any] | None) -> Distortion | None:
         return None
     model, table = DistortionModel(values["model"]), values.get("table")
     coefficients = tuple(float(k) for k in values["coefficients"])
-    if len(coefficients) != NUMBERS[model] or (table is None) != (model is not DistortionModel.TABLE):
+    if len(coefficients) != COEFFICIENT_COUNTS[model] or (table is None) != (model is not DistortionModel.TABLE):
         raise ValueError
     read = None
     if table is not None:

@@ -15,8 +15,7 @@ import numpy as np
 
 from ..arrays import Doubles
 from ..description.lighting import Light, LightType, Shaping
-from .light_area import cylinder_area, disk_area, rect_area, sphere_area
-from .light_shape import Sizes, shape_key, shown_area, whole_axes
+from .light_shape import Sizes, axes_with_depth, cylinder_area, disk_area, projected_area, rect_area, shape_key, sphere_area
 from .shaping_factor import axis_of, cone_angles, scaled_angles, shaping_factor
 
 AROUND = 256  # least number of directions around the axis
@@ -54,10 +53,10 @@ def _unshaped(light: Light) -> float:
 
 @lru_cache(maxsize=256)
 def _shaped(kind: LightType, linear: bytes, sizes: Sizes, shaping: Shaping) -> tuple[float, float, float]:
-    axes = whole_axes(np.frombuffer(linear).reshape(3, 3))
+    axes = axes_with_depth(np.frombuffer(linear).reshape(3, 3))
     frame = _frame(axes)
-    theta, theta_weights = _nodes(_polar_breaks(shaping), math.pi, 180)
-    phi, phi_weights = _nodes(_turn_breaks(shaping), 2 * math.pi, AROUND)
+    theta, theta_weights = _quadrature(_polar_breaks(shaping), math.pi, 180)
+    phi, phi_weights = _quadrature(_turn_breaks(shaping), 2 * math.pi, AROUND)
     total = np.zeros(3)
     rows = max(1, _AT_ONCE // len(phi))
     for i in range(0, len(theta), rows):
@@ -65,7 +64,7 @@ def _shaped(kind: LightType, linear: bytes, sizes: Sizes, shaping: Shaping) -> t
         local = np.stack([np.sin(t) * np.cos(f), np.sin(t) * np.sin(f), np.cos(t)], axis=-1).reshape(-1, 3)
         directions = local @ frame
         weights = np.outer(theta_weights[i : i + rows] * np.sin(theta[i : i + rows]), phi_weights).ravel()
-        weights *= shown_area(kind, axes, sizes, directions)
+        weights *= projected_area(kind, axes, sizes, directions)
         total += weights @ shaping_factor(shaping, axes, directions)
     r, g, b = total.tolist()
     return (r, g, b)
@@ -92,21 +91,21 @@ def _polar_breaks(shaping: Shaping) -> list[float]:
         breaks += near + [math.pi - k for k in near]
     if shaping.ies is not None and not shaping.ies.horizontal_pole:
         divisor, origin = scaled_angles(shaping.ies_angle_scale)
-        breaks += _of_table((np.radians(shaping.ies.vertical_deg) - origin) * divisor + origin)
+        breaks += _table_breaks((np.radians(shaping.ies.vertical_deg) - origin) * divisor + origin)
     return breaks
 
 
 def _turn_breaks(shaping: Shaping) -> list[float]:
     if shaping.ies is None or shaping.ies.horizontal_pole:
         return []
-    return _of_table(np.radians(shaping.ies.horizontal_deg))
+    return _table_breaks(np.radians(shaping.ies.horizontal_deg))
 
 
-def _of_table(angles: Doubles) -> list[float]:
+def _table_breaks(angles: Doubles) -> list[float]:
     return angles.tolist() if len(angles) <= _MOST_BREAKS else []
 
 
-def _nodes(breaks: list[float], end: float, fewest: int) -> tuple[Doubles, Doubles]:
+def _quadrature(breaks: list[float], end: float, fewest: int) -> tuple[Doubles, Doubles]:
     """Return Gauss-Legendre nodes and weights from 0 to `end`, piecewise between breaks: at least `fewest`."""
     edges = np.unique(np.concatenate([[0.0, end], [b for b in breaks if 0.0 < b < end]]))
     order = min(max(math.ceil(fewest / (len(edges) - 1)), 4), 16)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from .. import process_memory
-from ..aov_names import taxonomy_of
+from ..aovs import taxonomy_of
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError, UnsupportedError
 from ..process_memory import without_collection
@@ -111,7 +111,7 @@ def _prepare(
             check_memory(description, settings, [size for size in sizes if size], film_copies=int(fingerprinted))
         description, textures = steps.load_textures(description, diagnostics, settings)
         if settings.dome is not None:
-            from ..staging import require_dome
+            from ..studio import require_dome
 
             require_dome(description, settings, diagnostics)
         diagnostics.raise_if_refused(settings.refusal)
@@ -127,7 +127,7 @@ def _prepare(
 
     ground_shadow = None
     if settings.ground is Ground.SHADOW:
-        from ..staging.ground_shadow import GroundShadow
+        from ..studio.ground_shadow import GroundShadow
 
         ground_shadow = GroundShadow(description, dict(textures), settings)
     if settings.metric is Metric.DISPLAY:
@@ -227,10 +227,10 @@ def with_additions(description: SceneDescription, settings: RenderSettings, diag
     if all(getattr(settings, name) == value for name, value in STAGING.items()):
         return description
     from ..images.background import background_of
-    from ..staging import staged
+    from ..studio import with_requested_additions
 
     background_of(settings.background)  # raises before anything is sampled
-    return staged(description, settings, diagnostics)
+    return with_requested_additions(description, settings, diagnostics)
 
 
 def _check_view(description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings) -> None:
@@ -255,7 +255,7 @@ def check_memory(
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
-    from ..aov_names import aov_bytes
+    from ..aovs import aov_bytes
     from ..report.summary import summary
 
     width, height = description.frame.size
@@ -328,7 +328,7 @@ class Steps:
         if not description.may_need_light:
             return description
         from .. import core
-        from ..staging import with_studio_where_dark
+        from ..studio import with_studio_where_dark
 
         def build(small: SceneDescription, quick: RenderSettings) -> CoreScene:
             diced, _ = core.dice(small, quick, textures)

@@ -102,7 +102,7 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
             p.name,
             file,
             replace(settings, product=p.path or None),
-            usd.picture_ordered(p, settings),
+            usd.ordered_picture_channels(p, settings),
             tuple(note for note in notes if note.prim_path == p.path),
             p.file.view,
         )
@@ -198,9 +198,9 @@ def _joined(found: Sequence[ProductSettings], products: Sequence[Product], setti
 
     groups: list[tuple[object, list[int]]] = []
     for number, product in enumerate(found):
-        key = usd.picture_of_product(product, settings)
+        key = usd.pixel_settings(product, settings)
         for other, members in groups:
-            if other == key and usd.can_be_made_together([found[n] for n in (*members, number)], settings):
+            if other == key and usd.can_share_render([found[n] for n in (*members, number)], settings):
                 members.append(number)
                 break
         else:

@@ -20,7 +20,7 @@ from .interruption import Interruption, interruption
 from .prepare import OpenedStage, composing_settings, open_once, prepare
 
 if TYPE_CHECKING:
-    from ..aov_names import AovRequest
+    from ..aovs import AovRequest
     from ..checkpoints.checkpointing import Checkpointing
     from ..core import CoreScene
     from ..diagnostics import Diagnostics
@@ -262,7 +262,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
             _note_if_worse(image, diagnostics)
             image = image if backdrop is None else backdrop.behind_denoised(image, rendered[..., 3:])
     if camera.diffusion.strength != 0:
-        from ..diffusing.diffuse import with_diffusion
+        from ..glare.diffuse import with_diffusion
 
         with kept_without("the diffused picture", diagnostics), costs.stage("diffusion"):
             image = with_diffusion(image)
@@ -290,7 +290,7 @@ def _backdrop(prepared: Prepared, sampling: Sampling, costs: Costs) -> Backdrop 
 
     opacity = denoised = None
     if shadow is not None:
-        from ..staging.ground_shadow import Spent
+        from ..studio.ground_shadow import Spent
 
         film = sampling.film
         with costs.stage("ground_shadow"):
@@ -334,7 +334,7 @@ def find_aovs(
     """Return the AOVs by name, and the report's facts about labels; failures are added to `diagnostics`."""
     if not prepared.aovs:
         return {}, {}
-    from ..aov_names import CRYPTOMATTES, light_path_of, taxonomy_of
+    from ..aovs import CRYPTOMATTES, light_path_of, taxonomy_of
     from ..diagnostics import kept_without
     from ..images.cryptomatte import mattes_of
     from ..images.first_hit import aovs_of, labels_of_view

@@ -10,11 +10,11 @@ from ..settings import RenderSettings
 from ..settings.stage_settings import NOTHING_ASKED, StageSettings
 
 if TYPE_CHECKING:
-    from ..aov_names import AovRequest
+    from ..aovs import AovRequest
     from ..core import CoreScene
     from ..description import Camera, Frame
     from ..description.picture_file import PictureFile
-    from ..staging.ground_shadow import GroundShadow
+    from ..studio.ground_shadow import GroundShadow
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
-from ..aov_names import check_names, light_paths_of, requests_of
+from ..aovs import check_names, light_paths_of, requests_of
 from ..camera_choice import Matrix
 from ..composition import Composition
 from ..diagnostics import Refusal, check_codes
@@ -343,9 +343,9 @@ class RenderSettings:
 
 def _check_light_paths(names: tuple[str, ...]) -> None:
     if expressions := light_paths_of(requests_of(names)):
-        from ..light_paths.tables import check
+        from ..lpe.automaton import check_expressions
 
-        check(expressions)
+        check_expressions(expressions)
 
 
 _SIZE = "use resolution=(width, height) for the size in pixels"

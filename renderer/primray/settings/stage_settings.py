@@ -1,6 +1,6 @@
 """Settings authored in a stage, and how they combine with those of the user, who takes precedence.
 
-`usd/adapters/rendering/stage_settings.py` reads them; nothing here knows USD.
+`usd/render_settings/stage_settings.py` reads them; nothing here knows USD.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ from ..description.lighting import Light, Photometric
 from ..description.pattern_reads import pattern_files
 from ..diagnostics import Diagnostics
 from ..errors import AssetError, LimitError
+from ..photometry.amounts import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ..photometry.light_shape import shape_key
-from ..photometry.scaled import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from .texture import ReadAsset, Texture, load_texture
 
 TextureSet = dict[TextureFile, list[tuple[int, Texture]]]

@@ -6,17 +6,16 @@ resolved prim into description objects; `translate` holds the table of adapters 
 facts about a stage, `incremental` translates again after edits. All matrices are double precision and column-vector.
 """
 
-from .adapters.rendering.product_outputs import can_be_made_together, outputs_of, picture_of_product, picture_ordered
-from .adapters.rendering.render_product import ProductSettings, RenderVariable
-from .adapters.rendering.render_settings import named_product, products
 from .camera.framed_objects import framed_bounds
 from .camera.session_camera import has_camera, is_session_camera, place_camera
 from .facts.bound import bound_materials
-from .facts.output_facts import output_facts
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
 from .inspect.prim_identity import assets_of, labels_of, names_in_instances
 from .inspect.stage_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
+from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings
+from .render_settings.render_product import ProductSettings, RenderVariable
+from .render_settings.render_settings import named_product, products
 from .stage.metadata import stage_name, used_files
 from .stage.open import open_stage, reload_layers
 from .stage.reads import read_asset
@@ -29,7 +28,7 @@ __all__ = [
     "assets_of",
     "bound_materials",
     "camera_paths",
-    "can_be_made_together",
+    "can_share_render",
     "count_undrawn_shapes",
     "dependencies",
     "files_to_watch",
@@ -41,10 +40,10 @@ __all__ = [
     "named_product",
     "names_in_instances",
     "open_stage",
+    "ordered_picture_channels",
     "output_facts",
     "outputs_of",
-    "picture_of_product",
-    "picture_ordered",
+    "pixel_settings",
     "place_camera",
     "products",
     "read_asset",

@@ -12,15 +12,11 @@ from functools import partial
 
 from pxr import Usd
 
-from ..aov_names import VECTORS, AovRequest, names_instances, primvars_of, with_distances
+from ..aovs import VECTORS, AovRequest, names_instances, primvars_of, with_distances
 from ..description import Camera, CameraMotion, Frame, MotionSteps, SceneDescription
 from ..diagnostics import Diagnostics
 from ..process_memory import machine_bytes, without_collection
 from ..settings import RenderSettings
-from .adapters.rendering.product_outputs import outputs_of
-from .adapters.rendering.render_pass import note_render_pass, with_render_pass
-from .adapters.rendering.render_product import ProductSettings
-from .adapters.rendering.render_settings import product_settings
 from .camera.back_plates import RenderedCamera, find_back_plates, with_back_plates
 from .camera.lens import with_diffusion
 from .camera.motion import camera_motion, nearest_distance
@@ -50,6 +46,10 @@ from .mesh.adapter import mesh
 from .motion.pixels import Foreseen
 from .motion.points import PointSteps
 from .nurbs.adapter import nurbs_patch
+from .render_settings.outputs import outputs_of
+from .render_settings.render_pass import report_ignored_render_pass, with_render_pass
+from .render_settings.render_product import ProductSettings
+from .render_settings.render_settings import product_settings
 from .resolving.color_spaces import rendering_space
 from .scene.assembly import (
     add_group,
@@ -381,4 +381,4 @@ def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics, rend
     elif name == "GeometryLight":
         found.geometry_lights.append(prim)
     elif render_pass is None:
-        note_render_pass(prim, diagnostics)
+        report_ignored_render_pass(prim, diagnostics)

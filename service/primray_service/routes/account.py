@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from primray import __version__
-from primray.aov_names import AOVS, CRYPTOMATTES
+from primray.aovs import AOVS, CRYPTOMATTES
 
 from ..api import account_views
 from ..http.answers import json_answer

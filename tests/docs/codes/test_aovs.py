@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from primray.aov_names import AOVS
+from primray.aovs import AOVS
 from primray.images.aov import channel_names
-from primray.usd.adapters.rendering.render_var import COMMON
+from primray.usd.render_settings.render_var import COMMON
 
 TEXT = (Path(__file__).parents[3] / "docs" / "aovs.md").read_text()
 

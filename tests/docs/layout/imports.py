@@ -29,11 +29,11 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
         "diagnostics",
         "messages",
     ),
-    "requests": ("lens", "camera", "setting_values", "camera_choice", "aov_names", "light_paths", "aov_data_types", "settings"),
+    "requests": ("lens", "camera", "setting_values", "camera_choice", "aovs", "lpe", "settings"),
     "scene description": ("color", "description", "photometry"),
     "translation": ("textures", "tessellation", "usd"),
     "core": ("core",),
-    "rendering": ("sampling", "staging", "images", "diffusing", "denoising", "report", "checkpoints", "distributed", "render"),
+    "rendering": ("sampling", "studio", "images", "glare", "denoising", "report", "checkpoints", "distributed", "render"),
     "tools": ("diagnosis", "incremental", "live", "compare"),
     "command line": ("cli",),
 }

@@ -14,7 +14,7 @@ from tests.images.aovs.test_aovs import BODIES
 
 import primray
 from primray import core, usd
-from primray.aov_names import AOVS
+from primray.aovs import AOVS
 from primray.cli import run
 from primray.compare import compare
 from primray.diagnostics import Diagnostics

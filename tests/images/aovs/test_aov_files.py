@@ -13,7 +13,7 @@ from tests.images.aovs.seen import stage_of
 from tests.images.aovs.test_aovs import BODIES, SIZE, picture, values
 
 from primray import render
-from primray.aov_names import AOVS
+from primray.aovs import AOVS
 from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
 from primray.cli import run

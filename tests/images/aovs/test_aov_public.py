@@ -10,7 +10,7 @@ import pytest
 from tests.images.aovs.test_aovs import values
 
 from primray import render
-from primray.aov_names import AOVS
+from primray.aovs import AOVS
 from primray.settings import RenderSettings
 
 ASSETS = Path(os.environ.get("PRIMRAY_ASSETS", Path(__file__).parents[4] / "shared" / "assets"))

@@ -10,7 +10,7 @@ from pxr import Usd
 from tests.images.aovs.seen import Ball, Box, Seen, look, rays, stage_of
 
 from primray import render
-from primray.aov_names import AOVS
+from primray.aovs import AOVS
 from primray.images.image import Image, pixels_sha256
 from primray.settings import Filter, RenderSettings
 

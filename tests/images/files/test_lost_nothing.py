@@ -144,7 +144,7 @@ def test_a_view_that_fails_at_the_end_costs_nothing_else(
         ("primray.images.first_hit.aovs_of", ["--aov", "depth"]),
         ("primray.images.cryptomatte.mattes_of", ["--aov", "crypto_object"]),
         ("primray.images.light_path_aovs.light_paths_of_film", ["--aov", "C<RD>L"]),
-        ("primray.diffusing.diffuse.with_diffusion", ["--diffusion", "0.1"]),
+        ("primray.glare.diffuse.with_diffusion", ["--diffusion", "0.1"]),
     ],
 )
 def test_what_is_made_at_the_end_may_fail(

@@ -8,7 +8,7 @@ import pytest
 from primray.description.lighting import Light, LightType
 from primray.photometry.flux import flux
 from primray.photometry.illuminance import illuminance_ahead
-from primray.photometry.light_shape import shape_key, shown_area
+from primray.photometry.light_shape import projected_area, shape_key
 
 WITHOUT_SURFACE = {LightType.DISTANT, LightType.DOME, LightType.GEOMETRY}
 
@@ -20,7 +20,7 @@ def light_of(kind: LightType) -> Light:
 def shown(light: Light) -> float:
     linear, sizes = shape_key(light)
     directions = np.array([[0.0, 0.6, -0.8]])
-    return float(shown_area(light.type, np.frombuffer(linear).reshape(3, 3), sizes, directions)[0])
+    return float(projected_area(light.type, np.frombuffer(linear).reshape(3, 3), sizes, directions)[0])
 
 
 @pytest.mark.parametrize("kind", LightType)

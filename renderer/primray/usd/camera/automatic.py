@@ -13,7 +13,7 @@ import numpy as np
 from ...arrays import Doubles
 from ...description import Camera, Projection
 from ...description.placement import Box
-from ..adapters.rendering.render_product import ProductSettings
+from ..render_settings.render_product import ProductSettings
 from ..scene.bounds import Bounds
 from .camera import Aperture, conform, window_of
 from .framed_objects import FramedObjects, outliers

@@ -12,7 +12,7 @@ from pxr import Gf, Usd, UsdGeom
 from ...arrays import Doubles
 from ...description import Camera, Projection
 from ...diagnostics import Diagnostics
-from ..adapters.rendering.render_product import ProductSettings
+from ..render_settings.render_product import ProductSettings
 from ..scene.inheritance import transforms, world_matrix
 from ..stage.values import StandIns, When, matrix, number, read, token, vector
 from .distortion import Sensor, read_sensor, report_ignored_distortion

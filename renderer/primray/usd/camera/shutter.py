@@ -13,8 +13,8 @@ from pxr import Usd
 
 from ...description import Camera
 from ...diagnostics import Diagnostics
-from ..adapters.rendering.render_product import ProductSettings
 from ..motion.timing import AT_FRAME, Rolling, Timing
+from ..render_settings.render_product import ProductSettings
 from ..scene.context import Context
 from ..scene.schemas import ROLLING_SHUTTER
 from ..stage.reads import property_names

@@ -24,9 +24,9 @@ from ...description.scene import pixels_within
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, Eye, limit_pixels
-from ..adapters.rendering.render_product import ProductSettings
 from ..motion.pixels import Foreseen, pixels_of
 from ..motion.timing import Rolling
+from ..render_settings.render_product import ProductSettings
 from ..scene.bounds import Bounds
 from ..scene.context import Context
 from ..stage.metadata import time_codes_per_second, up_axis

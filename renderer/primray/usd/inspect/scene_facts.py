@@ -20,7 +20,6 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
-from ..adapters.rendering.render_settings import product_settings
 from ..camera.camera import read_aperture
 from ..camera.view import cameras_of
 from ..lights.light import TEXTURE, missing_texture_text
@@ -28,6 +27,7 @@ from ..lights.shaping import FILE as PROFILE
 from ..lights.shaping import missing_text as missing_profile_text
 from ..materials.texture_asset import missing_text
 from ..materialx.file_places import files_at, has_places, names_frame, tile_paths
+from ..render_settings.render_settings import product_settings
 from ..scene.notes import unrendered
 from ..stage.messages import error_text, scene_errors
 from ..stage.open import open_stage

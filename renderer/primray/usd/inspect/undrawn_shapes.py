@@ -7,7 +7,7 @@ from itertools import islice
 from pxr import Sdf, Usd, UsdGeom
 
 from ...settings import RenderSettings
-from ..adapters.rendering.render_settings import products
+from ..render_settings.render_settings import products
 from ..stage.messages import scene_errors
 from ..stage.reads import purpose_of
 from ..stage.traversal import all_prims, is_in_world, prototypes_outside_world, world_prims_in_instances

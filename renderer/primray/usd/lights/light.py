@@ -17,8 +17,8 @@ from ...arrays import Doubles
 from ...color.color_space import REC709, converted
 from ...description import Light, LightType, TextureFile
 from ...description.lighting import Photometric
-from ...photometry.light_area import cylinder_area, disk_area, rect_area, sphere_area
-from ...photometry.scaled import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
+from ...photometry.amounts import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
+from ...photometry.light_shape import cylinder_area, disk_area, rect_area, sphere_area
 from ..materials.texture_asset import light_texture
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim

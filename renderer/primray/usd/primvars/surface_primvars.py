@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from ...aov_names import WIDE
+from ...aovs import WIDE
 from ...description import Interpolation, PatternInput, PrimvarInput, Surface, TextureInput
 from ...description import Primvar as SeamPrimvar
 from ...description.pattern_reads import pattern_fallbacks, pattern_primvars

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from pxr import Tf, Usd
 
-from ...aov_names import WIDE, AovRequest
+from ...aovs import WIDE, AovRequest
 from ...arrays import Doubles
 from ...description import Camera, CameraMotion, Frame, MotionSteps, Placed, Placement, Prototype, SceneDescription, Shape
 from ...description.lighting import NO_LINKS

@@ -163,7 +163,7 @@ CONVENTIONS = (
 # Words in names of attributes that would change the lens, of any renderer.
 LENS_WORDS = ("aperture", "blade", "bokeh", "dof", "lens", "distortion")
 
-# Samples and depth in RenderSettings and their products, read by adapters/rendering/foreign_settings.py. Among names for
+# Samples and depth in RenderSettings and their products, read by render_settings/stage_settings.py. Among names for
 # one thing the first that is authored counts.
 KARMA_SAMPLES = ("karma:global:pathtracedsamples", "karma:global:samplesperpixel")
 RENDERMAN_SAMPLES = ("ri:hider:maxsamples",)

@@ -12,8 +12,8 @@ from primray.description import Camera, Projection
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
-from primray.usd.adapters.rendering.render_product import ProductSettings
 from primray.usd.camera.camera import Aperture, conform, pixel_aspect_ratio
+from primray.usd.render_settings.render_product import ProductSettings
 
 from ..usd_text import stage_of, translate_text
 

@@ -11,7 +11,7 @@ from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.adapters.rendering.render_settings import products
+from primray.usd.render_settings.render_settings import products
 from primray.usd.stage import edits
 from primray.usd.stage.edits import end_instance
 

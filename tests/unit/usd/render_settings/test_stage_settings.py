@@ -18,7 +18,7 @@ from primray.render.prepare import with_stage_settings
 from primray.settings import Filter, Metric, RenderSettings
 from primray.settings.stage_settings import CHECKPOINT_EVERY, StageSettings
 from primray.usd import products, translate
-from primray.usd.adapters.rendering.stage_settings import NAMES, SETTINGS, VARIABLES, VIEWS
+from primray.usd.render_settings.stage_settings import NAMES, SETTINGS, VARIABLES, VIEWS
 
 from ..usd_text import stage_of
 

@@ -47,7 +47,7 @@ def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> A
 
 
 def camera_sight(prim: ResolvedPrim, ctx: Context) -> CameraSight:
-    """Return how the camera sees a shape, as adapters/rendering/render_pass.py has written it."""
+    """Return how the camera sees a shape, as render_settings/render_pass.py has written it."""
     if CAMERA_SIGHT not in prim.names:
         return CameraSight.SEEN
     said = token(prim.prim, CAMERA_SIGHT, ctx.when, CameraSight.SEEN.value)

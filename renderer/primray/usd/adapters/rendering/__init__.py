@@ -1,1 +1,0 @@
-"""UsdRender: settings, products, outputs and passes."""

@@ -1,0 +1,1 @@
+"""UsdRender: settings, products, variables and passes, and what they ask of a render."""

@@ -1,0 +1,252 @@
+"""UsdRenderProduct: checked values of one product; those that it does not author come from its UsdRenderSettings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pxr import Usd
+
+from ...description.picture_file import PLAIN, PictureFile
+from ...diagnostics import Diagnostics
+from ...settings import PURPOSES
+from ...settings.stage_settings import NOTHING_ASKED, StageSettings
+from ..stage.reads import property_names, targets, type_name
+from ..stage.values import When, value
+from .driver_parameters import read_product_file, read_variable_parameters
+from .stage_settings import PREFIX, VARIABLES, read_stage_settings, report_unknown_names
+
+Window = tuple[float, float, float, float]
+WHOLE: Window = (0.0, 0.0, 1.0, 1.0)
+POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
+SOURCE_TYPES = ("raw", "primvar", "lpe", "intrinsic")
+MOST_VARIABLES = 1000
+
+
+@dataclass(frozen=True)
+class RenderVariable:
+    """A UsdRenderVar: a group of channels in a product; the defaults are the schema's."""
+
+    path: str
+    name: str  # the driver's, else the prim's: "drives the name of the data variable that the renderer will produce"
+    data_type: str = "color3f"
+    source_name: str = ""
+    source_type: str = "raw"
+    errors: bool = False  # primray:errors
+    prefix: str | None = None  # of its channels, instead of its name
+
+
+@dataclass(frozen=True)
+class ProductSettings:
+    """Settings of one product; defaults are UsdRenderSettingsBase's, or None for a stage without RenderSettings."""
+
+    path: str = ""  # of the RenderProduct; "": the settings have none, so the product is the picture alone
+    settings_path: str = ""  # of the RenderSettings; "": the stage has none
+    name: str = ""  # productName as authored; product_name.safe_product_name makes a file's name of it
+    type: str = "raster"
+    camera: str | None = None
+    resolution: tuple[int, int] | None = None
+    pixel_aspect_ratio: float = 1.0
+    conform_policy: str = "expandAperture"
+    data_window: Window = WHOLE  # left, bottom, right, top; (0, 0) is the picture's lower left corner, (1, 1) its upper right
+    disable_motion_blur: bool = False
+    instantaneous_shutter: bool = False  # closes when it opens
+    disable_depth_of_field: bool = False
+    purposes: tuple[str, ...] = ("default", "render")
+    material_purposes: tuple[str, ...] = ("full", "")
+    rendering_color_space: str | None = None
+    variables: tuple[RenderVariable, ...] = ()  # in order; none: colour alone
+    file: PictureFile = PLAIN
+    asked: StageSettings = NOTHING_ASKED  # settings of the render
+    beside: tuple[ProductSettings, ...] = ()  # further products made by the same render
+
+
+def read_settings_alone(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
+    """Return the default product of RenderSettings without products."""
+    asked, view = read_stage_settings(prim, None, when, diagnostics)
+    return replace(_Reader(prim, prim, when, diagnostics).product(), asked=asked, file=PictureFile(view=view))
+
+
+def read_product(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
+    """Return a product; only values that it authors override the settings' (UsdRenderProduct)."""
+    reader = _Reader(settings, product, when, diagnostics)
+    name, kind = reader.own("productName", ""), reader.own("productType", "raster")
+    if kind != "raster":
+        reader.note("productType", f"productType = {kind!r} is not supported: a raster image is rendered.")
+    name = name if isinstance(name, str) else ""
+    asked, view = read_stage_settings(settings, product, when, diagnostics)
+    return replace(
+        reader.product(),
+        path=str(product.GetPath()),
+        name=name,
+        type="raster",
+        variables=tuple(_variables(product, when, diagnostics)),
+        file=replace(read_product_file(product, name, when, diagnostics), view=view),
+        asked=asked,
+    )
+
+
+@dataclass(frozen=True)
+class _Reader:
+    settings: Usd.Prim
+    prim: Usd.Prim  # whose values come first: the product, or the settings themselves
+    when: When
+    diagnostics: Diagnostics
+
+    def note(self, attribute: str, message: str) -> None:
+        owner = self.prim if _is_authored(self.prim, attribute) else self.settings
+        self.diagnostics.add("render-settings-input", str(owner.GetPath()), message, attribute)
+
+    def own(self, name: str, default: Any) -> Any:
+        found = _get(self.prim, name, self.when)
+        return default if found is None else found
+
+    def value(self, name: str) -> Any:
+        return _get(self.prim if _is_authored(self.prim, name) else self.settings, name, self.when)
+
+    def checked(self, name: str, default: Any, accept: Callable[[Any], Any], what: str) -> Any:
+        """Return the value converted by `accept`; the default, with a diagnostic, if that returns None or fails."""
+        raw = self.value(name)
+        if raw is None:
+            return default
+        try:
+            accepted = accept(raw)
+        except (TypeError, ValueError, OverflowError):
+            accepted = None
+        if accepted is not None:
+            return accepted
+        self.note(name, f"{name} = {raw!r} is not a {what}: {default} is used.")
+        return default
+
+    def product(self) -> ProductSettings:
+        return ProductSettings(
+            settings_path=str(self.settings.GetPath()),
+            camera=self._camera(),
+            resolution=self.checked("resolution", (2048, 1080), _resolution, "picture size"),
+            pixel_aspect_ratio=self.checked("pixelAspectRatio", 1.0, _ratio, "positive number"),
+            conform_policy=self.checked(
+                "aspectRatioConformPolicy", "expandAperture", lambda p: p if p in POLICIES else None, "known policy"
+            ),
+            data_window=self.checked("dataWindowNDC", WHOLE, _window, "window"),
+            disable_motion_blur=self._is_set("disableMotionBlur"),
+            instantaneous_shutter=self._is_set("instantaneousShutter"),
+            disable_depth_of_field=self._is_set("disableDepthOfField"),
+            purposes=self._purposes(),
+            material_purposes=self._material_purposes(),
+            rendering_color_space=self._rendering_color_space(),
+        )
+
+    def _is_set(self, name: str) -> bool:
+        return bool(self.checked(name, False, lambda v: bool(v) if isinstance(v, bool | int) else None, "truth value"))
+
+    def _camera(self) -> str | None:
+        for prim in (self.prim, self.settings):
+            cameras = targets(prim, "camera")
+            if len(cameras) > 1:
+                message = f"Only the first of its {len(cameras)} cameras is used."
+                self.diagnostics.add("render-settings-input", str(prim.GetPath()), message, "camera")
+            if cameras:
+                return str(cameras[0])
+        return None
+
+    def _purposes(self) -> tuple[str, ...]:
+        names = _tokens(_get(self.settings, "includedPurposes", self.when))
+        if names is None:
+            return ("default", "render")
+        unknown = [name for name in names if name not in PURPOSES]
+        if unknown:
+            self.note(
+                "includedPurposes", f"includedPurposes names {', '.join(unknown)}, which are not purposes: they are ignored."
+            )
+        if not names:
+            self.note("includedPurposes", "includedPurposes names no purpose at all: no geometry is rendered.")
+        return tuple(name for name in names if name in PURPOSES)
+
+    def _material_purposes(self) -> tuple[str, ...]:
+        """Return the material purposes; some writers author the token "allPurpose" for the empty one."""
+        names = _tokens(_get(self.settings, "materialBindingPurposes", self.when))
+        if names is None:
+            return ("full", "")
+        if not names:
+            self.note("materialBindingPurposes", "materialBindingPurposes names no purpose at all: no material is bound.")
+        return tuple("" if name == "allPurpose" else name for name in names)
+
+    def _rendering_color_space(self) -> str | None:
+        found = _get(self.settings, "renderingColorSpace", self.when)
+        return found if isinstance(found, str) and found else None
+
+
+def _variables(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Iterable[RenderVariable]:
+    stage, path = product.GetStage(), str(product.GetPath())
+    ordered = targets(product, "orderedVars")
+    if len(ordered) > MOST_VARIABLES:
+        message = f"Only the first {MOST_VARIABLES} of its {len(ordered)} variables are used."
+        diagnostics.add("render-settings-input", path, message, "orderedVars")
+    for target in ordered[:MOST_VARIABLES]:
+        prim = stage.GetPrimAtPath(target)
+        if not prim or type_name(prim) != "RenderVar":
+            diagnostics.add(
+                "render-settings-input",
+                path,
+                f"orderedVars names {target}, which is not a RenderVar: it is ignored.",
+                "orderedVars",
+            )
+            continue
+        yield read_variable(prim, when, diagnostics)
+
+
+def read_variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> RenderVariable:
+    """Read a UsdRenderVar; its data type is checked where it is used."""
+
+    def text(name: str, default: str) -> str:
+        found = _get(prim, name, when)
+        return found if isinstance(found, str) else default
+
+    kind = text("sourceType", "raw")
+    if kind not in SOURCE_TYPES:
+        message = f"sourceType = {kind!r} is unknown: raw is used."
+        diagnostics.add("render-settings-input", str(prim.GetPath()), message, "sourceType")
+        kind = "raw"
+    source, errors = text("sourceName", ""), _get(prim, f"{PREFIX}errors", when) is True
+    report_unknown_names(prim, property_names(prim), VARIABLES, diagnostics)
+    own = read_variable_parameters(prim, when, diagnostics)
+    name, data_type = own.get("name", prim.GetName()), own.get("format") or text("dataType", "color3f")
+    return RenderVariable(str(prim.GetPath()), name, data_type, source, kind, errors, own.get("channel_prefix"))
+
+
+def _get(prim: Usd.Prim, name: str, when: When) -> Any:
+    attribute = prim.GetAttribute(name)
+    return value(attribute, when) if attribute else None
+
+
+def _is_authored(prim: Usd.Prim, name: str) -> bool:
+    attribute = prim.GetAttribute(name)
+    return bool(attribute and attribute.HasAuthoredValue())
+
+
+def _tokens(raw: Any) -> tuple[str, ...] | None:
+    if raw is None or isinstance(raw, str):
+        return None
+    try:
+        names = tuple(raw)
+    except TypeError:
+        return None
+    return names if all(isinstance(name, str) for name in names) else None
+
+
+def _resolution(raw: Any) -> tuple[int, int] | None:
+    width, height = (int(side) for side in raw)
+    return (width, height) if width > 0 and height > 0 else None
+
+
+def _ratio(raw: Any) -> float | None:
+    """Return the aspect ratio; None beyond a million to one, which is a mistake and loses precision."""
+    return float(raw) if 1e-6 < float(raw) < 1e6 else None
+
+
+def _window(raw: Any) -> Window | None:
+    left, bottom, right, top = (float(side) for side in raw)
+    finite = all(map(math.isfinite, (left, bottom, right, top)))
+    return (left, bottom, right, top) if finite and left < right and bottom < top else None
