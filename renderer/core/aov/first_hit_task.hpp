@@ -411,7 +411,7 @@ class FirstHitTask {
   // Positions of the points that were hit at another time.
   V place_of(B m, Hits<W> hits, F time) const {
     hits.time = time;
-    // From so far away no point is computed from its ray.
+    // A ray from so far away is never used to compute the point.
     Rays<W> far{V(F(1e18f)), V(F(0.0f)), F(0.0f), F(0.0f), time};
     return interact(scene_, m, far, hits).p;
   }

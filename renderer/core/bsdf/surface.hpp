@@ -19,7 +19,7 @@ namespace primray {
 // them mattes (holdouts).
 enum class CameraSight : int32_t { kSeen, kHidden, kMatte };
 
-// By surface; empty if all are visible.
+// Sights by surface; empty if all are visible.
 struct CameraSights {
   std::vector<int32_t> of_surface;
 

@@ -14,9 +14,8 @@
 
 namespace primray {
 
-// Normals of a mesh in world space.
-
-// Scales all by one factor rather than normalizing each: normals are interpolated as the object has them, here as in instances.
+// Normals of a mesh in world space. Scales all by one factor rather than normalizing each: normals are interpolated as the
+// object has them, here as in instances.
 class PlacedNormals {
  public:
   explicit PlacedNormals(const daffine& m) : x_(cross(m.y, m.z)), y_(cross(m.z, m.x)), z_(cross(m.x, m.y)) {
@@ -144,7 +143,7 @@ class SceneBuilder {
   // Recentring of the current group.
   dvec3 group_origin_;
   double group_scale_;
-  // By group: inverse of its recentring, and the recentring.
+  // Inverse of the recentring of each group, and the recentring.
   std::vector<daffine> outside_from_group_, group_from_outside_;
   // Placement under construction.
   int parent_ = 0;

@@ -41,7 +41,7 @@ class Displacer {
   int add_texture(int channels, bool udim);
   void set_texture_image(int texture, int tile, std::span<const float> pixels, int width, int height);
   void set_primvar_names(int count) { scene_.primvars.names = count; }
-  // By surface.
+  // Sets the directions of displacement, by surface.
   void set_directions(std::vector<DisplacedAlong> along) { along_ = std::move(along); }
 
   // May be called by several threads.

@@ -9,9 +9,7 @@
 
 namespace primray {
 
-// Limit of Embree's memory over all scenes of the process.
-
-// Builds that would exceed `bytes` end with Error("out-of-memory").
+// Limits Embree's memory over all scenes of the process: builds that would exceed `bytes` end with Error("out-of-memory").
 void limit_embree_memory(int64_t bytes);
 
 // Opens the library at `path` and a device pinned to this module's ISA class. Throws Error("embree", ...) if it is missing, not

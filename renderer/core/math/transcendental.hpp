@@ -7,8 +7,6 @@
 
 namespace primray {
 
-// Powers of numbers up to 1 by polynomials, in lanes (see transcendental.hpp).
-
 // log2 of x >= 2^-126; error below 2e-7 where |log2 x| < 1, relative beyond. Uses log m = 2 artanh((m - 1) / (m + 1)) with m in
 // [sqrt(1/2), sqrt(2)), and the series up to t^9.
 template <int W>

@@ -45,7 +45,7 @@ enum class PatternOp : uint8_t {
   kNotAbove,
   kEqual,
   kSelect,  // where a is not 0: b, otherwise c
-  // Of vectors.
+  // Vector operations.
   kDot,    // `data` components, to one number
   kCross,  // of three
   // Patterns. The coordinates are operand a.

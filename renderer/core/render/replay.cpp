@@ -13,8 +13,6 @@
 
 namespace primray {
 
-// Replay of replay.hpp.
-
 namespace {
 
 enum class Entry { kAsRecorded, kPacket, kSingle };

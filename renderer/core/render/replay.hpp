@@ -16,9 +16,7 @@ namespace primray {
 // all one by one, whichever is faster.
 double replay(const Scene& scene, const RayRecorder& recorder, int lanes);
 
-// Rays of a recorded call as arguments of a kernel.
-
-// Reads them from 9 W floats.
+// Reads the rays of a recorded call from 9 W floats, as arguments of a kernel.
 template <int W>
 Rays<W> rays_of(const float* p) {
   const auto field = [&](int f) { return load<W>(p + f * W); };

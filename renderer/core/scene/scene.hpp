@@ -2,8 +2,8 @@
 //
 // This folder: scene.hpp and the tables beside it are the data, which build/ fills from double-precision input; camera.hpp
 // generates camera rays. accel/ builds Embree scenes of it, surface/ evaluates what varies over shapes, light/ and bsdf/ read
-// their tables, integrator/ traces paths through it. A `Group` is geometry with its own Embree scene: group 0 is everything placed
-// once, in world space; the others are prototypes in their own space, placed by instances. A prototype may consist of
+// their tables, integrator/ traces paths through it. A `Group` is geometry with its own Embree scene: group 0 is everything
+// placed once, in world space; the others are prototypes in their own space, placed by instances. A prototype may consist of
 // instances, and has no shapes then: Embree supports one level of instances, so such a prototype is placed by
 // accel/geometry.
 #pragma once
@@ -118,9 +118,9 @@ enum class PrimvarKind : int32_t { kConstant, kFace, kPoint, kCorner, kInstance 
 
 struct PrimvarTable {
   std::vector<float> values;
-  // By primvar: interpolation, components per row (1 to 4), and the offset of its first row.
+  // Columns by primvar: interpolation, components per row (1 to 4), and the offset of its first row.
   std::vector<int32_t> kind, width, base;
-  // By (owner, name): the primvar, or -1. Names are those that some surface reads, numbered from 0.
+  // Primvar by (owner, name), or -1. Names are those that some surface reads, numbered from 0.
   int names = 0;
   std::vector<int32_t> of_mesh, of_curved, of_placement;
 
@@ -195,7 +195,7 @@ struct Scene {
   std::deque<TubeEnds> tube_ends;           // Embree holds pointers to them
 
   SurfaceTable surfaces;
-  // By surface, the index of its varying inputs, or -1.
+  // Index of the varying inputs of each surface, or -1.
   std::vector<int32_t> surface_inputs_of;
   std::vector<SurfaceInputs> surface_inputs;
   std::vector<Tape> tapes;

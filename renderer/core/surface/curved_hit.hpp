@@ -6,8 +6,6 @@
 
 namespace primray {
 
-// Hits on tubes: the curve, the position along it, and the point, for tube surfaces and their ends.
-
 // Position of a hit among the curves of its set, by segment: primvars over curves are interpolated by it.
 template <int W>
 struct CurvePlace {

@@ -15,14 +15,10 @@
 
 namespace primray {
 
-// One image of a texture: its kept mip levels in one array, a texel's channels side by side, the lowest row first.
-//
-// This folder: texture.hpp is the data and its formats; mip_pyramid.cpp creates it from pixels; lookup.hpp reads it in lanes. Two
-// bytes per channel where that loses nothing significant, otherwise four: kUnorm16 where every value is a multiple of 1/65535
-// (all that 8 and 16 bits without a transfer curve can hold: read back exactly), kHalf where values fit its range (11
-// significant bits), otherwise kFloat.
+// Formats of texels.
 enum class TexelFormat : int32_t { kUnorm16, kHalf, kFloat };
 
+// One image of a texture, with its kept mip levels.
 struct TextureImage {
   static constexpr int kMaxLevels = 24;
   int width = 0, height = 0, channels = 1;  // of the finest level of all; 1 or 3 channels

@@ -175,7 +175,7 @@ void add_moving_sphere_row(Scene& s, const Group& group, int32_t k, const daffin
   note_end(s, number);
 }
 
-// By geometry light: one placement of its group.
+// One placement of the group of each geometry light.
 std::vector<daffine> first_places(const Scene& s) {
   std::vector<daffine> of_group(s.groups.size(), kHere);
   std::vector<char> known(s.groups.size(), 0);

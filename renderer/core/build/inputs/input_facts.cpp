@@ -11,8 +11,6 @@
 
 namespace primray {
 
-// Estimation of mean pattern values.
-
 namespace {
 
 constexpr size_t kTries = 64;  // per surface

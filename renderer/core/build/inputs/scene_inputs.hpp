@@ -15,8 +15,6 @@
 
 namespace primray {
 
-// Input of the camera, with the film's window and filter.
-
 // Input of a lens's distortion: its model by name, or "".
 struct DistortionInput {
   std::string model;
@@ -27,6 +25,7 @@ struct DistortionInput {
   std::span<const float> directions;  // 3 per texel
 };
 
+// Input of the camera, with the film's window and filter.
 struct CameraInput {
   daffine world_from_camera;
   bool orthographic = false;
@@ -50,8 +49,6 @@ struct CameraInput {
   std::span<const float> filter_inverse_cdf;  // empty: a box
 };
 
-// Input of curves.
-
 // C curves with N control points in total: cubic Bezier segments; a curve of n segments has 3 n + 1 points.
 struct CurvesInput {
   std::span<const float> points;      // 4 N: x, y, z and radius, in object space; similarity transforms scale radii
@@ -62,8 +59,6 @@ struct CurvesInput {
   // Motion: the times of S + 1 steps, and their points (4 N each).
   std::span<const float> times, step_points;
 };
-
-// Input of a mesh.
 
 // Arrays of one mesh as given; all indices have been checked to be in range.
 struct MeshInput {
@@ -99,6 +94,7 @@ struct IesInput {
   bool horizontal_pole = false;
 };
 
+// Input of a light.
 struct LightInput : LightRules, LightSize {
   LightType type = LightType::kPoint;
   daffine world_from_light;
@@ -112,7 +108,7 @@ struct LightInput : LightRules, LightSize {
   // Motion: times, and world_from_light at each (12 numbers), rigid.
   std::span<const float> times;
   std::span<const double> stances;
-  // For geometry: see GeometryLight.
+  // Geometry lights only: see GeometryLight.
   bool own = false, shown = false, normalize = false;
 };
 

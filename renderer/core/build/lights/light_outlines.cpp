@@ -106,7 +106,7 @@ class Walk {
       step(center + u * std::cos(phi) + v * std::sin(phi));
     }
   }
-  // As the camera sees it: the circle of tangent points.
+  // Silhouette of a sphere: the circle of tangent points.
   void sphere(const dvec3& center, double radius) {
     const dvec3 to = eye() - center;
     const double d2 = dot(to, to), r2 = radius * radius;

@@ -27,7 +27,7 @@ void finish_geometry_lights(Scene& scene, const std::vector<daffine>& first_plac
 
 // Box around a light that rays can hit, slightly larger than rounding requires.
 LightBox light_box(const float* row);
-// The same box with all that a tree needs of any light; its intensity is in the units of light_importance().
+// Bounds of any light for a tree, including the box; the intensity is in the units of light_importance().
 LightBounds light_bounds(const LightTable& table, const float* row);
 
 // Builds light trees for scenes with too many lights to weigh each at every vertex.

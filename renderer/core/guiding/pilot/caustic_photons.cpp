@@ -22,8 +22,6 @@
 
 namespace primray {
 
-// Collection of caustic targets.
-
 namespace {
 
 constexpr size_t kMostTargets = 4096;

@@ -1,5 +1,5 @@
-// What is learnt before a render: the guide, the guide for caustics, and the number of paths and light samples at the first
-// surface.
+// Results of learning before a render: the guide, the guide for caustics, and the number of paths and light samples at the
+// first surface.
 #pragma once
 
 #include <memory>

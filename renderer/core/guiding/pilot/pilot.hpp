@@ -16,7 +16,7 @@
 namespace primray {
 
 struct Pilot {
-  // The same for every seed of a scene, so that renders that differ only in their seed make the same choices.
+  // Seed of all pilots, whatever the render's seed, so that renders that differ only in their seed make the same choices.
   static constexpr uint32_t kSeed = 0x9d2c5680u;
 
   Film film{kTile, kTile};

@@ -11,7 +11,7 @@ namespace primray {
 constexpr int kPool = 512;
 constexpr int kPadded = kPool + 16;  // room to store whole vectors at any position
 
-// For every mask of 8 lanes, the indices of its set bits in order, one byte each.
+// Indices of the set bits of every mask of 8 lanes, in order, one byte each.
 struct CompactionTable {
   uint64_t order[256];
   constexpr CompactionTable() : order{} {

@@ -8,9 +8,6 @@
 
 namespace primray {
 
-// Emissive geometry in moving instances, evaluated at a time. Its light rows (kMoving) have the bounding spheres of its path,
-// since lights are chosen without a time.
-
 // World from the frame of `light`, which moves, at a time.
 inline daffine emitter_pose(const Scene& scene, int light, float time) {
   const EmitterTable& table = scene.emitters;
