@@ -10,8 +10,8 @@ import pytest
 from tests.unit.usd.known_surface_text import known
 
 from primray.description import OpenPbr
-from primray.usd.materials.known_surfaces.by_name import READS
-from primray.usd.materialx.definitions import definition
+from primray.usd.materials.materialx.definitions import definition
+from primray.usd.materials.models.surface_nodes import SURFACE_READERS
 
 NUMBERS = ["-1", "0", "1e-30", "0.5", "1", "3", "1e30", "-1e30"]
 WIDE = (
@@ -29,7 +29,7 @@ WIDE = (
 SIGNED = ("subsurface_scatter_anisotropy", "transmission_scatter_anisotropy")
 
 
-@pytest.mark.parametrize("shader", READS)
+@pytest.mark.parametrize("shader", SURFACE_READERS)
 def test_extreme_inputs(shader: str) -> None:
     rng = random.Random(shader)
     found = definition(shader)

@@ -7,11 +7,11 @@ import random
 from dataclasses import fields
 
 import pytest
-from tests.unit.usd.materials.foreign.foreign_text import node, shader, stage, surface_of
+from tests.unit.usd.materials.other_renderers.shader_text import node, shader, stage, surface_of
 
 from primray.description import OpenPbr
-from primray.usd.materials.foreign.material import VOCABULARIES
-from primray.usd.materials.foreign.values import ForeignInputs
+from primray.usd.materials.other_renderers.translation import VOCABULARIES
+from primray.usd.materials.other_renderers.values import RendererInputs
 
 VALUES = (
     *(("float", text) for text in ("nan", "1e38", "-1", "0", "0.5")),
@@ -52,13 +52,13 @@ def inputs_of(names: set[str], rng: random.Random) -> str:
 @pytest.mark.parametrize("renderer", CONTEXTS)
 def test_any_values_make_a_surface(renderer: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, set[str]] = {}
-    own = ForeignInputs.left_out
+    own = RendererInputs.left_out
 
-    def left_out(self: ForeignInputs) -> object:
+    def left_out(self: RendererInputs) -> object:
         asked.setdefault(self.kind, set()).update(self.asked)
         return own(self)
 
-    monkeypatch.setattr(ForeignInputs, "left_out", left_out)
+    monkeypatch.setattr(RendererInputs, "left_out", left_out)
     rng = random.Random(7)
     [vocabulary] = [v for v in VOCABULARIES if v.renderer == renderer]
     kinds = [(kind, True) for kind in vocabulary.surfaces] + [(kind, False) for kind in vocabulary.nodes]

@@ -7,22 +7,22 @@ from typing import Any
 
 import pytest
 
-from primray.usd.adapters.materials.material import Materials
 from primray.usd.instancing import prototypes
 from primray.usd.lights import light_color, photometric
-from primray.usd.materials.leaf_materials import bind_leaves, bindings_of
+from primray.usd.materials.bound_materials import bind_shapes, bindings_of
+from primray.usd.materials.material import MaterialCache
 from primray.usd.materials.network import ShaderIds
 from primray.usd.mesh import adapter
 from primray.usd.mesh.authored import FacesByContent
-from primray.usd.resolving import color_spaces
-from primray.usd.scene import bindings, inheritance, walk
+from primray.usd.scene import bindings, color_spaces, inheritance, walk
 from primray.usd.scene.context import Kept
 from primray.usd.shapes import implicit
 
 # What only saves work. All others that are kept are records, which later steps read.
 CACHES = frozenset({
-    Materials, FacesByContent, ShaderIds, bindings._BindingFaults, color_spaces._Known, light_color._Illuminants,
-    implicit._Tessellations, adapter._Geometries, photometric._Amounts, prototypes._HoldInstancers, inheritance._Colored,
+    MaterialCache, FacesByContent, ShaderIds, bindings._BindingFaults, color_spaces.ColorSpaceCache,
+    light_color._Illuminants, implicit._Tessellations, adapter._Geometries, photometric._Amounts,
+    prototypes._HoldInstancers, inheritance._Colored,
 })  # fmt: skip
 
 
@@ -38,6 +38,6 @@ def without_caches(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(Kept, "of", forgetful)
     monkeypatch.setattr(walk._Walk, "group", its_own)
-    monkeypatch.setattr(walk, "differ_by_material", lambda instances, ctx: [True] * len(instances))
+    monkeypatch.setattr(walk, "bound_individually", lambda instances, ctx: [True] * len(instances))
     monkeypatch.setattr(walk, "bindings_of", lambda some, prototypes, by, ctx: bindings_of(some, prototypes, True, ctx))
-    monkeypatch.setattr(walk, "bind_leaves", lambda shapes, by, ctx: bind_leaves(shapes, True, ctx))
+    monkeypatch.setattr(walk, "bind_shapes", lambda shapes, by, ctx: bind_shapes(shapes, True, ctx))

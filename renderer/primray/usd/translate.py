@@ -41,7 +41,7 @@ from .lights.light import read_light
 from .lights.light_groups import light_groups
 from .lights.light_links import Links, find_links
 from .lights.portals import report_unnamed_portals
-from .materials.primvars_read import primvars_read
+from .materials.material_primvars import primvars_read
 from .mesh.adapter import mesh
 from .motion.pixels import Foreseen
 from .motion.points import PointSteps
@@ -50,7 +50,6 @@ from .render_settings.outputs import outputs_of
 from .render_settings.render_pass import report_ignored_render_pass, with_render_pass
 from .render_settings.render_product import ProductSettings
 from .render_settings.render_settings import product_settings
-from .resolving.color_spaces import rendering_space
 from .scene.assembly import (
     add_group,
     add_kept_groups,
@@ -61,6 +60,7 @@ from .scene.assembly import (
     scene_bounds,
     shared_paths,
 )
+from .scene.color_spaces import rendering_space
 from .scene.context import Context
 from .scene.inheritance import BlurScales, ResolvedPrim
 from .scene.level_of_detail import with_levels_chosen

@@ -17,8 +17,8 @@ from primray.usd.inspect.layer_content import DAMAGED as DAMAGED_LAYER
 from primray.usd.inspect.layer_content import LayerContent, expansion, layer_content
 from primray.usd.inspect.nesting import nesting_depth
 from primray.usd.inspect.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
-from primray.usd.materialx.documents import names_in
-from primray.usd.materialx.stand_ins import is_document
+from primray.usd.materials.materialx.documents import names_in
+from primray.usd.materials.materialx.substitute_layers import is_document
 
 from ..limits import Limits
 from ..problems import Problem

@@ -40,7 +40,7 @@ ONE_PLACE = {
 }
 # What reads at the time of the render by itself has to know what is read where there is no frame.
 TIMES_OF_RENDER = {
-    f"{USD}/materials/texture_asset.py",  # the frame's number, which nodes of time and names of files hold
+    f"{USD}/materials/texture_files.py",  # the frame's number, which nodes of time and names of files hold
     f"{USD}/stage/values.py",
     f"{USD}/scene/inheritance.py",  # transforms: local_matrix asks read where something has no default
     f"{USD}/scene/bounds.py",  # at the earliest time of all
@@ -104,8 +104,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
             root = module.split(".")[0]
             if root == "pxr" and not is_under(path, USD):
                 yield "imports pxr outside primray/usd"
-            if root == "MaterialX" and not is_under(path, f"{USD}/materialx"):
-                yield "imports MaterialX outside usd/materialx"
+            if root == "MaterialX" and not is_under(path, f"{USD}/materials/materialx"):
+                yield "imports MaterialX outside usd/materials/materialx"
             if root in WEB and path.name != "app.py" and not any(is_under(path, folder) for folder in HTTP):
                 yield f"imports {root} outside app.py, http/ and routes/"
             if root in HTTP_SERVER and str(path) not in SERVERS:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...arrays import Floats
 from ...description import Curves, PrimvarInput, Ribbons, Shape, Surface
-from ..adapters.materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface, undisplaced
+from ..materials.appearance import FALLBACK_COLOR, Appearance, appearance_of, is_cut_out, make_surface, undisplaced
 from ..nurbs.curves import nurbs_curves
 from ..scene.bindings import Subset
 from ..scene.context import Context
@@ -121,7 +121,7 @@ def _allowed_token(prim: ResolvedPrim, name: str, default: str, allowed: tuple[s
 def make_curves(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Curves | Ribbons | None:
     curves, is_tube = geometry.curves, geometry.normals is None
     parts, of_segment = segment_parts(prim, curves, ctx)
-    worn = [k for k in np.unique(of_segment).tolist() if not is_hidden(parts[k])]
+    worn = [k for k in np.unique(of_segment).tolist() if not is_cut_out(parts[k])]
     if not worn:
         return None
     surfaces = {

@@ -12,14 +12,13 @@ from pxr import Sdf, Usd
 from ...arrays import Doubles
 from ...description import Light, Placed, Surface
 from ...diagnostics import Diagnostic, Diagnostics
-from ..adapters.materials.material import Material, MaterialKey, Materials, translated
 from ..lights.assembly import add_lights
 from ..lights.shaping import Profiles
+from ..materials.material import Material, MaterialCache, MaterialKey, translate_uncached
 from ..materials.network import ShaderIds
 from ..mesh.authored import FacesByContent
-from ..resolving.surface_table import SurfaceTable
 from ..scene.assembly import linked, shape_of
-from ..scene.context import Context
+from ..scene.context import Context, SurfaceTable
 from ..scene.inheritance import local_matrix, transforms
 from ..scene.notes import LightShapes, PhysicalSchemas, PortalsFound
 from ..scene.translated_scene import Record, TranslatedLeaf, TranslatedScene
@@ -75,7 +74,7 @@ class LeafUpdates:
     def _as_before(self, path: str, make: Callable[[Context], T]) -> T:
         """Return the translated object, if its diagnostics are those of before; else raise NotKnownError."""
         apart = Diagnostics(self.ctx.diagnostics.shown)
-        kept = self.ctx.kept.sharing(Materials, Profiles, FacesByContent, LightShapes, PhysicalSchemas, Record)
+        kept = self.ctx.kept.sharing(MaterialCache, Profiles, FacesByContent, LightShapes, PhysicalSchemas, Record)
         made = make(replace(self.ctx, diagnostics=apart, kept=kept))
         if list(apart) != [d for d in self.told if d.prim_path == path]:
             raise UnknownEffect
@@ -90,7 +89,7 @@ class MaterialUpdates:
 
     def surfaces(self, edited: set[Sdf.Path], ctx: Context) -> SurfaceTable:
         """Return the table of surfaces with the materials that read these prims translated again; update their cache."""
-        known = ctx.kept.of(Materials)
+        known = ctx.kept.of(MaterialCache)
         ctx.kept.of(ShaderIds).clear()  # an edit may be of one
         if ctx.kept.of(LightShapes):
             raise UnknownEffect
@@ -100,7 +99,7 @@ class MaterialUpdates:
         keys = [key for key in known if key[0] in above or key in self.beyond]
         found = list(ctx.surfaces)
         for key in keys:
-            made, told = translated(key, ctx)
+            made, told = translate_uncached(key, ctx)
             if told != known[key][1]:
                 raise UnknownEffect
             found = _replaced(found, known[key][0], made)

@@ -11,8 +11,8 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
-from ..materialx.file_places import files_at, has_places
-from ..materialx.files import files_of_documents
+from ..materials.materialx.documents import files_of_documents
+from ..materials.materialx.filename_tokens import files_at, has_tokens
 from ..stage.messages import FileNames, tf_message
 from ..stage.open import open_layer, usd_messages
 
@@ -72,7 +72,7 @@ def _all_of(path: str) -> tuple[set[str], set[str], set[str]]:
     if not layers:
         raise StageOpenError("USD cannot open it.", where=path)
     files = {_file(layer.realPath) for layer in layers if layer.realPath}
-    sets = {text: _files_of_set(text, files) for text in missing if has_places(text)}  # USD knows no placeholder but <UDIM>
+    sets = {text: _files_of_set(text, files) for text in missing if has_tokens(text)}  # USD knows no placeholder but <UDIM>
     found = {_file(asset) for asset in assets}.union(*sets.values())
     known = {text for text in sets if sets[text] or _is_in_package(text, assets)}
     return files, found - files, set(missing) - known
@@ -128,7 +128,7 @@ def _fixed_paths(file: str) -> Iterator[tuple[str, str]]:
 
 
 def _is_found_by_searching(file: str, text: str) -> bool:
-    if text.startswith((".", "`")) or has_places(text):
+    if text.startswith((".", "`")) or has_tokens(text):
         return False
     outer = Ar.SplitPackageRelativePathOuter(text)[0]
     beside = os.path.join(os.path.dirname(file), outer)

@@ -25,8 +25,8 @@ from ..camera.view import cameras_of
 from ..lights.light import TEXTURE, missing_texture_text
 from ..lights.shaping import FILE as PROFILE
 from ..lights.shaping import missing_text as missing_profile_text
-from ..materials.texture_asset import missing_text
-from ..materialx.file_places import files_at, has_places, names_frame, tile_paths
+from ..materials.materialx.filename_tokens import files_at, has_frame_token, has_tokens, tile_paths
+from ..materials.texture_files import missing_text
 from ..render_settings.render_settings import product_settings
 from ..scene.notes import unrendered
 from ..stage.messages import error_text, scene_errors
@@ -274,7 +274,7 @@ def _missing(attribute: Usd.Attribute | None) -> str:
     asset = default_value(attribute) if attribute else None
     if not isinstance(asset, Sdf.AssetPath) or asset.resolvedPath or not asset.path:
         return ""
-    return "" if has_places(asset.path) and _has_files(asset.path, attribute) else str(asset.path)
+    return "" if has_tokens(asset.path) and _has_files(asset.path, attribute) else str(asset.path)
 
 
 def _has_files(path: str, attribute: Usd.Attribute) -> bool:
@@ -282,7 +282,7 @@ def _has_files(path: str, attribute: Usd.Attribute) -> bool:
     layers = [spec.layer for spec in attribute.GetPropertyStack(Usd.TimeCode.Default()) if spec.HasDefaultValue()]
     if not layers:
         return False
-    if names_frame(path):
+    if has_frame_token(path):
         return bool(files_at(str(Sdf.ComputeAssetPathRelativeToLayer(layers[0], path))))
     return bool(tile_paths(path, layers[0])[1])
 

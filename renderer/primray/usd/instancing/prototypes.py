@@ -13,9 +13,8 @@ from dataclasses import replace
 
 from pxr import Usd
 
-from ..resolving.color_scope import NOWHERE
-from ..resolving.color_spaces import scope_at
-from ..scene.context import Context
+from ..scene.color_spaces import scope_at
+from ..scene.context import NO_COLOR_SCOPE, Context
 from ..scene.inheritance import VISIBILITIES, Inherited, descend, effective_names
 from ..scene.schemas import applied_schemas
 from ..stage.reads import property_names, type_name
@@ -94,7 +93,7 @@ def _with_colors_of(root: Usd.Prim, handed: Inherited, ctx: Context) -> Inherite
     instance = root
     while instance.IsInstanceProxy() and not instance.IsInstance():
         instance = instance.GetParent()
-    if instance.IsInstance() and instance != root and (above := scope_at(instance, around)) is not NOWHERE:
+    if instance.IsInstance() and instance != root and (above := scope_at(instance, around)) is not NO_COLOR_SCOPE:
         outer = ((str(instance.GetPrototype().GetPath()), above), *outer)
     return replace(handed, colors=scope_at(root.GetParent(), around), outer_colors=outer)
 

@@ -19,7 +19,7 @@ from ...description import Light, LightType, TextureFile
 from ...description.lighting import Photometric
 from ...photometry.amounts import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ...photometry.light_shape import cylinder_area, disk_area, rect_area, sphere_area
-from ..materials.texture_asset import light_texture
+from ..materials.texture_files import light_texture
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.metadata import up_axis

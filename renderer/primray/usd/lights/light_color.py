@@ -14,7 +14,7 @@ import numpy as np
 
 from ...color.color_space import luminance_weights
 from ...color.spectrum import DAYLIGHT_K, Spectrum, black_body, daylight, of_chromaticity, rgb_of
-from ..resolving.color_spaces import color_in_rendering_space
+from ..scene.color_spaces import color_in_rendering_space
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..scene.notes import PhysicalSchemas

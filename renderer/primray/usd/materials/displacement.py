@@ -15,14 +15,12 @@ from pxr import Usd
 from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput, Surface
 from ...description.pattern_reads import reads_view
 from ...settings import RenderContext
-from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..scene.context import Context
-from .fed_inputs import FedInputs
+from .material_primvars import SURFACE_SHADERS
+from .materialx.expressions import MOST_NODES, TooManyNodesError
 from .network import Constant, Node, as_numbers, find_source, node_path, text
-from .node_values import NodeValues, definition_of
-from .primvars_read import SURFACE_SHADERS
-from .pruning import appended, pruned
-from .reducing import NO_PRIMVAR, Reducer
+from .node_values import FedInputs, NodeValues, definition_of
+from .surface_inputs import NO_PRIMVAR, Reducer, appended, pruned
 
 _TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # the render context decides which comes first
 ALONG_NORMAL, ALONG_TANGENTS, ALONG_AXES = "displacement", "displacement_tangent", "displacement_object"

@@ -1,7 +1,9 @@
-"""Connections of a shading network, followed from an input to what gives it its value: a constant, or a node's output.
+"""Shaders and connections of a shading network, followed from an input to what gives it its value.
 
-Interfaces of materials and node graphs are passed through at any depth. A connection that leads nowhere is ignored, so that
-the input's own value holds (UsdShade, "Connections and value resolution").
+That is a constant or a node's output. Interfaces of materials and node graphs are passed through at any depth. A connection
+that leads nowhere is ignored, so that the input's own value holds (UsdShade, "Connections and value resolution"). Shaders
+without an id are identified by their source asset: MDL modules, and Houdini's principled shader, whose source asset is the
+operator's definition.
 """
 
 from __future__ import annotations
@@ -13,11 +15,11 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from ..materialx.document_marks import DEFAULT_NODE
-from ..resolving.color_spaces import color_in_rendering_space, scope_of
+from ..scene.color_spaces import color_in_rendering_space, scope_of
 from ..scene.context import Context
-from ..stage.reads import connections, shader_id
+from ..stage.reads import connections, default_value, shader_id
 from ..stage.values import value
+from .materialx.document_marks import DEFAULT_NODE
 
 # Vectors of halves are missing: memoryview does not support them.
 VECTORS = frozenset({Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2i, Gf.Vec3i, Gf.Vec4i})
@@ -170,3 +172,23 @@ def text(node: Node, name: str, default: str, ctx: Context) -> str:
         "wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is not a string: {default!r} is used.", f"inputs:{name}"
     )
     return default
+
+
+def module_of(shader: Node) -> str:
+    """Return the path of a shader's MDL module, "" where it has none."""
+    asset = default_value(shader.prim.GetAttribute("info:mdl:sourceAsset"))
+    return str(asset.path) if isinstance(asset, Sdf.AssetPath) else ""
+
+
+PRINCIPLED = "principledshader"
+_ASSETS = ("info:sourceAsset", "info:karma:sourceAsset", "info:vex:sourceAsset", "info:VEX:sourceAsset")
+
+
+def is_principled(shader: Usd.Prim) -> bool:
+    """Return whether the source asset of a shader without id is a principled shader's surface, of any version."""
+    for name in _ASSETS:
+        attribute = shader.GetAttribute(name)
+        asset = default_value(attribute) if attribute else None
+        if isinstance(asset, Sdf.AssetPath) and f"/{PRINCIPLED}" in asset.path and "Displacement" not in asset.path:
+            return True
+    return False

@@ -11,12 +11,12 @@ from typing import Protocol
 
 from ...description import Operand, Wrap
 from ...description.shading import TRANSFORM_2D, UV_TEXTURE
-from ..materialx.definitions import WIDTHS, Definition, InputDefinition
-from ..materialx.expressions import Expressions, Outputs
 from ..scene.context import Context
 from ..stage.reads import property_names
+from .materialx.definitions import WIDTHS, Definition, InputDefinition
+from .materialx.expressions import Expressions, Outputs
 from .network import Node, node_path, numbers, text
-from .texture_asset import texture_file
+from .texture_files import texture_file
 
 
 class Values(Protocol):

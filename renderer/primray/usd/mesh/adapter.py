@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...description import Mesh, SubdivisionMesh
-from ..adapters.materials.surface import FALLBACK_COLOR, Appearance, appearance_of, displaces, is_hidden, make_surface
+from ..materials.appearance import FALLBACK_COLOR, Appearance, appearance_of, displaces, is_cut_out, make_surface
 from ..primvars.reading import is_per_point, per_corner, read_display_vectors
 from ..primvars.surface_primvars import mesh_primvars, primvars_of_triangles
 from ..scene.context import Context
@@ -55,7 +55,7 @@ def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
 
 
 def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: Context) -> Mesh | None:
-    if is_hidden(appearance):
+    if is_cut_out(appearance):
         return None
     colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
     if appearance.varying_color and colors is None:
@@ -106,7 +106,7 @@ def _with_subsets(prim: ResolvedPrim, geometry: Polygons, found: FaceParts, ctx:
     """Return a mesh with one surface per triangle, from the prim's material-bind subsets."""
     parts = found.appearances
     of_triangle = found.of_face[geometry.triangles.faces]
-    hidden = np.array([is_hidden(part) for part in parts])
+    hidden = np.array([is_cut_out(part) for part in parts])
     visible = np.logical_not(np.take(hidden, of_triangle))
     if not visible.any():
         return None

@@ -17,7 +17,7 @@ import numpy as np
 from ...arrays import Floats, Ints
 from ...description import DisplacedMesh, Interpolation, PointMotion, PrimvarInput, SubdivisionMesh, Surface, TextureInput
 from ...description import Primvar as SeamPrimvar
-from ..adapters.materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
+from ..materials.appearance import FALLBACK_COLOR, Appearance, is_cut_out, make_surface
 from ..primvars.reading import Primvar, Sizes, read_display_color
 from ..primvars.surface_primvars import read_primvars
 from ..scene.context import Context
@@ -301,7 +301,7 @@ def _surfaces_by_part(parts: list[Appearance], part_of_face: Ints, found: Cage, 
     """Return the surface of each appearance that at least one face uses, keyed by its index in `parts`; hidden ones are left
     out."""
     worn = [0] if len(parts) == 1 else np.unique(part_of_face).tolist()
-    used = [part for part in worn if not is_hidden(parts[part])]
+    used = [part for part in worn if not is_cut_out(parts[part])]
     is_body = cache(lambda: _checked_closed(found, path, ctx))
     return {part: make_surface(parts[part], is_body, path, ctx) for part in used}
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Ints
-from ..adapters.materials.surface import Appearance, appearance_of
+from ..materials.appearance import Appearance, appearance_of
 from ..scene.bindings import TETRAHEDRON, Subset
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim

@@ -16,7 +16,7 @@ import numpy as np
 from ...description import Direction, Interpolation, NurbsPatch, Surface
 from ...description import Primvar as SeamPrimvar
 from ...tessellation.nurbs.patches import coarse_mesh
-from ..adapters.materials.surface import FALLBACK_COLOR, appearance_of, is_hidden, make_surface, undisplaced
+from ..materials.appearance import FALLBACK_COLOR, appearance_of, is_cut_out, make_surface, undisplaced
 from ..mesh.closed import is_closed, report_inside_out
 from ..mesh.motion import moving_points, path_of_points
 from ..primvars.reading import Primvar, Sizes, read_display_color
@@ -37,7 +37,7 @@ INTERPOLATIONS = {
 def nurbs_patch(prim: ResolvedPrim, ctx: Context) -> NurbsPatch | None:
     authored = read_patch(prim, ctx)
     appearance = appearance_of(prim, prim.material, ctx)
-    if authored is None or is_hidden(appearance):
+    if authored is None or is_cut_out(appearance):
         return None
     path = path_of_points(prim, ctx)
     points = authored.points

@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom
 
 from ...arrays import Floats
 from ..mesh.triangulate import Triangles
-from ..resolving.color_spaces import in_rendering_space
+from ..scene.color_spaces import in_rendering_space
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.reads import element_size, interpolation

@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from pxr import Usd
 
 from ...color.color_space import REC709, ColorSpace
+from ...description import Surface
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
 from ..lights.light_groups import NO_GROUPS, LightGroups
 from ..motion.levels import ShapePlacements
 from ..motion.pixels import UNSEEN, Foreseen
 from ..motion.timing import AT_FRAME, Timing
-from ..resolving.color_scope import ColorScope
-from ..resolving.surface_table import SurfaceTable
 from ..stage.values import When
+
+
+class SurfaceTable:
+    """Distinct surfaces, numbered as shapes refer to them."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[Surface, int] = {}  # in order of their numbers
+        self._by_id: dict[int, int] = {}  # numbers by identity of the stored surfaces
+
+    def __iter__(self) -> Iterator[Surface]:
+        return iter(self._numbers)
+
+    def index_of(self, surface: Surface) -> int:
+        """Return the index of an equal surface, added if there is none."""
+        known = self._by_id.get(id(surface))  # comparing and hashing a whole surface is slower
+        if known is not None:
+            return known
+        new = len(self._numbers)
+        number = self._numbers.setdefault(surface, new)
+        if number == new:  # the object itself was stored
+            self._by_id[id(surface)] = number
+        return number
+
 
 T = TypeVar("T")
 
@@ -78,3 +101,14 @@ class Context:
 
     def warn(self, code: str, path: str, message: str, attribute: str = "") -> None:
         self.diagnostics.add(code, path, message, attribute)
+
+
+@dataclass(frozen=True)
+class ColorScope:
+    """Inherited colour spaces: the nearest colorSpace:name, and custom spaces, the nearest first."""
+
+    name: str = ""
+    definitions: tuple[ColorSpace, ...] = ()
+
+
+NO_COLOR_SCOPE = ColorScope()

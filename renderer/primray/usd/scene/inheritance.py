@@ -15,8 +15,6 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ...arrays import Doubles
 from ..motion.levels import Mover
-from ..resolving.color_scope import NOWHERE, ColorScope
-from ..resolving.color_spaces import color_in_rendering_space, in_rendering_space, scope_below
 from ..stage.edits import MODEL
 from ..stage.reads import (
     default_value,
@@ -31,7 +29,8 @@ from ..stage.reads import (
 from ..stage.time_varying import has_spline, scalar_operations
 from ..stage.values import When, array, as_columns, is_single, number, read, time_of, value
 from .bindings import BINDING, Subset
-from .context import Context
+from .color_spaces import color_in_rendering_space, in_rendering_space, scope_below
+from .context import NO_COLOR_SCOPE, ColorScope, Context
 from .poses import ROOT, Poses
 
 _IDENTITY = Gf.Matrix4d(1.0)
@@ -72,7 +71,7 @@ class Inherited:
     many: frozenset[tuple[str, int]] = frozenset()  # inherited constant primvars with several values, and how many
     per_instance: frozenset[str] = frozenset()  # primvars of which each surrounding instance has one value
     hidden: frozenset[str] = frozenset()  # such primvars that a nearer, unusable one hides
-    colors: ColorScope = NOWHERE
+    colors: ColorScope = NO_COLOR_SCOPE
     outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # colour spaces that surrounding instances hand to prototypes
     # For light linking (light_links.py): the instance whose proxies stand for the prims of a prototype; what the surrounding
     # point instancers say, by collection.

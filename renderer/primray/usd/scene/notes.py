@@ -13,7 +13,7 @@ from functools import cache
 
 from pxr import Usd, UsdGeom
 
-from ..materialx.document_marks import NOTES
+from ..materials.materialx.document_marks import NOTES
 from ..skinning.bindings import JOINT_WEIGHTS, has_weights, why_unposed
 from ..stage.values import read
 from .context import Context
@@ -112,7 +112,7 @@ def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
 
 
 def note_document(prim: Usd.Prim, path: str, ctx: Context) -> None:
-    """Report the parts of a prim's MaterialX document that have no effect: materialx/writing.py leaves them on the prim."""
+    """Report the parts of a prim's MaterialX document that have no effect, as noted on the prim."""
     for line in read(prim, NOTES, ctx.when) or ():
         ctx.warn("materialx-part", path, str(line))
 
@@ -222,7 +222,7 @@ _READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS, *SETTINGS_OF_OTHERS)) | {
     name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)
 }
 
-# The surface output of any renderer: adapters/materials/material.py reads it, or reports that it does not.
+# The surface output of any renderer: materials/material.py reads it, or reports that it does not.
 _SURFACE_OUTPUT = re.compile(r"outputs:\w+:surface")
 
 

@@ -18,11 +18,10 @@ from ...description.placement import IDENTITY, MatrixInstances, PointInstances, 
 from ..instancing.instances import Group
 from ..instancing.prototypes import handed_to_prototype
 from ..lights.light_links import Links
-from ..materials.leaf_materials import NativePrototype, bind_leaves, bindings_of, bound_alike, differ_by_material
+from ..materials.bound_materials import NativePrototype, bind_shapes, binding_key, bindings_of, bound_individually
 from ..motion.attributes import animated_operations, bend_times, local_transform
 from ..motion.levels import Local, Mover, MovingLevel, level_of
 from ..primvars.instance_primvars import without_overridden
-from ..resolving.color_scope import NOWHERE
 from ..shapes.draw_mode import draw_mode_of
 from ..shapes.implicit import animated_sphere
 from ..shapes.points import POINT, sphere_instances
@@ -30,7 +29,7 @@ from ..stage.reads import local_transform_at
 from ..stage.traversal import IN_PROTOTYPE, IN_WORLD, children
 from ..stage.values import time_of
 from .bindings import binds_by_collection, note_bindings
-from .context import Context
+from .context import NO_COLOR_SCOPE, Context
 from .inheritance import Binding, Inherited, ResolvedPrim, as_bound, descend, inner_or_outer, is_drawn, local_matrix, transforms
 from .notes import note_foreign_schemas, note_other_renderers, note_prim
 from .poses import ROOT, Poses
@@ -146,7 +145,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
     shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
-    bind_leaves(shapes, kinds.by_collection, ctx)
+    bind_shapes(shapes, kinds.by_collection, ctx)
     ctx.kept.of(KindsFound)[:] = kinds.found.values()
     ctx.kept.of(PropertyNames).update(kind.names for kind in kinds.found.values())
     note_other_renderers(kinds.found.values(), ctx)
@@ -197,7 +196,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 note_prim(resolved, kind.schemas, kind.taken_as, ctx)
             if kind.bindings:
                 targets = note_bindings(prim, path, kind.bindings, ctx)
-                resolved.bound_as = bound_alike(kind, path, targets, above.binds)
+                resolved.bound_as = binding_key(kind, path, targets, above.binds)
             if type_name in _EXPANDED:
                 state.record.note_use(place.poses, pose)
             if type_name == "PointInstancer":
@@ -263,7 +262,7 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     places = _matrices_of_instances(instances, poses)
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
-    apart = differ_by_material(instances, ctx)
+    apart = bound_individually(instances, ctx)
     alike: dict[Hashable, int] = {}  # groups by prototype, inherited state and binding, which are shared objects
     for i, (instance, prototype, inner, alone) in enumerate(zip(instances, prototypes, bindings, apart, strict=True)):
         # Instances that collections look into are separate groups, and links distinguish every instance by its path.
@@ -306,7 +305,7 @@ def _handed_to_instance(
     state: _Walk, instance: ResolvedPrim, prototype: Usd.Prim, inner: Binding | None, alone: bool
 ) -> Inherited:
     mine = instance.inherited
-    if mine.colors is not NOWHERE:
+    if mine.colors is not NO_COLOR_SCOPE:
         mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
     if mine.top is not None:
         mine = replace(mine, top=None)

@@ -17,10 +17,10 @@ from pxr import Kind, Sdf, Tf, Usd, UsdGeom
 from ...arrays import Doubles
 from ...description import Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 from ...textures.image_header import read_matrix
-from ..adapters.materials.surface import camera_sight
-from ..materials.texture_asset import in_space
-from ..resolving.color_spaces import color_in_rendering_space
+from ..materials.appearance import camera_sight
+from ..materials.texture_files import in_space
 from ..scene.bounds import is_deep
+from ..scene.color_spaces import color_in_rendering_space
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.edits import MODEL, temporarily_defined

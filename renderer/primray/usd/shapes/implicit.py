@@ -16,7 +16,7 @@ import numpy as np
 
 from ...arrays import Doubles, Floats
 from ...description import Direction, Mesh, NurbsPatch, Primvar, Shape, Sphere
-from ..adapters.materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface, undisplaced
+from ..materials.appearance import FALLBACK_COLOR, Appearance, appearance_of, is_cut_out, make_surface, undisplaced
 from ..mesh.polygons import PolygonMotion, Values, make_mesh
 from ..motion.attributes import bend_times, is_animated
 from ..motion.levels import Local
@@ -113,7 +113,7 @@ class _Tessellations(dict[Call, Tessellated | None]):
 def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     radius = abs(_number(prim, "radius", 1.0, ctx))
     appearance = _appearance(prim, ctx)
-    if radius == 0 or is_hidden(appearance):
+    if radius == 0 or is_cut_out(appearance):
         return None
     surface = undisplaced(make_surface(appearance, lambda: True, prim.path, ctx), prim.path, ctx)
     of_surface, primvars = ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx)
@@ -132,7 +132,7 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     path = animated_shape(prim, how, ctx)
     made = _tessellation(how(ctx.when) if path is None else path.at(path.here), ctx)
     appearance = _appearance(prim, ctx)
-    if made is None or is_hidden(appearance):
+    if made is None or is_cut_out(appearance):
         return None
     motion = None if path is None else path.motion(made, ctx)
     if _is_left_handed(prim, ctx):

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from ...arrays import Doubles
 from ...description import MatrixInstances, Shape, Sphere
 from ...description.placement import Names
-from ..adapters.materials.surface import appearance_of, is_hidden, make_surface, undisplaced
 from ..curves.values import read_widths
+from ..materials.appearance import appearance_of, is_cut_out, make_surface, undisplaced
 from ..motion.attributes import ArrayPath, is_animated
 from ..motion.levels import moving_level
 from ..motion.points import PointPath, point_path, sampled_point_path
@@ -27,7 +27,7 @@ DEFAULT_WIDTH = 1.0  # Hydra's, if none is authored
 
 def point_sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     appearance = appearance_of(prim, prim.material, ctx)
-    if is_hidden(appearance):
+    if is_cut_out(appearance):
         return None
     surface = undisplaced(make_surface(appearance, lambda: True, prim.path, ctx), prim.path, ctx)
     return Sphere(prim.path, 1.0, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))

@@ -16,7 +16,7 @@ from typing import Any
 from pxr import Ar, Tf, Usd
 
 from ...errors import InvalidSceneError
-from ..materialx.stand_ins import without_marks
+from ..materials.materialx.substitute_layers import with_original_names
 
 _BREAK = re.compile(r"\s*\n\s*([;,.]?)")  # USD quotes errors that end their line in the middle of a sentence
 
@@ -69,7 +69,7 @@ class FileNames:
     def in_text(self, text: str) -> str:
         """Return the text with absolute paths of the stage's files replaced by relative ones, and anonymous layers by their
         names."""
-        text = without_marks(text)
+        text = with_original_names(text)
         if self._known is not None and "/" in text:
             text = self._known.sub(lambda found: self._prefixes[found[0]], text)
         text = _OURS.sub("", text)

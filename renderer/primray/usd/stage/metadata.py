@@ -18,7 +18,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError
-from ..materialx.stand_ins import without_marks
+from ..materials.materialx.substitute_layers import with_original_names
 from .reads import FAILURES, note
 from .time_varying import has_samples
 
@@ -208,7 +208,7 @@ _RATES = (1e-9, 1e12)
 def stage_name(stage: Usd.Stage) -> str:
     """Return the root layer's file name without its folders, as pictures name it; "" for a layer in memory."""
     layer = stage.GetRootLayer()
-    return "" if layer.anonymous else os.path.basename(without_marks(layer.identifier))
+    return "" if layer.anonymous else os.path.basename(with_original_names(layer.identifier))
 
 
 def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
@@ -301,7 +301,7 @@ def layer_names(stage: Usd.Stage) -> list[str]:
     """Return the layers that the stage is composed of, strongest layer stack first, without empty layers in memory."""
     local = stage.GetLayerStack()
     rest = sorted((layer for layer in stage.GetUsedLayers() if layer not in local), key=lambda layer: str(layer.identifier))
-    return [without_marks(str(layer.identifier)) for layer in (*local, *rest) if not _is_empty(layer)]
+    return [with_original_names(str(layer.identifier)) for layer in (*local, *rest) if not _is_empty(layer)]
 
 
 def _is_empty(layer: Sdf.Layer) -> bool:

@@ -19,8 +19,8 @@ from ...diagnostics import Diagnostics
 from ...errors import AssetError, InvalidSceneError, LimitError, PrimrayError, SettingsError, StageOpenError
 from ...file_formats import CODE as OTHER_FORMAT
 from ...file_formats import WHAT_IT_IS, advice_for_file, is_pointer_file, refers_to_other_format
-from ..materialx.redirecting import Redirection, is_of_documents, make_anew, refers_to_documents
-from ..materialx.stand_ins import without_marks
+from ..materials.materialx.references import Redirection, is_format_message, rebuild_layers, refers_to_documents
+from ..materials.materialx.substitute_layers import with_original_names
 from .composition import add_load_rules, check_population, choose_variants, note_unloaded, populate, session_over
 from .messages import FileNames, error_text, file_names, scene_errors, tf_message
 from .metadata import check_rates, is_number, layer_value, note_units, note_wrong_types, wrong_rate
@@ -108,11 +108,13 @@ def _composed(source: str | os.PathLike[str] | Usd.Stage, composition: Compositi
 def _noted(opened: Callable[[], Usd.Stage], diagnostics: Diagnostics, composition: Composition) -> Usd.Stage:
     """Return the opened stage, and report what concerns it as a whole: composition errors, rates, units, metadata."""
     composed: list[str] = []
-    with usd_messages(diagnostics, lambda text: is_of_documents(text) or any(line in without_marks(text) for line in composed)):
+    with usd_messages(
+        diagnostics, lambda text: is_format_message(text) or any(line in with_original_names(text) for line in composed)
+    ):
         stage = opened()
         for error in stage.GetCompositionErrors():
             text = error_text(error)
-            composed.append(without_marks(text))
+            composed.append(with_original_names(text))
             diagnostics.add("composition-error", _site(error), _with_faults(text))
     if composition.load is not None:
         note_unloaded(stage, diagnostics)
@@ -277,7 +279,7 @@ def reload_layers(root: str, files: Collection[str]) -> None:
             if file in files:
                 _reload(layer, names.in_text(file))
         try:
-            make_anew(files)
+            rebuild_layers(files)
         except AssetError as error:
             raise StageOpenError(error.message, where=names.in_text(error.where)) from None
 

@@ -1,4 +1,4 @@
 """Materials of the stock MDL modules of Omniverse and Isaac: their documented inputs read into a KnownSurface.
 
-by_name.py lists the modules, inputs.py reads inputs. MDL code itself is not interpreted.
+modules.py has the table of modules, inputs.py reads inputs. MDL code itself is not interpreted.
 """

@@ -9,13 +9,13 @@ from typing import Any
 from pxr import Sdf
 
 from ....description import Operand, TextureFile
-from ...materialx.definitions import InputDefinition
-from ...materialx.expressions import Expressions
 from ...stage.reads import property_names
-from ..known_surfaces.record import NORMAL, Reader
+from ..materialx.definitions import InputDefinition
+from ..materialx.expressions import Expressions
+from ..models.open_pbr import NORMAL, Reader
 from ..network import Constant, Node, as_numbers, find_source
 from ..node_values import NodeValues
-from ..texture_asset import texture_file
+from ..texture_files import texture_file
 
 _IMAGE = {1: "float", 3: "color3", 4: "color4"}
 _TYPES = {1: "float", 2: "vector2", 3: "color3"}
@@ -23,7 +23,7 @@ _LOOKUP_FILES = ("texture", "tex", "file")  # names of the file in MDL's texture
 _LOOKUP_SETS = ("tex_coord_index", "uv_space_index")
 
 ANY = object()  # instead of a neutral value: the input has no effect on an image, whatever its value
-AtRest = Mapping[str, object]  # inputs that are not read, and the values at which they have no effect
+NeutralValues = Mapping[str, object]  # inputs that are not read, and the values at which they have no effect
 
 
 @dataclass
@@ -111,10 +111,10 @@ class MdlInputs:
         index = self.constant(name, 0.0)
         return "UV0" if index == (0.0,) else self.expressions.apply("ND_texcoord_vector2", index=index)
 
-    def unread(self, at_rest: AtRest) -> list[str]:
+    def unread(self, neutral: NeutralValues) -> list[str]:
         """Return the names of authored inputs whose effect is lost: never read, or impossible to read."""
         names = {str(n)[7:] for n in property_names(self.shader.prim) if n.startswith("inputs:")}
-        left = {name for name in names - self.read if name not in at_rest or not self._is_at(name, at_rest[name])}
+        left = {name for name in names - self.read if name not in neutral or not self._is_at(name, neutral[name])}
         return sorted(left | self.lost)
 
     def _is_at(self, name: str, rest: object) -> bool:

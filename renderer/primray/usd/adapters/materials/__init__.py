@@ -1,1 +1,0 @@
-"""Surfaces of shapes: translation of UsdShade materials, and displayColor where no material is bound."""

@@ -1,1 +1,0 @@
-"""Facts about a stage and its contents, found without rendering it."""

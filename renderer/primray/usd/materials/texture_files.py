@@ -1,0 +1,204 @@
+"""File inputs of shaders as TextureFiles: resolved by Ar, UDIM sets tile by tile, with their colour space.
+
+Colour space, in order: sourceColorSpace other than auto; the file attribute's colorSpace metadata; for colours, the nearest
+ColorSpaceAPI (which covers files, too: OpenUSD's Color User's Guide) unless sourceColorSpace is authored as auto.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pxr import Sdf, Usd
+
+from ...color.color_space import SRGB, ColorSpace, matrix
+from ...description import TextureFile
+from ..scene.color_spaces import authored_space, scope_at, space_named
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+from ..stage.reads import color_space_name
+from ..stage.values import time_of
+from .materialx.filename_tokens import Frames, frames_of, has_frame_token, is_tiles, resolved, tile_paths, with_frame
+from .network import Constant, Node, find_source, node_path, numbers, parameter, text
+
+# Nodes that pass a file name on, and the input that has it.
+_NAMING = {"ND_constant_filename": "value", "ND_dot_filename": "in"}
+_OF_PRIMVARS = {  # primvar readers, and the input that names the primvar
+    "UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_string": "varname", "ND_UsdPrimvarReader_filename": "varname",
+    "ND_geompropvalueuniform_string": "geomprop", "ND_geompropvalueuniform_filename": "geomprop",
+}  # fmt: skip
+_NAMING |= {reader: "default" if name == "geomprop" else "fallback" for reader, name in _OF_PRIMVARS.items()}
+_MOST_HANDING_ON = 16
+
+
+def texture_file(
+    node: Node, ctx: Context, *, is_color: bool = True, name: str = "file", tiles: tuple[str, ...] = ()
+) -> TextureFile:
+    """Return the file that an input names, read as colours or numbers; its path is "" without a file, which is reported.
+
+    `tiles`: what stands for <UDIM> in file names of the node's renderer.
+    """
+    found = _named(node, name, ctx)
+    if tiles and found is not None:
+        found = _with_udim(found, tiles)
+    made = _file(node, found, name, ctx)
+    return in_space(made, _color_space(node, found, name, is_color, ctx), is_color, ctx)
+
+
+def missing_text(path: str) -> str:
+    """Return the message for a texture whose file, or all of whose tiles, cannot be found."""
+    if is_tiles(path):
+        return f"{path} has no tile from 1001 to 1100: the fallback is used."
+    return f"{path} cannot be found: the fallback is used."
+
+
+def in_space(file: TextureFile, space: str | ColorSpace, is_color: bool, ctx: Context) -> TextureFile:
+    """Return the file in a colour space, normalised so that files with the same pixels compare equal."""
+    if isinstance(space, ColorSpace):
+        plain = {SRGB: "sRGB", ctx.rendering_space: "raw"}
+        space = "raw" if space.is_data else plain.get(space, space)
+    if isinstance(space, ColorSpace):
+        mixes = matrix(space, ctx.rendering_space) is not None
+    else:
+        mixes = space in ("auto", "sRGB") and matrix(SRGB, ctx.rendering_space) is not None
+    return replace(file, color_space=space, target=ctx.rendering_space, is_color=is_color or not mixes)
+
+
+def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: Context) -> TextureFile:
+    """Return the texture of a light's file attribute; its space is "auto" where none is authored."""
+    space = authored_space(attribute, prim.inherited.colors, ctx)
+    return in_space(TextureFile(path, "auto"), "auto" if space is None else space, True, ctx)
+
+
+def _named(node: Node, name: str, ctx: Context) -> Constant | None:
+    """Return the constant that names a node's file: its own value, one passed on by a node, or a primvar reader's fallback.
+
+    The primvar itself may differ between shapes and is not read; this is reported with the file used instead.
+    """
+    attribute = node.prim.GetAttribute(f"inputs:{name}")
+    source = find_source(attribute, ctx) if attribute else None
+    for _ in range(_MOST_HANDING_ON):
+        if not isinstance(source, Node) or source.id not in _NAMING:
+            break
+        own = source.prim.GetAttribute(f"inputs:{_NAMING[source.id]}")
+        handed_on = find_source(own, ctx) if own else None
+        if source.id in _OF_PRIMVARS:
+            _note_primvar(node, source, handed_on, name, ctx)
+        if handed_on is None:
+            return None
+        source = handed_on
+    return source if isinstance(source, Constant) else parameter(node, name, ctx)
+
+
+def _with_udim(found: Constant, tiles: tuple[str, ...]) -> Constant:
+    """Return a value with <UDIM> in place of another renderer's token for it."""
+    path = found.value.path if isinstance(found.value, Sdf.AssetPath) else found.value
+    named = path if isinstance(path, str) else ""
+    for token in tiles:
+        named = named.replace(token, "<UDIM>")
+    return found if named == path or not named else replace(found, value=Sdf.AssetPath(named))
+
+
+def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, name: str, ctx: Context) -> None:
+    primvar = text(reader, _OF_PRIMVARS[reader.id], "", ctx)
+    value = fallback.value if isinstance(fallback, Constant) else None
+    shown = value.path if isinstance(value, Sdf.AssetPath) else value
+    instead = f"its fallback {shown!r} is used" if shown else "no file is read"
+    message = f"{name} reads the primvar {primvar!r}, which is not supported for file names: {instead}."
+    ctx.warn("shader-ignored", node_path(node, ctx), message, f"inputs:{name}")
+
+
+def _file(node: Node, found: Constant | None, name: str, ctx: Context) -> TextureFile:
+    asset = found.value if found is not None else None
+    if found is not None and isinstance(asset, str) and asset:  # the fallback of a string reader
+        asset = Sdf.AssetPath(asset, resolved(asset, _authoring_layer(found.attribute, ctx)))
+    if found is None or not isinstance(asset, Sdf.AssetPath) or not asset.path:
+        ctx.warn("texture-unset", node_path(node, ctx), "No file is set: the fallback is used.", f"inputs:{name}")
+        return TextureFile("", "auto")
+    path, layer = asset.path, None
+    if has_frame_token(path):
+        framed = _at_frame(node, path, ctx)
+        if framed is None:
+            return TextureFile("", "auto")
+        path, layer = framed, _authoring_layer(found.attribute, ctx)
+        asset = Sdf.AssetPath(path, resolved(path, layer))
+    if is_tiles(path):
+        return _tiles(node, path, layer or _authoring_layer(found.attribute, ctx), name, ctx)
+    if not asset.resolvedPath:
+        ctx.warn("asset-missing", node_path(node, ctx), missing_text(path), f"inputs:{name}")
+    return TextureFile(str(asset.resolvedPath), "auto")
+
+
+def _tiles(node: Node, path: str, layer: Sdf.Layer | None, name: str, ctx: Context) -> TextureFile:
+    set_path, tiles = tile_paths(path, layer)
+    if not tiles:
+        ctx.warn("asset-missing", node_path(node, ctx), missing_text(path), f"inputs:{name}")
+        return TextureFile("", "auto")
+    return TextureFile(set_path, "auto", tiles)
+
+
+def _at_frame(node: Node, path: str, ctx: Context) -> str | None:
+    """Return the path of a sequence's file for the frame; None where the node shows its default instead."""
+    range_text = text(node, "framerange", "", ctx)
+    first, last = (frames_of(range_text) if range_text else None) or (None, None)
+    if range_text and first is None:
+        message = f"framerange = {range_text!r} is not a range of frames and is ignored."
+        ctx.warn("shader-parameter", node_path(node, ctx), message, "inputs:framerange")
+    offset = int(numbers(node, "frameoffset", (0.0,), ctx)[0])
+    number = Frames(first, last, offset, text(node, "frameendaction", "constant", ctx)).number(frame_of(node, ctx))
+    return None if number is None else with_frame(path, number)
+
+
+def frame_of(node: Node, ctx: Context) -> float:
+    """Return the time code for time nodes and frame numbers in file names; 0, reported, when no frame is rendered."""
+    if ctx.when.is_default:
+        ctx.warn(
+            "shader-parameter", node_path(node, ctx), "It depends on the frame, but none is rendered: time code 0 is used."
+        )
+        return 0.0
+    if ctx.timing.is_open:
+        message = "It depends on time, which is constant during the exposure: the frame's time code is used."
+        ctx.warn("material-input", node_path(node, ctx), message)
+    return float(ctx.when.time.GetValue())
+
+
+def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:
+    for spec in attribute.GetPropertyStack(time_of(attribute, ctx.when)):
+        if isinstance(spec, Sdf.AttributeSpec) and (spec.HasDefaultValue() or spec.HasInfo("timeSamples")):
+            return spec.layer
+    return None
+
+
+def _color_space(node: Node, found: Constant | None, name: str, is_color: bool, ctx: Context) -> str | ColorSpace:
+    said = _source_color_space(node, ctx)
+    if said not in (None, "auto"):
+        return said or "auto"
+    attributes = [node.prim.GetAttribute(f"inputs:{name}")] + ([found.attribute] if found else [])
+    own = [attribute for attribute in attributes if attribute and color_space_name(attribute)]
+    asked = own if said == "auto" or not is_color else own or attributes[-1:]
+    for attribute in asked:
+        space = authored_space(attribute, scope_at(attribute.GetPrim(), ctx), ctx) if attribute else None
+        if space is not None:
+            return space
+    return "auto"
+
+
+def _source_color_space(node: Node, ctx: Context) -> str | ColorSpace | None:
+    """Return sourceColorSpace, None where it is not authored.
+
+    Its specified values are raw, sRGB and auto; other names are taken as names of colour spaces.
+    """
+    if parameter(node, "sourceColorSpace", ctx) is None or not node.prim.GetAttribute("inputs:sourceColorSpace").IsAuthored():
+        return None
+    name = text(node, "sourceColorSpace", "auto", ctx)
+    if name in ("auto", "raw", "sRGB"):
+        return name
+    space = space_named(name, scope_at(node.prim, ctx), ctx)
+    if space is None:
+        ctx.warn(
+            "shader-parameter",
+            node_path(node, ctx),
+            f"sourceColorSpace = {name!r} is unknown: auto is used.",
+            "inputs:sourceColorSpace",
+        )
+        return "auto"
+    return space
