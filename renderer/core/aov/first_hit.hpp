@@ -67,7 +67,7 @@ struct FirstHitPlanes {
                                          // beginning
   std::vector<float> albedo, emission;   // filtered; R, G, B
   // Denoiser guides: filtered, also over the shutter interval, and of what is seen in mirrors and through clear glass
-  // (smooth_surfaces.hpp); `guide_normal` is the mean of unit normals.
+  // (first_hit_task.hpp); `guide_normal` is the mean of unit normals.
   std::vector<float> guide_albedo, guide_normal;
   // Ambient occlusion, filtered: the cosine-weighted share of directions above the true surface along which a ray hits nothing
   // within `occlusion_distance` (scene units); 1 where the camera sees nothing. All surfaces count as opaque except for cutout

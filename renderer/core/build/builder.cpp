@@ -13,7 +13,6 @@
 #include "build/emitters/emitters.hpp"
 #include "build/inputs/input_facts.hpp"
 #include "build/lights/lights.hpp"
-#include "build/texture_levels.hpp"
 
 namespace primray {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "base/error.hpp"
-#include "build/texture_levels.hpp"
+#include "build/inputs/input_facts.hpp"
 #include "texture/mip_pyramid.hpp"
 
 namespace primray {

@@ -1,7 +1,7 @@
 // Lower bounds of texture footprints. A ray cone only gets wider along its path, and no path to a point is shorter than the
 // straight one: at distance d from the camera every ray, whether mirrored, refracted or scattered, is at least as wide as a
 // camera ray. That bounds the footprint on every triangle from below, visible or not, without knowing which rays will hit it.
-#include "build/texture_levels.hpp"
+#include "build/inputs/input_facts.hpp"
 
 #include <algorithm>
 #include <cmath>

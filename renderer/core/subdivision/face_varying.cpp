@@ -1,5 +1,5 @@
-// Construction of face_varying.hpp.
-#include "subdivision/face_varying.hpp"
+// Construction of the topologies of face-varying primvars (cage.hpp).
+#include "subdivision/cage.hpp"
 
 #include <algorithm>
 

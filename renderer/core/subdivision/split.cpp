@@ -1,5 +1,5 @@
-// Splitting of split.hpp.
-#include "subdivision/split.hpp"
+// Splitting of faces (masks.hpp).
+#include "subdivision/masks.hpp"
 
 namespace primray::subdivision {
 namespace {

@@ -1,7 +1,7 @@
 // Topology of one level of a subdivided cage: faces, half-edges and sharpnesses, which the masks traverse. Knows no positions.
 //
 // A corner is also the half-edge that leaves it along its face. Face-varying primvars have another topology over the same
-// corners, in which vertices are values and seams are boundaries (face_varying.hpp), so that one set of masks serves both.
+// corners, in which vertices are values and seams are boundaries (cage.hpp), so that one set of masks serves both.
 #pragma once
 
 #include <cstdint>

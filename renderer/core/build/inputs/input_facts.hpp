@@ -1,10 +1,18 @@
-// Facts about the scene that are derived from surfaces' inputs before rendering: ranges and means of varying inputs, mean
-// values of patterns, and the objects that contain media.
+// Facts about the scene that are derived before rendering: ranges and means of varying inputs, mean values of patterns, the
+// texture levels that rays can need, and the objects that contain media.
 #pragma once
 
 #include "scene/scene.hpp"
 
 namespace primray {
+
+// Texture levels that a render can need: a bound from the camera's distance and the texture's density on the geometry.
+
+// Sets Texture::least_footprint. Called after all shapes, placements and the camera.
+void measure_footprints(Scene& scene);
+
+// Returns the finest level of an image of that size that a ray can need.
+int finest_level(const Texture& texture, int width, int height);
 
 // Detection of the objects with media that paths must follow, and of those that contain the camera.
 

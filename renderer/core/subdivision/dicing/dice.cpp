@@ -7,7 +7,7 @@
 
 #include "subdivision/dicing/flatness.hpp"
 #include "subdivision/dicing/level.hpp"
-#include "subdivision/dicing/moved_normals.hpp"
+#include "subdivision/dicing/mover.hpp"
 #include "subdivision/limit.hpp"
 #include "subdivision/masks.hpp"
 

@@ -16,7 +16,6 @@
 #include "subdivision/dicing/footprint.hpp"
 #include "subdivision/dicing/level.hpp"
 #include "subdivision/dicing/mover.hpp"
-#include "subdivision/face_varying.hpp"
 
 namespace primray::subdivision {
 

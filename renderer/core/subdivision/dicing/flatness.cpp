@@ -152,9 +152,6 @@ int crease_neighbour(const Topology& t, int corner, int v) {
   return -1;
 }
 
-}  // namespace primray::subdivision
-
-namespace primray::subdivision {
 namespace {
 
 constexpr double kNever = 99;

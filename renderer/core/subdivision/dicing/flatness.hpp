@@ -45,10 +45,6 @@ void gather_neighbourhood(const Topology& t, int f, bool linear, Neighbourhood& 
 // The vertex before `v` along the crease whose half-edge or reverse is the face's side `corner`; -1 without one.
 int crease_neighbour(const Topology& t, int corner, int v);
 
-}  // namespace primray::subdivision
-
-namespace primray::subdivision {
-
 // A primvar in the numbering of the level.
 struct LevelValues {
   const Topology* topology;

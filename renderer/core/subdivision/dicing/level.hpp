@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "subdivision/split.hpp"
+#include "subdivision/masks.hpp"
 #include "subdivision/topology.hpp"
 
 namespace primray::subdivision {
@@ -36,10 +36,6 @@ struct Level {
     t.twin = {}, t.edge_corner = {}, t.outgoing = {}, t.edge_sharpness = {}, t.vertex_sharpness = {}, t.is_sharp = {};
   }
 };
-
-}  // namespace primray::subdivision
-
-namespace primray::subdivision {
 
 // Triangulation of the drawn faces of all levels. A face beside finer ones includes the vertices that these have on its edges,
 // so that every edge of the mesh has the same two ends on both sides.

@@ -1,5 +1,5 @@
-// Computation of moved_normals.hpp.
-#include "subdivision/dicing/moved_normals.hpp"
+// Normals of displaced triangles (mover.hpp).
+#include "subdivision/dicing/mover.hpp"
 
 #include <cmath>
 

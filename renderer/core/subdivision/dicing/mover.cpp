@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "subdivision/dicing/moved_normals.hpp"
-
 namespace primray::subdivision {
 namespace {
 
