@@ -29,7 +29,7 @@ from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
 from .nurbs.grid import Fineness
 from .nurbs.patches import dice_patches, triangles_of
 
-# Tokens in the order of the core's enumerations (topology.hpp, face_varying.hpp).
+# Tokens in the order of the core's enumerations (topology.hpp, face_varying.cpp).
 SCHEMES = ("catmullClark", "loop", "bilinear")
 BOUNDARIES = ("none", "edgeOnly", "edgeAndCorner")
 FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all")
