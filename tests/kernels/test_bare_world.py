@@ -31,5 +31,5 @@ def test_both_worlds_are_one(kind: str, times: int, tmp_path) -> None:
 
 def test_what_it_has_not_is_refused() -> None:
     scene = describe([(Sphere("/ball", 1.0, 0), np.eye(4))], [lambert(0.5)]).build()
-    with pytest.raises(core.module().CoreError, match="no curved shapes"):
+    with pytest.raises(core.module().CoreError, match="does not support curved shapes"):
         core.module().testing.BareWorld(scene)
