@@ -1,6 +1,6 @@
 """Forecast of a render in progress, between measurements: its current error and when it will end.
 
-Both are extrapolated from the last measurement at the rate at which errors fell (error_curve.py); intervals widen with the
+Both are extrapolated from the last measurement at the rate at which errors fell (error.py); intervals widen with the
 distance from it. Forecasts are for display only and decide nothing.
 """
 

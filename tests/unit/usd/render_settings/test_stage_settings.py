@@ -176,7 +176,7 @@ def test_a_misspelt_name_is_reported_with_what_is_meant() -> None:
     assert [d.message for d in told] == ["primray:sample is unknown: did you mean primray:samples?"]
     text = settings_text("", "rel orderedVars = </v>") + 'def RenderVar "v"\n{\nbool primray:error = 1\n}\n'
     _, diagnostics = translate(stage_of(text), RenderSettings())
-    assert "primray:error means nothing: did you mean primray:errors?" in [d.message for d in diagnostics]
+    assert "primray:error is unknown: did you mean primray:errors?" in [d.message for d in diagnostics]
 
 
 def test_values_of_a_time_are_those_of_the_frame() -> None:

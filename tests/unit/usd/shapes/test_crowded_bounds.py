@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom, Vt
 
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.camera import automatic
+from primray.usd.camera import framed_objects
 from primray.usd.camera.framed_objects import shape_bounds
 from primray.usd.scene.bounds import Bounds
 
@@ -54,6 +54,6 @@ def test_many_instances_are_bounded_by_their_arrays(monkeypatch: pytest.MonkeyPa
     instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(positions))
     instancer.CreateScalesAttr(Vt.Vec3fArray([(2, 1, 1)] * 1000))
     center, size = bounds(stage, RenderSettings())
-    monkeypatch.setattr(automatic, "MANY", 10)
+    monkeypatch.setattr(framed_objects, "MOST_BOUNDED_INSTANCES", 10)
     for found, expected in zip(bounds(stage, RenderSettings()), (center, size), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12)

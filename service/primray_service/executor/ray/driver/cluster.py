@@ -13,8 +13,8 @@ import ray
 from ray.exceptions import RayError
 
 from ....jobs import Json
-from ..node.fitness import Wanted
 from ..node.tasks import ask_fitness
+from ..node.transfer import Wanted
 
 LOOK_EVERY_S = 1.0
 ANSWER_WITHIN_S = 10.0  # from the head; without an answer no chunk is handed out

@@ -13,19 +13,9 @@ from primray.errors import PrimrayError
 from ....files import DataDirectory
 from ....sandbox import self_test
 from .cache import node_folder
+from .transfer import Wanted
 
 NO_TOKEN = "its Ray accepts commands without a token: start it with RAY_AUTH_MODE=token"
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """Properties that all nodes must share, so that a frame may continue on any of them with the same bits."""
-
-    version: str
-    isa: str
-    build: Mapping[str, str]  # of the core for that ISA class
-    needs_token: bool
-    allow_unsandboxed: bool
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from ....jobs import Json
 from . import chunk_task
-from .fitness import Fitness, Wanted, fitness
+from .fitness import Fitness, fitness
 from .mailbox import Mailbox
-from .transfer import Item, Order
+from .transfer import Item, Order, Wanted
 
 MOST_AHEAD = 16  # items of a task that nobody has taken yet: results must not fill the object store
 MOST_ASKING = 1000  # chunks that wait for commands

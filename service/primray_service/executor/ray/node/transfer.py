@@ -11,7 +11,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from ....jobs import Json
-from .fitness import Wanted
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Properties that all nodes must share, so that a frame may continue on any of them with the same bits."""
+
+    version: str
+    isa: str
+    build: Mapping[str, str]  # of the core for that ISA class
+    needs_token: bool
+    allow_unsandboxed: bool
 
 
 @dataclass(frozen=True)
