@@ -22,7 +22,7 @@ PATCH = 'def GenerativeProcedural "ball" {}\n'
 MOVED = 'def Sphere "ball" { double3 xformOp:translate = %s\n uniform token[] xformOpOrder = ["xformOp:translate"] }\n'
 
 EMPTY = {
-    "behind": (CAMERA + "}\n" + MOVED % "(0, 0, 30)", "lies behind it"),
+    "behind": (CAMERA + "}\n" + MOVED % "(0, 0, 30)", "is behind it"),
     "beside": (CAMERA + "}\n" + MOVED % "(100, 0, 0)", "is outside its view"),
     "near": (CAMERA + NEAR + BALL, "nearer than its near clipping plane, 20"),
     "far": (CAMERA + FAR + BALL, "beyond its far clipping plane, 5"),

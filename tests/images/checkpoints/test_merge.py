@@ -121,8 +121,8 @@ def test_samples_in_two_parts(tmp_path: Path) -> None:
     a, b = *parts_of(tmp_path, 0, 8), *parts_of(tmp_path, 6, 12)
     code, message = code_of(a, b)
     assert code == "checkpoint-merge"
-    assert "samples 6:8 are in 0-8.prc too" in message
-    assert "samples 0:8 are in" in code_of(a, a)[1]
+    assert "samples 6:8 are also in 0-8.prc" in message
+    assert "samples 0:8 are also in" in code_of(a, a)[1]
 
 
 def test_what_is_no_part(tmp_path: Path, cutter: Any) -> None:
@@ -131,7 +131,7 @@ def test_what_is_no_part(tmp_path: Path, cutter: Any) -> None:
     adaptive = save(run(spp=64, adaptive=True), tmp_path / "adaptive.prc")
     assert "its sampling is adaptive" in code_of(adaptive)[1]
     other = save(run(spp=4, seed=5), tmp_path / "other.prc")
-    assert "seed is 5 in it, 0 here" in code_of(a, other)[1]
+    assert "seed is 5 in the checkpoint and 0 here" in code_of(a, other)[1]
     cutter.share = 1.0
     sampling = begin(sample_range=(2, 60))
     sampling.run()
@@ -236,7 +236,7 @@ def test_what_moves_and_what_the_lens_does_are_in_merged_pictures_too(tmp_path: 
         (["-o", "o.png", "--view", "none such"], "none such"),
         (["-o", "o.exr", "missing.prc"], "there is no such checkpoint"),
         (["-o", "o.exr", "o.txt"], "damaged"),
-        (["-o", "o.exr", "part.prc"], "samples 0:2 are in part.prc too"),
+        (["-o", "o.exr", "part.prc"], "samples 0:2 are also in part.prc"),
         ([], "--output"),
     ],
 )

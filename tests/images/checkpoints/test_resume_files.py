@@ -117,7 +117,7 @@ def test_a_moved_stage_is_the_same_and_an_edited_one_is_not(tmp_path: Path) -> N
     with pytest.raises(CheckpointError, match="the scene's geometry has changed") as caught:
         primray.render(edited, small, checkpointing=again)
     assert caught.value.code == "checkpoint-other"
-    with pytest.raises(CheckpointError, match="seed is 0 in it, 1 here"):
+    with pytest.raises(CheckpointError, match="seed is 0 in the checkpoint and 1 here"):
         primray.render(moved, RenderSettings(resolution=(24, 16), spp=8, seed=1), checkpointing=again)
 
 

@@ -341,7 +341,7 @@ def test_inspect_and_render_say_the_same_of_all_products() -> None:
     assert sorted({tuple(row.items()) for row in rows}) == sorted({tuple(row.items()) for row in found})
     said = {row["prim_path"][-1]: row["message"] for row in found if row["code"] == "output-parameter" and row["attribute"]}
     assert set(said) == set("bcde")
-    for name, words in {"b": ".rat is not written", "c": "letters", "d": "cut to 180", "e": "letters"}.items():
+    for name, words in {"b": ".rat is not supported", "c": "letters", "d": "cut to 180", "e": "letters"}.items():
         assert words in said[name]
     (loss,) = (row for row in found if "lossy" in row["message"])
     assert (loss["prim_path"], "matte" in loss["message"]) == ("/Render/b", True)
@@ -366,7 +366,7 @@ def test_inspect_names_products_that_would_be_one_file(capsys: pytest.CaptureFix
         ("RI_Cryptomattes", "Cryptomattes are"),
         ("dpeth", "did you mean depth?"),
         ("normall", "did you mean normal?"),
-        ("xyzzy", "called xyzzy;"),
+        ("xyzzy", "named xyzzy;"),
     ],
 )
 def test_an_output_that_there_is_not_gets_a_hint(source: str, hint: str) -> None:
