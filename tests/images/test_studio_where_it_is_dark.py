@@ -116,7 +116,7 @@ def test_stages_with_lights_or_without_glow_are_not_judged() -> None:
 def test_on_adds_it_beside_the_stages_lights() -> None:
     lit = SUN.replace("intensity = 0", "intensity = 1")
     image = rendered(BODY + lit, studio_light="on")
-    assert "as asked for" in says(image)[0]
+    assert "as requested" in says(image)[0]
     assert body_of(image) == pytest.approx(body_of(rendered(BODY + lit)) + body_of(rendered(BODY)), rel=0.1)
     with pytest.raises(SettingsError, match="default_light is off"):
         RenderSettings(default_light=False, studio_light="on")

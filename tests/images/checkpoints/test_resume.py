@@ -238,13 +238,13 @@ def test_a_time_limit_does_not_decide_before_the_first_anchor(first_error: float
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"seed": 3}, "seed is 0 in it, 3 here"),
-        ({"max_depth": 2}, "max depth is none in it, 2 here"),
-        ({"filter_width": 2.0}, "filter width is 1.0 in it, 2.0 here"),
-        ({"filter": primray.Filter.GAUSSIAN}, "filter is box in it, gaussian here"),
-        ({"resolution": (38, 23)}, "resolution is 37 x 23 in it, 38 x 23 here"),
-        ({"dicing_rate": 1.0}, "dicing rate is 4.0 in it, 1.0 here"),
-        ({"seed": 3, "max_depth": 2}, "seed is 0 in it, 3 here; max depth is none in it, 2 here"),
+        ({"seed": 3}, "seed is 0 in the checkpoint and 3 here"),
+        ({"max_depth": 2}, "max depth is none in the checkpoint and 2 here"),
+        ({"filter_width": 2.0}, "filter width is 1.0 in the checkpoint and 2.0 here"),
+        ({"filter": primray.Filter.GAUSSIAN}, "filter is box in the checkpoint and gaussian here"),
+        ({"resolution": (38, 23)}, "resolution is 37 x 23 in the checkpoint and 38 x 23 here"),
+        ({"dicing_rate": 1.0}, "dicing rate is 4.0 in the checkpoint and 1.0 here"),
+        ({"seed": 3, "max_depth": 2}, "seed is 0 in the checkpoint and 3 here; max depth is none in the checkpoint and 2 here"),
         ({"adaptive": True}, "its sampling is uniform, not adaptive"),
         ({"sample_range": (8, 32)}, "its samples begin at 0, not at 8"),
         ({"sample_range": (0, 8)}, "it has samples up to 16, beyond the end of the range at 8"),
@@ -260,13 +260,13 @@ def test_what_differs_is_named(changes: dict[str, Any], says: str, tmp_path: Pat
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"isa": "v1"}, f"isa is v1 in it, {core.isa()} here"),
-        ({"core": "0"}, "core is 0 in it"),
-        ({"embree": "4.3.3"}, "embree is 4.3.3 in it, 4.4.0 here"),
+        ({"isa": "v1"}, f"isa is v1 in the checkpoint and {core.isa()} here"),
+        ({"core": "0"}, "core is 0 in the checkpoint"),
+        ({"embree": "4.3.3"}, "embree is 4.3.3 in the checkpoint and 4.4.0 here"),
         ({"scene.lights": "0"}, "the scene's lights have changed"),
         ({"scene.camera": "0"}, "the scene's camera has changed"),
         ({"scene.lights": "0", "scene.camera": "0"}, "the scene's lights and camera have changed"),
-        ({"more": 1}, "more is 1 in it, none here"),
+        ({"more": 1}, "more is 1 in the checkpoint and none here"),
     ],
 )
 def test_other_machines_and_scenes_are_named(changes: dict[str, Any], says: str, tmp_path: Path) -> None:
