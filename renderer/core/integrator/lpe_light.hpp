@@ -2,9 +2,9 @@
 #pragma once
 
 #include "integrator/emission.hpp"
+#include "integrator/lpe_states.hpp"
 #include "integrator/outline_rays.hpp"
 #include "integrator/round.hpp"
-#include "integrator/lpe_states.hpp"
 
 namespace primray {
 

@@ -1,5 +1,5 @@
-// Choice among a shape's triangles (emitters.hpp). A tree needs about 150 bytes per leaf, so the triangles of large shapes share leaves:
-// runs of consecutive triangles, which are usually adjacent.
+// Choice among a shape's triangles (emitters.hpp). A tree needs about 150 bytes per leaf, so the triangles of large shapes
+// share leaves: runs of consecutive triangles, which are usually adjacent.
 #include "build/emitters/emitters.hpp"
 
 #include <algorithm>
