@@ -137,7 +137,7 @@ def test_what_is_wrong_is_named(client, scene, body, member):
     ("body", "said"),
     [
         (b"{", "line 1, column 2"),
-        (b'{"priority": 1, "priority": 2}', "'priority' comes twice"),
+        (b'{"priority": 1, "priority": 2}', "'priority' occurs twice"),
         (b'{"ttl_s": NaN}', "NaN"),
         (b'{"ttl_s": 1e999}', "1e999"),
         (b'{"priority": 1%s}' % (b"0" * 5000), "digits"),
