@@ -36,8 +36,8 @@ PROGRAM = (
 # What Python runs first in each process of the node.
 INSTEAD = f"""
 import primray_service.executor.local as local
-from primray_service.executor.local_worker import Walls
-local.LocalExecutor.__init__.__kwdefaults__["walls"] = Walls(None, ("-c", {PROGRAM!r}))
+from primray_service.executor.local_worker import SandboxLayers
+local.LocalExecutor.__init__.__kwdefaults__["walls"] = SandboxLayers(None, ("-c", {PROGRAM!r}))
 """
 
 
