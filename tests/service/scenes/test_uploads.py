@@ -389,7 +389,7 @@ def test_a_tenant_keeps_within_its_stored_bytes(start_server: Any) -> None:
         assert (refused.json()["quota"], refused.json()["limit"], refused.json()["used"]) == ("stored_bytes", 5000, 3000)
         assert (refused.json()["retryable"], "retry-after" in refused.headers) == (False, False), "waiting frees nothing"
         assert refused.json()["detail"].endswith("3,000 are in use. Delete scenes or jobs that are no longer needed.") or (
-            ", and 3,000 are in use; this needs " in refused.json()["detail"]
+            ", and 3,000 are in use; this request needs " in refused.json()["detail"]
         )
         assert not (server.data / "scenes" / hashlib.sha256(body).hexdigest()).exists()
     assert client.get("/v1/usage").json()["stored_bytes"] == {"used": 3000, "limit": 5000}
