@@ -118,7 +118,7 @@ def test_parts_get_shorter() -> None:
 
 
 def test_what_is_always_lost() -> None:
-    with pytest.raises(PrimrayError, match="in a row were lost, the last one since it was unplugged") as raised:
+    with pytest.raises(PrimrayError, match="in a row were lost; the last: it was unplugged") as raised:
         gathered(FakeExecutor(loses=1.0), spp=20)
     assert raised.value.code == "parts-lost"
 

@@ -174,7 +174,7 @@ def test_a_name_that_does_not_exist_is_refused_and_one_that_cannot_be_looked_up_
 
         return resolve
 
-    assert "no host of the name nothere.example" in refusal("https://nothere.example/", resolve=failing(socket.EAI_NONAME))
+    assert "no host named nothere.example" in refusal("https://nothere.example/", resolve=failing(socket.EAI_NONAME))
     check_address("https://example.com/", CLOSED, failing(socket.EAI_AGAIN))
 
 

@@ -49,7 +49,7 @@ def test_secrets_that_are_made_differ_and_are_long_enough() -> None:
 @pytest.mark.parametrize(
     ("secret", "says"),
     [
-        ("MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw", "starts with whsec_"),
+        ("MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw", "must start with whsec_"),
         ("whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSwx", "not base64"),
         ("whsec_" + "A" * 28, "has 21"),
         ("whsec_" + "A" * 88, "has 66"),

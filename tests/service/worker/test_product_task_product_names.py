@@ -33,5 +33,5 @@ def test_names_are_plain_and_differ(files: list[str], time_code: float | None, e
 
 
 def test_a_place_for_the_frame_needs_a_frame() -> None:
-    with pytest.raises(SettingsError, match="frames says which"):
+    with pytest.raises(SettingsError, match="give the frames to render"):
         names_within_job(["shot.####.exr"], None, "")
