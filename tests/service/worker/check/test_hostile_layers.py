@@ -153,7 +153,7 @@ def test_a_layer_that_cannot_be_read_refuses_no_stage_that_goes_on_without_it(tm
     assert of["reference"] == [("error", "composition-error", "/b")]
     assert of["nobody's"] == [("info", "file-ignored", "")]
     assert "sub/bad.usda:3:" in found["sublayer"].warnings[0]["detail"]
-    assert "The layer 'bad.usda' is left out. USD cannot open it: bad.usda:3:" in found["nobody's"].warnings[0]["detail"]
+    assert "The layer 'bad.usda' is omitted. USD cannot open it: bad.usda:3:" in found["nobody's"].warnings[0]["detail"]
     assert (found["asked for"].slug, (found["asked for"].problem or {})["layer"]) == ("layer-unreadable", "bad.usda")
 
 
