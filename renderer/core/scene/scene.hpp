@@ -35,8 +35,6 @@ namespace primray {
 
 // Records that user geometry and filters keep beside their Embree geometry, which holds pointers to these.
 
-struct MotionClock;
-struct MovingInstances;
 struct Scene;
 
 // Data for the filters of a group's cutout triangles.

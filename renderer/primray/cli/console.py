@@ -63,7 +63,6 @@ def print_error(error: Exception, as_json: bool) -> int:
 
 
 def print_json_error(error: Exception) -> int:
-
     known = error if isinstance(error, PrimrayError) else InternalError(str(error))
     code, message, where = known.code, known.message, known.where
     print_line({"type": "error", "code": code, "message": message, "where": where, "exit_code": exit_code_of(error)})

@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ..errors import SettingsError
-from ..images.encoding import Encoding
-from ..messages.diagnostics_text import SequenceNotices
+from ..errors import SettingsError, UnsupportedError
+from ..images.encoding import Encoding, check_bit_depth, check_half
+from ..messages.diagnostics_text import SequenceNotices, print_diagnostics
 from .output_targets import TevOutputs, check_standard, is_standard, is_tev, suffix_of, write_standard
 
 if TYPE_CHECKING:
@@ -108,7 +108,6 @@ def check_reports(files: Sequence[str], make_folders: bool) -> None:
 
 def check_outputs(files: list[str], report: str | None, looks: Looks, settings: RenderSettings | None = None) -> None:
     """Check before rendering that outputs can be written. `settings` are those of the render that follows, if any."""
-    from ..images.encoding import check_bit_depth, check_half
     from ..images.image import check_output_path, shows_view
     from ..images.output_path import make_folder
 
@@ -245,7 +244,6 @@ def write_report(report: Mapping[str, Any], file: str, looks: Looks) -> bool:
 
 
 def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
-    from ..messages.diagnostics_text import print_diagnostics
     from .console import print_line
 
     settings = report["settings"]
@@ -267,7 +265,6 @@ def tell_of_all(looks: Looks) -> None:
 def is_refused(image: Image, settings: RenderSettings, looks: Looks) -> bool:
     """Return whether the settings refuse diagnostics that arose during rendering, and print them; the picture is kept."""
     from ..diagnostics import Diagnostics
-    from ..errors import UnsupportedError
     from ..render.in_parts import diagnostics_of
     from .console import print_error
 

@@ -24,7 +24,7 @@ from ..images.reading import MeasuredImage, read_measured, space_of
 from ..settings import RenderSettings
 from .aov_tests import aovs_in, compare_with_aovs
 from .comparison import DEFAULT_ALPHA, DEFAULT_TILE, DEFAULT_TOLERANCE, Comparison, Verdict, compare
-from .comparison_report import as_json, lines
+from .comparison_report import as_json, lines, save_difference
 
 
 def render_file(stage: Any, settings: RenderSettings, *paths: Path) -> int:
@@ -152,7 +152,6 @@ class ImageCheck:
 
     def _keep(self, result: Comparison, path: Path, kept: Path) -> None:
         from ..images.image import write_text
-        from .comparison_report import save_difference
 
         shutil.copyfile(path, kept / f"reference{path.suffix.lower()}")
         save_difference(result, kept / "difference.png")

@@ -20,7 +20,7 @@ from ..checkpoints.merge import Merged, MergedParts, merged_parts, picture_of_pa
 from ..denoising.denoiser import check_denoiser
 from ..errors import CheckpointError, PrimrayError, RenderCancelled, SettingsError
 from ..report.report import Costs
-from ..sampling.error import ErrorCurve
+from ..sampling.error import DisplayView, ErrorCurve
 from ..sampling.sampling import Progress, Sampling
 from ..sampling.schedule import Schedule, Stop
 from ..settings import Metric, RenderSettings, StopAt
@@ -342,8 +342,6 @@ def check_distributable(asked: RenderSettings) -> None:
     if asked.denoise:
         check_denoiser()
     if asked.metric is Metric.DISPLAY:  # measured in this process
-        from ..sampling.error import DisplayView
-
         DisplayView().check()
 
 

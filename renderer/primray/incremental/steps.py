@@ -141,8 +141,6 @@ class CachedSteps(Steps):
         """Return all textures, read again where this render did not need them so far."""
         if textures or self._loaded is None or not self._loaded.images:
             return textures
-        from ..diagnostics import Diagnostics
-
         return load(self._loaded.given, self._loaded.default_wrap, (), Diagnostics())[1]
 
     def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:

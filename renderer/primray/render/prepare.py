@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from .. import process_memory
-from ..aovs import taxonomy_of
+from ..aovs import aov_bytes, taxonomy_of
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError, UnsupportedError
 from ..process_memory import without_collection
@@ -255,7 +255,6 @@ def check_memory(
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
-    from ..aovs import aov_bytes
     from ..report.summary import summary
 
     width, height = description.frame.size

@@ -183,8 +183,14 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             place, pose = places.blurred(place, pose, mine.blur_scale, path)
         is_instance = state.has_instances and prim.IsInstance()
         resolved: ResolvedPrim | None = None
-        is_expanded = is_instance or type_name in _EXPANDED
-        if kind.taken_as or kind.is_noted or kind.bindings or is_expanded or mine.draw_mode != "default":
+        if (
+            kind.taken_as
+            or kind.is_noted
+            or kind.bindings
+            or is_instance
+            or type_name in _EXPANDED
+            or mine.draw_mode != "default"
+        ):
             resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, place.poses, pose, above.binds, mover=place.mover)
             resolved.own_color = mine.color is not None and mine.color is not above.inherited.color
             drawn_as = draw_mode_of(resolved, ctx) if mine.draw_mode != "default" else ""
