@@ -341,7 +341,7 @@ def test_inspect_and_render_say_the_same_of_all_products() -> None:
     assert sorted({tuple(row.items()) for row in rows}) == sorted({tuple(row.items()) for row in found})
     said = {row["prim_path"][-1]: row["message"] for row in found if row["code"] == "output-parameter" and row["attribute"]}
     assert set(said) == set("bcde")
-    for name, words in {"b": ".rat is not supported", "c": "letters", "d": "cut to 180", "e": "letters"}.items():
+    for name, words in {"b": ".rat is not supported", "c": "characters", "d": "cut to 180", "e": "characters"}.items():
         assert words in said[name]
     (loss,) = (row for row in found if "lossy" in row["message"])
     assert (loss["prim_path"], "matte" in loss["message"]) == ("/Render/b", True)

@@ -171,7 +171,7 @@ def test_frames_have_a_strip(open_page, site):
 
 def test_the_list_filters_and_leads_to_comparing(open_page, site):
     with site.client() as client:
-        scene = upload(client)
+        scene = upload(client, SMALL + "# listed", name="listed small.usda")
         jobs = [submit(client, scene, labels={"shot": "list"}, wait_s=60, seed=seed) for seed in (1, 2)]
     page = open_page("#/jobs").page
     page.get_by_label("Label", exact=True).fill("shot: list")
