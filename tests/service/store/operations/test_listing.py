@@ -6,7 +6,7 @@ import base64
 import itertools
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from primray_service.jobs import JobState
@@ -116,7 +116,7 @@ def test_a_cursor_of_the_other_direction_or_of_nothing(world: World):
             world.store.jobs("t", JobFilter(), 1, cursor, newest_first=False)
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=300)
 @given(st.one_of(st.text(), st.binary().map(lambda b: base64.urlsafe_b64encode(b).decode()), st.from_type(type(None))))
 def test_what_is_no_cursor_is_refused(text: str | None):
     with pytest.raises(ValueError, match="cursor"):
