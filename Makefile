@@ -73,11 +73,12 @@ format: setup  ## format Python and C++
 	$(BIN)/ruff check --fix-only $(PYTHON_SOURCES)
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format -i $(CORE_FORMATTED))
 
-docs: setup  ## bring the generated pages and parts of README.md up to date
+docs: setup  ## bring generated pages, sources and parts of README.md up to date
 	$(BIN)/python -m tests.docs.codes.diagnostics
 	$(BIN)/python -m tests.docs.decisions
 	$(BIN)/python -m tests.docs.flags.foreign
 	$(BIN)/python -m tests.docs.measured.hard_cases
+	$(BIN)/python -m tests.docs.settings
 	$(BIN)/python -m tests.docs.openapi
 	$(BIN)/python -m tests.docs.codes.fidelity
 	$(BIN)/python -m tests.docs.conformance.page

@@ -23,12 +23,11 @@ from ..color.color_space import REC709, ColorSpace, is_gamut
 from ..description import Frame, PixelWindow
 from ..description.picture_file import PLAIN, PictureFile, picture_file_of_json
 from ..errors import CheckpointError
-from ..report.report import settings_as_json
 from ..sampling.adaptive import DOUBLINGS, Plan
 from ..sampling.error import ErrorCurve, ErrorRow, Estimate, FrameError
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
-from ..settings import BIAS, MAX_RESOLUTION, MAX_SPP, SAMPLE_BLOCK, STAGING, Metric, RenderSettings
+from ..settings import BIAS, MAX_RESOLUTION, MAX_SPP, SAMPLE_BLOCK, Counts, Metric, RenderSettings, rows, settings_as_json
 from .aov_data import AovData, LightPaths, aov_data_of_contents, contents_of_aov_data, light_paths_of_json
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 
@@ -37,30 +36,8 @@ SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits returns; other val
 BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and the bin of the largest float
 
 # Settings that decide about pixels after translation, and those that decide what is translated.
-OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate", "rendering_color_space")
-OF_SCENE = (
-    "camera",
-    "eye",
-    "auto_camera",
-    "render_settings",
-    "render_pass",
-    "product",
-    "time_code",
-    "default_light",
-    *STAGING,
-    "default_wrap",
-    "render_context",
-    "translated_shaders",
-    "motion_blur",
-    "shutter",
-    "motion_error",
-    "purposes",
-    "lens_flaws",
-    "variants",
-    "load",
-    "mask",
-    "session_layer",
-)
+OF_PIXELS = (Counts.PIXELS, Counts.BIAS)
+OF_SCENE = (Counts.SCENE, Counts.STAGING)
 
 BESIDE = "beside."  # prefix of the names of arrays kept for AOVs and the denoiser
 PLAN_ARRAYS = ("begin", "order", "levels", "spent")
@@ -124,8 +101,7 @@ def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, An
         "isa": core.isa(),
         "core": core.build_digest(),
         **core.versions(),
-        **{name: values[name] for name in OF_PIXELS},
-        **{name: values[name] for name in BIAS if name in values},
+        **{row.name: values[row.name] for row in rows(type(settings)) if row.counts in OF_PIXELS and row.name in values},
         **{f"scene.{name}": digest for name, digest in scene.items()},
     }
 
@@ -384,7 +360,8 @@ def compare(held: CheckpointInfo, wanted: CheckpointInfo, path: Path) -> None:
     """Raise CheckpointError, naming differences, unless both are of the same picture and the same compiled core."""
     if held.identity == wanted.identity:
         return
-    hints = [name for name in OF_SCENE if held.settings.get(name) != wanted.settings.get(name)]
+    of_scene = [row.name for row in rows(RenderSettings) if row.counts in OF_SCENE]
+    hints = [name for name in of_scene if held.settings.get(name) != wanted.settings.get(name)]
     _compare(held.identity, wanted.identity, path, hints)
 
 

@@ -96,8 +96,8 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
     """Return the sampling of a scene, resumed from a checkpoint if one is given, and the data of its checkpoints."""
     from ..denoising.target import denoised_target
     from ..description.picture_file import PLAIN
-    from ..report.report import settings_as_json
     from ..sampling.sampling import Sampling
+    from ..settings import settings_as_json
     from . import checkpoint
     from .aov_data import light_paths_of_routes
 

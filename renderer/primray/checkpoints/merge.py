@@ -19,10 +19,10 @@ from ..errors import CheckpointError
 from ..images.aov import Aov
 from ..images.image import Image, pixels_sha256
 from ..images.light_path_aovs import light_paths_of
-from ..report.report import Costs, header_of, make_report, settings_as_json, subject_of, usable_threads
+from ..report.report import Costs, header_of, make_report, subject_of, usable_threads
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
-from ..settings import RenderSettings, settings_of_json
+from ..settings import RenderSettings, settings_as_json, settings_of_json
 from .aov_data import AovData, aovs_of_data, merged_aov_data
 from .checkpoint import Checkpoint, Range, check, compare, contents, gaps, load
 from .checkpoint_file import write_checkpoint

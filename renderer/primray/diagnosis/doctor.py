@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from ..errors import SettingsError
 from ..render.render import with_setting_names
-from ..settings import RenderSettings, SettingsValues, with_values
+from ..settings import RenderSettings, with_values
 
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostic
+    from ..settings.written import SettingsValues
     from .examination import Finding
     from .machine import MachineCheck
 

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 from ..render.render import with_setting_names
-from ..settings import Metric, RenderSettings, SettingsValues, with_values
+from ..settings import Metric, RenderSettings, with_values
 from .doctor import PILOT_S, SMALLEST_TARGET, check_pilot
 
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostic
     from ..sampling.error import Estimate
     from ..sampling.prediction import Prediction
+    from ..settings.written import SettingsValues
 
 
 @dataclass(frozen=True)

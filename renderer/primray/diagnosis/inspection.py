@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from ..diagnostics import Diagnostics
 from ..render.render import with_setting_names
-from ..settings import RenderSettings, SettingsValues, with_values
+from ..settings import RenderSettings, with_values
 
 if TYPE_CHECKING:
     from ..description import SceneDescription
+    from ..settings.written import SettingsValues
 
 
 @with_setting_names

@@ -21,8 +21,8 @@ from ..checkpoints.checkpointing import Checkpointing
 from ..diagnostics import Diagnostics
 from ..errors import LimitError, PrimrayError, SceneError, SettingsError
 from ..render.prepare import open_once, prepare
-from ..report.report import Costs, settings_as_json, usable_threads
-from ..settings import RenderSettings, settings_of_json
+from ..report.report import Costs, usable_threads
+from ..settings import RenderSettings, settings_as_json, settings_of_json
 from .executor import PartLost
 
 PROGRAM = "primray.distributed.local_processes"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 from ..errors import SettingsError
 from ..render.prepare import composing_settings, prepare
 from ..render.render import OnInterrupt, OpenedFrames, with_setting_names
-from ..settings import RenderSettings, SettingsValues, with_values
+from ..settings import RenderSettings, with_values
 from .steps import CachedSteps, MemoryLimitedSteps
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..report.report import Costs
     from ..sampling.sampling import Progress
     from ..settings import RenderSettings
+    from ..settings.written import SettingsValues
 
 
 COMPOSING = ("variants", "load", "mask", "session_layer")

@@ -20,7 +20,7 @@ from ..diagnostics import Diagnostic, Diagnostics
 from ..process_memory import machine_bytes, resident_bytes
 from ..render.prepare import Steps, Textures, image_sizes, read_textures
 from ..report.summary import ImageSize
-from ..settings import DefaultWrap, Filter, RenderSettings
+from ..settings import DefaultWrap, Filter, RenderSettings, rows
 from ..textures.texture_set import with_read_textures
 
 if TYPE_CHECKING:
@@ -44,23 +44,7 @@ DISPLACED = frozenset({"surfaces", "time_code"})  # also where materials displac
 
 def without_sampling_settings(settings: RenderSettings) -> RenderSettings:
     """Return the settings without those that only sampling depends on."""
-    return replace(
-        settings,
-        spp=None,
-        target_error=None,
-        error_metric=None,
-        time_limit_s=None,
-        adaptive=None,
-        sample_range=None,
-        max_depth=None,
-        clamp_indirect=None,
-        caustics=True,
-        threads=None,
-        seed=0,
-        ground=None,
-        background=None,
-        orbit_deg=0.0,
-    )
+    return replace(settings, **{row.name: row.default for row in rows(type(settings)) if row.is_of_sampling})
 
 
 @dataclass

@@ -15,7 +15,7 @@ from ..description.picture_file import PLAIN, Contents, PictureView
 from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import SettingsError
 from ..images.product_name import changes_of, product_path
-from ..settings import RenderSettings, SettingsValues, with_values
+from ..settings import RenderSettings, with_values
 from .frames import frame_name, with_number
 from .prepare import OpenedStage, open_once, with_usable_view
 from .render import rendered_frames, with_setting_names
@@ -23,6 +23,7 @@ from .render import rendered_frames, with_setting_names
 if TYPE_CHECKING:
     from ..images.image import Image
     from ..sampling.sampling import Progress
+    from ..settings.written import SettingsValues
     from ..usd import ProductSettings
 
 STDERR = "stderr"

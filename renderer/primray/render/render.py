@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, Unpack
 
 from ..errors import RenderCancelled, SettingsError
 from ..report.prepared import Prepared
-from ..settings import RenderSettings, SettingsValues, with_values
+from ..settings import RenderSettings, with_values
 from .interruption import Interruption, interruption
 from .prepare import OpenedStage, composing_settings, open_once, prepare
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ..images.image import Image
     from ..report.report import Costs
     from ..sampling.sampling import Progress, Sampling
+    from ..settings.written import SettingsValues
     from .prepare import Steps
     from .snapshots import Snapshots
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Unpack
 
-from ..settings import Eye, RenderSettings, SettingsValues, with_values
+from ..settings import Eye, RenderSettings, with_values
 from .render import rendered_frames, with_setting_names
 
 if TYPE_CHECKING:
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ..images.image import Image
     from ..images.stereo import StereoImage
     from ..sampling.sampling import Progress
+    from ..settings.written import SettingsValues
 
 
 @with_setting_names

@@ -8,12 +8,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
-from enum import Enum
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from ..installed_packages import version_of
-from ..settings import BIAS, DEFAULT_FILTER_WIDTH, SELDOM, STAGING, Metric, RenderSettings
+from ..settings import BIAS, DEFAULT_FILTER_WIDTH, Metric, RenderSettings, settings_as_json
 from ..version import __version__
 
 if TYPE_CHECKING:
@@ -91,43 +90,6 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
         filter_width=width if width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter],
         threads=settings.threads or usable_threads(),
     )
-
-
-def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
-    values = asdict(settings)
-    values["camera"] = _camera_as_json(settings)
-    values["auto_camera"] = settings.auto_camera.value
-    values["filter"] = settings.filter.value if settings.filter is not None else None
-    values["stop_at"] = settings.stop_at.value
-    values["error_metric"] = settings.error_metric.value if settings.error_metric is not None else None
-    values["default_wrap"] = settings.default_wrap.value
-    values["render_context"] = settings.render_context.value
-    if settings.translated_shaders:  # the default is omitted, as in reports older than the setting
-        del values["translated_shaders"]
-    values["eye"] = settings.eye.value if settings.eye is not None else None
-    values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
-    values = {name: value for name, value in values.items() if name not in STAGING or value != STAGING[name]}
-    values = {name: value for name, value in values.items() if name not in BIAS or value != BIAS[name]}
-    values |= {name: value.value for name, value in values.items() if name in STAGING and isinstance(value, Enum)}
-    values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
-    values["shutter"] = list(settings.shutter) if settings.shutter else None
-    values["resolution"] = list(settings.resolution) if settings.resolution else None
-    if settings.region is not None:
-        values["region"] = list(settings.region)
-    for name in ("purposes", "aovs", "lens_flaws", "variants", "load", "mask"):
-        values[name] = None if values[name] is None else list(values[name])
-    return values
-
-
-def _camera_as_json(settings: RenderSettings) -> Any:
-    camera = settings.camera
-    if camera is None or isinstance(camera, str):
-        return camera
-    if isinstance(camera, tuple):
-        return [list(row) for row in camera]
-    from ..camera import camera_as_json
-
-    return camera_as_json(camera)
 
 
 def package_versions() -> dict[str, str]:

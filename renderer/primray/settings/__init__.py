@@ -24,8 +24,8 @@ from .choices import (
     check_stops,
     limit_pixels,
 )
-from .readers import BIAS, DIFFUSION, SELDOM, STAGING, SettingsValues
-from .render_settings import PURPOSES, RenderSettings, settings_of_json, with_values
+from .render_settings import BIAS, DIFFUSION, PURPOSES, STAGING, RenderSettings, settings_of_json, with_values
+from .setting import Counts, rows, settings_as_json
 
 __all__ = [
     "BIAS",
@@ -42,9 +42,9 @@ __all__ = [
     "PURPOSES",
     "QUICK_LOOK",
     "SAMPLE_BLOCK",
-    "SELDOM",
     "STAGING",
     "AutoCamera",
+    "Counts",
     "DefaultWrap",
     "Eye",
     "Filter",
@@ -52,11 +52,12 @@ __all__ = [
     "Metric",
     "RenderContext",
     "RenderSettings",
-    "SettingsValues",
     "StopAt",
     "StudioLight",
     "check_stops",
     "limit_pixels",
+    "rows",
+    "settings_as_json",
     "settings_of_json",
     "with_values",
 ]

@@ -9,15 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from enum import Enum
-from typing import TYPE_CHECKING, Any, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from ..aovs import check_names, light_paths_of, requests_of
-from ..camera_choice import Matrix
 from ..composition import Composition
 from ..diagnostics import Refusal, check_codes
 from ..errors import SettingsError, did_you_mean
 from ..lens.diffusion import fault_of
+from .camera_choice import Matrix, camera_choice, read_lens_flaws
 from .choices import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
@@ -40,14 +39,104 @@ from .choices import (
     limit_pixels,
     require,
 )
-from .readers import DIFFUSION, READERS, SettingsValues
+from .setting import (
+    OPENING,
+    PICTURES,
+    RENDERING,
+    Counts,
+    Flag,
+    Member,
+    OnOff,
+    choice,
+    file,
+    four_numbers,
+    is_natural,
+    is_positive,
+    must,
+    not_empty,
+    number,
+    pair,
+    rows,
+    setting,
+    text,
+    texts,
+    two_numbers,
+    whole,
+    yes_or_no,
+)
 
 if TYPE_CHECKING:
     from ..camera import Camera
+    from .written import SettingsValues
 
 
 SHADOW_SHARE = 0.3  # share of a time limit for the shadow on a ground
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
+# Settings of the lens's diffusion, with the fields of Diffusion that they set.
+DIFFUSION = {
+    "diffusion": "strength",
+    "diffusion_glare": "glare",
+    "diffusion_bloom_width": "bloom_width",
+    "diffusion_starburst": "starburst",
+    "diffusion_starburst_width": "starburst_width",
+}
+
+
+def _check_resolution(name: str, size: tuple[int, int]) -> None:
+    width, height = size
+    sentence = f"the resolution must be whole pixels above 0 (a single 0 follows from the aspect ratio), not {width} x {height}"
+    require(min(size) >= 0 and max(size) > 0, sentence, name)
+    limit_pixels(width, height, name)
+
+
+def _is_scale(scale: float) -> bool:
+    return 0 < scale <= MAX_RESOLUTION
+
+
+def _check_samples(name: str, spp: int) -> None:
+    require(spp >= 1, f"samples per pixel must be a whole number from 1, not {spp}", name)
+    limit(spp <= MAX_SPP, f"{spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds", name)
+
+
+def _check_threads(name: str, threads: int) -> None:
+    require(threads >= 1, f"the threads must be 1 or more, not {threads}", name)
+    limit(threads <= MAX_THREADS, f"{threads} threads are more than the {MAX_THREADS} allowed", name)
+
+
+def _is_seed(seed: int) -> bool:
+    return 0 <= seed < 2**32
+
+
+def _check_purposes(name: str, purposes: tuple[str, ...]) -> None:
+    unknown = sorted(set(purposes) - set(PURPOSES))
+    require(not unknown, f"unknown purpose {', '.join(unknown)}; the purposes are {', '.join(PURPOSES)}", name)
+    require(purposes != (), "at least one purpose must be rendered", name)
+
+
+def _check_aovs(name: str, aovs: tuple[str, ...]) -> None:
+    check_names(aovs)
+    if expressions := light_paths_of(requests_of(aovs)):
+        from ..lpe.automaton import check_expressions
+
+        check_expressions(expressions)
+
+
+def _check_codes(name: str, codes: tuple[str, ...]) -> None:
+    check_codes(codes, name)
+
+
+def _are_finite(times: tuple[float, float]) -> bool:
+    return all(map(math.isfinite, times))
+
+
+def _check_diffusion(name: str, value: float) -> None:
+    fault = fault_of(DIFFUSION[name], value)
+    require(not fault, fault, name)
+
+
+def _is_region(region: tuple[float, float, float, float]) -> bool:
+    left, bottom, right, top = region
+    return 0 <= left < right <= 1 and 0 <= bottom < top <= 1
 
 
 @dataclass(frozen=True)
@@ -72,80 +161,695 @@ class RenderSettings:
     """
 
     # Prim path, or the name of a camera if only one has it; a Camera; or a matrix. None: the stage's, else one that frames all.
-    camera: str | Camera | Matrix | None = None
+    camera: str | Camera | Matrix | None = setting(
+        None,
+        camera_choice,
+        counts=Counts.SCENE,
+        flag=Flag(("--camera", "-c", "-cam"), "Path or name of the camera prim.", metavar="CAMERA", shown=False),
+        member=Member("A camera's prim path, or its name if unique.", chars=1024),
+    )
     # The camera of a stage that has none. usdrecord: its first camera or framing, whatever viewport the layer stores.
-    auto_camera: AutoCamera = AutoCamera.THREE_QUARTER
-    render_settings: str | None = None  # prim path; None: the prim that the stage's metadata name, else its only RenderSettings
-    render_pass: str | None = None  # path of a RenderPass, which edits the scene and names the render settings
-    product: str | None = None  # path or name of one of the render settings' products; None: the first
-    joint_products: tuple[str, ...] | None = None  # paths of further products whose outputs the same render makes
-    resolution: tuple[int, int] | None = None  # width, height; a 0 is computed from the camera's aspect ratio
-    resolution_scale: float = 1.0  # factor on the resolution, whoever chose it
-    time_code: float | None = None  # None: the stage's default time
+    auto_camera: AutoCamera = setting(
+        AutoCamera.THREE_QUARTER,
+        choice(AutoCamera),
+        counts=Counts.SCENE,
+        flag=Flag(("--auto-camera",), "View of a stage without cameras: three-quarter from above, or usdrecord's."),
+        member=Member("Camera for stages without one: a three-quarter view from above, or usdrecord's."),
+    )
+    # Prim path; None: the prim that the stage's metadata name, else its only RenderSettings.
+    render_settings: str | None = setting(
+        None,
+        text,
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--render-settings", "--renderSettingsPrimPath", "-rs", "--settings", "-s"),
+            "Path of the RenderSettings to use, or its name in /Render.",
+            metavar="PRIM",
+            shown="the stage's",
+        ),
+        member=Member("Path of a RenderSettings prim; null: the one that the stage names.", chars=1024),
+    )
+    # Path of a RenderPass, which edits the scene and names the render settings.
+    render_pass: str | None = setting(
+        None,
+        text,
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--render-pass", "--renderPassPrimPath", "-rp"),
+            "Path of the RenderPass to render, or its name in /Render.",
+            metavar="PRIM",
+            shown="none",
+        ),
+        member=Member("Path of the RenderPass prim to render; null: none.", chars=1024),
+    )
+    # Path or name of one of the render settings' products; None: the first.
+    product: str | None = setting(None, text, counts=Counts.SCENE, member=Member(name="products", is_derived=False))
+    # Paths of further products whose outputs the same render makes.
+    joint_products: tuple[str, ...] | None = setting(None, texts, seldom=True)
+    # Width, height; a 0 is computed from the camera's aspect ratio.
+    resolution: tuple[int, int] | None = setting(
+        None,
+        pair,
+        check=_check_resolution,
+        counts=Counts.PIXELS,
+        flag=Flag(
+            ("--res", "-r", "--resolution"),
+            "Resolution in pixels, also as WxH; a 0 is computed from the camera's aspect ratio.",
+            metavar="W H",
+            shown=False,
+        ),
+        member=Member("Width and height in pixels; one may be 0: by the camera's aspect."),
+    )
+    # Factor on the resolution, whoever chose it.
+    resolution_scale: float = setting(
+        1.0,
+        number,
+        check=must(_is_scale, "the resolution's scale must be above 0"),
+        flag=Flag(
+            ("--res-scale", "-S"),
+            "Scale of the resolution, whichever setting it comes from.",
+            form=float,
+            metavar="PERCENT",
+            shown="100",
+            commands=OPENING - {"submit"},
+        ),
+    )
+    # None: the stage's default time.
+    time_code: float | None = setting(
+        None, number, check=must(math.isfinite, "the time code must be a number"), counts=Counts.SCENE
+    )
     # Most samples per pixel; None: the stage's number, else 64, or no limit if there is a target error or a time limit.
-    spp: int | None = None
+    spp: int | None = setting(
+        None,
+        whole,
+        check=_check_samples,
+        sampling=True,
+        flag=Flag(
+            ("--spp", "--pixel-samples", "-p", "--max-samples"),
+            "Samples per pixel; with a target error or time limit, the maximum on average.",
+            metavar="N",
+            shown="the stage's, else 64, or no cap",
+            commands=RENDERING,
+        ),
+        member=Member("Most samples per pixel.", "stop.max_samples", bounds={"ge": 1}),
+    )
     # Stop when the estimated error is at most target_error, or after time_limit_s of sampling, whichever comes first.
-    target_error: float | None = None
-    error_metric: Metric | None = None  # None: the stage's, else relmse
-    time_limit_s: float | None = None
-    denoise: bool | None = None  # add a denoised picture, with its error; None: as the stage requests, else no
-    stop_at: StopAt = StopAt.PICTURE  # the picture whose error meets the target; DENOISED implies denoising
-    adaptive: bool | None = None  # more samples where the error is large; None: if there is a target error
-    sample_range: tuple[int, int] | None = None  # render only these samples of each pixel, to be merged with others
-    max_depth: int | None = None  # most scatterings at surfaces; 1: direct light only; None: no limit
+    target_error: float | None = setting(
+        None,
+        number,
+        check=must(is_positive, "the target error must be above 0"),
+        sampling=True,
+        flag=Flag(
+            ("--target-error",), "Stop when the estimated error is at most E.", metavar="E", shown=False, commands=PICTURES
+        ),
+        member=Member("Stop when the estimated error is at most this.", "stop.target_error", bounds={"gt": 0}),
+    )
+    # None: the stage's, else relmse.
+    error_metric: Metric | None = setting(
+        None,
+        choice(Metric),
+        sampling=True,
+        flag=Flag(
+            ("--error-metric", "--metric"),
+            "relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse of the displayed picture, in 8-bit steps.",
+            shown="the stage's, else relmse",
+            commands=RENDERING,
+        ),
+        member=Member("Metric; null: the stage's, else relmse.", "stop.metric"),
+    )
+    time_limit_s: float | None = setting(
+        None,
+        number,
+        check=must(is_positive, "the time limit must be above 0 seconds"),
+        sampling=True,
+        flag=Flag(
+            ("--time-limit", "--max-seconds"),
+            "Stop each frame after this many seconds of sampling (not counting set-up).",
+            metavar="S",
+            shown=False,
+            commands=PICTURES,
+        ),
+        member=Member("Most seconds of sampling per frame.", "stop.max_seconds", bounds={"gt": 0}),
+    )
+    # Add a denoised picture, with its error; None: as the stage requests, else no.
+    denoise: bool | None = setting(
+        None,
+        yes_or_no,
+        flag=Flag(
+            ("--denoise/--no-denoise",),
+            "Add a denoised picture with its error; PNG and JPEG show it (needs primray[denoise]).",
+            shown="the stage's, else not",
+            commands=PICTURES,
+        ),
+        member=Member("Add a denoised picture with its error, which previews of finished jobs show; null: the stage's choice."),
+    )
+    # The picture whose error meets the target; DENOISED implies denoising.
+    stop_at: StopAt = setting(
+        StopAt.PICTURE,
+        choice(StopAt),
+        flag=Flag(
+            ("--stop-at",),
+            "Picture that --target-error applies to; denoised implies --denoise and needs relmse or rmse.",
+            commands=PICTURES,
+        ),
+        member=Member("The picture that stop.target_error applies to; a denoised one's metric is relmse or rmse."),
+    )
+    # More samples where the error is large; None: if there is a target error.
+    adaptive: bool | None = setting(
+        None,
+        yes_or_no,
+        sampling=True,
+        flag=Flag(
+            ("--adaptive/--no-adaptive",),
+            "Take more samples where the error is large.",
+            shown="with --target-error",
+            commands=RENDERING,
+        ),
+        member=Member(),
+    )
+    # Render only these samples of each pixel, to be merged with others.
+    sample_range: tuple[int, int] | None = setting(
+        None,
+        pair,
+        sampling=True,
+        flag=Flag(
+            ("--sample-range",),
+            "Render only samples A to B of each pixel, for `primray merge`; multiples of 2.",
+            form=str,
+            metavar="A:B",
+            shown=False,
+            commands=frozenset({"render"}),
+        ),
+    )
+    # Most scatterings at surfaces; 1: direct light only; None: no limit.
+    max_depth: int | None = setting(
+        None,
+        whole,
+        check=must(is_natural, "the depth must be 1 (direct light only) or more"),
+        counts=Counts.PIXELS,
+        sampling=True,
+        flag=Flag(
+            ("--max-depth",),
+            "Maximum number of surface scattering events; 1: direct light only.",
+            metavar="N",
+            shown="the stage's, else no limit",
+            commands=OPENING - {"inspect"},
+        ),
+        member=Member(
+            "Most scattering events; 1: direct light only; null: the stage's, else no limit.", bounds={"ge": 1, "le": 2**20}
+        ),
+    )
     # Clamp (biased): each sample's light after two or more scatterings is scaled so that its largest channel is at most this,
     # in the picture's values.
-    clamp_indirect: float | None = None
-    caustics: bool = True  # False (biased): light that reaches a diffuse surface by specular paths is left out
-    filter: Filter | None = None  # None: the stage's, else box
-    filter_width: float | None = None
-    threads: int | None = None  # None: all cores available to the process
-    seed: int = 0
-    default_light: bool = True  # False: the same as studio_light off
+    clamp_indirect: float | None = setting(
+        None,
+        number,
+        check=must(is_positive, "the clamp of indirect light must be above 0"),
+        counts=Counts.BIAS,
+        sampling=True,
+        flag=Flag(
+            ("--clamp-indirect",),
+            "Clamp indirect light (two or more scattering events) of each sample to V; the report states the bias.",
+            metavar="V",
+            shown="no clamp",
+            commands=RENDERING,
+        ),
+        member=Member(
+            "Largest contribution of a sample after two or more scattering events; biased; null: no clamp.",
+            bounds={"gt": 0, "le": 1e30},
+        ),
+    )
+    # False (biased): light that reaches a diffuse surface by specular paths is left out.
+    caustics: bool = setting(
+        True,
+        yes_or_no,
+        counts=Counts.BIAS,
+        sampling=True,
+        flag=Flag(
+            ("--caustics",),
+            "off: leave out light that reaches diffuse surfaces via specular ones; the report states the bias.",
+            form=OnOff,
+            commands=RENDERING,
+        ),
+        member=Member("false: omit caustics (light over specular surfaces to diffuse ones); biased."),
+    )
+    # None: the stage's, else box.
+    filter: Filter | None = setting(
+        None,
+        choice(Filter),
+        counts=Counts.PIXELS,
+        flag=Flag(("--filter",), "Pixel filter.", shown="the stage's, else box", commands=RENDERING),
+        member=Member("null: the stage's, else box."),
+    )
+    filter_width: float | None = setting(
+        None,
+        number,
+        check=must(is_positive, "the filter's width must be a number of pixels above 0"),
+        counts=Counts.PIXELS,
+        flag=Flag(
+            ("--filter-width",), "Full width of the filter in pixels.", metavar="W", shown="box 1, else 3", commands=RENDERING
+        ),
+        member=Member(bounds={"gt": 0, "le": 64}),
+    )
+    # None: all cores available to the process.
+    threads: int | None = setting(
+        None,
+        whole,
+        check=_check_threads,
+        sampling=True,
+        flag=Flag(
+            ("--threads", "-j"),
+            "Number of threads; -1: all cores but one.",
+            metavar="N",
+            shown="all cores",
+            commands=OPENING - {"inspect", "submit"},
+        ),
+    )
+    seed: int = setting(
+        0,
+        whole,
+        check=must(_is_seed, "the seed must be from 0 to 2^32 - 1"),
+        counts=Counts.PIXELS,
+        sampling=True,
+        flag=Flag(("--seed", "--lock-random"), "Seed of the random numbers.", metavar="N", commands=RENDERING),
+        member=Member(bounds={"ge": 0, "lt": 2**32}),
+    )
+    # False: the same as studio_light off.
+    default_light: bool = setting(
+        True,
+        yes_or_no,
+        counts=Counts.SCENE,
+        flag=Flag(("--no-default-light", "--disableCameraLight"), "Leave a stage without lights dark."),
+        member=Member(),
+    )
     # A light that the camera does not see. auto: if nothing in the stage lights most of what is visible; on: with its lights.
-    studio_light: StudioLight = StudioLight.AUTO
+    studio_light: StudioLight = setting(
+        StudioLight.AUTO,
+        choice(StudioLight),
+        counts=Counts.STAGING,
+        flag=Flag(
+            ("--studio-light",),
+            "Add a studio light. auto: if the stage has no light at all, and emissive surfaces light less than 35 % of the "
+            "visible surfaces; on: in addition to the stage's lights.",
+        ),
+        member=Member(
+            "auto: if the stage has no light at all, and emissive surfaces light less than 35 % of the picture; on: in "
+            "addition to its lights."
+        ),
+    )
     # A lat-long image that lights the stage in place of its own domes. The next two apply to that dome, or to the stage's if
     # there is none: its rotation about the up axis in degrees, and whether the camera sees it.
-    dome: str | None = None
-    dome_rotation: float = 0.0
-    dome_visible: bool = True  # to the camera
-    ground: Ground | None = None  # below the scene
-    background: str | None = None  # transparent, a colour (#rrggbb or r,g,b as displayed), or an image file
-    orbit_deg: float = 0.0  # rotation of the camera around the scene's centre, about the up axis
-    default_wrap: DefaultWrap = DefaultWrap.BLACK
-    render_context: RenderContext = RenderContext.MTLX  # the preferred output of materials
-    translated_shaders: bool = True  # False: materials that carry only other renderers' shaders show displayColor
-    rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
-    purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
-    aovs: tuple[str, ...] | None = None  # names or sources (aov_names.AOVS); None: those of the stage's product
-    aov_errors: bool = False  # add standard errors of AOVs that are means of samples
+    dome: str | None = setting(
+        None,
+        file,
+        check=not_empty,
+        counts=Counts.STAGING,
+        flag=Flag(("--dome",), "Lat-long image for a dome light that replaces the stage's.", metavar="FILE", shown=False),
+        member=Member("A lat-long image in the package that lights the stage instead of its own domes.", chars=1024),
+    )
+    dome_rotation: float = setting(
+        0.0,
+        number,
+        check=must(math.isfinite, "dome_rotation must be a number of degrees"),
+        counts=Counts.STAGING,
+        flag=Flag(
+            ("--dome-rotation",),
+            "Rotate --dome, else the stage's domes, about the up axis, counterclockwise seen from above.",
+            metavar="DEGREES",
+        ),
+        member=Member(
+            "Rotation in degrees about the up axis of the dome, or of the stage's own domes if none is given.",
+            bounds={"ge": -36000, "le": 36000},
+        ),
+    )
+    dome_visible: bool = setting(
+        True,
+        yes_or_no,
+        counts=Counts.STAGING,
+        flag=Flag(("--dome-visible",), "Whether the camera sees --dome; off also hides the stage's own domes.", form=OnOff),
+        member=Member("Visible to the camera; false hides the stage's domes if no dome is given."),
+    )
+    ground: Ground | None = setting(
+        None,
+        choice(Ground),
+        counts=Counts.STAGING,
+        sampling=True,
+        flag=Flag(("--ground",), "Ground below the scene: a shadow catcher, or a grey plane.", shown=False),
+        member=Member("Ground below the scene: a shadow catcher, or a grey plane; null: none."),
+    )
+    # "transparent", a colour (#rrggbb or r,g,b as displayed), or an image file.
+    background: str | None = setting(
+        None,
+        file,
+        check=not_empty,
+        counts=Counts.STAGING,
+        sampling=True,
+        flag=Flag(
+            ("--background",),
+            "Background: a colour as displayed (#rrggbb, or r,g,b in 0 to 1), transparent, or a picture.",
+            metavar="COLOR|transparent|FILE",
+            shown=False,
+            commands=PICTURES,
+        ),
+        member=Member("Background: #rrggbb, r,g,b as displayed, transparent, or an image in the package.", chars=1024),
+    )
+    # Rotation of the camera around the scene's centre, about the up axis.
+    orbit_deg: float = setting(
+        0.0, number, check=must(math.isfinite, "orbit_deg must be a number of degrees"), counts=Counts.STAGING, sampling=True
+    )
+    default_wrap: DefaultWrap = setting(
+        DefaultWrap.BLACK,
+        choice(DefaultWrap),
+        counts=Counts.SCENE,
+        flag=Flag(("--default-wrap",), "Wrap mode of textures for which neither stage nor file specifies one."),
+        member=Member("Wrap mode of textures for which neither the stage nor the file names one."),
+    )
+    # The preferred output of materials.
+    render_context: RenderContext = setting(
+        RenderContext.MTLX,
+        choice(RenderContext),
+        counts=Counts.SCENE,
+        flag=Flag(("--render-context",), "Surface output to use of a material that has both."),
+        member=Member("The surface output to use for a material that has both."),
+    )
+    # False: materials that carry only other renderers' shaders show displayColor.
+    translated_shaders: bool = setting(
+        True,
+        yes_or_no,
+        counts=Counts.SCENE,
+        seldom=True,
+        flag=Flag(
+            ("--no-translated-shaders",),
+            "Show displayColor for materials that only have shaders of Arnold, RenderMan or Houdini.",
+        ),
+        member=Member("false: materials that have only other renderers' shaders show displayColor."),
+    )
+    # A linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709.
+    rendering_color_space: str | None = setting(
+        None,
+        text,
+        counts=Counts.PIXELS,
+        flag=Flag(
+            ("--rendering-color-space",),
+            "Linear RGB space for rendering, such as lin_ap1_scene.",
+            metavar="NAME",
+            shown="the stage's, else lin_rec709_scene",
+            commands=OPENING - {"submit", "view"},
+        ),
+    )
+    # None: RenderSettings' includedPurposes, else default and render.
+    purposes: tuple[str, ...] | None = setting(
+        None,
+        texts,
+        check=_check_purposes,
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--purposes", "--purpose"),
+            "Purposes to render besides default, such as render,proxy.",
+            form=str,
+            metavar="LIST",
+            shown="the stage's",
+        ),
+        member=Member(items=(1, 4), choices=PURPOSES),
+    )
+    # Names or sources (aov_names.AOVS); None: those of the stage's product.
+    aovs: tuple[str, ...] | None = setting(
+        None,
+        texts,
+        check=_check_aovs,
+        flag=Flag(
+            ("--aov", "--aovs"),
+            "AOVs to write as parts of an EXR: names separated by commas, all, or none; may be repeated.",
+            metavar="NAME",
+            shown="the stage's",
+            commands=PICTURES,
+        ),
+        member=Member("AOVs, as parts of the EXR beside the picture; null: the stage's product's.", chars=280, items=(0, 64)),
+    )
+    # Add standard errors of AOVs that are means of samples.
+    aov_errors: bool = setting(
+        False,
+        yes_or_no,
+        flag=Flag(("--aov-errors",), "Add standard errors to AOVs that are means of samples.", commands=PICTURES),
+        member=Member("Add the standard errors of AOVs that are means of samples to their parts."),
+    )
     # Diagnostics that fail the render, as in Refusal: all that change the picture, or some codes; `allow` exempts codes.
-    strict: bool = False
-    fail_on: tuple[str, ...] = ()
-    allow: tuple[str, ...] = ()
-    max_memory_bytes: int | None = None
-    dicing_rate: float = DEFAULT_DICING_RATE  # longest edge of diced surfaces, in pixels
-    motion_blur: bool = True  # False: ignore the shutter and render the scene at the frame's time
-    shutter: tuple[float, float] | None = None  # open and close, in time codes relative to the frame; None: the camera's
+    strict: bool = setting(
+        False,
+        yes_or_no,
+        flag=Flag(
+            ("--strict",), "Refuse a stage with warnings that affect the picture.", commands=OPENING - {"estimate", "view"}
+        ),
+        member=Member("Refuse a scene with warnings."),
+    )
+    fail_on: tuple[str, ...] = setting(
+        (),
+        texts,
+        check=_check_codes,
+        flag=Flag(
+            ("--fail-on",),
+            "Refuse a stage with any of these diagnostic codes, separated by commas; `missing` stands for missing files; may "
+            "be repeated.",
+            metavar="CODES",
+            shown=False,
+            commands=OPENING - {"estimate", "view"},
+        ),
+        member=Member("Refuse a scene with diagnostics of these codes; `missing`: of missing files.", chars=64, items=(0, 128)),
+    )
+    allow: tuple[str, ...] = setting(
+        (),
+        texts,
+        check=_check_codes,
+        flag=Flag(
+            ("--allow",),
+            "Exempt these diagnostic codes from --strict and --fail-on; may be repeated.",
+            metavar="CODES",
+            shown=False,
+            commands=OPENING - {"estimate", "view"},
+        ),
+        member=Member("Codes that strict and fail_on accept.", chars=64, items=(0, 128)),
+    )
+    max_memory_bytes: int | None = setting(
+        None,
+        whole,
+        check=must(is_natural, "the memory limit must be above 0 bytes"),
+        flag=Flag(
+            ("--max-memory",),
+            "Memory limit of the process, beyond which the render fails: 4G, 500M; auto: that of the container or machine.",
+            form=str,
+            metavar="SIZE",
+            shown="no limit",
+            commands=frozenset({"render", "view"}),
+        ),
+    )
+    # Longest edge of diced surfaces, in pixels.
+    dicing_rate: float = setting(
+        DEFAULT_DICING_RATE,
+        number,
+        check=must(is_positive, "the dicing rate must be a number of pixels above 0"),
+        counts=Counts.PIXELS,
+        flag=Flag(
+            ("--dicing-rate",),
+            "Longest edge of diced subdivision surfaces, in pixels.",
+            metavar="PIXELS",
+            commands=OPENING - {"view"},
+        ),
+        member=Member(bounds={"gt": 0, "le": 1e6}, is_open=True),
+    )
+    # False: ignore the shutter and render the scene at the frame's time.
+    motion_blur: bool = setting(
+        True,
+        yes_or_no,
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--no-motion-blur", "--disable-motionblur"),
+            "Render without motion blur, whatever the camera's shutter.",
+            commands=OPENING - {"view"},
+        ),
+        member=Member("false: render the frame's instant, whatever the camera's shutter."),
+    )
+    # Open and close, in time codes relative to the frame; None: the camera's.
+    shutter: tuple[float, float] | None = setting(
+        None,
+        two_numbers,
+        check=must(_are_finite, "the shutter must be two finite time codes relative to the frame"),
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--shutter",),
+            "Shutter times in time codes relative to the frame, overriding the camera's.",
+            metavar="OPEN CLOSE",
+            shown=False,
+            commands=OPENING - {"view"},
+        ),
+        member=Member("Shutter open and close, in time codes relative to the frame; null: the camera's."),
+    )
     # Largest error of motion paths between time samples, in pixels; None: as the stage requests, else 0.02.
-    motion_error: float | None = None
+    motion_error: float | None = setting(
+        None,
+        number,
+        check=must(is_positive, "the error of motion must be a number of pixels above 0"),
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--motion-error",),
+            "Maximum error of motion paths, in pixels.",
+            metavar="PIXELS",
+            shown="the stage's, else 0.02",
+            commands=OPENING - {"view"},
+        ),
+        member=Member("Maximum motion-path error in pixels; null: the stage's, else 0.02.", bounds={"gt": 0, "le": 1e6}),
+    )
     # Diffusion of the lens, as in Diffusion; None: the camera's value. A diffusion of 0 is off.
-    diffusion: float | None = None
-    diffusion_glare: float | None = None
-    diffusion_bloom_width: float | None = None
-    diffusion_starburst: float | None = None
-    diffusion_starburst_width: float | None = None
-    eye: Eye | None = None  # one camera of the chosen camera's stereo pair; None: the camera itself
+    diffusion: float | None = setting(
+        None,
+        number,
+        check=_check_diffusion,
+        seldom=True,
+        flag=Flag(
+            ("--diffusion",),
+            "Share of the light that the lens diffuses (0: none), shown by PNG and JPEG, and an additional part of an EXR.",
+            metavar="SHARE",
+            shown="the camera's",
+            commands=PICTURES,
+        ),
+        member=Member(
+            "Fraction of all light that the lens diffuses, in a part of the EXR; null: the camera's.", bounds={"ge": 0, "le": 1}
+        ),
+    )
+    diffusion_glare: float | None = setting(
+        None,
+        number,
+        check=_check_diffusion,
+        seldom=True,
+        flag=Flag(
+            ("--diffusion-glare",),
+            "Share of the diffused light in veiling glare.",
+            metavar="SHARE",
+            shown="the camera's, else 0.2",
+            commands=PICTURES,
+        ),
+        member=Member("Fraction of the diffused light in the veiling glare.", bounds={"ge": 0, "le": 1}),
+    )
+    diffusion_bloom_width: float | None = setting(
+        None,
+        number,
+        check=_check_diffusion,
+        seldom=True,
+        flag=Flag(
+            ("--diffusion-bloom-width",),
+            "Width of the bloom relative to the picture's height.",
+            metavar="SHARE",
+            shown="the camera's, else 0.005",
+            commands=PICTURES,
+        ),
+        member=Member("Bloom width as a fraction of the height.", bounds={"gt": 0, "le": 1}),
+    )
+    diffusion_starburst: float | None = setting(
+        None,
+        number,
+        check=_check_diffusion,
+        seldom=True,
+        flag=Flag(
+            ("--diffusion-starburst",),
+            "Share of the diffused light in the starburst of the aperture blades.",
+            metavar="SHARE",
+            shown="the camera's, else 0.3",
+            commands=PICTURES,
+        ),
+        member=Member("Fraction of the diffused light in the starburst.", bounds={"ge": 0, "le": 1}),
+    )
+    diffusion_starburst_width: float | None = setting(
+        None,
+        number,
+        check=_check_diffusion,
+        seldom=True,
+        flag=Flag(
+            ("--diffusion-starburst-width",),
+            "Wavelength over aperture diameter, relative to the picture's height.",
+            metavar="SHARE",
+            shown="the camera's, else 0.003",
+            commands=PICTURES,
+        ),
+        member=Member("Starburst width as a fraction of the picture's height.", bounds={"gt": 0, "le": 1}),
+    )
+    # One camera of the chosen camera's stereo pair; None: the camera itself.
+    eye: Eye | None = setting(
+        None, choice(Eye), counts=Counts.SCENE, seldom=True, member=Member("Eye of the camera's stereo pair.")
+    )
     # Imperfections of the lens, in place of the camera's: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS,
     # lateral-chromatic=R,G,B and longitudinal-chromatic=R,G,B; see Camera.
-    lens_flaws: tuple[str, ...] = ()
+    lens_flaws: tuple[str, ...] = setting(
+        (),
+        read_lens_flaws,
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--lens",),
+            "Imperfection of the lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, lateral-chromatic=R,G,B "
+            "or longitudinal-chromatic=R,G,B; may be repeated.",
+            metavar="NAME=NUMBERS",
+            shown="the camera's",
+            commands=OPENING - {"view"},
+        ),
+        member=Member(
+            "Imperfections of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, "
+            "lateral-chromatic=R,G,B, longitudinal-chromatic=R,G,B.",
+            chars=256,
+            items=(0, 16),
+        ),
+    )
     # Rendered part of the picture: left, bottom, right, top in 0 to 1, like dataWindowNDC, which it overrides.
-    region: tuple[float, float, float, float] | None = None
+    region: tuple[float, float, float, float] | None = setting(
+        None,
+        four_numbers,
+        check=must(_is_region, "a region must be left, bottom, right and top of a part of the picture, in 0 to 1"),
+        seldom=True,
+        flag=Flag(
+            ("--region",),
+            "Render only this part of the picture, in 0 to 1, overriding dataWindowNDC.",
+            metavar="LEFT BOTTOM RIGHT TOP",
+            shown=False,
+            commands=OPENING - {"view"},
+        ),
+        member=Member("Render only this part of the picture: left, bottom, right, top from 0 to 1; null: the stage's."),
+    )
     # Composition of the stage, as in Composition. All frames of one command share it.
-    variants: tuple[str, ...] = ()
-    load: tuple[str, ...] | None = None
-    mask: tuple[str, ...] | None = None
-    session_layer: str | None = None
+    variants: tuple[str, ...] = setting(
+        (),
+        texts,
+        counts=Counts.SCENE,
+        flag=Flag(("--variant", "--variants"), "Choose a variant; may be repeated.", metavar="PRIM:SET=NAME", shown=False),
+        member=Member(chars=1024, items=(0, 64)),
+    )
+    load: tuple[str, ...] | None = setting(
+        None,
+        texts,
+        counts=Counts.SCENE,
+        flag=Flag(("--load",), "Load payloads only at and below this prim; may be repeated.", metavar="PRIM", shown="all"),
+        member=Member(chars=1024, items=(0, 256)),
+    )
+    mask: tuple[str, ...] | None = setting(
+        None,
+        texts,
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--mask",),
+            "Populate only this prim, its ancestors and descendants, and the targets of its relationships; may be repeated.",
+            metavar="PRIM",
+            shown=False,
+        ),
+        member=Member(chars=1024, items=(0, 256)),
+    )
+    session_layer: str | None = setting(
+        None,
+        file,
+        counts=Counts.SCENE,
+        flag=Flag(
+            ("--session-layer", "--sessionLayer"),
+            "Layer with opinions stronger than the stage's.",
+            metavar="FILE",
+            shown=False,
+            commands=OPENING - {"submit"},
+        ),
+    )
 
     if TYPE_CHECKING:
 
@@ -234,97 +938,19 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         """Raise SettingsError or LimitError if no render could follow these settings."""
-        for name, read in READERS.items():
-            object.__setattr__(self, name, read(name, getattr(self, name)))
-        if self.resolution is not None:
-            _check_resolution(*self.resolution)
-        scale = self.resolution_scale
-        require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0, not {scale}", "resolution_scale")
-        self._check_sampling()
-        self._check_sizes()
-        self._check_staging()
-        unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
-        require(not unknown, f"unknown purpose {', '.join(unknown)}; the purposes are {', '.join(PURPOSES)}", "purposes")
-        require(self.purposes != (), "at least one purpose must be rendered", "purposes")
-        check_codes(self.fail_on, "fail_on")
-        check_codes(self.allow, "allow")
-        if self.aovs is not None:
-            check_names(self.aovs)
-            _check_light_paths(self.aovs)
-        self.composition  # noqa: B018 - checks itself
-
-    def _check_sizes(self) -> None:
-        depth, width, threads, seed = self.max_depth, self.filter_width, self.threads, self.seed
-        require(depth is None or depth >= 1, f"the depth must be 1 (direct light only) or more, not {depth}", "max_depth")
-        usable = width is None or (math.isfinite(width) and width > 0)
-        require(usable, f"the filter's width must be a number of pixels above 0, not {width}", "filter_width")
-        clamp = self.clamp_indirect
-        usable = clamp is None or (math.isfinite(clamp) and clamp > 0)
-        require(usable, f"the clamp of indirect light must be above 0, not {clamp}", "clamp_indirect")
-        require(threads is None or threads >= 1, f"the threads must be 1 or more, not {threads}", "threads")
-        allowed = threads is None or threads <= MAX_THREADS
-        limit(allowed, f"{threads} threads are more than the {MAX_THREADS} allowed", "threads")
-        require(0 <= seed < 2**32, f"the seed must be from 0 to 2^32 - 1, not {seed}", "seed")
-        time_code, memory, rate = self.time_code, self.max_memory_bytes, self.dicing_rate
-        finite = time_code is None or math.isfinite(time_code)
-        require(finite, f"the time code must be a number, not {time_code}", "time_code")
-        require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}", "max_memory_bytes")
-        usable = math.isfinite(rate) and rate > 0
-        require(usable, f"the dicing rate must be a number of pixels above 0, not {rate}", "dicing_rate")
-        self._check_motion()
-        self._check_diffusion()
-        self._check_region()
-
-    def _check_staging(self) -> None:
+        for row in rows(type(self)):
+            object.__setattr__(self, row.name, row.value_of(getattr(self, row.name)))
         contradicts = not self.default_light and self.studio_light is StudioLight.ON
         require(not contradicts, "default_light is off and studio_light is on; set one of them only", "studio_light")
-        for name in ("dome_rotation", "orbit_deg"):
-            degrees = getattr(self, name)
-            require(math.isfinite(degrees), f"{name} must be a number of degrees, not {degrees}", name)
-        whole = self.sample_range is None or (self.ground is not Ground.SHADOW and self.background is None)
-        sentence = "a shadow on the ground and a background need a complete picture, not a range of samples"
-        require(whole, sentence, "sample_range")
-        for name in ("dome", "background"):
-            require(getattr(self, name) != "", f"{name} must not be empty", name)
-
-    def _check_region(self) -> None:
-        if self.region is None:
-            return
-        left, bottom, right, top = self.region
-        inside = 0 <= left < right <= 1 and 0 <= bottom < top <= 1
-        sentence = f"a region must be left, bottom, right and top of a part of the picture, in 0 to 1, not {self.region}"
-        require(inside, sentence, "region")
-
-    def _check_motion(self) -> None:
-        error = self.motion_error
-        usable = error is None or (math.isfinite(error) and error > 0)
-        require(usable, f"the error of motion must be a number of pixels above 0, not {error}", "motion_error")
-        finite = self.shutter is None or all(map(math.isfinite, self.shutter))
-        require(finite, f"the shutter must be two finite time codes relative to the frame, not {self.shutter}", "shutter")
-
-    def _check_diffusion(self) -> None:
-        for name, member in DIFFUSION.items():
-            value = getattr(self, name)
-            fault = "" if value is None else fault_of(member, value)
-            require(not fault, fault, name)
         glare, starburst = self.diffusion_glare or 0.0, self.diffusion_starburst or 0.0
         sentence = f"glare {glare:g} and starburst {starburst:g} together must be at most 1"
         require(glare + starburst <= 1, sentence, "diffusion_starburst")
-
-    def _check_sampling(self) -> None:
-        spp, target, seconds = self.spp, self.target_error, self.time_limit_s
-        require(spp is None or spp >= 1, f"samples per pixel must be a whole number from 1, not {spp}", "spp")
-        fits = spp is None or spp <= MAX_SPP
-        limit(fits, f"{spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds", "spp")
-        usable = target is None or (math.isfinite(target) and target > 0)
-        require(usable, f"the target error must be above 0, not {target}", "target_error")
-        usable = seconds is None or (math.isfinite(seconds) and seconds > 0)
-        require(usable, f"the time limit must be above 0 seconds, not {seconds}", "time_limit_s")
         if self.stop_at is StopAt.DENOISED:
             known = self.error_metric is not Metric.DISPLAY
             require(known, "the error of a denoised picture is measured as relmse or rmse, not on a display", "stop_at")
         if self.sample_range is not None:
             self._check_range(*self.sample_range)
+        self.composition  # noqa: B018 - checks itself
 
     def _check_range(self, first: int, end: int) -> None:
         require(
@@ -339,13 +965,15 @@ class RenderSettings:
             "a sample range cannot be combined with spp, a target error, a time limit or adaptive sampling",
             "sample_range",
         )
+        whole = self.ground is not Ground.SHADOW and self.background is None
+        require(
+            whole, "a shadow on the ground and a background need a complete picture, not a range of samples", "sample_range"
+        )
 
 
-def _check_light_paths(names: tuple[str, ...]) -> None:
-    if expressions := light_paths_of(requests_of(names)):
-        from ..lpe.automaton import check_expressions
-
-        check_expressions(expressions)
+# Additions to the stage and settings that remove sampled light, with the values that add and remove nothing.
+STAGING = {row.name: row.default for row in rows(RenderSettings) if row.counts is Counts.STAGING}
+BIAS = {row.name: row.default for row in rows(RenderSettings) if row.counts is Counts.BIAS}
 
 
 _SIZE = "use resolution=(width, height) for the size in pixels"
@@ -377,35 +1005,15 @@ def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
     return replace(settings, **values) if values else settings
 
 
-def _check_resolution(width: int, height: int) -> None:
-    sentence = f"the resolution must be whole pixels above 0 (a single 0 follows from the aspect ratio), not {width} x {height}"
-    require(min(width, height) >= 0 and max(width, height) > 0, sentence, "resolution")
-    limit_pixels(width, height, "resolution")
-
-
-Choice = TypeVar("Choice", bound=Enum)
-
-
-def _optional(kind: type[Choice], value: object) -> Choice | None:
-    return None if value is None else kind(value)
-
-
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
-    """Return the settings that report.settings_as_json wrote; TypeError or ValueError for unknown names or choices."""
-    pairs = ("resolution", "sample_range", "shutter", "region")
-    names = (*pairs, "joint_products", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
-    tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
-    chosen: dict[str, Any] = {"filter": _optional(Filter, values.get("filter"))}
-    chosen["error_metric"] = _optional(Metric, values.get("error_metric"))
-    chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
-    chosen["stop_at"] = StopAt(values.get("stop_at", StopAt.PICTURE))
-    chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
-    chosen["render_context"] = RenderContext(values.get("render_context", RenderContext.MTLX))
-    chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])
-    chosen["studio_light"] = StudioLight(values.get("studio_light", StudioLight.AUTO))
-    chosen["ground"] = None if values.get("ground") is None else Ground(values["ground"])
+    """Return the settings that settings_as_json wrote; TypeError or ValueError for unknown names or choices."""
+    chosen = {
+        row.name: row.read.kinds(values[row.name])
+        for row in rows(RenderSettings)
+        if isinstance(row.read, choice) and values.get(row.name) is not None
+    }
     if isinstance(values.get("camera"), Mapping):
         from ..camera import camera_of
 
         chosen["camera"] = camera_of(values["camera"])
-    return RenderSettings(**{**values, **tuples, **chosen})
+    return RenderSettings(**{**values, **chosen})

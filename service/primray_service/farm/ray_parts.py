@@ -22,8 +22,7 @@ from typing import Any, Self, TypeVar
 
 from primray.distributed.executor import PartLost
 from primray.errors import LimitError, SettingsError
-from primray.report.report import settings_as_json
-from primray.settings import RenderSettings
+from primray.settings import RenderSettings, settings_as_json
 
 from ..cli.exits import SCENE_REJECTED, CommandError, error_of, problems_as_errors
 from ..cli.scene_file import scene_file

@@ -17,9 +17,9 @@ from primray.description.picture_file import PictureView
 from primray.diagnostics import Diagnostics
 from primray.images.background import behind_previews
 from primray.render import Prepared, picture_of
-from primray.report.report import Costs, settings_as_json
+from primray.report.report import Costs
 from primray.sampling.sampling import Sampling
-from primray.settings import RenderSettings, settings_of_json
+from primray.settings import RenderSettings, settings_as_json, settings_of_json
 
 from ..problems import Problem
 from ..sandbox import end_phase

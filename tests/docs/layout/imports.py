@@ -29,7 +29,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
         "diagnostics",
         "messages",
     ),
-    "requests": ("lens", "camera", "setting_values", "camera_choice", "aovs", "lpe", "settings"),
+    "requests": ("lens", "camera", "aovs", "lpe", "settings"),
     "scene description": ("color", "description", "photometry"),
     "translation": ("textures", "tessellation", "usd"),
     "core": ("core",),

@@ -18,9 +18,8 @@ from primray.checkpoints.checkpoint_file import write_checkpoint
 from primray.description import Camera, Projection
 from primray.description.scene import whole_frame
 from primray.images.image import pixels_sha256
-from primray.report.report import settings_as_json
 from primray.sampling.sampling import Sampling
-from primray.settings import RenderSettings
+from primray.settings import RenderSettings, settings_as_json
 
 CAMERA = Camera("/camera", np.eye(4), Projection.PERSPECTIVE, (-1.0, 1.0, -1.0, 1.0), (0.1, 100.0))
 ROOT = Path(__file__).parents[3]

@@ -18,12 +18,12 @@ from itertools import islice
 import numpy as np
 from pxr import Sdf, Usd
 
-from ...camera_choice import Matrix, flaws_of
 from ...description import Camera, Frame, Projection
 from ...description.scene import pixels_within
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, Eye, limit_pixels
+from ...settings.camera_choice import Matrix, flaws_of
 from ..motion.pixels import Foreseen, pixels_of
 from ..motion.timing import Rolling
 from ..render_settings.render_product import ProductSettings

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from primray.report.report import settings_as_json
-from primray.settings import RenderSettings
+from primray.settings import RenderSettings, settings_as_json
 
 from ...admission import ALL, products_by_name, render_settings
 from ...api.models import FileSettings, Settings

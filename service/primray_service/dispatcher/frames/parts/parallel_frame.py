@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from primray.report.report import settings_as_json
+from primray.settings import settings_as_json
 
 from ....executor.end_tasks import end_tasks
 from ....jobs import TERMINAL, Frame, FrameState, Job, JobState, Part, PartState, Scene

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from .errors import SettingsError
-from .setting_values import number, refused, text, texts
+from ..errors import SettingsError
+from .setting import number, refused, text, texts
 
 if TYPE_CHECKING:
-    from .camera import Camera
+    from ..camera import Camera
 
 Matrix = tuple[tuple[float, ...], ...]  # 4 rows of 4: world_from_camera, for column vectors
 
@@ -73,7 +73,7 @@ def _dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 def _checked(name: str, given: Any) -> Camera:
     import numpy as np
 
-    from .camera import Camera, Projection
+    from ..camera import Camera, Projection
 
     if not isinstance(given, Camera):
         raise refused(name, WANTED, given)
@@ -104,7 +104,7 @@ def _checked(name: str, given: Any) -> Camera:
 LENS_FLAWS = {"natural-vignetting": 1, "mechanical-vignetting": 2, "lateral-chromatic": 3, "longitudinal-chromatic": 3}
 
 
-def lens_flaws(name: str, value: Any) -> tuple[str, ...]:
+def read_lens_flaws(name: str, value: Any) -> tuple[str, ...]:
     """Return the checked texts "NAME=NUMBERS"; SettingsError for unknown names or invalid numbers."""
     given = texts(name, value)
     flaws_of(given)
@@ -152,8 +152,8 @@ def _check_flaws(name: str, given: Camera, require: Callable[[bool, str], None])
 
 
 def _check_distortion(given: Camera, require: Callable[[bool, str], None]) -> None:
-    from .camera import Projection
-    from .lens.distortion import COEFFICIENT_COUNTS, Distortion, DistortionModel
+    from ..camera import Projection
+    from ..lens.distortion import COEFFICIENT_COUNTS, Distortion, DistortionModel
 
     lens = given.distortion
     if not isinstance(lens, Distortion):

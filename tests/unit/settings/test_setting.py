@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,10 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from primray import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderSettings, StopAt, StudioLight
+from primray import Filter, Metric, RenderSettings
 from primray.description import Camera, Projection
 from primray.errors import PrimrayError, SettingsError
-from primray.report.report import settings_as_json
-from primray.settings import SettingsValues, settings_of_json, with_values
+from primray.settings import settings_as_json, settings_of_json, with_values
 
 NAMES = [field.name for field in fields(RenderSettings)]
 STANDING = [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
@@ -139,27 +137,6 @@ def test_what_cannot_be_meant_is_refused_by_name(name: str) -> None:
         with pytest.raises(PrimrayError) as refusal:
             RenderSettings(**{name: value})
         assert refusal.value.where == name, (name, value, refusal.value)
-
-
-def test_type_checkers_have_the_same_fields() -> None:
-    assert list(SettingsValues.__annotations__) == NAMES
-
-
-def test_choices_of_type_checkers_are_the_enums() -> None:
-    enums = {
-        "filter": Filter,
-        "error_metric": Metric,
-        "default_wrap": DefaultWrap,
-        "auto_camera": AutoCamera,
-        "eye": Eye,
-        "stop_at": StopAt,
-        "studio_light": StudioLight,
-        "ground": Ground,
-    }
-    for name, kinds in enums.items():
-        assert issubclass(kinds, Enum)
-        text = str(SettingsValues.__annotations__[name].__forward_arg__)
-        assert all(f'"{kind.value}"' in text or f"'{kind.value}'" in text for kind in kinds)
 
 
 def test_overrides() -> None:
