@@ -244,7 +244,7 @@ def test_a_time_limit_does_not_decide_before_the_first_anchor(first_error: float
         ({"filter": primray.Filter.GAUSSIAN}, "filter is box in the checkpoint and gaussian here"),
         ({"resolution": (38, 23)}, "resolution is 37 x 23 in the checkpoint and 38 x 23 here"),
         ({"dicing_rate": 1.0}, "dicing rate is 4.0 in the checkpoint and 1.0 here"),
-        ({"seed": 3, "max_depth": 2}, "seed is 0 in the checkpoint and 3 here; max depth is none in the checkpoint and 2 here"),
+        ({"seed": 3, "max_depth": 2}, "max depth is none in the checkpoint and 2 here; seed is 0 in the checkpoint and 3 here"),
         ({"adaptive": True}, "its sampling is uniform, not adaptive"),
         ({"sample_range": (8, 32)}, "its samples begin at 0, not at 8"),
         ({"sample_range": (0, 8)}, "it has samples up to 16, beyond the end of the range at 8"),
