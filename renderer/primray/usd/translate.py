@@ -37,7 +37,7 @@ from .instancing.instances import Arrangement, Group, arrange, at_instant, merge
 from .instancing.point_instancer import point_instances
 from .lights.assembly import add_default_light
 from .lights.geometry_light import with_geometry_lights
-from .lights.light import read_light
+from .lights.light import light_at
 from .lights.light_groups import light_groups
 from .lights.light_links import Links, find_links
 from .lights.portals import report_unnamed_portals
@@ -100,7 +100,7 @@ SHAPES: dict[str, ShapeAdapter] = {
 SHAPES |= DRAW_MODES  # stand-ins for prims of any type
 SHAPES[POINT] = point_sphere
 LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
-    ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), read_light
+    ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light_at
 )
 
 _PROTOTYPE = re.compile(r"/__Prototype_\d+")

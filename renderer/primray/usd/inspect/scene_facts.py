@@ -22,7 +22,7 @@ from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
 from ..camera.camera import read_aperture
 from ..camera.view import cameras_of
-from ..lights.light import TEXTURE, missing_texture_text
+from ..lights.authored import TEXTURE, missing_texture_text
 from ..lights.shaping import FILE as PROFILE
 from ..lights.shaping import missing_text as missing_profile_text
 from ..materials.materialx.filename_tokens import files_at, has_frame_token, has_tokens, tile_paths

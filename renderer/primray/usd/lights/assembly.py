@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import islice
 
 from ...arrays import Doubles
@@ -16,6 +15,7 @@ from ..scene.inheritance import ResolvedPrim
 from ..scene.translated_scene import TranslatedScene
 from ..stage.metadata import up_axis
 from ..stage.values import square
+from .authored import AuthoredLight
 from .default_light import default_lights
 from .light_settings import read_light_settings
 from .motion import LightPath, report_changing_size
@@ -42,11 +42,10 @@ def add_lights(
         )
     report_changing_size(leaf, ctx)
     rules = read_light_settings(leaf, ctx, scene.links)
-    if count > 1:
-        ctx = replace(ctx, when=replace(ctx.when, remembered={}))
+    authored = AuthoredLight(leaf, ctx)
     matrices = ((chain, k, row) for chain in chains for k, row in enumerate(row for rows in chunks(chain) for row in rows))
     for chain, k, row in islice(matrices, MAX_LIGHT_INSTANCES):
-        made = scene.adapters.lights[leaf.type_name](leaf, square(row) @ group_from_prim, ctx)
+        made = scene.adapters.lights[leaf.type_name](authored, square(row) @ group_from_prim)
         if made is None:
             continue
         if any_moves(chain):

@@ -22,7 +22,8 @@ from ..stage.edits import check_reach, editable
 from ..stage.open import scratch_copy
 from ..stage.reads import property_names, purpose_of, schemas_applied, targets
 from ..stage.values import When, is_hidden, token
-from .light import read_geometry_light
+from .authored import AuthoredLight
+from .light import geometry_light
 from .light_links import Links
 from .light_settings import read_light_settings
 
@@ -50,7 +51,7 @@ def without_material(prim: ResolvedPrim, ctx: Context) -> ResolvedPrim:
 
 def with_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None) -> Shape:
     """Return the shape with the prim's light."""
-    light = read_light_settings(prim, ctx, links).applied(read_geometry_light(prim, ctx))
+    light = read_light_settings(prim, ctx, links).applied(geometry_light(AuthoredLight(prim, ctx)))
     if not light.visible_to_camera:
         ctx.warn("light-input", prim.path, "A geometry light cannot be hidden from the camera: it is visible.")
     mode = sync_mode(prim, ctx)

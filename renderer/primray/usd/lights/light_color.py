@@ -52,26 +52,15 @@ class Illuminant:
     color: Color  # in the rendering space, of luminance 1
 
 
-class _Illuminants(dict[str, Illuminant]):
-    """Illuminants by the path of a light."""
-
-
-def illuminant_of(prim: ResolvedPrim, ctx: Context) -> Illuminant | None:
-    """Return the light's illuminant; None if neither attributes nor an applied schema give one."""
-    if prim.names.isdisjoint(_ATTRIBUTES) and SCHEMA not in ctx.kept.of(PhysicalSchemas).get(prim.path, ()):
-        return None
-    known = ctx.kept.of(_Illuminants)
-    if prim.path not in known:
-        known[prim.path] = _read_illuminant(prim, ctx)
-    return known[prim.path]
-
-
 def white(ctx: Context) -> Spectrum:
     """Return the daylight spectrum of the rendering space's white point."""
     return of_chromaticity(ctx.rendering_space.white)
 
 
-def _read_illuminant(prim: ResolvedPrim, ctx: Context) -> Illuminant:
+def read_illuminant(prim: ResolvedPrim, ctx: Context) -> Illuminant | None:
+    """Return the light's illuminant; None if neither attributes nor an applied schema give one."""
+    if prim.names.isdisjoint(_ATTRIBUTES) and SCHEMA not in ctx.kept.of(PhysicalSchemas).get(prim.path, ()):
+        return None
     name = token(prim.prim, ILLUMINANT, ctx.when, "white")
     name = "illuminant D" if name == "illuminantD" else name
     if name not in _TOKENS:

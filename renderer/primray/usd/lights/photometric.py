@@ -6,7 +6,7 @@ are applied; the schemas' fallback values count only if they are applied. Photom
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from ...color.color_space import luminance_weights
@@ -18,7 +18,7 @@ from ..scene.notes import PhysicalSchemas, not_for_type
 from ..scene.schemas import PHOTOMETRIC
 from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.values import flag, number
-from .light_color import ENABLED, TEMPERATURES, illuminant_of, white
+from .light_color import ENABLED, TEMPERATURES, Illuminant, white
 
 AREA = frozenset({"RectLight", "SphereLight", "DiskLight", "CylinderLight"})
 _OTHERS = {"DomeLight": "Dome", "DomeLight_1": "Dome", "DistantLight": "Distant"}
@@ -48,28 +48,15 @@ FAMILIES = (
 NAMES = FAMILIES[0].names | FAMILIES[1].names
 
 
-class _Amounts(dict[str, "Photometric | None"]):
-    """Photometric amounts by the path of a light; None if the light has none."""
+GivesIlluminant = Callable[[], Illuminant | None]  # called only where watts are given: reading one may report faults
 
 
-def photometric_of(prim: ResolvedPrim, ctx: Context) -> Photometric | None:
+def read_amount(prim: ResolvedPrim, illuminant: GivesIlluminant, ctx: Context) -> Photometric | None:
     """Return the amount of light that is asked for, None if none is; report attributes that cannot be applied."""
     applied = ctx.kept.of(PhysicalSchemas)
     if prim.path not in applied and NAMES.isdisjoint(prim.names):
         return None
-    known = ctx.kept.of(_Amounts)
-    if prim.path not in known:
-        known[prim.path] = _read(prim, PHOTOMETRIC.intersection(applied.get(prim.path, ())), ctx)
-    return known[prim.path]
-
-
-def _kind(prim: ResolvedPrim) -> str:
-    """Return Area, Dome or Distant, as in the schemas' names; "" for geometry lights."""
-    return "Area" if prim.type_name in AREA else _OTHERS.get(prim.type_name, "")
-
-
-def _read(prim: ResolvedPrim, schemas: frozenset[str], ctx: Context) -> Photometric | None:
-    kind = _kind(prim)
+    schemas, kind = PHOTOMETRIC.intersection(applied.get(prim.path, ())), _kind(prim)
     for message, name in _unfit(prim, kind, schemas):
         ctx.warn("light-input", prim.path, message, name)
     asked = [f for f in FAMILIES if kind and (f"{f.prefix}{kind}LightAPI" in schemas or _fitting(f, kind) & prim.names)]
@@ -78,7 +65,13 @@ def _read(prim: ResolvedPrim, schemas: frozenset[str], ctx: Context) -> Photomet
     family = asked[0]
     for name in sorted(prim.names & FAMILIES[1].names if len(asked) > 1 else ()):
         ctx.warn("light-input", prim.path, f"{name} is ignored: photometric attributes take precedence.", name)
-    return _asked(prim, family, kind, f"{family.prefix}{kind}LightAPI" in schemas, ctx)
+    lumens = 1.0 if family.prefix == "Photometric" else _efficacy(prim, illuminant(), ctx)
+    return _asked(prim, family, kind, f"{family.prefix}{kind}LightAPI" in schemas, lumens, ctx)
+
+
+def _kind(prim: ResolvedPrim) -> str:
+    """Return Area, Dome or Distant, as in the schemas' names; "" for geometry lights."""
+    return "Area" if prim.type_name in AREA else _OTHERS.get(prim.type_name, "")
 
 
 def _fitting(family: _Family, kind: str) -> frozenset[str]:
@@ -95,8 +88,8 @@ def _unfit(prim: ResolvedPrim, kind: str, schemas: frozenset[str]) -> Iterator[t
             yield not_for_type(name, prim.type_name), name
 
 
-def _asked(prim: ResolvedPrim, family: _Family, kind: str, applied: bool, ctx: Context) -> Photometric | None:
-    lumens = 1.0 if family.prefix == "Photometric" else _efficacy(prim, ctx)
+def _asked(prim: ResolvedPrim, family: _Family, kind: str, applied: bool, lumens: float, ctx: Context) -> Photometric | None:
+    """Return the amount of a family's attributes; `lumens`: of one of its units."""
     weights = luminance_weights(ctx.rendering_space)
     if kind != "Area":
         received = _amount(prim, family.received, family.default_received, ctx)
@@ -135,9 +128,8 @@ def _amount(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> floa
     return max(found, 0.0)
 
 
-def _efficacy(prim: ResolvedPrim, ctx: Context) -> float:
+def _efficacy(prim: ResolvedPrim, illuminant: Illuminant | None, ctx: Context) -> float:
     """Return the efficacy in lumens per watt of the illuminant's spectrum, else of the colour temperature, else of white."""
-    illuminant = illuminant_of(prim, ctx)
     if illuminant is not None:
         return efficacy(illuminant.spectrum)
     if ENABLED in prim.names and flag(prim.prim, ENABLED, ctx.when, False):

@@ -27,22 +27,21 @@ _NEUTRAL_ANGLE = 180.0
 _WHITE = (1.0, 1.0, 1.0)
 
 
-def read_shaping(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Shaping | None:
-    """Return the shaping of a light with this world matrix; None if it does not change the emission."""
+def read_shaping(prim: ResolvedPrim, ctx: Context) -> Shaping | None:
+    """Return the shaping of a light as authored; None if there is none."""
     applied = _is_shaping_applied(prim)
     if not applied and not _authored_shaping(prim):
         return None
     profile = _profile(prim, ctx)
-    found = Shaping(
-        _focus(prim, ctx),
-        _tint(prim, ctx),
-        _cone_angle(prim, 90.0 if applied else _NEUTRAL_ANGLE, ctx),
-        _softness(prim, ctx),
-        profile,
-        number(prim.prim, SCALE, ctx.when, 0.0, ctx.diagnostics),
-        profile is not None and profile.power > 0 and flag(prim.prim, NORMALIZE, ctx.when, False),
+    return Shaping(
+        focus=_focus(prim, ctx),
+        focus_tint=_tint(prim, ctx),
+        cone_angle_deg=_cone_angle(prim, 90.0 if applied else _NEUTRAL_ANGLE, ctx),
+        cone_softness=_softness(prim, ctx),
+        ies=profile,
+        ies_angle_scale=number(prim.prim, SCALE, ctx.when, 0.0, ctx.diagnostics),
+        ies_normalize=profile is not None and profile.power > 0 and flag(prim.prim, NORMALIZE, ctx.when, False),
     )
-    return found if _changes_anything(found, prim, matrix) else None
 
 
 def peak_factor(found: Shaping | None) -> float:
@@ -115,7 +114,8 @@ def _profile(prim: ResolvedPrim, ctx: Context) -> IesProfile | None:
     return ies_profile(asset, prim.path, ctx)
 
 
-def _changes_anything(found: Shaping, prim: ResolvedPrim, matrix: Doubles) -> bool:
+def changes_emission(found: Shaping, prim: ResolvedPrim, matrix: Doubles) -> bool:
+    """Return whether shaping changes the emission of a light with this world matrix."""
     if found.ies is not None or (found.focus > 0 and found.focus_tint != _WHITE) or found.cone_softness > 0:
         return True
     # A flat light whose normal is -Z emits nothing beyond 90 degrees, so a wider cone changes nothing.

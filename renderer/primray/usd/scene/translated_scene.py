@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from ...arrays import Doubles
 from ...description import Light, MovingInstances, Placed, Placement, Prototype, Shape, Sphere
 from ..camera.framed_objects import FramedObjects, framed_objects
+from ..lights.authored import AuthoredLight
 from ..lights.light_links import Links
 from ..lights.motion import LightPath
 from .context import Context
@@ -20,7 +21,7 @@ from .inheritance import ResolvedPrim
 from .poses import Poses
 
 ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
-LightAdapter = Callable[[ResolvedPrim, Doubles, Context], Light | None]
+LightAdapter = Callable[[AuthoredLight, Doubles], Light | None]  # at a matrix world_from_light
 
 
 @dataclass(frozen=True)

@@ -27,14 +27,12 @@ MAX_COLUMNS = 4  # of a primvar
 class When:
     """The time to read at; `careful` when it is the default time and the stage has time samples or value clips at all.
 
-    No layer lists its splines: at the default time each scalar is checked for one. `remembered`, where given, caches what was
-    read, for prims that are read repeatedly. `offset`, in time codes, counts from the earliest value where that stands in for
-    the frame.
+    No layer lists its splines: at the default time each scalar is checked for one. `offset`, in time codes, counts from the
+    earliest value where that stands in for the frame.
     """
 
     time: Usd.TimeCode
     careful: bool
-    remembered: dict[tuple[Usd.Prim, str], Any] | None = field(default=None, compare=False)
     at_knots: set[str] = field(default_factory=set, compare=False)  # paths of prims that were read at a spline's first knot
     offset: float = 0.0
     is_default: bool = field(init=False)
@@ -52,8 +50,8 @@ class When:
         if offset == 0.0:
             return self
         if self.is_default:
-            return replace(self, offset=self.offset + offset, remembered=None)
-        return replace(self, time=Usd.TimeCode(self.number + offset), remembered=None)
+            return replace(self, offset=self.offset + offset)
+        return replace(self, time=Usd.TimeCode(self.number + offset))
 
 
 def when_of(stage: Usd.Stage, time_code: float | None, clips: bool | None = None) -> When:
@@ -100,14 +98,6 @@ def value(attribute: Usd.Attribute, when: When) -> Any:
 
 
 def read(prim: Usd.Prim, name: str, when: When) -> Any:
-    if when.remembered is None:
-        return _read(prim, name, when)
-    if (prim, name) not in when.remembered:
-        when.remembered[(prim, name)] = _read(prim, name, when)
-    return when.remembered[(prim, name)]
-
-
-def _read(prim: Usd.Prim, name: str, when: When) -> Any:
     attribute = prim.GetAttribute(name)
     return value(attribute, when) if attribute else None
 
