@@ -44,7 +44,6 @@ from .lights.portals import report_unnamed_portals
 from .materials.material_primvars import primvars_read
 from .mesh.adapter import mesh
 from .motion.pixels import Foreseen
-from .motion.points import PointSteps
 from .nurbs.adapter import nurbs_patch
 from .render_settings.outputs import outputs_of
 from .render_settings.render_pass import report_ignored_render_pass, with_render_pass
@@ -62,7 +61,7 @@ from .scene.assembly import (
 )
 from .scene.color_spaces import rendering_space
 from .scene.context import Context
-from .scene.inheritance import BlurScales, ResolvedPrim
+from .scene.inheritance import ResolvedPrim
 from .scene.level_of_detail import with_levels_chosen
 from .scene.notes import LevelsMet
 from .scene.translated_scene import Adapters, LightAdapter, Record, ShapeAdapter, TranslatedScene
@@ -194,7 +193,7 @@ def _described(
     """Translate an edited stage; raise LevelsMet where levels of detail have yet to be chosen."""
     ctx, product = context_of(stage, settings, found, when, diagnostics, names)
     begun = set_up_view(found, (replace(ctx, levels_chosen=levels_chosen), product))
-    return finish(begun, assemble(begun.ctx))
+    return finish(begun, assemble(begun.ctx, Record()))
 
 
 def context_of(
@@ -232,12 +231,12 @@ def set_up_view(found: Found, started: tuple[Context, ProductSettings]) -> ViewS
     return ViewSetup(ctx, product, camera, shutter, aovs)
 
 
-def assemble(ctx: Context) -> Assembled:
-    groups, links, ctx = _walked(ctx)
+def assemble(ctx: Context, record: Record) -> Assembled:
+    groups, links, ctx = _walked(ctx, record)
     where = _arranged(groups, ctx)
     ctx = replace(ctx, shares=shared_paths(groups))
-    ctx.kept.of(Record).told = len(ctx.diagnostics)
-    scene = TranslatedScene(Adapters(SHAPES, LIGHTS), links)
+    record.told = len(ctx.diagnostics)
+    scene = TranslatedScene(Adapters(SHAPES, LIGHTS), links, record)
     for g, group in enumerate(groups):
         add_group(scene, group, where, g, ctx)
     add_kept_groups(scene, groups, where)
@@ -273,7 +272,7 @@ def _timed(
     if moving is not None:
         motion = moving[0]
         steps.append(moving[1].of(camera.path, "camera"))
-    steps += [*choose_times(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
+    steps += [*choose_times(scene, ctx, camera, motion, frame.resolution), *ctx.findings.point_steps]
     note_errors(steps, ctx)
     return motion, steps
 
@@ -292,17 +291,17 @@ def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: Wh
     return estimate_view(ctx, product, found.cameras)
 
 
-def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:
+def _walked(ctx: Context, record: Record) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:
     """Return all groups and the light links. The walk is repeated where its result changes what it should have started with."""
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
-    groups = walk(ctx, kinds, point_instances)
-    widest = max(ctx.kept.of(BlurScales), default=1.0)
+    groups = walk(ctx, kinds, point_instances, record)
+    widest = max(ctx.findings.blur_scales, default=1.0)
     if widest > ctx.timing.blur_scale:
         ctx = replace(ctx, timing=replace(ctx.timing, blur_scale=widest))
-        groups = walk(ctx, kinds, point_instances)
+        groups = walk(ctx, kinds, point_instances, record)
     links = find_links((leaf for group in groups for leaf in group.leaves), ctx)
     if links is not None:  # instances that light links treat differently become separate groups
-        groups = walk(ctx, kinds, point_instances, links)
+        groups = walk(ctx, kinds, point_instances, record, links)
     return groups, links, ctx
 
 

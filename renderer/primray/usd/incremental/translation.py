@@ -16,7 +16,6 @@ from ...errors import PrimrayError
 from ...process_memory import without_collection
 from ...settings import RenderSettings
 from ..camera.back_plates import find_back_plates
-from ..lights.shaping import Profiles
 from ..scene.context import Context
 from ..scene.notes import LevelsMet
 from ..scene.translated_scene import Record, TranslatedScene
@@ -65,7 +64,7 @@ class Translated:
 
     @property
     def record(self) -> Record:
-        return self.assembled.ctx.kept.of(Record)
+        return self.assembled.scene.record
 
 
 class KeptTranslation:
@@ -106,7 +105,7 @@ class KeptTranslation:
                 yield path
                 yield os.path.dirname(path)
         if self._made is not None:
-            yield from self._made.assembled.ctx.kept.of(Profiles)
+            yield from self._made.assembled.ctx.caches.ies_files
 
 
 def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:
@@ -127,11 +126,10 @@ def _translated_recorded(stage: Usd.Stage, settings: RenderSettings) -> Translat
             return None
         counts = [len(diagnostics)]
         ctx, product = context_of(stage, settings, found, when, diagnostics, names)
-        ctx.kept.of(Record).is_on = True
         begun = set_up_view(found, (ctx, product))
         counts.append(len(diagnostics))
-        assembled = assemble(begun.ctx)
-        counts += [assembled.ctx.kept.of(Record).told, len(diagnostics)]
+        assembled = assemble(begun.ctx, Record(is_on=True))
+        counts += [assembled.scene.record.told, len(diagnostics)]
         description = finish(begun, replace(assembled, scene=_copied(assembled.scene)))
         counts.append(len(diagnostics))
     told = list(diagnostics)
@@ -252,7 +250,8 @@ def _patched(made: Translated, stage: Usd.Stage, settings: RenderSettings, when:
 
 def _updated_assembly(made: Translated, begun: ViewSetup, edited: set[Sdf.Path]) -> Assembled:
     before, record = made.assembled, made.record
-    ctx = replace(begun.ctx, kept=before.ctx.kept, surfaces=before.ctx.surfaces, shares=before.ctx.shares)
+    old = before.ctx
+    ctx = replace(begun.ctx, caches=old.caches, findings=old.findings, surfaces=old.surfaces, shares=old.shares)
     touched = affected_by(edited, ctx.stage, record)
     if touched.shading:
         ctx = replace(ctx, surfaces=made.materials.surfaces(touched.shading, ctx))

@@ -13,14 +13,11 @@ from ...arrays import Doubles
 from ...description import Light, Placed, Surface
 from ...diagnostics import Diagnostic, Diagnostics
 from ..lights.assembly import add_lights
-from ..lights.shaping import Profiles
-from ..materials.material import Material, MaterialCache, MaterialKey, translate_uncached
-from ..materials.network import ShaderIds
-from ..mesh.authored import FacesByContent
+from ..materials.material import translate_uncached
+from ..materials.translated_material import Material
 from ..scene.assembly import linked, shape_of
-from ..scene.context import Context, SurfaceTable
+from ..scene.context import Context, Findings, MaterialKey, SurfaceTable, TranslationCaches
 from ..scene.inheritance import local_matrix, transforms
-from ..scene.notes import LightShapes, PhysicalSchemas, PortalsFound
 from ..scene.translated_scene import Record, TranslatedLeaf, TranslatedScene
 from ..shapes.draw_mode import DRAW_MODES
 from ..stage.reads import authored_attributes, connections, property_names
@@ -49,9 +46,9 @@ class LeafUpdates:
             self.scene.static[become.shape] = Placed(placed.shape, matrix, placed.instance)
 
     def light(self, become: TranslatedLeaf, matrix: Doubles) -> None:
-        if become.light is None or self.ctx.kept.of(PortalsFound) or self.scene.lights[become.light].portals:
+        if become.light is None or self.ctx.findings.portals or self.scene.lights[become.light].portals:
             raise UnknownEffect
-        leaf, apart = become.leaf, TranslatedScene(self.scene.adapters, self.scene.links)
+        leaf, apart = become.leaf, TranslatedScene(self.scene.adapters, self.scene.links, Record())
 
         def make(ctx: Context) -> None:
             add_lights(apart, leaf, matrix, [()], 1, leaf.inherited.blur_scale, ctx)
@@ -63,7 +60,7 @@ class LeafUpdates:
         self.scene.lights[become.light] = made[0]
 
     def shape(self, become: TranslatedLeaf) -> None:
-        if become.shape is None or become.leaf.type_name in DRAW_MODES or self.ctx.kept.of(LightShapes):
+        if become.shape is None or become.leaf.type_name in DRAW_MODES or self.ctx.findings.light_shapes:
             raise UnknownEffect
         before, surfaces = self.scene.shapes[become.shape], len(list(self.ctx.surfaces))
         made = self._as_before(become.leaf.path, lambda ctx: shape_of(become.leaf, ctx, self.scene))
@@ -74,8 +71,10 @@ class LeafUpdates:
     def _as_before(self, path: str, make: Callable[[Context], T]) -> T:
         """Return the translated object, if its diagnostics are those of before; else raise NotKnownError."""
         apart = Diagnostics(self.ctx.diagnostics.shown)
-        kept = self.ctx.kept.sharing(MaterialCache, Profiles, FacesByContent, LightShapes, PhysicalSchemas, Record)
-        made = make(replace(self.ctx, diagnostics=apart, kept=kept))
+        known, found = self.ctx.caches, self.ctx.findings
+        caches = TranslationCaches(materials=known.materials, ies_files=known.ies_files, faces=known.faces)
+        findings = Findings(light_shapes=found.light_shapes, physical_schemas=found.physical_schemas)
+        made = make(replace(self.ctx, diagnostics=apart, caches=caches, findings=findings))
         if list(apart) != [d for d in self.told if d.prim_path == path]:
             raise UnknownEffect
         return made
@@ -89,9 +88,9 @@ class MaterialUpdates:
 
     def surfaces(self, edited: set[Sdf.Path], ctx: Context) -> SurfaceTable:
         """Return the table of surfaces with the materials that read these prims translated again; update their cache."""
-        known = ctx.kept.of(MaterialCache)
-        ctx.kept.of(ShaderIds).clear()  # an edit may be of one
-        if ctx.kept.of(LightShapes):
+        known = ctx.caches.materials
+        ctx.caches.shader_ids.clear()  # an edit may be of one
+        if ctx.findings.light_shapes:
             raise UnknownEffect
         if self.beyond is None:
             self.beyond = [key for key in known if _reads_beyond(ctx.stage.GetPrimAtPath(key[0]))]

@@ -107,13 +107,9 @@ def _proxy(root: Usd.Prim, around: str) -> str:
     return around + instance[len(str(root.GetPath().GetPrefixes()[0])) :]
 
 
-class _HoldInstancers(dict[str, bool]):
-    """Results of `_holds_instancers` by path."""
-
-
 def _holds_instancers(root: Usd.Prim, ctx: Context) -> bool:
     """Return whether there are point instancers below a prim of a native prototype."""
-    known, path = ctx.kept.of(_HoldInstancers), str(root.GetPath())
+    known, path = ctx.caches.holds_instancers, str(root.GetPath())
     if path not in known:
         known[path] = any(type_name(prim) == "PointInstancer" for prim in find_below(root))
     return known[path]

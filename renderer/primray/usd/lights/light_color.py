@@ -17,7 +17,6 @@ from ...color.spectrum import DAYLIGHT_K, Spectrum, black_body, daylight, of_chr
 from ..scene.color_spaces import color_in_rendering_space
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
-from ..scene.notes import PhysicalSchemas
 from ..scene.schemas import ILLUMINANT as SCHEMA
 from ..stage.values import array, flag, number, read, token, vector
 
@@ -59,7 +58,7 @@ def white(ctx: Context) -> Spectrum:
 
 def read_illuminant(prim: ResolvedPrim, ctx: Context) -> Illuminant | None:
     """Return the light's illuminant; None if neither attributes nor an applied schema give one."""
-    if prim.names.isdisjoint(_ATTRIBUTES) and SCHEMA not in ctx.kept.of(PhysicalSchemas).get(prim.path, ()):
+    if prim.names.isdisjoint(_ATTRIBUTES) and SCHEMA not in ctx.findings.physical_schemas.get(prim.path, ()):
         return None
     name = token(prim.prim, ILLUMINANT, ctx.when, "white")
     name = "illuminant D" if name == "illuminantD" else name

@@ -21,7 +21,6 @@ from ...description.lighting import Linked
 from ...diagnostics import Diagnostics
 from ..scene.context import Context
 from ..scene.inheritance import Inherited, ResolvedPrim
-from ..scene.prim_kinds import PropertyNames
 from ..stage.messages import tf_message
 from ..stage.traversal import all_prims_in_instances
 
@@ -216,7 +215,7 @@ class Links:
 
 def find_links(leaves: Iterable[ResolvedPrim], ctx: Context) -> Links | None:
     """Return the links of all lights found; None if no light has a collection that excludes anything."""
-    if not any(_names_of(names) for names in ctx.kept.of(PropertyNames)):
+    if not any(_names_of(names) for names in ctx.findings.property_names):
         return None
     links = Links(ctx)
     for leaf in leaves:

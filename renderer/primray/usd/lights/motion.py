@@ -30,7 +30,7 @@ from ..motion.sample_times import corners_of, fractions
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.reads import property_names
-from .portals import PortalPrims, self_and_ancestors, world_from_prim
+from .portals import self_and_ancestors, world_from_prim
 
 SIZES = ("inputs:radius", "inputs:width", "inputs:height", "inputs:length", "inputs:angle")
 SAME_SIZE = 1e-6
@@ -169,7 +169,7 @@ def with_moving_portals(dome: Light, path: LightPath | None, precision: MotionPr
 
 
 def _moving_portal(portal: Portal, dome_path: LightPath | None, precision: MotionPrecision, ctx: Context) -> Portal:
-    known = ctx.kept.of(PortalPrims).get(id(portal))
+    known = ctx.findings.moving_portals.get(id(portal))
     if known is None:
         return portal
     path = _portal_path(known.prim, known.dome, known.world_from_dome, dome_path, ctx)

@@ -14,7 +14,7 @@ from ...color.spectrum import black_body, efficacy
 from ...description.lighting import Photometric
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
-from ..scene.notes import PhysicalSchemas, not_for_type
+from ..scene.notes import not_for_type
 from ..scene.schemas import PHOTOMETRIC
 from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.values import flag, number
@@ -53,7 +53,7 @@ GivesIlluminant = Callable[[], Illuminant | None]  # called only where watts are
 
 def read_amount(prim: ResolvedPrim, illuminant: GivesIlluminant, ctx: Context) -> Photometric | None:
     """Return the amount of light that is asked for, None if none is; report attributes that cannot be applied."""
-    applied = ctx.kept.of(PhysicalSchemas)
+    applied = ctx.findings.physical_schemas
     if prim.path not in applied and NAMES.isdisjoint(prim.names):
         return None
     schemas, kind = PHOTOMETRIC.intersection(applied.get(prim.path, ())), _kind(prim)

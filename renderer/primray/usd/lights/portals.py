@@ -3,35 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from pxr import Gf, Usd
 
 from ...arrays import Doubles
 from ...description import Portal
-from ..scene.context import Context
+from ..scene.context import Context, PortalPrim
 from ..scene.inheritance import ResolvedPrim, local_matrix, transforms
-from ..scene.notes import PortalsFound
 from ..stage.reads import property_names, targets, type_name
 from ..stage.values import matrix, number
-
-
-class _Named(set[str]):
-    """Paths of the PortalLights that domes name."""
-
-
-@dataclass(frozen=True, eq=False)
-class PortalPrim:
-    portal: Portal  # held so that its id stays unique
-    path: str
-    prim: Usd.Prim
-    dome: Usd.Prim | None  # if both are in one prototype
-    world_from_dome: Doubles  # (4, 4)
-
-
-class PortalPrims(dict[int, PortalPrim]):
-    """Portals that may move while the shutter is open, by the id of the Portal (lights/motion.py)."""
 
 
 def read_portals(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
@@ -44,7 +25,7 @@ def read_portals(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> 
             message = f"portals names {ctx.shown(str(target))}, which is {what} and not a PortalLight: it is ignored."
             ctx.warn("light-input", dome.path, message, "portals")
             continue
-        ctx.kept.of(_Named).add(ctx.shown(str(prim.GetPath())))
+        ctx.findings.named_portals.add(ctx.shown(str(prim.GetPath())))
         portal = _portal(dome, world_from_dome, prim, ctx)
         if portal is not None:
             found.append(portal)
@@ -66,7 +47,7 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
         return None
     portal = Portal(world, width, height)
     if ctx.timing.is_open:
-        ctx.kept.of(PortalPrims)[id(portal)] = PortalPrim(portal, path, prim, together, world_from_dome)
+        ctx.findings.moving_portals[id(portal)] = PortalPrim(portal, path, prim, together, world_from_dome)
     return portal
 
 
@@ -92,7 +73,7 @@ def self_and_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
 
 def report_unnamed_portals(ctx: Context) -> None:
     """Report PortalLights that no dome names; called after all lights are translated."""
-    named = ctx.kept.of(_Named)
-    for path in ctx.kept.of(PortalsFound):
+    named = ctx.findings.named_portals
+    for path in ctx.findings.portals:
         if path not in named:
             ctx.warn("light-input", path, "No dome's `portals` names this PortalLight: it has no effect.", "portals")

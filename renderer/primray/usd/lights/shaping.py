@@ -132,10 +132,6 @@ def _is_straight(matrix: Doubles) -> bool:
 FILE = "inputs:shaping:ies:file"
 
 
-class Profiles(dict[str, IesFile | str]):
-    """IES files by resolved path: the parsed file, or why it cannot be used."""
-
-
 def missing_text(path: str) -> str:
     """Return the message for an IES file that does not exist."""
     return f"{path} cannot be found: the light is rendered without a profile."
@@ -147,7 +143,7 @@ def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | N
         ctx.warn("asset-missing", path, missing_text(asset.path), FILE)
         return None
     resolved = str(asset.resolvedPath)
-    known = ctx.kept.of(Profiles)
+    known = ctx.caches.ies_files
     if resolved not in known:
         known[resolved] = _read_ies_file(resolved)
     found = known[resolved]

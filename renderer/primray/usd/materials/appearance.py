@@ -18,7 +18,8 @@ from ..scene.inheritance import ResolvedPrim, element_count
 from ..scene.schemas import CAMERA_SIGHT
 from ..stage.reads import interpolation
 from ..stage.values import read, token
-from .material import Material, translated_material
+from .material import translated_material
+from .translated_material import Material
 
 # UsdGeomGprim's displayColor has no fallback; 0.18 is UsdPreviewSurface's diffuseColor and Storm's default.
 FALLBACK_COLOR = (0.18, 0.18, 0.18)

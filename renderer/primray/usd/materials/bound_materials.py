@@ -12,7 +12,7 @@ from functools import cached_property
 
 from pxr import Sdf, Usd, UsdShade
 
-from ..scene.bindings import BINDING, CollectionBindings, Subset, binding_names, strengths_of, subsets_of
+from ..scene.bindings import BINDING, Subset, binding_names, strengths_of, subsets_of
 from ..scene.context import Context
 from ..scene.inheritance import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
 from ..scene.prim_kinds import PrimKind
@@ -77,7 +77,7 @@ def _key_inside(instance: ResolvedPrim, prototype: NativePrototype) -> Hashable:
 
 def bound_individually(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
     """Return which instances are bound prim by prim, because collections that bind materials have members inside them."""
-    bindings = ctx.kept.of(CollectionBindings)
+    bindings = ctx.findings.collection_bindings
     if not bindings.expressed and not bindings.has_members_below:
         return [False] * len(instances)
     # A collection bound inside a prototype has the prototype's paths, one bound outside of it has the stage's.

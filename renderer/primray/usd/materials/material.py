@@ -10,12 +10,12 @@ import math
 import re
 from dataclasses import dataclass, field, replace
 
-from pxr import Sdf, Usd, UsdShade
+from pxr import Usd, UsdShade
 
 from ...description import Input, PrimvarInput, Surface, TextureInput
 from ...diagnostics import Diagnostic, Diagnostics
 from ...settings import RenderContext
-from ..scene.context import ColorScope, Context
+from ..scene.context import Context, MaterialKey
 from ..scene.inheritance import Inherited
 from ..scene.notes import RENDERERS, note_document, note_unknown_schemas
 from ..stage.reads import property_names
@@ -25,6 +25,7 @@ from .materialx.document_marks import NOTES
 from .network import Constant, Node, as_numbers, constant_color, find_source, module_of, node_path, parameter
 from .node_values import FedInputs
 from .surface_inputs import NO_PRIMVAR
+from .translated_material import Material
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,6 @@ PRIORITY = "primray:dielectric:priority"  # where dielectrics overlap, the one o
 _OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
 
 
-@dataclass(frozen=True)
-class Material:
-    """A translated material. `surface` is None where displayColor is used; `hidden`: opacityThreshold cuts all of it out."""
-
-    surface: Surface | None
-    hidden: bool = False
-
-
 @dataclass
 class _SurfaceInputs:
     """Inputs of the Surface found so far: constants, varying inputs, and the pattern nodes (`nodes`) that feed them."""
@@ -74,19 +67,12 @@ class _SurfaceInputs:
     nodes: FedInputs | None = None
 
 
-MaterialKey = tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]]  # path, and the colour scopes that instances pass to it
-
-
-class MaterialCache(dict[MaterialKey, tuple[Material, list[Diagnostic]]]):
-    """Cache of translated materials, each with its diagnostics."""
-
-
 def translated_material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
     """Return a translated material; it is translated once per set of colour scopes that instances pass to its prototype."""
     path = prim.GetPath()
     outer = bound_to.outer_colors if prim.IsInPrototype() else ()
     key = (path, outer)
-    known = ctx.kept.of(MaterialCache)
+    known = ctx.caches.materials
     if key not in known:
         known[key] = translate_uncached(key, ctx)
         ctx.diagnostics.extend(known[key][1])
@@ -172,13 +158,11 @@ def _other_model(source: Node, path: str, ctx: Context) -> Material | None:
 
         made = known_material(source, path, ctx)
         if made is not None:
-            return Material(made.surface, made.hidden)
+            return made
     if module_of(source):
         from .mdl.modules import mdl_material
 
-        mdl = mdl_material(source, path, ctx)
-        if mdl is not None:
-            return Material(*mdl)
+        return mdl_material(source, path, ctx)
     return None
 
 
@@ -200,7 +184,7 @@ def _other_renderer(shaders: list[tuple[str, Node]], outputs: list[str], path: s
     for output, shader in shaders:
         if (made := other_renderers_material(shader, path, ctx)) is not None:
             _note_unread(outputs, output, path, ctx)
-            return Material(made.surface, made.hidden)
+            return made
     return None
 
 

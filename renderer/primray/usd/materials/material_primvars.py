@@ -15,7 +15,7 @@ from ...description.pattern_reads import primvar_of_set
 from ...diagnostics import Diagnostics
 from ..scene.context import Context
 from ..stage.reads import shader_id
-from .network import Node, ShaderIds, find_source, is_principled, numbers, text
+from .network import Node, find_source, is_principled, numbers, text
 from .usd_nodes import USD_NODES
 
 SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
@@ -39,7 +39,7 @@ def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[
     silent = replace(ctx, diagnostics=Diagnostics())  # problems are reported when the materials are translated
     prims = list(shaders)
     ids = [shader_id(prim) for prim in prims]
-    ctx.kept.of(ShaderIds).update(zip([prim.GetPath() for prim in prims], ids, strict=True))
+    ctx.caches.shader_ids.update(zip([prim.GetPath() for prim in prims], ids, strict=True))
     readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if name in _READERS]
     names = frozenset(f"primvars:{name}" for prim, kind in readers if (name := _primvar(prim, kind, silent)))
     names |= {

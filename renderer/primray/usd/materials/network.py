@@ -33,10 +33,6 @@ class Constant:
     value: Any
 
 
-class ShaderIds(dict[Sdf.Path, str]):
-    """Cache of shader ids by path: reading one from USD takes ten microseconds."""
-
-
 @dataclass(frozen=True)
 class Node:
     """A shader node, and the name of the output that is read, without "outputs:"."""
@@ -93,7 +89,7 @@ def _target(attribute: Usd.Attribute, path: Sdf.Path, ctx: Context, passed: tupl
     name: str = path.name
     is_output = name.startswith("outputs:")
     if is_output:
-        known = ctx.kept.of(ShaderIds).get(at)
+        known = ctx.caches.shader_ids.get(at)
         if known is not None or prim.IsA(UsdShade.Shader):
             return Node(prim, name.removeprefix("outputs:"), known)
     further = prim.GetAttribute(name)

@@ -28,12 +28,8 @@ from .subsets import FaceParts, face_parts
 from .tet_mesh import read_tet_mesh
 
 
-class _Geometries(dict[tuple[str, float], Polygons | Cage]):
-    """Material-independent geometry by prim path and blurScale, for meshes that several prototypes contain."""
-
-
 def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
-    shared = ctx.kept.of(_Geometries)
+    shared: dict[tuple[str, float], Polygons | Cage] = ctx.caches.mesh_geometries
     key = (prim.path, prim.inherited.blur_scale)
     geometry = shared.get(key) or _geometry(prim, ctx)
     if geometry is None:

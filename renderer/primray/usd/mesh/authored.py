@@ -165,10 +165,6 @@ class Topology:
         return Sizes(len(self.faces.counts), len(self.points), len(self.faces.indices))
 
 
-class FacesByContent(dict[tuple[bytes, bytes], Faces]):
-    """Faces of small meshes, keyed by their counts and indices."""
-
-
 def topology_of(mesh: AuthoredMesh, ctx: Context) -> Topology | None:
     """Return points and faces if they are consistent; None if the mesh is empty or, reported, if they are not."""
     points, counts, indices = mesh.points, mesh.counts, mesh.indices
@@ -179,7 +175,7 @@ def topology_of(mesh: AuthoredMesh, ctx: Context) -> Topology | None:
         faces = _checked_faces(counts, indices, mesh.path, ctx)
     else:
         key = (counts.tobytes(), indices.tobytes())
-        shared = ctx.kept.of(FacesByContent)
+        shared: dict[tuple[bytes, bytes], Faces] = ctx.caches.faces
         faces = shared.get(key) or _checked_faces(counts, indices, mesh.path, ctx)
         if faces is not None:
             shared[key] = faces

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Floats
-from ...description import MotionSteps
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.metadata import time_codes_per_second
@@ -166,10 +165,6 @@ SIZE_NO_ERROR = 1e-6  # of the swept extent: samples off the line by less are le
 PIXELS_NO_ERROR = 1e-3  # but only up to this many pixels
 
 
-class PointSteps(list[MotionSteps]):
-    """Samplings made during the translation, for the report."""
-
-
 def point_steps(
     at: Callable[[float], Floats], count: int, bent: Sequence[float], path: str, ctx: Context, *, curved: bool
 ) -> tuple[float, ...] | None:
@@ -199,5 +194,5 @@ def point_steps(
     none = max(min(SIZE_NO_ERROR * float((high - low).max()) * scale, PIXELS_NO_ERROR), rounding)
     most = max(ctx.settings.most_motion_error, rounding) if curved else float("inf")
     steps = sample_times(error, bent, most, none)
-    ctx.kept.of(PointSteps).append(steps.of(path, "meshes", rounding))
+    ctx.findings.point_steps.append(steps.of(path, "meshes", rounding))
     return steps.times

@@ -27,10 +27,9 @@ from ..stage.messages import tf_message
 from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.traversal import is_in_world
 from ..stage.values import square
-from .bounds import Bounds, NotBounded, stage_bounds
+from .bounds import Bounds, stage_bounds
 from .context import Context
 from .inheritance import ResolvedPrim
-from .notes import LightShapes
 from .translated_scene import Record, TranslatedLeaf, TranslatedScene
 
 
@@ -56,13 +55,13 @@ def add_group(scene: TranslatedScene, group: Group[ResolvedPrim], where: Arrange
     alone = "" if once is None or not ctx.names_instances else instance_name(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
-    record = ctx.kept.of(Record)
+    record = scene.record
     matrices = _matrices(leaves, record)
     finite: list[bool] = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
     placed = matrices if once is None or np.array_equal(once, np.eye(4)) else once @ matrices
     while leaves:  # popped, so that translated leaves are freed
         leaf = leaves.pop()
-        scene.has_lights |= leaf.type_name in scene.adapters.lights or leaf.path in ctx.kept.of(LightShapes)
+        scene.has_lights |= leaf.type_name in scene.adapters.lights or leaf.path in ctx.findings.light_shapes
         if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite: it is not rendered.")
         elif leaf.type_name in scene.adapters.lights:
@@ -120,7 +119,7 @@ def linked(shape: Shape, leaf: ResolvedPrim, scene: TranslatedScene) -> Shape:
 def shape_of(leaf: ResolvedPrim, ctx: Context, scene: TranslatedScene) -> Shape | None:
     adapter = scene.adapters.shapes[leaf.type_name]
     try:
-        if leaf.path not in ctx.kept.of(LightShapes):
+        if leaf.path not in ctx.findings.light_shapes:
             return adapter(leaf, ctx)
         shape = adapter(without_material(leaf, ctx), ctx)
         return None if shape is None else with_light(shape, leaf, ctx, scene.links)
@@ -141,7 +140,7 @@ MAX_BOUNDED_INSTANCES = 1_000_000
 
 
 def scene_bounds(scene: TranslatedScene, groups: list[Group[ResolvedPrim]], where: Arrangement, ctx: Context) -> Bounds:
-    is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(ctx.stage, groups) or ctx.kept.of(NotBounded))
+    is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(ctx.stage, groups) or ctx.findings.unbounded_shapes)
     whole = stage_bounds(ctx.stage, ctx.when, ctx.purposes) if is_asked else None
     return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 

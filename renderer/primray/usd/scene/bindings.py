@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
 from ..stage.messages import tf_message
 from ..stage.reads import default_value, metadatum, property_names, targets, type_name
 from ..stage.traversal import EXISTING_IN_INSTANCES, children
-from .context import Context
+from .context import CollectionBindings, Context
 
 BINDING = "material:binding"
 NO_MATERIAL = "which is not a Material"
@@ -29,22 +29,9 @@ class Subset:
     element: str = FACE
 
 
-@dataclass
-class CollectionBindings:
-    """State about collections that a material is bound to."""
-
-    is_expression: dict[Sdf.Path, bool] = field(default_factory=dict)  # collections that have been looked into
-    has_members_below: set[Sdf.Path] = field(default_factory=set)  # prims below which such a collection has members
-    expressed: set[Sdf.Path] = field(default_factory=set)  # prims that bind a collection which is an expression
-
-
-class _BindingFaults(dict[Sdf.Path, str]):
-    """Problems with the targets of material bindings by path, "" for none."""
-
-
 def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Context) -> list[list[Sdf.Path]]:
     """Return the targets of these bindings, of any purpose, and report those that are no material."""
-    found, known = [targets(prim, name) for name in names], ctx.kept.of(_BindingFaults)
+    found, known = [targets(prim, name) for name in names], ctx.caches.binding_faults
     for name, led_to in zip(names, found, strict=True):
         if is_collection(name) and led_to:
             _note_members(led_to[0], prim.GetPath(), ctx)
@@ -59,7 +46,7 @@ def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Contex
 
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
     """Record below which prims only some are members of the collection, or may be where it is an expression."""
-    bindings = ctx.kept.of(CollectionBindings)
+    bindings = ctx.findings.collection_bindings
     if collection not in bindings.is_expression:
         bindings.is_expression[collection] = _look_into(collection, bound_at, bindings, ctx)
     if bindings.is_expression[collection]:  # evaluated below each prim that binds it

@@ -15,10 +15,6 @@ from ..stage.values import When
 Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
 
 
-class NotBounded(set[str]):
-    """Paths of shapes for which USD would compute a wrong extent (UsdGeomCapsule_1 with two radii)."""
-
-
 # UsdGeomBBoxCache (26.11) recurses: it survives 1000 levels and overflows the stack at 2000.
 DEEPEST = 500
 

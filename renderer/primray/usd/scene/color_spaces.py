@@ -9,12 +9,11 @@ its prototype. UsdColorSpaceAPI's own functions stop at prototypes; a test check
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pxr import Sdf, Usd
+from pxr import Usd
 
 from ...color import ocio as color
 from ...color.color_space import REC709, ColorSpace, is_gamut
@@ -29,14 +28,6 @@ _DEFINITION = "ColorSpaceDefinitionAPI:"
 _DEFAULTS = {"redChroma": (1.0, 0.0), "greenChroma": (0.0, 1.0), "blueChroma": (0.0, 0.0), "whitePoint": (1 / 3, 1 / 3)}
 
 
-@dataclass
-class ColorSpaceCache:
-    """Caches: scopes by prim, and spaces by name."""
-
-    scopes: dict[tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]], ColorScope] = field(default_factory=dict)
-    named: dict[str, color.Source | None] = field(default_factory=dict)  # results of color.space_named
-
-
 def scope_below(above: ColorScope, prim: Usd.Prim, schemas: list[str], ctx: Context) -> ColorScope:
     """Return a prim's scope, given its parent's; `schemas` are those applied to the prim."""
     if not any(schema.startswith("ColorSpace") for schema in schemas):
@@ -48,7 +39,7 @@ def scope_below(above: ColorScope, prim: Usd.Prim, schemas: list[str], ctx: Cont
 
 def scope_of(attribute: Usd.Attribute, ctx: Context) -> ColorScope:
     """Return the scope at an attribute's prim."""
-    found = ctx.kept.of(ColorSpaceCache).scopes.get((attribute.GetPrimPath(), ctx.outer_colors))
+    found = ctx.caches.color_scopes.get((attribute.GetPrimPath(), ctx.outer_colors))
     return scope_at(attribute.GetPrim(), ctx) if found is None else found
 
 
@@ -56,7 +47,7 @@ def scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
     """Return the scope at a prim; a prototype's root inherits from its instance, whose scope `ctx.outer_colors` has."""
     if not prim:
         return NO_COLOR_SCOPE
-    key, known = (prim.GetPath(), ctx.outer_colors), ctx.kept.of(ColorSpaceCache).scopes
+    key, known = (prim.GetPath(), ctx.outer_colors), ctx.caches.color_scopes
     found = known.get(key)
     if found is None:
         found = known[key] = _scope_at(prim, ctx)
@@ -98,7 +89,7 @@ def space_named(name: str, scope: ColorScope, ctx: Context) -> color.Source | No
     for definition in scope.definitions:
         if definition.name == name:
             return definition
-    known = ctx.kept.of(ColorSpaceCache).named
+    known = ctx.caches.color_spaces
     if name not in known:
         try:
             known[name] = color.space_named(name)

@@ -1,21 +1,27 @@
-"""The context that every adapter is given: the stage, what is asked of it, diagnostics, and the caches of one translation."""
+"""The context that every adapter is given: the stage, what is asked of it, and diagnostics, caches and findings of one
+translation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any
 
-from pxr import Usd
+from pxr import Sdf, Usd
 
+from ...arrays import Doubles
 from ...color.color_space import REC709, ColorSpace
-from ...description import Surface
-from ...diagnostics import Diagnostics
+from ...color.ocio import Source
+from ...description import MotionSteps, Portal, Surface
+from ...diagnostics import Diagnostic, Diagnostics
 from ...settings import RenderSettings
+from ...textures.ies import IesFile
 from ..lights.light_groups import NO_GROUPS, LightGroups
+from ..materials.translated_material import Material
 from ..motion.levels import ShapePlacements
 from ..motion.pixels import UNSEEN, Foreseen
 from ..motion.timing import AT_FRAME, Timing
+from ..shapes.tessellate import Tessellated
 from ..stage.values import When
 
 
@@ -41,28 +47,79 @@ class SurfaceTable:
         return number
 
 
-T = TypeVar("T")
+@dataclass(frozen=True)
+class ColorScope:
+    """Inherited colour spaces: the nearest colorSpace:name, and custom spaces, the nearest first."""
+
+    name: str = ""
+    definitions: tuple[ColorSpace, ...] = ()
 
 
-class Kept:
-    """Registry of caches. Modules declare a cache type, constructible without arguments, beside the functions that use it."""
+NO_COLOR_SCOPE = ColorScope()
+OuterColors = tuple[tuple[str, ColorScope], ...]  # the scopes that instances pass to their prototypes, by prototype
+MaterialKey = tuple[Sdf.Path, OuterColors]
 
-    def __init__(self) -> None:
-        self._objects: dict[type[Any], Any] = {}
 
-    def of(self, kind: type[T]) -> T:
-        """Return the cache of this type, created on first use."""
-        found = self._objects.get(kind)
-        if found is None:
-            found = self._objects[kind] = kind()
-        made: T = found
-        return made
+@dataclass
+class TranslationCaches:
+    """Results that are computed once and used again: without any of them a translation is slower, and no different.
 
-    def sharing(self, *kinds: type[Any]) -> Kept:
-        """Return a registry that shares the caches of these types, and has no others yet."""
-        other = Kept()
-        other._objects = {kind: self.of(kind) for kind in kinds}
-        return other
+    Values of type Any are of types whose modules import this one; the functions that use them name these.
+    """
+
+    shader_ids: dict[Sdf.Path, str] = field(default_factory=dict)  # reading one from USD takes ten microseconds
+    materials: dict[MaterialKey, tuple[Material, list[Diagnostic]]] = field(default_factory=dict)
+    binding_faults: dict[Sdf.Path, str] = field(default_factory=dict)  # by a binding's target, "" for none
+    color_scopes: dict[MaterialKey, ColorScope] = field(default_factory=dict)  # by prim and scopes around its prototype
+    color_spaces: dict[str, Source | None] = field(default_factory=dict)  # by name; None: unknown
+    # Copies of Inherited with another colour or none, by the id of the original, which is stored first so that it lives.
+    colored: dict[tuple[int, tuple[float, float, float] | None], tuple[Any, Any]] = field(default_factory=dict)
+    holds_instancers: dict[str, bool] = field(default_factory=dict)  # whether point instancers are below a prim
+    faces: dict[tuple[bytes, bytes], Any] = field(default_factory=dict)  # Faces of small meshes, by counts and indices
+    # Polygons or Cages of meshes that several prototypes contain, by prim path and motion:blurScale.
+    mesh_geometries: dict[tuple[str, float], Any] = field(default_factory=dict)
+    # By the function of tessellate.py and its arguments, since many prims are alike; None: sizes are not usable.
+    tessellations: dict[tuple[Any, ...], Tessellated | None] = field(default_factory=dict)
+    # Findings (code, message, attribute) about the inputs of lights, by type, applied schemas and authored names.
+    light_inputs: dict[tuple[str, tuple[str, ...], frozenset[str]], list[tuple[str, str, str]]] = field(default_factory=dict)
+    ies_files: dict[str, IesFile | str] = field(default_factory=dict)  # by resolved path: the file, or why it is unusable
+    defined_copy: list[Usd.Stage] = field(default_factory=list)  # at most one copy of the stage, to define prims in
+
+
+@dataclass
+class CollectionBindings:
+    """The collections that materials are bound to."""
+
+    is_expression: dict[Sdf.Path, bool] = field(default_factory=dict)  # collections that have been looked into
+    has_members_below: set[Sdf.Path] = field(default_factory=set)  # prims below which such a collection has members
+    expressed: set[Sdf.Path] = field(default_factory=set)  # prims that bind a collection which is an expression
+
+
+@dataclass(frozen=True, eq=False)
+class PortalPrim:
+    """A portal that may move while the shutter is open."""
+
+    portal: Portal  # stored so that its id stays unique
+    path: str
+    prim: Usd.Prim
+    dome: Usd.Prim | None  # if both are in one prototype
+    world_from_dome: Doubles  # (4, 4)
+
+
+@dataclass
+class Findings:
+    """What one part of a translation finds and a later part reads."""
+
+    property_names: set[frozenset[str]] = field(default_factory=set)  # sets of authored names that occur on prims
+    blur_scales: set[float] = field(default_factory=set)  # authored values of motion:blurScale
+    collection_bindings: CollectionBindings = field(default_factory=CollectionBindings)
+    light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
+    physical_schemas: dict[str, set[str]] = field(default_factory=dict)  # of the proposal "physical-lighting", by prim path
+    portals: list[str] = field(default_factory=list)  # paths of PortalLights
+    named_portals: set[str] = field(default_factory=set)  # those that domes name
+    moving_portals: dict[int, PortalPrim] = field(default_factory=dict)  # by the id of the Portal
+    unbounded_shapes: set[str] = field(default_factory=set)  # paths of shapes for which USD computes a wrong extent
+    point_steps: list[MotionSteps] = field(default_factory=list)  # samplings of moving points, for the report
 
 
 @dataclass(frozen=True)
@@ -86,10 +143,11 @@ class Context:
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all primvars that materials of the stage read
     color_primvars: frozenset[str] = frozenset()  # those that are colours, and those shown without a material
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
-    outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # by prototype, around the material being translated
+    outer_colors: OuterColors = ()  # by prototype, around the material being translated
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance, in order of discovery
     surfaces: SurfaceTable = field(default_factory=SurfaceTable)
-    kept: Kept = field(default_factory=Kept)
+    caches: TranslationCaches = field(default_factory=TranslationCaches)
+    findings: Findings = field(default_factory=Findings)
 
     def shown(self, path: str) -> str:
         """Return a path as users know it: a prim in a prototype by its first instance, since USD's numbers of prototypes
@@ -101,14 +159,3 @@ class Context:
 
     def warn(self, code: str, path: str, message: str, attribute: str = "") -> None:
         self.diagnostics.add(code, path, message, attribute)
-
-
-@dataclass(frozen=True)
-class ColorScope:
-    """Inherited colour spaces: the nearest colorSpace:name, and custom spaces, the nearest first."""
-
-    name: str = ""
-    definitions: tuple[ColorSpace, ...] = ()
-
-
-NO_COLOR_SCOPE = ColorScope()

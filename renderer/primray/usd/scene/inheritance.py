@@ -218,17 +218,13 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
 
 
-class BlurScales(set[float]):
-    """The authored values of motion:blurScale."""
-
-
 def _blur_scale(prim: Usd.Prim, ctx: Context) -> float:
     """Return the prim's motion:blurScale (UsdGeomMotionAPI), at least 0, which means no blur."""
     scale = number(prim, BLUR_SCALE, ctx.when, 1.0, ctx.diagnostics)
     if scale < 0:
         message = f"{BLUR_SCALE} = {scale:g} is negative: 0 is used."
         ctx.warn("out-of-range", ctx.shown(str(prim.GetPath())), message, BLUR_SCALE)
-    ctx.kept.of(BlurScales).add(max(scale, 0.0))
+    ctx.findings.blur_scales.add(max(scale, 0.0))
     return max(scale, 0.0)
 
 
@@ -319,15 +315,10 @@ def _first_index(primvar: UsdGeom.Primvar, values: int, when: When) -> tuple[int
     return (int(indices[0]), len(indices)) if indices is not None and len(indices) else (0, values)
 
 
-class _Colored(dict[tuple[int, tuple[float, float, float] | None], tuple[Inherited, Inherited]]):
-    """Copies of Inherited with another colour or none, by the id of the original and that colour; the original is kept
-    alive."""
-
-
 def _colored(mine: Inherited, rgb: tuple[float, float, float] | None, ctx: Context) -> Inherited:
     """Return what a prim hands down with this colour, or with none: the same object for all children with the same colour."""
-    colored = ctx.kept.of(_Colored)
-    known = colored.get((id(mine), rgb))
+    colored = ctx.caches.colored
+    known: tuple[Inherited, Inherited] | None = colored.get((id(mine), rgb))
     if known is None:
         made = replace(mine, color=rgb)
         made = _hiding(made, "displayColor") if rgb is None else made

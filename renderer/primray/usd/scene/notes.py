@@ -55,18 +55,6 @@ class LevelsMet(Exception):
     """Raised when the walk finds a root of levels of detail before a level has been chosen (scene/level_of_detail.py)."""
 
 
-class LightShapes(set[str]):
-    """Paths of shapes that LightAPI makes lights."""
-
-
-class PhysicalSchemas(dict[str, set[str]]):
-    """Applied schemas of the proposal "physical-lighting", by prim path."""
-
-
-class PortalsFound(list[str]):
-    """Paths of PortalLights."""
-
-
 def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: frozenset[str], kind: str) -> bool:
     """Return whether `note_prim` may report anything for prims of this type with these schemas, of which `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
@@ -160,7 +148,7 @@ def unrendered(prim: Usd.Prim, type_name: str) -> tuple[str, str] | None:
 
 def _note_portal(prim: ResolvedPrim, ctx: Context) -> None:
     """Record a portal, and report its unused inputs. Whether a dome uses it is known after all lights (lights.portals)."""
-    ctx.kept.of(PortalsFound).append(prim.path)
+    ctx.findings.portals.append(prim.path)
     for name in _UNUSED_BY_PORTALS:
         if name in prim.names:
             ctx.warn("light-input", prim.path, f"{name} is ignored: a portal guides a dome's samples.", name)
@@ -171,7 +159,7 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
         if schema in _LIGHT_SCHEMAS:
             _note_light_schema(prim, schema, kind, ctx)
         elif schema in PHYSICAL:
-            ctx.kept.of(PhysicalSchemas).setdefault(prim.path, set()).add(schema)
+            ctx.findings.physical_schemas.setdefault(prim.path, set()).add(schema)
             if kind != "light" and (schema in PHOTOMETRIC or not _LIGHT_SCHEMAS.intersection(schemas)):
                 ctx.warn("light-input", prim.path, not_for_type(schema, prim.type_name))
         elif schema == "MotionAPI":
@@ -194,7 +182,7 @@ def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
 def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:
     """Register shapes as lights; report prims that cannot be lights, such as curves, whose area is not computed."""
     if kind == "shape" and prim.type_name not in _UNLIT:
-        ctx.kept.of(LightShapes).add(prim.path)
+        ctx.findings.light_shapes.add(prim.path)
         if schema == "VolumeLightAPI":
             message = "VolumeLightAPI on a surface: it emits light as MeshLightAPI does."
             ctx.warn("light-input", prim.path, message)
@@ -292,14 +280,10 @@ def note_foreign_schemas(sets: Iterable[tuple[NameSet, Iterable[str]]], ctx: Con
         ctx.warn("foreign-schema", ctx.shown(family.first_path), f"{what} on {on}. {family.meaning}")
 
 
-class _LightInputs(dict[tuple[str, tuple[str, ...], frozenset[str]], list[tuple[str, str, str]]]):
-    """Findings about the inputs of lights (code, message, attribute), by type, applied schemas and authored names."""
-
-
 def note_light_inputs(prim: ResolvedPrim, applied: list[str], ctx: Context) -> None:
     """Report inputs that no schema of lights defines, and those with names from before USD 21.02."""
     key = (prim.type_name, tuple(applied), prim.names)
-    known = ctx.kept.of(_LightInputs)
+    known = ctx.caches.light_inputs
     if key not in known:  # the same for all lights of a kind
         known[key] = list(_findings_of_inputs(prim))
     for code, message, name in known[key]:

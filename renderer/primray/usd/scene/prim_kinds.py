@@ -18,10 +18,6 @@ from .notes import NameSet, is_noted
 from .schemas import LEFT_OUT, UNDERSTOOD
 
 
-class PropertyNames(set[frozenset[str]]):
-    """Sets of authored property names that occur on the stage."""
-
-
 @dataclass
 class PrimKind(NameSet):
     """A kind of prims: `names` are the authored properties, `count` and `first_path` tell which prims of it have been found."""
@@ -40,10 +36,6 @@ class PrimKind(NameSet):
     def foreign_schemas(self) -> set[str]:
         """Schemas of other programs, without instance names."""
         return {schema.split(":")[0] for schema in self.schemas} - UNDERSTOOD
-
-
-class KindsFound(list[PrimKind]):
-    """The kinds of the prims that the walk visited."""
 
 
 KindKey = tuple[str, tuple[str, ...], tuple[str, ...]]

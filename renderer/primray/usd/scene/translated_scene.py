@@ -33,36 +33,6 @@ class Adapters:
 
 
 @dataclass
-class TranslatedScene:
-    """The scene translated so far."""
-
-    adapters: Adapters
-    links: Links | None  # which shapes each light illuminates; None: all
-    shapes: list[Shape] = field(default_factory=list)
-    static: list[Placed] = field(default_factory=list)
-    prototypes: list[Prototype] = field(default_factory=list)
-    placements: list[Placement] = field(default_factory=list)
-    lights: list[Light] = field(default_factory=list)
-    has_lights: bool = False  # even if none of them emits anything
-    number: dict[int, int] = field(default_factory=dict)  # prototype's index by group
-    blur_scales: dict[int, float] = field(default_factory=dict)  # by prototype
-    moving_lights: list[tuple[int, LightPath]] = field(default_factory=list)  # light's index, and its path over time
-
-    @property
-    def framed_objects(self) -> FramedObjects:
-        return framed_objects(self.shapes, self.static, self.prototypes, self.placements)
-
-    @property
-    def moves(self) -> bool:
-        placements = [*self.placements, *(inner for prototype in self.prototypes for inner in prototype.placements)]
-        return (
-            any(isinstance(level, MovingInstances) for placement in placements for level in placement.levels)
-            or any(not isinstance(shape, Sphere) and shape.motion is not None for shape in self.shapes)
-            or any(light.motion is not None for light in self.lights)
-        )
-
-
-@dataclass
 class TranslatedLeaf:
     """A leaf with the index of the scene's shape, also of the static one, or of the light that it became; None for nothing."""
 
@@ -98,3 +68,34 @@ class Record:
         if self.is_on:
             self.is_plain &= become.leaf.path not in self.leaves
             self.leaves[become.leaf.path] = become
+
+
+@dataclass
+class TranslatedScene:
+    """The scene translated so far."""
+
+    adapters: Adapters
+    links: Links | None  # which shapes each light illuminates; None: all
+    record: Record
+    shapes: list[Shape] = field(default_factory=list)
+    static: list[Placed] = field(default_factory=list)
+    prototypes: list[Prototype] = field(default_factory=list)
+    placements: list[Placement] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
+    has_lights: bool = False  # even if none of them emits anything
+    number: dict[int, int] = field(default_factory=dict)  # prototype's index by group
+    blur_scales: dict[int, float] = field(default_factory=dict)  # by prototype
+    moving_lights: list[tuple[int, LightPath]] = field(default_factory=list)  # light's index, and its path over time
+
+    @property
+    def framed_objects(self) -> FramedObjects:
+        return framed_objects(self.shapes, self.static, self.prototypes, self.placements)
+
+    @property
+    def moves(self) -> bool:
+        placements = [*self.placements, *(inner for prototype in self.prototypes for inner in prototype.placements)]
+        return (
+            any(isinstance(level, MovingInstances) for placement in placements for level in placement.levels)
+            or any(not isinstance(shape, Sphere) and shape.motion is not None for shape in self.shapes)
+            or any(light.motion is not None for light in self.lights)
+        )

@@ -33,7 +33,7 @@ from .context import NO_COLOR_SCOPE, Context
 from .inheritance import Binding, Inherited, ResolvedPrim, as_bound, descend, inner_or_outer, is_drawn, local_matrix, transforms
 from .notes import note_foreign_schemas, note_other_renderers, note_prim
 from .poses import ROOT, Poses
-from .prim_kinds import KindsFound, PrimKinds, PropertyNames
+from .prim_kinds import PrimKinds
 from .translated_scene import Record
 
 
@@ -108,9 +108,9 @@ class _Walk:
     kinds: PrimKinds
     has_instances: bool
     links: Links | None
+    record: Record
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
-    record: Record = field(default_factory=Record)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
     prototypes: dict[Usd.Prim, NativePrototype] = field(default_factory=dict)
 
@@ -131,23 +131,32 @@ class _Walk:
         return self.index[key]
 
 
-def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Links | None = None) -> list[Group[ResolvedPrim]]:
+def walk(
+    ctx: Context, leaf_types: Mapping[str, str], expand: Expand, record: Record, links: Links | None = None
+) -> list[Group[ResolvedPrim]]:
     """Return all groups, the world first. `leaf_types` names the prim types that have adapters; `expand` reads an instancer.
 
-    `links` distinguishes instances that lights illuminate differently.
+    `links` distinguishes instances that lights illuminate differently. Where prims are placed is noted in `record`.
     """
     kinds = PrimKinds(ctx, leaf_types)
     has_instances = bool(ctx.stage.GetPrototypes())
-    state = _Walk(ctx, leaf_types, expand, transforms(ctx.when), kinds, has_instances, links)
-    state.record = ctx.kept.of(Record)
-    state.record.begin()
+    state = _Walk(
+        ctx=ctx,
+        leaf_types=leaf_types,
+        expand=expand,
+        cache=transforms(ctx.when),
+        kinds=kinds,
+        has_instances=has_instances,
+        links=links,
+        record=record,
+    )
+    record.begin()
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
     shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
     bind_shapes(shapes, kinds.by_collection, ctx)
-    ctx.kept.of(KindsFound)[:] = kinds.found.values()
-    ctx.kept.of(PropertyNames).update(kind.names for kind in kinds.found.values())
+    ctx.findings.property_names.update(kind.names for kind in kinds.found.values())
     note_other_renderers(kinds.found.values(), ctx)
     note_foreign_schemas(((kind, kind.foreign_schemas) for kind in kinds.found.values()), ctx)
     return state.groups

@@ -222,10 +222,6 @@ def _has_area(corners: Doubles) -> bool:
 _PURPOSES = ("default", "render", "proxy")
 
 
-class _Copies(dict[str, Usd.Stage]):
-    """Copy of the stage under translation, made on first use."""
-
-
 def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
     """Return the model's bounds in its own space at its earliest time, over all purposes except guide: extentsHint if authored,
     else computed."""
@@ -241,11 +237,11 @@ def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
 def _box_outside_world(prim: Usd.Prim, ctx: Context) -> tuple[Doubles, Doubles] | None:
     """Return the bounds of a model below a `class` or `over` prim, for which USD computes none, from a copy of the stage where
     those prims are defined."""
-    copies, path = ctx.kept.of(_Copies), str(prim.GetPath())
+    copies, path = ctx.caches.defined_copy, str(prim.GetPath())
     if not copies:
-        copies[""] = scratch_copy(ctx.stage)
-    with temporarily_defined(copies[""], [path]):
-        return _computed_box(copies[""].GetPrimAtPath(path))
+        copies.append(scratch_copy(ctx.stage))
+    with temporarily_defined(copies[0], [path]):
+        return _computed_box(copies[0].GetPrimAtPath(path))
 
 
 def _computed_box(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:

@@ -23,7 +23,6 @@ from ..motion.levels import Local
 from ..motion.points import point_steps
 from ..motion.sample_times import fractions
 from ..primvars.surface_primvars import constant_primvars
-from ..scene.bounds import NotBounded
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.values import When, number, read, token
@@ -106,10 +105,6 @@ def _points_and_normals(made: Tessellated) -> np.ndarray[Any, np.dtype[np.float3
     return made.points if made.normals is None else np.concatenate([made.points, made.normals])
 
 
-class _Tessellations(dict[Call, Tessellated | None]):
-    """Tessellations by the call that makes them, since many prims are alike; None where sizes are not usable."""
-
-
 def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     radius = abs(_number(prim, "radius", 1.0, ctx))
     appearance = _appearance(prim, ctx)
@@ -150,7 +145,7 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
 
 
 def _tessellation(how: Call, ctx: Context) -> Tessellated | None:
-    shared = ctx.kept.of(_Tessellations)
+    shared = ctx.caches.tessellations
     if how not in shared:
         made = how[0](*how[1:])
         usable = bool(np.isfinite(made.points).all() and made.points.any())
@@ -206,7 +201,7 @@ def _cylinder(prim: ResolvedPrim, ctx: Context) -> Call:
 def _capsule(prim: ResolvedPrim, ctx: Context) -> Call:
     bottom, top = _radii(prim, 0.5, ctx)
     if bottom != top and "extent" not in prim.names:
-        ctx.kept.of(NotBounded).add(prim.path)
+        ctx.findings.unbounded_shapes.add(prim.path)
     return tessellate.capsule, bottom, top, _number(prim, "height", 1.0, ctx), _axis(prim, ctx)
 
 

@@ -1,4 +1,4 @@
-"""A context does not change; what modules keep in it and the surfaces that shapes have are shared by its copies."""
+"""A context does not change; its caches, its findings and the surfaces that shapes have are shared by its copies."""
 
 from __future__ import annotations
 
@@ -14,14 +14,6 @@ from primray.usd.scene.context import Context
 from primray.usd.stage.values import When
 
 
-class Numbers(dict[str, int]):
-    pass
-
-
-class OtherNumbers(dict[str, int]):
-    pass
-
-
 def context() -> Context:
     stage = Usd.Stage.CreateInMemory()
     return Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
@@ -32,12 +24,13 @@ def test_it_does_not_change() -> None:
         context().names_instances = True  # type: ignore[misc]
 
 
-def test_each_type_that_is_kept_is_one_object_in_all_copies() -> None:
+def test_caches_and_findings_are_shared_by_copies_of_a_context_and_by_no_others() -> None:
     ctx = context()
-    ctx.kept.of(Numbers)["a"] = 1
-    assert replace(ctx, names_instances=True).kept.of(Numbers) == {"a": 1}
-    assert ctx.kept.of(OtherNumbers) == {}
-    assert context().kept.of(Numbers) == {}
+    ctx.caches.holds_instancers["/a"] = True
+    ctx.findings.portals.append("/b")
+    copy = replace(ctx, names_instances=True)
+    assert (copy.caches.holds_instancers, copy.findings.portals) == ({"/a": True}, ["/b"])
+    assert (context().caches.holds_instancers, context().findings.portals) == ({}, [])
 
 
 def test_equal_surfaces_have_one_index() -> None:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ....description import Operand, Surface
+from ....description import Operand
 from ...scene.context import Context
 from ..models.conversions import ior_under_coat
 from ..models.open_pbr import BLACK, ONE, ZERO, KnownSurface, as_open_pbr, input_report, is_cut_out
 from ..network import Node, module_of, node_path
 from ..node_values import NodeValues
+from ..translated_material import Material
 from . import omniverse
 from .inputs import ANY, MdlInputs, NeutralValues
 
@@ -118,8 +119,8 @@ _MODULES: dict[str, tuple[_Read, NeutralValues]] = {
 }
 
 
-def mdl_material(shader: Node, path: str, ctx: Context) -> tuple[Surface, bool] | None:
-    """Return the surface and whether its cutoff removes all of it; None where the module is not a stock one."""
+def mdl_material(shader: Node, path: str, ctx: Context) -> Material | None:
+    """Return the material of a shader of a stock module; None where the module is not one."""
     module = module_of(shader)
     found = _MODULES.get(module) or _MODULES.get(module.rpartition("/")[2])
     if found is None:
@@ -131,4 +132,4 @@ def mdl_material(shader: Node, path: str, ctx: Context) -> tuple[Surface, bool] 
     sentences = input_report((*not_had.unused, *inputs.unread(neutral)), not_had.near).sentences()
     message = f"{module.rpartition('/')[2]} is translated by its documented inputs, not interpreted. {sentences}".rstrip()
     ctx.warn("mdl-material", node_path(shader, ctx), message)
-    return surface, is_cut_out(known)
+    return Material(surface, is_cut_out(known))

@@ -6,14 +6,15 @@ open_pbr_surface, whose inputs are those of KnownSurface, and surface_unlit are 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
-from ....description import OpenPbr, Operand, Surface
+from ....description import OpenPbr, Operand
 from ...scene.context import Context
 from ...scene.notes import note_unknown_schemas
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..network import Node, node_path
 from ..node_values import NodeValues, definition_of
+from ..translated_material import Material
 from . import disney_principled, gltf_pbr, standard_surface
 from .open_pbr import ONE, WHITE, ZERO, KnownSurface, Reader, as_open_pbr, is_cut_out
 
@@ -65,15 +66,7 @@ SURFACE_READERS: dict[str, Callable[[Reader], KnownSurface]] = {
 }
 
 
-@dataclass(frozen=True)
-class KnownMaterial:
-    """A translated material. `surface` is None where the shader cannot be read."""
-
-    surface: Surface | None
-    hidden: bool = False
-
-
-def known_material(shader: Node, path: str, ctx: Context) -> KnownMaterial | None:
+def known_material(shader: Node, path: str, ctx: Context) -> Material | None:
     """Return the material of a MaterialX surface shader, None where its definition is not a known surface."""
     found = definition_of(shader)
     if found is None or found.name not in SURFACE_READERS:
@@ -87,7 +80,7 @@ def known_material(shader: Node, path: str, ctx: Context) -> KnownMaterial | Non
         surface, told = as_open_pbr(known, values.expressions, path)
     except TooManyNodesError:
         ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
-        return KnownMaterial(None)
+        return Material(None)
     if sentences := told.sentences():
         ctx.warn("material-input", node_path(shader, ctx), sentences)
-    return KnownMaterial(surface, is_cut_out(known))
+    return Material(surface, is_cut_out(known))

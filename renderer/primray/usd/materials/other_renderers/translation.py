@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from ...scene.context import Context
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..models.open_pbr import as_open_pbr, input_report, is_cut_out
-from ..models.surface_nodes import KnownMaterial
 from ..network import Node, node_path
+from ..translated_material import Material
 from . import arnold, houdini, renderman
 from .values import RendererInputs, RendererNodeValues
 
@@ -16,7 +16,7 @@ VOCABULARIES = (arnold.VOCABULARY, renderman.VOCABULARY, houdini.VOCABULARY)
 _MOST_NAMED = 12
 
 
-def other_renderers_material(shader: Node, path: str, ctx: Context) -> KnownMaterial | None:
+def other_renderers_material(shader: Node, path: str, ctx: Context) -> Material | None:
     """Return the material of a supported renderer's shader; None for an unknown renderer or surface."""
     vocabulary = next((v for v in VOCABULARIES if v.kind_of(shader)), None)
     if vocabulary is None:
@@ -29,13 +29,13 @@ def other_renderers_material(shader: Node, path: str, ctx: Context) -> KnownMate
         surface, not_had = as_open_pbr(known, values.expressions, path)
     except TooManyNodesError:
         ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
-        return KnownMaterial(None)
+        return Material(None)
     kinds = ", ".join(_first_of(dict.fromkeys(n.kind for n in values.used)))
     message = f"{vocabulary.renderer}'s shaders are translated by their documentation, not interpreted: {kinds}."
     near = (*not_had.near, *(_named(n, shader, name) for n in values.used for name in sorted(n.near)))
     left = (*not_had.unused, *(_named(n, shader, name) for n in values.used for name in sorted(n.left_out())))
     ctx.warn("translated", node_path(shader, ctx), f"{message} {input_report(left, near).sentences()}".rstrip())
-    return KnownMaterial(surface, is_cut_out(known))
+    return Material(surface, is_cut_out(known))
 
 
 def _named(n: RendererInputs, shader: Node, name: str) -> str:
