@@ -59,7 +59,7 @@ CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Column
 that were taken, with their error and efficiency; seconds to an error, interpolated between pictures, ~ where error times
 seconds was taken to stay the same beyond them; how that compares to ours; how far the picture's mean is from its reference's;
 how far that reference is from ours, by blocks of 8 x 8 pixels: renderers differ a little in what they
-make of a scene, and LuxCore's pictures stand one pixel lower. The last four scenes move while the shutter is open, and mean the
+make of a scene, and LuxCore's pictures are one pixel lower. The last four scenes move while the shutter is open, and mean the
 same to both that know motion: all are held against our reference, and "apart" is the mean of a renderer's last pictures, with
 their noise."""
 EFFICIENCY_TEXT = """However long that takes, beside the peers that come near. By turns; ratios are the median and the range
@@ -69,7 +69,7 @@ has ended and the file is written, the others' until the pixels are there; and t
 picture."""
 LOOKS_TEXT = """Pictures of up to three samples take their numbers from one sequence over the whole screen, so that errors of
 neighbouring pixels make up for each other: mean square errors of one sample, over those of pixels with sequences of their own,
-as they are and blurred by a Gaussian of so many pixels."""
+as they are and blurred by a Gaussian of that many pixels."""
 REPLAY_TEXT = """Every ray of a render on one thread, recorded in order and the way it was traced, is traced again by Embree
 alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory, and worlds
 of triangles alone are rendered without Embree, which then gets them all as packets or one by one, whichever takes it less."""

@@ -126,7 +126,7 @@ SIZES = {
 @pytest.mark.hard_case(
     "Instances",
     "a native instance %s (its points the other way round)",
-    expected="the block that stands there unscaled; with smooth normals, the same prim without instancing",
+    expected="the block placed there unscaled; with smooth normals, the same prim without instancing",
 )
 @pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
 def test_matrix(size: Doubles, measured) -> None:
