@@ -12,33 +12,33 @@
 #include "render/task_function.hpp"
 
 namespace primray {
+
+// Compiled in first_hit_fewer_lanes.cpp.
+extern template void fill_first_hits<1>(const Scene&, const PixelRect&, FirstHitPlanes&);
+#if PRIMRAY_MAX_LANES > 4
+extern template void fill_first_hits<4>(const Scene&, const PixelRect&, FirstHitPlanes&);
+#endif
+#if PRIMRAY_MAX_LANES > 8
+extern template void fill_first_hits<8>(const Scene&, const PixelRect&, FirstHitPlanes&);
+#endif
+
 namespace {
 
-template <int W>
-void run(const Scene& scene, const PixelRect& r, FirstHitPlanes& planes) {
-  FirstHitTask<W> task(scene, planes);
-  if (planes.wants_points()) task.points(r);
-  if (planes.wants_filtered()) task.filtered(r);
-  if (planes.wants_guides()) task.guides(r);
-  if (planes.wants_occlusion()) task.occlusion(r);
-  if (!planes.coverage.by_pixel.empty()) task.coverage(r);
-}
+using FillRect = void (*)(const Scene&, const PixelRect&, FirstHitPlanes&);
 
-using Run = void (*)(const Scene&, const PixelRect&, FirstHitPlanes&);
-
-Run run_of(int lanes) {
+FillRect fill_rect_of(int lanes) {
   switch (lanes) {
     case 1:
-      return run<1>;
+      return fill_first_hits<1>;
     case 4:
-      return run<4>;
+      return fill_first_hits<4>;
 #if PRIMRAY_MAX_LANES >= 8
     case 8:
-      return run<8>;
+      return fill_first_hits<8>;
 #endif
 #if PRIMRAY_MAX_LANES >= 16
     case 16:
-      return run<16>;
+      return fill_first_hits<16>;
 #endif
   }
   throw Error("settings-error", "this build has no kernel for " + std::to_string(lanes) + " lanes");
@@ -47,7 +47,7 @@ Run run_of(int lanes) {
 }  // namespace
 
 void find_first_hits(const Scene& scene, int lanes, int threads, int first_row, int end_row, FirstHitPlanes& planes) {
-  const Run run_tile = run_of(lanes);
+  const FillRect fill_rect = fill_rect_of(lanes);
   const int width = scene.camera.pixels.width, end = std::min(end_row, scene.camera.pixels.height);
   const int across = (width + kTile - 1) / kTile, down = (std::max(end - first_row, 0) + kTile - 1) / kTile;
   std::atomic<int> next{0};
@@ -55,7 +55,7 @@ void find_first_hits(const Scene& scene, int lanes, int threads, int first_row, 
     set_float_mode();
     for (int i; (i = next++) < across * down;) {
       const int x = i % across * kTile, y = first_row + i / across * kTile;
-      run_tile(scene, {x, y, std::min(x + kTile, width), std::min(y + kTile, end)}, planes);
+      fill_rect(scene, {x, y, std::min(x + kTile, width), std::min(y + kTile, end)}, planes);
     }
   };
   std::vector<std::thread> pool;

@@ -499,4 +499,15 @@ class FirstHitTask {
   const double unit_;
 };
 
+// Fills the pixels of a rectangle.
+template <int W>
+void fill_first_hits(const Scene& scene, const PixelRect& r, FirstHitPlanes& planes) {
+  FirstHitTask<W> task(scene, planes);
+  if (planes.wants_points()) task.points(r);
+  if (planes.wants_filtered()) task.filtered(r);
+  if (planes.wants_guides()) task.guides(r);
+  if (planes.wants_occlusion()) task.occlusion(r);
+  if (!planes.coverage.by_pixel.empty()) task.coverage(r);
+}
+
 }  // namespace primray

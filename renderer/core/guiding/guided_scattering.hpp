@@ -25,7 +25,7 @@ constexpr float kDiffuseDensity = 1;
 template <int W, class Lobes>
 PRIMRAY_INLINE vbool<W> follows_caustics(const Lobes& b) {
   if (!b.any_preview) return vbool<W>(true);
-  return !b.lets_through() &
+  return (!b.lets_through()) &
          ((!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | ((!b.mirror) & (b.alpha > vfloat<W>(kFollowsAlpha))));
 }
 
