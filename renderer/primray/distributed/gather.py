@@ -25,7 +25,7 @@ from ..sampling.sampling import Progress, Sampling
 from ..sampling.schedule import Schedule, Stop
 from ..settings import Metric, RenderSettings, StopAt
 from .executor import PartLost, PartsExecutor
-from .planner import MOST_AHEAD, AssignedRanges, PartCosts, Range
+from .planner import MOST_AHEAD, AssignedRanges, PartCosts, Range, samples_of_next_part
 
 NOT_WHOLE = ("checkpoint-missing", "checkpoint-damaged")
 
@@ -56,7 +56,7 @@ class _Frame:
         self._out = Submissions(executor, asked, folder)
         self._schedule = Schedule(replace(asked, **sample_rules(asked)), resumable=True)
         self._curve = ErrorCurve(asked.metric)
-        self._pace = PartCosts()
+        self._part_costs = PartCosts()
         self._waiting: dict[Range, FinishedPart] = {}  # beyond the goal
         self._goal = 0  # the sample count at which the error is measured next, or the frame ends
         self._start = time.monotonic()
@@ -98,7 +98,10 @@ class _Frame:
         end = board.reach(self._goal, self._expected_end(), self._schedule.settings.most_samples)
         if end > self._goal and len(self._waiting) >= MOST_AHEAD * slots:
             return None
-        return board.next_part(self._goal, end, self._pace.samples(board.left(end), slots, self._time_left_s()))
+        samples = samples_of_next_part(board.left(end), slots, self._part_costs, self._time_left_s())
+        if not samples and self._has_picture():
+            return None
+        return board.next_part(self._goal, end, samples)
 
     def _merge_within(self, end: int) -> None:
         for part in sorted(part for part in self._waiting if part[1] <= end):
@@ -113,7 +116,8 @@ class _Frame:
             finally:
                 arrived.file.unlink(missing_ok=True)
             self._out.is_used()
-            self._pace = self._pace.seen(part[1] - part[0], held.seconds, arrived.wall_s)
+            overhead_s = max(arrived.wall_s - held.seconds, 0.0)
+            self._part_costs = self._part_costs.with_part(part[1] - part[0], held.seconds, overhead_s)
 
     def _judged(self) -> Sampling | None:
         """Measure the error whenever all samples up to the goal are merged; return the sampling if that ends the frame."""
@@ -167,7 +171,10 @@ class _Frame:
     def _is_out_of_time(self) -> bool:
         """Return whether the time limit is over and there is a picture."""
         left = self._time_left_s()
-        return left is not None and left <= 0 and bool(self.gathering.ranges or self._waiting)
+        return left is not None and left <= 0 and self._has_picture()
+
+    def _has_picture(self) -> bool:
+        return bool(self.gathering.ranges or self._waiting)
 
     def _time_left_s(self) -> float | None:
         limit = self._asked.time_limit_s

@@ -2,11 +2,14 @@
 
 Parts are long at first and shorter towards the end, so that all slots finish together: guided self-scheduling (Polychronopoulos
 and Kuck 1987), in which each part is a share of the remaining samples. A part also costs opening its stage and building its
-scene: parts are not so short that this dominates, unless slots would idle, and not so long that losing one is expensive.
+scene: parts are not so short that this dominates, and not so long that losing one is expensive.
+
+`gather` and the frames in parts of the service's dispatcher are planned here.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from ..sampling.schedule import FIRST_ANCHOR
@@ -69,9 +72,13 @@ def _next_anchor(done: int) -> int:
     return anchor
 
 
-SHARES = 2  # remaining samples are divided by this for each slot
-FEWEST, MOST = 8, 64  # samples, before their cost is known
-LONGEST_S = 300.0  # sampling time of the longest part
+SHARES = 2  # a slot's share of the remaining samples is divided by this
+FEWEST = 4  # samples of any part but the last of a frame
+UNMEASURED = (8.0, 64.0)  # fewest and most samples of parts whose cost is not known yet
+# Sampling time that is worth a part: below, its overhead is too large a share of it. Towards the end of a frame half of it,
+# where other slots would be idle.
+LEAST_S = 1.0
+LONGEST_S = 300.0  # sampling time of the longest part, which may be lost
 NEWEST = 0.5  # weight of the last part in the running means
 
 
@@ -80,29 +87,45 @@ class PartCosts:
     """Running means of the cost of parts: seconds for one sample per pixel, and seconds of overhead for each part."""
 
     sample_s: float | None = None
-    beside_s: float = 0.0
+    overhead_s: float = 0.0
 
-    def seen(self, samples: int, sampling_s: float, wall_s: float) -> PartCosts:
+    def with_part(self, samples: int, sampling_s: float, overhead_s: float) -> PartCosts:
         """Return the means with one more part."""
-        each, beside = sampling_s / samples, max(wall_s - sampling_s, 0.0)
+        each = max(sampling_s, 1e-6) / samples
         if self.sample_s is None:
-            return PartCosts(each, beside)
-        return PartCosts(_running_mean(self.sample_s, each), _running_mean(self.beside_s, beside))
-
-    def samples(self, left: int, slots: int, time_left_s: float | None = None) -> int:
-        """Return the samples of the next part, a multiple of the block.
-
-        `left`: unassigned samples; `time_left_s`: until the frame's time limit.
-        """
-        fewest, most = float(FEWEST), float(MOST)
-        if self.sample_s is not None and self.sample_s > 0:
-            fewest, most = self.beside_s / self.sample_s, LONGEST_S / self.sample_s
-            if time_left_s is not None:
-                most = min(most, max(time_left_s - self.beside_s, 0.0) / 2 / self.sample_s)
-        share = left / max(slots, 1)
-        wanted = min(max(share / SHARES, min(fewest, share)), most)
-        return max(round(wanted / SAMPLE_BLOCK), 1) * SAMPLE_BLOCK
+            return PartCosts(each, overhead_s)
+        return PartCosts(_running_mean(self.sample_s, each), _running_mean(self.overhead_s, overhead_s))
 
 
 def _running_mean(before: float, now: float) -> float:
     return (1 - NEWEST) * before + NEWEST * now
+
+
+def samples_of_next_part(left: int, slots: int, costs: PartCosts, time_left_s: float | None = None) -> int:
+    """Return the samples of the next part, whole blocks of them; 0 if no part would be finished in time.
+
+    `left`: unassigned samples; `time_left_s`: until the frame's time limit.
+    """
+    share = left / max(slots, 1)
+    (least, most), shortest = UNMEASURED, 0.0
+    if costs.sample_s is not None:
+        least, most = max(LEAST_S, costs.overhead_s) / costs.sample_s, LONGEST_S / costs.sample_s
+        shortest = least / 2
+    size = min(max(share / SHARES, min(least, share), shortest), most)
+    if time_left_s is not None:
+        size = _size_in_time(size, costs, time_left_s)
+        shortest = min(size, shortest)
+    if size <= 0:
+        return 0
+    samples = min(max(math.ceil(size / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK, FEWEST), left)
+    return left if left - samples < max(FEWEST, shortest) else samples
+
+
+def _size_in_time(size: float, costs: PartCosts, time_left_s: float) -> float:
+    """Return the size reduced to half of what can be sampled in time; 0 if that is less than one block."""
+    if time_left_s <= 0:
+        return 0.0
+    if costs.sample_s is None:
+        return min(size, FEWEST)
+    fits = (time_left_s - costs.overhead_s) / costs.sample_s
+    return 0.0 if fits < SAMPLE_BLOCK else min(size, max(fits / 2, SAMPLE_BLOCK))

@@ -109,7 +109,8 @@ def test_a_target_that_the_samples_do_not_reach() -> None:
     assert image.report["stop"] == {"reason": "samples", "target_met": False}
 
 
-def test_parts_get_shorter() -> None:
+def test_parts_get_shorter(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("primray.distributed.planner.LEAST_S", 0.0)  # the scene's samples take milliseconds
     executor = FakeExecutor(slots=2)
     gathered(executor, spp=2000)
     sizes = [b - a for a, b in sorted(executor.parts)]

@@ -8,7 +8,9 @@ from dataclasses import replace
 import pytest
 from tests.service.dispatcher.parts.one_render import Seen, end_of_one, judge, noisy
 
-from primray_service.dispatcher.frames.parts.plan import Judged, Plan
+from primray.distributed.planner import PartCosts
+from primray.settings import SAMPLE_BLOCK
+from primray_service.dispatcher.frames.parts.plan import Judged, Plan, rules_of
 from primray_service.jobs import Frame, Json, Part, PartState
 
 FRAME = Frame("job_x", 0, None)
@@ -114,7 +116,7 @@ def test_a_frame_without_a_sample_is_not_over_by_time() -> None:
 def test_what_is_allowed_in_any_case_ends_it_too() -> None:
     plan = begun({"max_samples": 64}, merged=8)
     plan.at(5.0, 10.0)
-    assert plan.known.left_s is None
+    assert plan.time_left_s is None
     plan.at(10.0, 10.0)
     assert is_over(plan)
     assert plan.end == (8, True)
@@ -128,6 +130,11 @@ def test_what_was_merged_before_is_judged_first() -> None:
     assert not is_over(plan)
     plan.merged(16, Judged(False, 24, 24))
     assert [found.first for found in plan.to_merge()] == [16]
+
+
+@pytest.mark.parametrize("most", [4, 5, 4096])
+def test_parts_take_whole_blocks_of_samples(most: int) -> None:
+    assert rules_of({"max_samples": most}).most == most // SAMPLE_BLOCK * SAMPLE_BLOCK
 
 
 def test_places_render_ahead_of_a_measurement_but_not_far() -> None:
@@ -180,7 +187,7 @@ class Farm:
         return [part for part in self.under_way if not self.plan.ledger.is_cut(part)]
 
     def _ends(self, part: Part) -> None:
-        self.plan.known = replace(self.plan.known, sample_s=self.rng.choice((None, 1e-3, 0.2, 10.0)))
+        self.plan.costs = PartCosts(self.rng.choice((None, 1e-3, 0.2, 10.0)))
         is_lost = self.rng.random() < 0.2
         self.taken += part.samples
         self.plan.ledger.ends(replace(part, state=PartState.WAITING if is_lost else PartState.DONE))

@@ -14,8 +14,9 @@ from tests.service.dispatcher.play import play
 from tests.service.dispatcher.rig import Rig
 from tests.service.dispatcher.scripted import ScriptedExecutor, Worker, killed_outside, segfault
 
+from primray.distributed import planner
 from primray_service.dispatcher.frames import run_completion
-from primray_service.dispatcher.frames.parts import chunk_size, merge_run, part_run
+from primray_service.dispatcher.frames.parts import merge_run, part_run
 from primray_service.jobs import JobState, PartState
 
 TO_64 = {"stop": {"max_samples": 64}}
@@ -133,7 +134,7 @@ def test_where_somebody_looks_there_are_merges_meanwhile(
     monkeypatch.setattr(merge_run, "GUESS_S", 0.01)  # so after 0.1 s if watched, else after 10 s
     monkeypatch.setattr(merge_run, "SHARE", 0.001)
     monkeypatch.setattr(merge_run, "MOST_WAITING", 100)
-    monkeypatch.setattr(chunk_size, "LEAST_S", 0.01)
+    monkeypatch.setattr(planner, "LEAST_S", 0.01)
     pieces = Pieces(pause_s=0.15)
 
     async def act(rig: Rig, executor: ScriptedExecutor) -> None:

@@ -23,8 +23,7 @@ from ...chunks.stage_inputs import stage_inputs
 from ...context import Context
 from .. import run_completion
 from ..outcomes import Again, Broken, Circumstances, Outcome, Picture, outcome_of
-from .chunk_size import rules_of
-from .plan import Judged
+from .plan import Judged, rules_of
 
 SILENT_S = 900.0
 LOOK_S = 5.0

@@ -7,14 +7,31 @@ over exactly the samples up to there. So no part is merged beyond the goal, and 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from primray.distributed.planner import MOST_AHEAD, Range
+from primray.distributed.planner import MOST_AHEAD, PartCosts, Range, samples_of_next_part
 from primray.sampling.schedule import FIRST_ANCHOR
+from primray.settings import DEFAULT_SPP, MAX_SPP, SAMPLE_BLOCK
 
 from ....jobs import Frame, Json, Part, PartState
-from .chunk_size import Known, next_samples, rules_of
 from .ledger import Ledger
+
+
+@dataclass(frozen=True)
+class Rules:
+    """When the frame ends; `most`: samples per pixel that parts can take."""
+
+    most: int
+    target: float | None
+    seconds: float | None
+
+
+def rules_of(stop: Json) -> Rules:
+    """Return the rules for a job's stop rules."""
+    asked, target, limit = stop.get("max_samples"), stop.get("target_error"), stop.get("max_seconds")
+    early = target is not None or limit is not None
+    most = asked if asked is not None else MAX_SPP if early else DEFAULT_SPP
+    return Rules(most // SAMPLE_BLOCK * SAMPLE_BLOCK, target, limit)
 
 
 @dataclass(frozen=True)
@@ -28,12 +45,15 @@ class Judged:
 
 
 class Plan:
-    """Plan of one frame. `ledger`: where samples are; `known`: what they cost; `target_met`: by the merged samples. `goal`: the
-    samples at which the error is measured next, or all of them; None: that of the merged samples is to be measured first."""
+    """Plan of one frame. `ledger`: where samples are; `costs`: of parts, in one slot; `time_left_s`: None without a limit;
+    `target_met`: by the merged samples. `goal`: the samples at which the error is measured next, or all of them; None: that of
+    the merged samples is to be measured first."""
 
-    def __init__(self, stop: Json, places: int) -> None:
+    def __init__(self, stop: Json, slots: int) -> None:
         self.rules = rules_of(stop)
-        self.known = Known(places)
+        self.slots = slots
+        self.costs = PartCosts()
+        self.time_left_s: float | None = None
         self.ledger = Ledger(0, ())
         self.target_met = False
         self.goal: int | None = None
@@ -51,8 +71,7 @@ class Plan:
 
     def took(self, samples: int, sampled_s: float, load_s: float) -> None:
         """Record that a part of that many samples is done."""
-        each, known = max(sampled_s, 1e-6) / samples, self.known.sample_s
-        self.known = replace(self.known, sample_s=each if known is None else (known + each) / 2, load_s=load_s)
+        self.costs = self.costs.with_part(samples, sampled_s, load_s)
 
     def merged(self, end: int, judged: Judged | None) -> list[Part]:
         """Record that the first `end` samples are merged, with their error if one was requested; return the parts whose files
@@ -99,13 +118,13 @@ class Plan:
             left = min(left, self.rules.seconds - elapsed_s)
         elif left > 0:
             return
-        self.known = replace(self.known, left_s=left)
+        self.time_left_s = left
 
     @property
     def is_out_of_time(self) -> bool:
         """Return whether the time is over and there are samples to show."""
         has_some = self.ledger.merged > 0 or bool(self.to_merge())
-        return has_some and self.known.left_s is not None and self.known.left_s <= 0
+        return has_some and self.time_left_s is not None and self.time_left_s <= 0
 
     def next_part(self, frame: Frame) -> Part | None:
         """Return the first samples that nobody renders, from a part that came back or as a new part; None if none is to be
@@ -120,9 +139,9 @@ class Plan:
     def _next_range(self, goal: int) -> Range | None:
         board = self.ledger.board
         end = board.reach(goal, self.expected_end, self.rules.most)
-        if end > goal and self.ledger.done_from(goal) >= MOST_AHEAD * self.known.places:
+        if end > goal and self.ledger.done_from(goal) >= MOST_AHEAD * self.slots:
             return None
-        samples = next_samples(board.left(end), self.known)
+        samples = samples_of_next_part(board.left(end), self.slots, self.costs, self.time_left_s)
         return board.next_part(goal, end, samples) if samples else None
 
     def is_sampled(self, frame: Frame, *, runs: bool, merges: bool) -> bool:
@@ -136,7 +155,7 @@ class Plan:
         if merges or not self.ledger.merged or self.to_merge():
             return False
         nothing_comes = not runs and self.next_part(frame) is None
-        return self.is_out_of_time or (nothing_comes and self.known.left_s is not None)
+        return self.is_out_of_time or (nothing_comes and self.time_left_s is not None)
 
     @property
     def end(self) -> tuple[int, bool]:

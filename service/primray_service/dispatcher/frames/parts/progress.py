@@ -57,7 +57,7 @@ class PartsProgress:
 
     def progress(self, plan: Plan, running: list[PartRun], elapsed_s: float) -> None:
         """Update the progress for the frame's row and for clients."""
-        ledger, rules, known = plan.ledger, plan.rules, plan.known
+        ledger, rules, sample_s = plan.ledger, plan.rules, plan.costs.sample_s
         now = [run.inbox.progress for run in running if run.inbox is not None and run.inbox.progress is not None]
         taken = ledger.taken() + sum(float(said.get("samples_done") or 0.0) for said in now)
         end = plan.expected_end
@@ -65,8 +65,8 @@ class PartsProgress:
         if rules.seconds:
             parts.append(elapsed_s / rules.seconds)
         left = None
-        if end is not None and rules.seconds is None and known.sample_s and running:
-            left = max(end - taken, 0.0) * known.sample_s / len(running)
+        if end is not None and rules.seconds is None and sample_s is not None and running:
+            left = max(end - taken, 0.0) * sample_s / len(running)
         self.inbox.progress = {
             "fraction": min(max(parts, default=0.0), 0.99),
             "samples_done": taken,
