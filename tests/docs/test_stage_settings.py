@@ -8,6 +8,7 @@ from pathlib import Path
 
 from primray.cli.commands.render import render
 from primray.cli.quick import TABLE
+from primray.cli.typer_options import with_options
 from primray.usd.render_settings.stage_settings import NAMES, VARIABLES
 from primray.usd.scene.schemas import ERROR_THRESHOLDS, SETTINGS_OF_OTHERS
 
@@ -21,7 +22,7 @@ def test_the_table_has_every_attribute() -> None:
 
 
 def test_each_flag_leaves_to_the_stage_what_is_not_said() -> None:
-    parameters = inspect.signature(render).parameters
+    parameters = inspect.signature(with_options("render", render)).parameters
     by_flag = {flag: name for name, (_, flags) in TABLE.items() for flag in flags}
     for attribute, flags in OURS:
         for flag in re.findall(r"`(--[\w-]+)`", flags):

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
 
-from . import output_flags, render_flags, stage_flags
 from .command_group import CommandGroup
-from .commands import render as render_module
 from .commands.compare import compare
 from .commands.doctor import doctor
 from .commands.estimate import estimate
 from .commands.inspect import inspect
 from .commands.merge import merge
+from .commands.render import render
 from .commands.sheet import sheet
+from .typer_options import with_options
 
 app = typer.Typer(
     cls=CommandGroup,
@@ -46,17 +47,14 @@ def primray(
     """Render USD stages on CPUs."""
 
 
-_named = {
-    "typer": typer,
-    "stage_flags": stage_flags,
-    "render_flags": render_flags,
-    "output_flags": output_flags,
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "render": render,
+    "estimate": estimate,
+    "merge": merge,
+    "inspect": inspect,
+    "sheet": sheet,
+    "compare": compare,
+    "doctor": doctor,
 }
-vars(render_module).update(_named)  # names in its annotations, which it imports only for type checking
-app.command()(render_module.render)
-app.command()(estimate)
-app.command()(merge)
-app.command()(inspect)
-app.command()(sheet)
-app.command()(compare)
-app.command()(doctor)
+for _name, _command in _COMMANDS.items():
+    app.command(_name)(with_options(_name, _command))

@@ -21,6 +21,7 @@ from typer.main import get_command
 
 from ..errors import SettingsError
 from ..file_formats import SUFFIXES as OTHER_SUFFIXES
+from .typer_options import with_options
 
 GROUP = "primray.commands"
 STAGES = (".usd", ".usda", ".usdc", ".usdz", *OTHER_SUFFIXES)
@@ -45,7 +46,7 @@ def loaded(name: str, target: str) -> Any:
     found = getattr(import_module(module), attribute)
     if not isinstance(found, typer.Typer):
         app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-        app.command(name)(found)
+        app.command(name)(with_options(name, found))
         found = app
     return naming_values(get_command(found))
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
-from typing import Literal
+from typing import Any, Literal
 
 from ..aovs import AOVS
 from ..errors import SettingsError
@@ -30,13 +30,6 @@ class Complexity(Enum):
 
 # Longest edge in pixels.
 DICING_RATES = {Complexity.LOW: 16.0, Complexity.MEDIUM: 8.0, Complexity.HIGH: 4.0, Complexity.VERYHIGH: 2.0}
-
-
-class OnOff(Enum):
-    """A switch whose flag takes a word."""
-
-    ON = "on"
-    OFF = "off"
 
 
 class ColorCorrection(Enum):
@@ -253,8 +246,7 @@ def bytes_of(text: str | None) -> int | None:
 PREVIEW_SPP = 16  # denoising with fewer samples loses detail
 
 
-def previewed(
-    spp: int | None, target_error: float | None, time_limit: float | None, denoise: bool | None
-) -> tuple[int | None, bool]:
-    """Return samples per pixel and whether to denoise for a preview, unless flags say otherwise."""
-    return (spp if (spp, target_error, time_limit) != (None, None, None) else PREVIEW_SPP), denoise is not False
+def previewed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the samples per pixel and the denoising of a preview, unless flags say otherwise."""
+    asked = any(name in values for name in ("spp", "target_error", "time_limit_s"))
+    return ({} if asked else {"spp": PREVIEW_SPP}) | {"denoise": values.get("denoise") is not False}

@@ -51,7 +51,10 @@ class OnOff(Enum):
 
 
 class Flag(NamedTuple):
-    """A flag of commands, or an argument if it has no names. `form` is the type that it is read as."""
+    """A flag of commands, or an argument if it has no names. `form` is the type that it is read as.
+
+    Other commands than `commands` may have it as a parameter, with a default of their own.
+    """
 
     names: tuple[str, ...]
     help: str
@@ -133,14 +136,15 @@ def rows(of: type) -> tuple[Row, ...]:
 def settings_as_json(settings: Any) -> dict[str, Any]:
     """Return settings as reports and checkpoints store them; `settings_of_json` reads them."""
     values = [(row, getattr(settings, row.name)) for row in rows(type(settings))]
-    return {row.name: _plain_json(value) for row, value in values if not row.is_seldom or value != row.default}
+    return {row.name: as_json(value) for row, value in values if not row.is_seldom or value != row.default}
 
 
-def _plain_json(value: Any) -> Any:
+def as_json(value: Any) -> Any:
+    """Return the value of a setting as plain JSON."""
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, tuple):
-        return [_plain_json(item) for item in value]
+        return [as_json(item) for item in value]
     if hasattr(value, "world_from_camera"):
         from ..camera import camera_as_json
 

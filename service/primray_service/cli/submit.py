@@ -11,17 +11,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from primray.cli import option_values, output_flags, render_flags, stage_flags
+from primray.cli import option_values
 from primray.cli.console import print_line
-from primray.cli.option_values import OnOff
-from primray.settings import (
-    DEFAULT_DICING_RATE,
-    AutoCamera,
-    DefaultWrap,
-    RenderContext,
-    StopAt,
-    StudioLight,
+from primray.cli.flags import (
+    CONTENTS,
+    DIFFUSION,
+    FRAMES,
+    LIGHTING,
+    REFUSAL,
+    SIZE,
+    SURFACES,
+    VIEWPOINT,
+    frames_in,
+    in_order,
+    setting_values,
 )
+from primray.settings import RenderSettings, rows
+from primray.settings.setting import as_json
 
 from .connection import Json, KeyFile, Labels, Server, connected, labels_of
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
@@ -38,73 +44,24 @@ if TYPE_CHECKING:
 SHARED = "shared:"  # shared:NAME/path.usda: a stage on the service's shared storage
 
 
+@in_order(
+    *("scene", *VIEWPOINT, *SIZE, *FRAMES, "target_error", "error_metric", "time_limit_s", "spp", "seed", "denoise", "stop_at"),
+    *("adaptive", "max_depth", "clamp_indirect", "caustics", "aovs", "aov_errors", "filter", "filter_width", *LIGHTING),
+    *("product", "all_products", "view", "display", "look", "exposure", "half", "compression"),
+    *(*CONTENTS, *SURFACES, *DIFFUSION, "lens_flaws", *REFUSAL),
+)
 def submit(
     scene: Annotated[
         Path, typer.Argument(metavar="SCENE", help="A usda, usdc, usd or usdz file, or a zip of them.", show_default=False)
     ],
-    camera: stage_flags.Camera = None,
-    auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
-    render_settings: stage_flags.RenderSettingsPrim = None,
-    render_pass: stage_flags.RenderPassPrim = None,
-    res: stage_flags.Resolution = None,
-    image_width: stage_flags.ImageWidth = None,
-    frames: stage_flags.Frames = None,
-    frame_count: stage_flags.FrameCount = None,
-    frame_inc: stage_flags.FrameIncrement = None,
-    default_time: stage_flags.DefaultTime = False,
-    target_error: render_flags.TargetError = None,
-    error_metric: render_flags.ErrorMetric = None,
-    time_limit: render_flags.TimeLimit = None,
-    spp: render_flags.Samples = None,
-    seed: render_flags.Seed = 0,
-    denoise: output_flags.Denoise = None,
-    stop_at: output_flags.StopAtWhich = StopAt.PICTURE,
-    adaptive: render_flags.Adaptive = None,
-    max_depth: render_flags.MaxDepth = None,
-    clamp_indirect: render_flags.ClampIndirect = None,
-    caustics: render_flags.Caustics = OnOff.ON,
-    aovs: output_flags.Aovs = None,
-    aov_errors: output_flags.AovErrors = False,
-    pixel_filter: render_flags.PixelFilter = None,
-    filter_width: render_flags.FilterWidth = None,
-    no_default_light: stage_flags.NoDefaultLight = False,
-    studio_light: stage_flags.Studio = StudioLight.AUTO,
-    dome: stage_flags.Dome = None,
-    dome_rotation: stage_flags.DomeRotation = 0.0,
-    dome_visible: stage_flags.DomeVisible = OnOff.ON,
-    ground: stage_flags.GroundBelow = None,
-    background: output_flags.Background = None,
-    product: output_flags.Products = None,
-    all_products: output_flags.AllProducts = False,
-    view: output_flags.View = None,
-    display: output_flags.Display = None,
-    look: output_flags.Look = None,
-    exposure: output_flags.Exposure = None,
-    half: output_flags.Half = None,
-    compression: output_flags.Compression = None,
-    default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
-    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
-    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
-    purposes: stage_flags.Purposes = None,
-    variants: stage_flags.Variants = None,
-    no_payloads: stage_flags.NoPayloads = False,
-    load: stage_flags.Load = None,
-    mask: stage_flags.Mask = None,
-    dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
-    complexity: stage_flags.Dicing = None,
-    no_motion_blur: stage_flags.NoMotionBlur = False,
-    shutter: stage_flags.Shutter = None,
-    region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = None,
-    diffusion: output_flags.Diffusion = None,
-    diffusion_glare: output_flags.DiffusionGlare = None,
-    diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
-    diffusion_starburst: output_flags.DiffusionStarburst = None,
-    diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
-    lens: stage_flags.LensFlaws = None,
-    strict: stage_flags.Strict = False,
-    fail_on: stage_flags.FailOn = None,
-    allow: stage_flags.Allow = None,
+    product: list[str] | None = None,
+    all_products: bool = False,
+    view: str | None = None,
+    display: str | None = None,
+    look: str | None = None,
+    exposure: str | None = None,
+    half: list[str] | None = None,
+    compression: str | None = None,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="Root layer to render, if a zip has several.", show_default=False)
     ] = None,
@@ -141,77 +98,31 @@ def submit(
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
+    **flags: Any,
 ) -> None:
     """Upload a scene with the files that it refers to, and create a job of it. Prints the job's id."""
-    stop = {
-        "target_error": target_error,
-        "metric": None if error_metric is None else error_metric.value,
-        "max_samples": spp,
-        "max_seconds": time_limit,
-    }
-    rate = option_values.dicing_rate_of(dicing_rate, complexity)
-    settings: dict[str, Any] = {
-        "camera": option_values.camera_of(camera),
-        "auto_camera": auto_camera.value if auto_camera is not AutoCamera.THREE_QUARTER else None,
-        "render_settings": option_values.render_settings_of(render_settings),
-        "render_pass": option_values.render_settings_of(render_pass),
-        "resolution": option_values.resolution_of(res, image_width),
-        "frames": option_values.frames_of(frames, frame_count, frame_inc, default_time, str(scene), None),
-        "stop": given(stop),
-        "seed": seed or None,
-        "adaptive": adaptive,
-        "denoise": denoise,
-        "stop_at": stop_at.value if stop_at is not StopAt.PICTURE else None,
-        "max_depth": max_depth,
-        "clamp_indirect": clamp_indirect,
-        "caustics": False if caustics is OnOff.OFF else None,
-        "filter": None if pixel_filter is None else pixel_filter.value,
-        "filter_width": filter_width,
-        "default_light": False if no_default_light else None,
-        "studio_light": studio_light.value if studio_light is not StudioLight.AUTO else None,
-        "dome": dome,
-        "dome_rotation": dome_rotation or None,
-        "dome_visible": False if dome_visible is OnOff.OFF else None,
-        "ground": ground.value if ground is not None else None,
-        "background": background,
-        "products": products_of(product, all_products),
-        "view": view,
-        "display": display,
-        "look": look,
-        "exposure": option_values.exposure_of(exposure),
-        "half": _list(option_values.encoding_of(None, half).half or None),
-        "compression": compression,
-        "default_wrap": default_wrap.value if default_wrap is not DefaultWrap.BLACK else None,
-        "render_context": render_context.value if render_context is not RenderContext.MTLX else None,
-        "translated_shaders": False if no_translated_shaders else None,
-        "purposes": _list(option_values.purposes_of(purposes)),
-        "aovs": _list(option_values.aovs_of(aovs)),
-        "aov_errors": aov_errors or None,
-        "variants": variants,
-        "load": _list(option_values.load_of(no_payloads, load)),
-        "mask": _list(option_values.mask_of(mask)),
-        "dicing_rate": rate if rate != DEFAULT_DICING_RATE else None,
-        "motion_blur": False if no_motion_blur else None,
-        "shutter": shutter,
-        "region": region,
-        "motion_error": motion_error,
-        "diffusion": diffusion,
-        "diffusion_glare": diffusion_glare,
-        "diffusion_bloom_width": diffusion_bloom_width,
-        "diffusion_starburst": diffusion_starburst,
-        "diffusion_starburst_width": diffusion_starburst_width,
-        "lens_flaws": lens,
-        "strict": strict or None,
-        "fail_on": _list(option_values.codes_of(fail_on) or None),
-        "allow": _list(option_values.codes_of(allow) or None),
-    }
+    values = setting_values(flags)
+    settings = members_of(values) | given(
+        {
+            "frames": frames_in(flags, str(scene)),
+            "products": products_of(product, all_products),
+            "view": view,
+            "display": display,
+            "look": look,
+            "exposure": option_values.exposure_of(exposure),
+            "half": list(option_values.encoding_of(None, half).half) or None,
+            "compression": compression,
+        }
+    )
     labels = ({"name": name} if name else {}) | labels_of(label)
     with connected("submit", server, key_file) as client:
-        uploaded, its_entry, images = uploaded_scene(client, scene, json, images_of(scene, dome, background))
+        uploaded, its_entry, images = uploaded_scene(
+            client, scene, json, images_of(scene, values.get("dome"), values.get("background"))
+        )
         job = client.submit(
             uploaded,
             entry=entry or its_entry,
-            settings=_settings(given(settings) | images),
+            settings=_settings(settings | images),
             name=name,
             parallel=parallel_of(parallel),
             priority=priority,
@@ -245,9 +156,21 @@ def products_of(paths: list[str] | None, all_of_them: bool) -> list[str] | None:
     return ["*"] if all_of_them else paths or None
 
 
-def given(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings that are neither None nor empty; the server chooses the others."""
-    return {name: value for name, value in settings.items() if value is not None and value != {}}
+def members_of(values: Mapping[str, Any], of: type = RenderSettings) -> dict[str, Any]:
+    """Return settings as members of a job's settings, without those at their defaults, which the server chooses."""
+    found: dict[str, Any] = {}
+    for row in rows(of):
+        if row.member is None or values.get(row.name, row.default) == row.default:
+            continue
+        place, _, name = (row.member.name or row.name).rpartition(".")
+        members = found.setdefault(place, {}) if place else found
+        members[name] = as_json(values[row.name])
+    return found
+
+
+def given(members: dict[str, Any]) -> dict[str, Any]:
+    """Return the members that are not None; the server chooses the others."""
+    return {name: value for name, value in members.items() if value is not None}
 
 
 def parallel_of(text: str | None) -> int | Literal["auto"] | None:
@@ -257,10 +180,6 @@ def parallel_of(text: str | None) -> int | Literal["auto"] | None:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise CommandError("parallel-option", f"--parallel {text}: write a number of at least 1, or auto", USAGE)
     return int(text)
-
-
-def _list(values: tuple[str, ...] | None) -> list[str] | None:
-    return None if values is None else list(values)
 
 
 def _settings(settings: dict[str, Any]) -> Settings | None:

@@ -50,7 +50,7 @@ def test_a_size_may_be_one_word(size: str) -> None:
     assert translate_foreign_flags(["sheet", "a.usda", "-r", size]) == ["sheet", "a.usda", "-r", "320", "200"]
     plain = render_arguments(apart)
     assert plain is not None
-    assert plain["res"] == (320, 200)
+    assert plain["resolution"] == (320, 200)
     assert translate_foreign_flags(["render", "--", "--res", size]) == ["render", "--", "--res", size]
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, get_args, get_origin
+from typing import Any
 
 import pytest
 from typer.main import get_command
-from typer.models import OptionInfo
 
-from primray.cli import output_flags, render_flags, stage_flags
 from primray.cli.app import app
 from primray.cli.command_group import LazyCommand, loaded
+from primray.cli.flags import flags_of
 
 COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "merge", "view")
 OPEN_A_STAGE = {"render", "estimate", "inspect", "doctor", "submit"}
@@ -20,14 +19,9 @@ LACKING = {
     ("submit", "--rendering-color-space"): "no setting of the API",
     ("submit", "--res-scale"): "no setting of the API",
     ("submit", "--threads"): "the server decides",
-    ("submit", "--max-memory"): "the server decides",
-    ("submit", "--ray"): "the server decides",
     ("estimate", "--strict"): "makes no picture",
     ("estimate", "--fail-on"): "makes no picture",
     ("estimate", "--allow"): "makes no picture",
-    ("estimate", "--time-limit"): "--pilot",
-    ("estimate", "--max-memory"): "makes no picture",
-    ("estimate", "--ray"): "makes no picture",
     ("render", "--pilot"): "makes the picture",
     ("submit", "--pilot"): "makes the picture",
 }
@@ -47,16 +41,12 @@ def options(command: str) -> dict[str, Any]:
 FOUND = {command: options(command) for command in COMMANDS}
 
 
-def names_of(module: Any) -> list[str]:
-    flags = [value for value in vars(module).values() if get_origin(value) is Annotated]
-    found = [each for flag in flags for each in get_args(flag)[1:] if isinstance(each, OptionInfo)]
-    return [str(each.default).partition("/")[0] for each in found]  # in an annotation, what comes first is the first name
+FLAGS = {flag.names[0].partition("/")[0]: flag for flag in flags_of().values() if flag.names}
+STAGE = [name for name, flag in FLAGS.items() if "inspect" in flag.commands]
+LIKE_RENDER = [name for name, flag in FLAGS.items() if "estimate" in flag.commands and name not in STAGE]
 
 
-STAGE, LIKE_RENDER, OUTPUT = (names_of(module) for module in (stage_flags, render_flags, output_flags))
-
-
-@pytest.mark.parametrize("name", [*STAGE, *LIKE_RENDER, *OUTPUT])
+@pytest.mark.parametrize("name", FLAGS)
 def test_a_flag_is_the_same_in_every_command_that_has_it(name: str) -> None:
     having = {command: found[name] for command, found in FOUND.items() if name in found}
     assert having
@@ -78,4 +68,4 @@ def test_the_commands_that_should_have_a_flag_do(names: list[str], commands: set
 
 def test_every_flag_of_two_commands_is_in_a_module_of_flags() -> None:
     shared = {name for found in FOUND.values() for name in found if sum(name in other for other in FOUND.values()) > 1}
-    assert shared - {"--help"} <= {*STAGE, *LIKE_RENDER, *OUTPUT}
+    assert shared - {"--help"} <= set(FLAGS)

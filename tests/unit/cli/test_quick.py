@@ -15,6 +15,7 @@ from typer.main import get_command
 from primray.cli.app import app
 from primray.cli.commands.render import render
 from primray.cli.quick import TABLE, render_arguments
+from primray.cli.typer_options import with_options
 
 LINES = [
     "render s.usd",
@@ -73,7 +74,8 @@ def _typer() -> Any:
 @pytest.mark.parametrize("line", LINES)
 def test_values_are_those_that_typer_reads(line: str) -> None:
     arguments = render_arguments(line.split())
-    defaults = {name: p.default for name, p in inspect.signature(render).parameters.items() if p.default is not p.empty}
+    parameters = inspect.signature(with_options("render", render)).parameters
+    defaults = {name: p.default for name, p in parameters.items() if p.default is not p.empty}
     assert arguments is not None
     params = _typer().make_context("render", line.split()[1:]).params
     lists = {p.name for p in _typer().params if getattr(p, "multiple", False)}

@@ -8,32 +8,32 @@ from typing import Annotated
 import typer
 
 from ...settings import RenderSettings
-from .. import output_flags
+from ..flags import in_order
 from ..option_values import encoding_of, exposure_of
 from ..pictures import Looks, check_outputs, is_written, write
-from ..render_flags import with_own_default
 from ..shots import Shot
 
 
+@in_order()
 def merge(
     parts: Annotated[
         list[Path],
         typer.Argument(metavar="PART...", help="Checkpoints written by `render --sample-range`.", show_default=False),
     ],
-    outputs: Annotated[list[str], with_own_default(output_flags.Outputs)],
-    checkpoint: output_flags.Checkpoint = None,
-    report: output_flags.Report = None,
-    display: output_flags.Display = None,
-    view: output_flags.View = None,
-    look: output_flags.Look = None,
-    exposure: output_flags.Exposure = None,
-    bit_depth: output_flags.BitDepth = None,
-    half: output_flags.Half = None,
-    compression: output_flags.Compression = None,
-    metadata: output_flags.Metadata = None,
-    make_output_path: output_flags.MakeOutputPath = False,
-    json: output_flags.Json = False,
-    verbose: output_flags.Verbose = False,
+    outputs: list[str],
+    checkpoint: str | None = None,
+    report: str | None = None,
+    display: str | None = None,
+    view: str | None = None,
+    look: str | None = None,
+    exposure: str | None = None,
+    bit_depth: int | None = None,
+    half: list[str] | None = None,
+    compression: str | None = None,
+    metadata: list[str] | None = None,
+    make_output_path: bool = False,
+    json: bool = False,
+    verbose: bool = False,
 ) -> None:
     """Merge checkpoints of different samples of one picture; the result is identical to a single render of all samples.
 

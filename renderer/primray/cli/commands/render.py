@@ -1,6 +1,6 @@
 """`primray render`: renders a stage to picture files. Flags have the names of usdrecord's and husk's where those exist.
 
-Typer and the options occur only in annotations, which app.py evaluates; quick.py calls `render` without importing Typer.
+quick.py calls `render` without importing Typer.
 """
 
 from __future__ import annotations
@@ -11,14 +11,27 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from ... import process_memory
 from ...errors import SettingsError
 from ...render.frames import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, RenderContext, RenderSettings, StopAt, StudioLight
+from ...settings import RenderSettings
 from .. import option_values
-from ..option_values import OnOff
+from ..flags import (
+    CONTENTS,
+    DIFFUSION,
+    FRAMES,
+    LIGHTING,
+    REFUSAL,
+    SIZE,
+    SURFACES,
+    VIEWPOINT,
+    frames_in,
+    in_order,
+    setting_values,
+)
+from ..option_values import ColorCorrection
 from ..output_targets import EVERY_S, MOST_SHARE, is_standard, is_tev, output_name
 from ..pictures import Looks, check_outputs, check_reports, check_shots, has_samples, is_refused, save, tell_of_all, write
 from ..shots import Shot, moments, product_shots, require_only_products
@@ -26,114 +39,70 @@ from ..stereo import render_pair, require_files, require_whole_renders, write_pa
 from ..turntable import movie_of, turntable_numbers, turntable_shots, write_movie
 
 if TYPE_CHECKING:
-    import typer
-
     from ...checkpoints.checkpointing import Checkpointing
     from ...distributed.executor import PartsExecutor
     from ...images.image import Image
     from ...render import OpenedStage
     from ...render.snapshots import Snapshots
     from ...sampling.sampling import Progress
-    from .. import output_flags, render_flags, stage_flags
 
 
+@in_order(
+    *("scene", "output", "outputs", *VIEWPOINT, "product", "all_products", "output_dir", "record", *SIZE, *FRAMES),
+    *("spp", "target_error", "error_metric", "time_limit_s", "denoise", "stop_at", "sample_range"),
+    *("checkpoint", "checkpoint_every", "resume"),
+    *("adaptive", "max_depth", "clamp_indirect", "caustics", "filter", "filter_width", "threads", "seed"),
+    *("rendering_color_space", "display", "aovs", "aov_errors", "view", "look", "color_correction", "exposure"),
+    *(
+        *REFUSAL,
+        "max_memory_bytes",
+        *SURFACES,
+        "bit_depth",
+        "half",
+        "compression",
+        "metadata",
+        "stereo",
+        *DIFFUSION,
+        "lens_flaws",
+    ),
+    *("make_output_path", "snapshot", "ray", "report", "json", *LIGHTING, "turntable", "fps", "preview", *CONTENTS),
+    *("list_cameras", "verbose"),
+)
 def render(
-    scene: stage_flags.Scene,
-    output: Annotated[str | None, typer.Argument(metavar="[OUTPUT]", help="Output file, like -o.", show_default=False)] = None,
-    outputs: output_flags.Outputs = None,
-    camera: stage_flags.Camera = None,
-    auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
-    render_settings: stage_flags.RenderSettingsPrim = None,
-    render_pass: stage_flags.RenderPassPrim = None,
-    product: output_flags.Products = None,
-    all_products: output_flags.AllProducts = False,
-    output_dir: output_flags.OutputDir = None,
-    record: output_flags.Record = False,
-    res: stage_flags.Resolution = None,
-    image_width: stage_flags.ImageWidth = None,
-    res_scale: stage_flags.ResolutionScale = None,
-    frames: stage_flags.Frames = None,
-    frame_count: stage_flags.FrameCount = None,
-    frame_inc: stage_flags.FrameIncrement = None,
-    default_time: stage_flags.DefaultTime = False,
-    spp: render_flags.Samples = None,
-    target_error: render_flags.TargetError = None,
-    error_metric: render_flags.ErrorMetric = None,
-    time_limit: render_flags.TimeLimit = None,
-    denoise: output_flags.Denoise = None,
-    stop_at: output_flags.StopAtWhich = StopAt.PICTURE,
-    sample_range: output_flags.SampleRange = None,
-    checkpoint: output_flags.Checkpoint = None,
-    checkpoint_every: output_flags.CheckpointEvery = None,
-    resume: output_flags.Resume = None,
-    adaptive: render_flags.Adaptive = None,
-    max_depth: render_flags.MaxDepth = None,
-    clamp_indirect: render_flags.ClampIndirect = None,
-    caustics: render_flags.Caustics = OnOff.ON,
-    pixel_filter: render_flags.PixelFilter = None,
-    filter_width: render_flags.FilterWidth = None,
-    threads: render_flags.Threads = None,
-    seed: render_flags.Seed = 0,
-    rendering_color_space: stage_flags.RenderingColorSpace = None,
-    display: output_flags.Display = None,
-    aovs: output_flags.Aovs = None,
-    aov_errors: output_flags.AovErrors = False,
-    view: output_flags.View = None,
-    look: output_flags.Look = None,
-    color_correction: output_flags.Correction = None,
-    exposure: output_flags.Exposure = None,
-    strict: stage_flags.Strict = False,
-    fail_on: stage_flags.FailOn = None,
-    allow: stage_flags.Allow = None,
-    max_memory: render_flags.MaxMemory = None,
-    dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
-    complexity: stage_flags.Dicing = None,
-    no_motion_blur: stage_flags.NoMotionBlur = False,
-    shutter: stage_flags.Shutter = None,
-    region: stage_flags.Region = None,
-    motion_error: stage_flags.MotionError = None,
-    bit_depth: output_flags.BitDepth = None,
-    half: output_flags.Half = None,
-    compression: output_flags.Compression = None,
-    metadata: output_flags.Metadata = None,
-    stereo: output_flags.Stereo = False,
-    diffusion: output_flags.Diffusion = None,
-    diffusion_glare: output_flags.DiffusionGlare = None,
-    diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
-    diffusion_starburst: output_flags.DiffusionStarburst = None,
-    diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
-    lens: stage_flags.LensFlaws = None,
-    make_output_path: output_flags.MakeOutputPath = False,
-    snapshot: output_flags.Snapshot = None,
-    ray: render_flags.Ray = None,
-    report: output_flags.Report = None,
-    json: output_flags.Json = False,
-    no_default_light: stage_flags.NoDefaultLight = False,
-    studio_light: stage_flags.Studio = StudioLight.AUTO,
-    dome: stage_flags.Dome = None,
-    dome_rotation: stage_flags.DomeRotation = 0.0,
-    dome_visible: stage_flags.DomeVisible = OnOff.ON,
-    ground: stage_flags.GroundBelow = None,
-    background: output_flags.Background = None,
-    turntable: output_flags.Turntable = None,
-    fps: output_flags.FramesPerSecond = None,
-    preview: output_flags.Preview = False,
-    default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
-    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
-    no_translated_shaders: stage_flags.NoTranslatedShaders = False,
-    purposes: stage_flags.Purposes = None,
-    variants: stage_flags.Variants = None,
-    no_payloads: stage_flags.NoPayloads = False,
-    load: stage_flags.Load = None,
-    mask: stage_flags.Mask = None,
-    session_layer: stage_flags.SessionLayer = None,
-    list_cameras: Annotated[bool, typer.Option("--list-cameras", help="Print the stage's cameras and exit.")] = False,
-    verbose: output_flags.Verbose = False,
+    scene: str,
+    output: str | None = None,
+    outputs: list[str] | None = None,
+    product: list[str] | None = None,
+    all_products: bool = False,
+    output_dir: str | None = None,
+    record: bool = False,
+    checkpoint: str | None = None,
+    checkpoint_every: float | None = None,
+    resume: str | None = None,
+    display: str | None = None,
+    view: str | None = None,
+    look: str | None = None,
+    color_correction: ColorCorrection | None = None,
+    exposure: str | None = None,
+    bit_depth: int | None = None,
+    half: list[str] | None = None,
+    compression: str | None = None,
+    metadata: list[str] | None = None,
+    stereo: bool = False,
+    make_output_path: bool = False,
+    snapshot: float | None = None,
+    ray: str | None = None,
+    report: str | None = None,
+    json: bool = False,
+    turntable: int | None = None,
+    fps: float | None = None,
+    preview: bool = False,
+    list_cameras: bool = False,
+    verbose: bool = False,
+    **given: Any,
 ) -> None:
     """Render a USD stage to EXR, PNG, JPEG, TIFF or HDR."""
-    time_codes = option_values.time_codes_of(
-        option_values.frames_of(frames, frame_count, frame_inc, default_time, scene, session_layer)
-    )
+    time_codes = option_values.time_codes_of(frames_in(given, scene))
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
         require_only_products(bool(product) and all_products, bool(output or outputs), checkpoint or resume)
@@ -145,65 +114,12 @@ def render(
     names = _names_of([name for name in (output, *(outputs or ())) if name is not None], scene, turns or time_codes)
     if turns is not None and len(turns) > 1:
         names = [name.with_holder() for name in names]
+    values = setting_values(given)
     if preview:
-        spp, denoise = option_values.previewed(spp, target_error, time_limit, denoise)
-    settings = RenderSettings(
-        camera=option_values.camera_of(camera),
-        auto_camera=auto_camera,
-        render_settings=option_values.render_settings_of(render_settings),
-        render_pass=option_values.render_settings_of(render_pass),
-        resolution=option_values.resolution_of(res, image_width),
-        resolution_scale=option_values.scale_of(res_scale),
-        time_code=time_codes[0] if time_codes else None,
-        spp=spp,
-        target_error=target_error,
-        error_metric=error_metric,
-        time_limit_s=time_limit,
-        denoise=denoise,
-        stop_at=stop_at,
-        adaptive=adaptive,
-        sample_range=option_values.sample_range_of(sample_range),
-        max_depth=max_depth,
-        clamp_indirect=clamp_indirect,
-        caustics=caustics is OnOff.ON,
-        filter=pixel_filter,
-        filter_width=filter_width,
-        threads=option_values.threads_of(threads),
-        seed=seed,
-        default_light=not no_default_light,
-        studio_light=studio_light,
-        dome=dome,
-        dome_rotation=dome_rotation,
-        dome_visible=dome_visible is OnOff.ON,
-        ground=ground,
-        background=background,
-        default_wrap=default_wrap,
-        render_context=render_context,
-        translated_shaders=not no_translated_shaders,
-        rendering_color_space=rendering_color_space,
-        purposes=option_values.purposes_of(purposes),
-        variants=tuple(variants or ()),
-        load=option_values.load_of(no_payloads, load),
-        mask=option_values.mask_of(mask),
-        session_layer=session_layer,
-        aovs=option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, _files_of(names)),
-        aov_errors=aov_errors,
-        strict=strict,
-        fail_on=option_values.codes_of(fail_on),
-        allow=option_values.codes_of(allow),
-        max_memory_bytes=option_values.bytes_of(max_memory),
-        dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
-        motion_blur=not no_motion_blur,
-        shutter=shutter,
-        region=region,
-        motion_error=motion_error,
-        diffusion=diffusion,
-        diffusion_glare=diffusion_glare,
-        diffusion_bloom_width=diffusion_bloom_width,
-        diffusion_starburst=diffusion_starburst,
-        diffusion_starburst_width=diffusion_starburst_width,
-        lens_flaws=tuple(lens or ()),
-    )
+        values |= option_values.previewed(values)
+    aovs = given.get("aovs")
+    values["aovs"] = option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, _files_of(names))
+    settings = RenderSettings(**values, time_code=time_codes[0] if time_codes else None)
     looks = Looks(
         json,
         verbose,
@@ -213,7 +129,7 @@ def render(
         option_values.exposure_of(exposure),
         make_output_path,
         encoding=option_values.encoding_of(bit_depth, half, compression, metadata),
-        names_space=rendering_color_space is not None,
+        names_space=settings.rendering_color_space is not None,
     )
     process_memory.hold(settings.max_memory_bytes, json, _memory_watch)
     if stereo:

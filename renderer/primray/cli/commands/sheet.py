@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...errors import SettingsError
-from .. import option_values, render_flags, stage_flags
-from ..render_flags import with_own_default
+from .. import option_values
+from ..flags import in_order
 
 if TYPE_CHECKING:
     from ..sheet_renders import Limits, Outcome
@@ -24,6 +24,7 @@ PICTURES = (".png", ".jpg", ".jpeg")
 PAGES = (".html", ".htm")
 
 
+@in_order()
 def sheet(
     source: Annotated[
         str,
@@ -44,7 +45,7 @@ def sheet(
             show_default="sheet.html; for one stage sheet.png",
         ),
     ] = None,
-    frames: stage_flags.Frames = None,
+    frames: str | None = None,
     cameras: Annotated[
         list[str] | None,
         typer.Option(
@@ -69,12 +70,12 @@ def sheet(
     columns: Annotated[
         int | None, typer.Option(metavar="N", help="Maximum pictures per row.", show_default="depends on what varies")
     ] = None,
-    width: Annotated[int, with_own_default(stage_flags.ImageWidth)] = 256,
-    spp: Annotated[int, with_own_default(render_flags.Samples)] = 16,
+    image_width: int = 256,
+    spp: int = 16,
     at_once: Annotated[int, typer.Option("--at-once", "-n", metavar="N", help="Number of simultaneous renders.")] = 1,
-    threads: render_flags.Threads = None,
+    threads: int | None = None,
     timeout: Annotated[float, typer.Option(metavar="S", help="Time limit of each render in seconds.")] = 120.0,
-    max_memory: Annotated[str, with_own_default(render_flags.MaxMemory)] = "16G",
+    max_memory_bytes: str = "16G",
     roots_only: Annotated[
         bool, typer.Option("--roots-only", help="Leave out layers that other stages in the folder use.")
     ] = False,
@@ -85,11 +86,11 @@ def sheet(
     """
     from ..sheet_renders import Limits
 
-    if min(width, spp, at_once, 1 if columns is None else columns) < 1 or timeout <= 0:
+    if min(image_width, spp, at_once, 1 if columns is None else columns) < 1 or timeout <= 0:
         raise SettingsError("width, samples, simultaneous renders, columns and the time limit must be above 0")
     further, own_width = _checked(flags or [])
-    memory = option_values.bytes_of(max_memory) or 0
-    limits = Limits(own_width or width, spp, timeout, memory, threads, further, own_width is not None)
+    memory = option_values.bytes_of(max_memory_bytes) or 0
+    limits = Limits(own_width or image_width, spp, timeout, memory, threads, further, own_width is not None)
     if Path(source).is_dir():
         if frames is not None or cameras or variants or columns:
             sentence = "frames, cameras, variants and columns are for the sheet of one stage, but this is a folder"
@@ -118,7 +119,7 @@ def _checked(flags: list[str]) -> tuple[tuple[str, ...], int | None]:
     render = get_command(app).get_command(None, "render")  # type: ignore[attr-defined]
     with render.make_context("render", ["scene.usda", *flags]) as context:
         given = context.params
-    res, width = given["res"], given["image_width"]
+    res, width = given["resolution"], given["image_width"]
     size = option_values.resolution_of(res, width)
     return tuple(flags), None if size is None else size[0]
 
