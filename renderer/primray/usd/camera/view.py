@@ -310,18 +310,14 @@ def exposure_times(camera: Usd.Prim | None, ctx: Context, product: ProductSettin
     return whole_shutter(rolling, lines), rolling
 
 
-def estimate_view(ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Foreseen:
-    """Return the shutter and camera of the render.
-
-    Diagnostics here are discarded (`ctx` has its own list); they are reported when the posed stage is translated.
-    """
-    prim = select_camera(ctx.stage, ctx, product, cameras)
+def estimate_view(prim: Usd.Prim | None, ctx: Context, product: ProductSettings) -> Foreseen:
+    """Return how large things appear through a camera's prim (None: without one) while its own shutter is open."""
     shutter = resolve_shutter(prim, ctx, product)
     return estimate_view_through(prim, shutter, replace(ctx, timing=render_timing(shutter, False, ctx)), product)
 
 
 def estimate_view_through(prim: Usd.Prim | None, shutter: Shutter, ctx: Context, product: ProductSettings) -> Foreseen:
-    """Return the same for a camera's prim (None: without one) and shutter, at `ctx.timing`."""
+    """Return how large things appear through a camera's prim (None: without one) at `ctx.timing`."""
     timing, ctx = ctx.timing, replace(ctx, diagnostics=Diagnostics())
     if timing.is_frame:
         return Foreseen(timing)

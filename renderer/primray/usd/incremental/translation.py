@@ -15,27 +15,17 @@ from ...diagnostics import Diagnostic, Diagnostics
 from ...errors import PrimrayError
 from ...process_memory import without_collection
 from ...settings import RenderSettings
-from ..camera.back_plates import find_back_plates
 from ..scene.context import Context
-from ..scene.notes import LevelsMet
+from ..scene.prims_by_type import Found, SearchedStage, find_by_type
 from ..scene.translated_scene import Record, TranslatedScene
 from ..stage.messages import file_names
 from ..stage.open import usd_messages
 from ..stage.time_varying import changing, has_clips, has_time_values
 from ..stage.traversal import populated
 from ..stage.values import When, when_of
-from ..translate import (
-    Assembled,
-    Found,
-    ViewSetup,
-    assemble,
-    context_of,
-    find_by_type,
-    finish,
-    set_up_view,
-    translate,
-    with_names,
-)
+from ..stage_edits import may_be_edited
+from ..translate import Assembled, assemble, finish, translate, with_names
+from ..view_setup import ViewSetup, set_up_view
 from .changes import Changes, UnknownEffect, affected_by
 from .updates import LeafUpdates, MaterialUpdates, moved_leaves
 
@@ -85,10 +75,7 @@ class KeptTranslation:
             if made is not None:
                 self._made = made
                 return made.description, made.diagnostics
-        try:
-            self._made = _translated_recorded(stage, settings)
-        except LevelsMet:
-            self._made = None
+        self._made = _translated_recorded(stage, settings)
         if self._made is None:
             return translate(stage, settings)
         return self._made.description, self._made.diagnostics
@@ -121,12 +108,11 @@ def _translated_recorded(stage: Usd.Stage, settings: RenderSettings) -> Translat
         return None
     diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
     with usd_messages(diagnostics), without_collection():
-        found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
-        if found.skeletons or found.geometry_lights or find_back_plates(found.cameras):
+        searched = SearchedStage(stage, find_by_type(stage, diagnostics), when_of(stage, settings.time_code))
+        if may_be_edited(searched):
             return None
         counts = [len(diagnostics)]
-        ctx, product = context_of(stage, settings, found, when, diagnostics, names)
-        begun = set_up_view(found, (ctx, product))
+        begun = set_up_view(searched, settings, diagnostics, names)
         counts.append(len(diagnostics))
         assembled = assemble(begun.ctx, Record(is_on=True))
         counts += [assembled.scene.record.told, len(diagnostics)]
@@ -135,18 +121,18 @@ def _translated_recorded(stage: Usd.Stage, settings: RenderSettings) -> Translat
     told = list(diagnostics)
     first, began, walked, built, seen = counts
     return Translated(
-        settings,
-        found,
-        when,
-        begun,
-        assembled,
-        names,
-        told[:first],
-        told[began:built],
-        told[walked:built],
-        told[seen:],
-        description,
-        with_names(diagnostics, names),
+        settings=settings,
+        found=searched.found,
+        when=searched.when,
+        begun=begun,
+        assembled=assembled,
+        names=names,
+        found_diagnostics=told[:first],
+        assembly_diagnostics=told[began:built],
+        leaf_diagnostics=told[walked:built],
+        later_diagnostics=told[seen:],
+        description=description,
+        diagnostics=with_names(diagnostics, names),
     )
 
 
@@ -231,8 +217,7 @@ def _patched(made: Translated, stage: Usd.Stage, settings: RenderSettings, when:
     diagnostics = Diagnostics(file_names(stage).in_text)
     with usd_messages(diagnostics), without_collection():
         diagnostics.extend(made.found_diagnostics)
-        started = context_of(stage, settings, made.found, when, diagnostics, made.names)
-        begun = set_up_view(made.found, started)
+        begun = set_up_view(SearchedStage(stage, made.found, when), settings, diagnostics, made.names)
         if _walked_by(begun.ctx) != _walked_by(made.begun.ctx):
             raise UnknownEffect
         assembled = _updated_assembly(made, begun, edited)

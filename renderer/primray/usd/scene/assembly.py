@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 from pxr import Tf, Usd
 
-from ...aovs import WIDE, AovRequest
+from ...aovs import WIDE
 from ...arrays import Doubles
-from ...description import Camera, CameraMotion, Frame, MotionSteps, Placed, Placement, Prototype, SceneDescription, Shape
-from ...description.lighting import NO_LINKS
+from ...description import Camera, CameraMotion, MotionSteps, Placed, Placement, Prototype, Shape
 from ...description.placement import IDENTITY, MatrixInstances, chunks, instance_name, named_levels, rows_of_levels
 from ..camera.framed_objects import prototype_box, shape_bounds
 from ..instancing.instances import Arrangement, Chain, Group, count_of
@@ -22,9 +21,7 @@ from ..lights.motion import with_motion, with_moving_portals
 from ..motion.levels import ShapePlacements, any_moves
 from ..motion.matrices import MotionPrecision, with_sampled_motion
 from ..motion.pixels import pixels_of
-from ..primvars.instance_primvars import without_unread_primvars
 from ..stage.messages import tf_message
-from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.traversal import is_in_world
 from ..stage.values import square
 from .bounds import Bounds, stage_bounds
@@ -192,36 +189,6 @@ def note_errors(steps: list[MotionSteps], ctx: Context) -> None:
             pixels = f"{found.error:.2g}" if math.isfinite(found.error) else "any number of"
             left = f"its path is sampled in {found.segments} steps, which leaves an error of up to {pixels} pixels."
             ctx.warn("motion", ctx.shown(found.path), f"It moves fast: {left}")
-
-
-def describe(
-    scene: TranslatedScene,
-    ctx: Context,
-    camera: Camera,
-    motion: CameraMotion | None,
-    frame: Frame,
-    aovs: tuple[AovRequest, ...],
-) -> SceneDescription:
-    return SceneDescription(
-        tuple(scene.shapes),
-        tuple(ctx.surfaces),
-        tuple(scene.static),
-        tuple(scene.prototypes),
-        without_unread_primvars(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces), ctx.aov_primvars),
-        tuple(scene.lights),
-        camera,
-        frame.resolution,
-        up_axis(ctx.stage, ctx.diagnostics),
-        meters_per_unit(ctx.stage, ctx.diagnostics),
-        ctx.settings.time_code,
-        aovs,
-        None if frame.is_whole else frame.pixels,
-        frame.pixel_aspect_ratio,
-        NO_LINKS if scene.links is None else scene.links.linked(ctx.diagnostics),
-        ctx.rendering_space,
-        ctx.timing.exposure if ctx.timing.is_open and (motion is not None or scene.moves) else None,
-        motion,
-    )
 
 
 def note_missing_primvars(scene: TranslatedScene, ctx: Context) -> None:

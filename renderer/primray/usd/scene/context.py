@@ -138,7 +138,6 @@ class Context:
     rendering_space: ColorSpace = REC709
     aov_primvars: tuple[str, ...] = ()  # primvars that AOVs show, without their namespace
     light_groups: LightGroups = NO_GROUPS  # from the render settings
-    levels_chosen: bool = False  # each root of levels of detail has one level left
     names_instances: bool = False  # an AOV asks for instances
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all primvars that materials of the stage read
     color_primvars: frozenset[str] = frozenset()  # those that are colours, and those shown without a material

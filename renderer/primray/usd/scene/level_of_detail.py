@@ -19,7 +19,7 @@ from ..stage.edits import check_reach, deactivate
 from ..stage.open import scratch_copy
 from ..stage.reads import schemas_applied, targets, type_name
 from ..stage.traversal import EXISTING_IN_INSTANCES, children, drawable_prims, is_in_world
-from ..stage.values import StandIns, When, read
+from ..stage.values import StandIns, When, is_hidden, read
 from .inheritance import transforms, world_matrix
 
 LOD_ROOT, LOD_OVERRIDE = "LODRootAPI", "LODOverrideAPI"
@@ -34,12 +34,15 @@ class Choice:
 
 
 def with_levels_chosen(stage: Usd.Stage, camera: Usd.Prim | None, when: When, diagnostics: Diagnostics) -> Usd.Stage:
-    """Return a copy of the stage with one level of each root."""
+    """Return a copy of the stage with one level of each root; the stage itself where no root is visible."""
     gone: set[Sdf.Path] = set()
     told = 0
     looks, prims = _Looks(camera, when), drawable_prims(stage)
-    for root in prims:
-        if LOD_ROOT not in schemas_applied(root) or any(path in gone for path in root.GetPath().GetPrefixes()):
+    roots = [prim for prim in prims if LOD_ROOT in schemas_applied(prim)]
+    if all(is_hidden(root, when) for root in roots):
+        return stage
+    for root in roots:
+        if any(path in gone for path in root.GetPath().GetPrefixes()):
             continue
         levels = [child for child in children(root, EXISTING_IN_INSTANCES) if not child.IsA(UsdLod.Heuristic)]
         choice = _choice(root, looks)

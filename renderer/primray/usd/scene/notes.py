@@ -51,10 +51,6 @@ _UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "in
 _MOTION = {"motion:velocityScale": 1.0}
 
 
-class LevelsMet(Exception):
-    """Raised when the walk finds a root of levels of detail before a level has been chosen (scene/level_of_detail.py)."""
-
-
 def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: frozenset[str], kind: str) -> bool:
     """Return whether `note_prim` may report anything for prims of this type with these schemas, of which `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
@@ -64,7 +60,6 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
         or JOINT_WEIGHTS in properties
         or NOTES in properties
         or "MotionAPI" in names
-        or "LODRootAPI" in names
         or names & PHYSICAL
         or any(map(_is_unread, names))
     ):
@@ -77,8 +72,6 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
 def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -> None:
     """Report what the picture lacks of one prim, given its applied schemas; `kind` is "" for types without an adapter."""
     schemas = [schema.split(":")[0] for schema in applied]
-    if "LODRootAPI" in schemas and not ctx.levels_chosen:
-        raise LevelsMet(prim.path)
     if LEFT_OUT in prim.names:
         return
     if schemas:

@@ -1,0 +1,76 @@
+"""The second pass of a translation, the view: what the render settings and the user ask for, the camera, and when it exposes.
+
+Everything is known here that decides at what times, in what colour space and for which purposes values are read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from pxr import Usd
+
+from ..aovs import VECTORS, AovRequest, names_instances, primvars_of, with_distances
+from ..diagnostics import Diagnostics
+from ..settings import RenderSettings
+from .camera.shutter import Shutter, motion_vector_shutter, render_timing, report_closed_shutter
+from .camera.view import estimate_view_through, exposure_times, select_camera
+from .lights.light_groups import light_groups
+from .materials.material_primvars import primvars_read
+from .render_settings.outputs import outputs_of
+from .render_settings.render_product import ProductSettings
+from .render_settings.render_settings import product_settings
+from .scene.color_spaces import rendering_space
+from .scene.context import Context
+from .scene.prims_by_type import SearchedStage
+from .stage.metadata import meters_per_unit
+
+
+@dataclass(frozen=True)
+class ViewSetup:
+    """The context that the traversal is given, and the camera, whose shutter decides at what times values are read."""
+
+    ctx: Context
+    product: ProductSettings
+    camera: Usd.Prim | None
+    shutter: Shutter
+    aovs: tuple[AovRequest, ...]
+
+
+def set_up_view(
+    searched: SearchedStage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]
+) -> ViewSetup:
+    """Return the view of a stage; `names` will hold the first instances of native prototypes."""
+    stage, found, when = searched.stage, searched.found, searched.when
+    product = product_settings(stage, settings, found.settings, when, diagnostics)
+    error = settings.motion_error if settings.motion_error is not None else product.asked.of("motion_error")
+    settings = settings if error is settings.motion_error else replace(settings, motion_error=error)
+    purposes = settings.purposes if settings.purposes is not None else product.purposes
+    ctx = Context(
+        stage=stage,
+        settings=settings,
+        when=when,
+        purposes=purposes,
+        material_purposes=product.material_purposes,
+        diagnostics=diagnostics,
+        prototype_names=names,
+    )
+    space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
+    aovs, file = outputs_of(product, settings, diagnostics)
+    aovs = with_distances(aovs, meters_per_unit(stage))
+    product = replace(product, file=file)
+    has_names = any(names_instances(request.source) for request in aovs)
+    ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=has_names)
+    ctx = replace(ctx, light_groups=light_groups(stage, product.settings_path))
+    read, of_colors = primvars_read(found.shaders, ctx)
+    of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
+    ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
+    camera = select_camera(stage, ctx, product, found.cameras)
+    shutter, rolling = exposure_times(camera, ctx, product)
+    is_vectored = any(request.source in VECTORS for request in aovs)
+    vectors = motion_vector_shutter(camera, shutter, ctx) if is_vectored else None
+    if is_vectored:
+        report_closed_shutter(shutter, vectors, ctx)
+    ctx = replace(ctx, timing=render_timing(shutter, bool(aovs), ctx, vectors, rolling))
+    if ctx.timing.is_open:
+        ctx = replace(ctx, foreseen=estimate_view_through(camera, shutter, ctx, product))
+    return ViewSetup(ctx=ctx, product=product, camera=camera, shutter=shutter, aovs=aovs)
