@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from primray_service.app import create_routes
-from primray_service.http.openapi import REF, openapi
+from primray_service.app import operations
+from primray_service.http.described import REF
+from primray_service.http.openapi import openapi
 
 FOLDER = Path(__file__).parents[2] / "schemas"
 CONTRACTS = {
@@ -25,7 +26,7 @@ Json = dict[str, Any]
 
 def files() -> dict[str, str]:
     """Their texts by name."""
-    document = openapi(create_routes())
+    document = openapi(operations())
     schemas = document["components"]["schemas"]
     texts = {f"{name}.schema.json": _text(alone(schemas, schema)) for name, schema in CONTRACTS.items()}
     return {"openapi.json": _text(document), **texts}

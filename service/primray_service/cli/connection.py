@@ -34,7 +34,17 @@ KeyFile = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON lines to stdout.")]
 
-EXTRA = ("httpx2", "fastapi", "uvicorn", "sqlalchemy", "alembic", "structlog", "prometheus_client", "python_multipart")
+EXTRA = (
+    "alembic",
+    "httpx2",
+    "prometheus_client",
+    "pydantic",
+    "python_multipart",
+    "sqlalchemy",
+    "starlette",
+    "structlog",
+    "uvicorn",
+)
 NOTED_WAIT_S = 5.0
 FIRST_RETRIES = 2  # fewer before the server's first answer: a user is waiting for the error
 

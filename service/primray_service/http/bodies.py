@@ -3,38 +3,39 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from fastapi import Request
 from pydantic import BaseModel, ValidationError
-from starlette.requests import ClientDisconnect
+from starlette.requests import ClientDisconnect, Request
 
 from ..api.aliases import in_own_words
 from ..api.near import hint_of
 from ..problems import Problem
 from .callers import service_of
+from .described import json_request
+from .parameters import Provided, invalid_request
 
 Model = TypeVar("Model", bound=BaseModel)
 MORE_BYTES = 2**20
+PROBLEMS = ("invalid-json", "request-too-large", "unsupported-media-type", "invalid-request")
 AS_IT_IS = {"accept-encoding": "identity"}
 MOST_EXACT = 2**53  # doubles hold every integer up to this
 MAX_DIGITS = 40  # of an integer: longer ones are refused before conversion
 
 
-def json_body(
-    model: type[Model], *, may_lack: bool = False, limit: str = "json_bytes"
-) -> Callable[[Request], Coroutine[Any, Any, Model]]:
-    """Return a dependency that reads the body as this model; `may_lack`: no body counts as {}; `limit`: the limit on its
-    bytes."""
+def json_body(model: type[Model], example: Any = None, *, may_lack: bool = False, limit: str = "json_bytes") -> Provided:
+    """Mark a parameter that is the body as this model; `may_lack`: no body counts as {}; `limit`: the limit on its bytes."""
 
     async def body(request: Request) -> Model:
-        if may_lack and has_no_body(request):
-            return model()
-        check_json_type(request)
-        return parsed(model, await read(request, getattr(service_of(request).limits, limit)))
+        return model() if may_lack and has_no_body(request) else await read_json(request, model, limit)
 
-    return body
+    return Provided(body, json_request(model, example, required=not may_lack), PROBLEMS)
+
+
+async def read_json(request: Request, model: type[Model], limit: str = "json_bytes") -> Model:
+    check_json_type(request)
+    return parsed(model, await read(request, getattr(service_of(request).limits, limit)))
 
 
 def has_no_body(request: Request) -> bool:
@@ -159,14 +160,11 @@ def _check_text(value: Any) -> None:
 def invalid(error: ValidationError, where: str = "", model: type[BaseModel] | None = None, document: Any = None) -> Problem:
     """Return everything that the model found wrong with the document, in a few words each, with hints; apart from names,
     nothing that was sent is repeated."""
-    details: dict[str, list[str]] = {}
+    details: dict[tuple[str, str], list[str]] = {}
     for found in error.errors(include_url=False)[:20]:
         member = ".".join([where] * bool(where) + _place(found, document))
-        details.setdefault(member, []).append(f"{found['msg']}{hint_of(found, model)}")
-    errors = [{"member": member, "detail": one_of(texts)} for member, texts in details.items()]
-    first = errors[0]
-    place = f"{first['member']}: " if first["member"] else ""
-    return Problem("invalid-request", f"{place}{_sentence(first['detail'])}", member=first["member"], errors=errors)
+        details.setdefault((member, ""), []).append(f"{found['msg']}{hint_of(found, model)}")
+    return invalid_request(details)
 
 
 def _place(found: Mapping[str, Any], document: Any) -> list[str]:
@@ -182,13 +180,3 @@ def _place(found: Mapping[str, Any], document: Any) -> list[str]:
 
 def _has(value: Any, part: int | str) -> bool:
     return part in value if isinstance(value, dict) else isinstance(value, list) and isinstance(part, int)
-
-
-def one_of(details: Sequence[str]) -> str:
-    """Return one sentence from what the branches of a union report about one value."""
-    first, *others = dict.fromkeys(details)
-    return ", or ".join([first, *(detail.removeprefix("Input should be ") for detail in others)])
-
-
-def _sentence(text: str) -> str:
-    return text if text.endswith("?") else f"{text}."

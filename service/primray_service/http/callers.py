@@ -1,21 +1,21 @@
-"""Callers as dependencies of routes: `caller: Reader` (any key with that scope), `Submitter`, `Admin`; their request rates."""
+"""Callers as parameters of routes: `caller: Reader` (any key with that scope), `Submitter`, `Admin`; their request rates."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Coroutine
-from typing import Annotated, Any
+from typing import Annotated
 
 import structlog
-from fastapi import Depends, Request
-from fastapi.concurrency import run_in_threadpool
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import MutableHeaders
+from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..access.auth import LOCAL, Caller, Keys, Sessions, caller_of, sha256_of, unauthenticated
 from ..access.quotas import RequestRates
 from ..problems import Problem
 from ..service import Service
+from .parameters import Provided
 
 COOKIE = "primray_session"
 
@@ -68,8 +68,8 @@ async def _key_sha256(request: Request) -> str | None:
     return sha256
 
 
-def needs(scope: str) -> Callable[[Request], Coroutine[Any, Any, Caller]]:
-    """Return a dependency that provides the caller if the key has this scope."""
+def needs(scope: str) -> Provided:
+    """Mark a parameter that is the caller, whose key must have this scope."""
 
     async def with_scope(request: Request) -> Caller:
         caller = await caller_of_request(request)
@@ -77,13 +77,13 @@ def needs(scope: str) -> Callable[[Request], Coroutine[Any, Any, Caller]]:
             raise Problem("forbidden", f"This requires a key with the scope {scope!r}.", scope=scope)
         return caller
 
-    return with_scope
+    return Provided(with_scope)
 
 
-Serving = Annotated[Service, Depends(service_of)]
-Reader = Annotated[Caller, Depends(needs("read"))]
-Submitter = Annotated[Caller, Depends(needs("submit"))]
-Admin = Annotated[Caller, Depends(needs("admin"))]
+Serving = Annotated[Service, Provided(service_of)]
+Reader = Annotated[Caller, needs("read")]
+Submitter = Annotated[Caller, needs("submit")]
+Admin = Annotated[Caller, needs("admin")]
 
 
 HEADERS = "primray.rate_headers"

@@ -1,7 +1,4 @@
-"""OpenAPI descriptions of operations: `@router.get(path, **described(answer(views.Job), problems=(...)))`.
-
-Routes make their answers themselves (no response model runs on the way out); tests compare the descriptions with what is sent.
-"""
+"""OpenAPI descriptions of what operations take and answer: `@router.get(path, answer(views.Job), problems=(...))`."""
 
 from __future__ import annotations
 
@@ -9,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from fastapi import Response
 from pydantic import BaseModel
 
 from ..problems import KINDS
 
-MODEL = "x-model"  # placeholder for a model's schema until the document is assembled
-MODELS: dict[str, type[BaseModel]] = {}  # all models named here
+REF = "#/components/schemas/"
+MODELS: dict[str, type[BaseModel]] = {}  # all models that are named here, for the document's components
 
 Json = dict[str, Any]
 
@@ -71,10 +67,19 @@ class Answer:
     headers: Sequence[str] = ()
     links: Json = field(default_factory=dict)
 
+    def described(self) -> Json:
+        return {
+            "description": self.description,
+            **({"content": self.content} if self.content else {}),
+            "headers": {name: HEADERS[name] for name in self.headers},
+            **({"links": self.links} if self.links else {}),
+        }
+
 
 def schema_of(model: type[BaseModel]) -> Json:
+    """Return a reference to the model's schema in the document."""
     MODELS[model.__name__] = model
-    return {MODEL: model.__name__}
+    return {"$ref": REF + model.__name__}
 
 
 def answer(
@@ -107,39 +112,6 @@ def leading_to(parameter: str, *operations: str) -> Json:
 def json_request(model: type[BaseModel], example: Any = None, *, required: bool = True) -> Json:
     media = {"schema": schema_of(model), **({} if example is None else {"example": example})}
     return {"requestBody": {"required": required, "content": {"application/json": media}}}
-
-
-def described(
-    *answers: Answer,
-    problems: Sequence[str] = (),
-    request: Json | None = None,
-    headers: Sequence[str] = (),
-    **more: Any,
-) -> Json:
-    """Return keyword arguments for a route's decorator. `headers`: request headers from REQUEST_HEADERS; `more`: passed
-    through."""
-    responses: dict[int | str, Json] = {
-        one.status: {
-            "description": one.description,
-            **({"content": one.content} if one.content else {}),
-            "headers": {name: HEADERS[name] for name in one.headers},
-            **({"links": one.links} if one.links else {}),
-        }
-        for one in answers
-    }
-    for status in sorted({KINDS[slug].status for slug in problems}):
-        responses[status] = problem_response([slug for slug in problems if KINDS[slug].status == status])
-    extra = dict(request or {})
-    if headers:
-        extra["parameters"] = [{"name": name, "in": "header", "required": False, **REQUEST_HEADERS[name]} for name in headers]
-    return {
-        "responses": responses,
-        "response_class": Response,
-        "status_code": answers[0].status,
-        "response_description": answers[0].description,
-        "openapi_extra": extra,
-        **more,
-    }
 
 
 def problem_response(slugs: Sequence[str]) -> Json:

@@ -3,44 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 
 import structlog
-from fastapi import APIRouter, FastAPI, Request, Response
-from fastapi.concurrency import run_in_threadpool
-from fastapi.exceptions import RequestValidationError
-from fastapi.routing import APIRoute
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
 
 from ..access.quotas import exceeded
-from ..api.near import hint_of
 from ..objects import ObjectStoreFailed
 from ..problems import Problem
 from ..store.base import QuotaExceeded, Unavailable
 from .answers import problem_answer
-from .bodies import one_of
 from .callers import caller_of_request, service_of
 from .guard import request_id_of
 
 log = structlog.get_logger("primray.http")
 
 
-class MethodsByPath:
-    """Methods of a path over all routes that match it; the framework names those of the first only."""
-
-    def __init__(self, routers: Iterable[APIRouter]) -> None:
-        self._routes = [route for router in routers for route in router.routes if isinstance(route, APIRoute)]
-
-    def at(self, path: str) -> list[str]:
-        return sorted({method for route in self._routes if route.path_regex.match(path) for method in route.methods or ()})
-
-
-def add_handlers(app: FastAPI) -> None:
+def add_handlers(app: Starlette) -> None:
     app.add_exception_handler(Problem, _of_problem)
     app.add_exception_handler(QuotaExceeded, _of_quota)
     app.add_exception_handler(Unavailable, _of_unavailable)
     app.add_exception_handler(ObjectStoreFailed, _of_object_store)
-    app.add_exception_handler(RequestValidationError, _of_validation)
     app.add_exception_handler(HTTPException, _of_http)
 
 
@@ -76,22 +63,6 @@ async def _of_object_store(request: Request, error: Exception) -> Response:
     return problem_answer(problem, request_id_of(request))
 
 
-async def _of_validation(request: Request, error: Exception) -> Response:
-    """Return the answer to invalid parameters of the path, the query or the header."""
-    assert isinstance(error, RequestValidationError)
-    details: dict[tuple[str, str], list[str]] = {}
-    for one in error.errors()[:20]:
-        place, name, *_ = (*map(str, one["loc"]), "", "")  # after the name: indices of lists, branches of unions
-        details.setdefault((name[:100], place), []).append(f"{one['msg']}{hint_of(one)}")
-    found = [{"member": member, "in": place, "detail": one_of(texts)} for (member, place), texts in details.items()]
-    first = found[0]
-    said = first["detail"] if first["detail"].endswith("?") else f"{first['detail']}."
-    problem = Problem(
-        "invalid-request", f"{first['member']} in the {first['in']}: {said}", member=first["member"], errors=found
-    )
-    return problem_answer(problem, request_id_of(request))
-
-
 async def _of_http(request: Request, error: Exception) -> Response:
     """Return the answer to the framework's own errors: unknown path or method, a body that it refuses."""
     assert isinstance(error, HTTPException)
@@ -99,7 +70,7 @@ async def _of_http(request: Request, error: Exception) -> Response:
     if error.status_code == 404:
         problem = Problem("not-found", "There is nothing at this path.", headers=headers)
     elif error.status_code == 405:
-        allowed = ", ".join(request.app.state.methods.at(request.url.path))
+        allowed = ", ".join(_methods_at(request))
         problem = Problem("method-not-allowed", f"Methods allowed here: {allowed}.", headers={"allow": allowed})
     elif error.status_code == 413:
         problem = Problem("request-too-large", "The body is larger than is allowed.", headers=headers)
@@ -108,3 +79,9 @@ async def _of_http(request: Request, error: Exception) -> Response:
     else:
         problem = Problem("invalid-request", str(error.detail), status=error.status_code, headers=headers)
     return problem_answer(problem, request_id_of(request))
+
+
+def _methods_at(request: Request) -> list[str]:
+    """Return the methods of all routes that match the path; the framework names those of the first only."""
+    routes = [route for route in request.app.routes if isinstance(route, Route)]
+    return sorted({method for route in routes if route.path_regex.match(request.url.path) for method in route.methods or ()})

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Protocol
 
 import anyio
-from fastapi import Request, Response
-from fastapi.responses import StreamingResponse
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
 
 from ..objects import Objects, ObjectStoreFailed
 from ..problems import Problem

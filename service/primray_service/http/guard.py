@@ -15,9 +15,10 @@ from collections.abc import Mapping
 from urllib.parse import urlsplit
 
 import structlog
-from fastapi import FastAPI, Request
+from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..config import ServeConfig
@@ -216,7 +217,7 @@ READ = (
 KNOWN_FOR_S = 600  # time for which a browser caches the permission
 
 
-def allow_origins(app: FastAPI, config: ServeConfig) -> None:
+def allow_origins(app: Starlette, config: ServeConfig) -> None:
     """Add the middleware if origins are allowed; otherwise the server answers as if there were no CORS."""
     if config.allowed_origins:
         app.add_middleware(

@@ -1,23 +1,22 @@
-"""The OpenAPI document: FastAPI's, with our schemas, problem documents and whatever holds for every operation."""
+"""The OpenAPI document of operations, with their schemas, problem documents and whatever holds for every operation."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from typing import Any, Literal
+import inspect
+from collections.abc import Iterable, Iterator
+from typing import Literal
 
-from fastapi import FastAPI
-from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
+
+from primray import __version__
 
 from ..api import views
 from ..problems import KINDS, Problem
 from .callers import COOKIE
-from .described import HEADERS, MODEL, MODELS, problem_response
+from .described import HEADERS, MODELS, REF, REQUEST_HEADERS, Json, problem_response
+from .routing import Operation
 
-Json = dict[str, Any]
-REF = "#/components/schemas/"
 DESCRIPTION = (
     "Rendering of USD over HTTP, to a stated error: upload a scene, queue a job, watch its error fall, download its files. "
     "Every error is a problem document (RFC 9457) whose type is stable. Every GET also works as HEAD."
@@ -52,30 +51,25 @@ PARAMETERS = {
     "sha256": "Digest that the file must have.",
 }
 METHODS = ("get", "head", "post", "put", "patch", "delete")
-HEAD_TOLD = ("/v1/scenes/{scene_id}",)  # operations whose HEAD is documented separately
+DOCUMENTED_HEAD = ("/v1/scenes/{scene_id}",)  # paths whose HEAD is documented separately
 
 
-def openapi(app: FastAPI) -> Json:
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Duplicate Operation ID")  # GET and HEAD are one route
-        found = get_openapi(
-            title="primray",
-            version=app.version,
-            description=DESCRIPTION,
-            license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-            tags=[{"name": name, "description": text} for name, text in TAGS],
-            routes=app.routes,
-        )
-    paths: Json = {path: dict(_operations(path, methods)) for path, methods in found["paths"].items()}
+def openapi(operations: Iterable[Operation]) -> Json:
     models: list[tuple[type[BaseModel], Literal["validation"]]] = [(model, "validation") for model in MODELS.values()]
-    _, definitions = models_json_schema([*models, (views.Problem, "validation")], ref_template=REF + "{model}")
-    schemas = dict(sorted(definitions["$defs"].items()))
+    _, definitions = models_json_schema([*models, (views.Problem, "validation")], ref_template=f"{REF}{{model}}")
     return {
-        **{name: found[name] for name in ("openapi", "info", "tags")},
+        "openapi": "3.1.0",
+        "info": {
+            "title": "primray",
+            "description": DESCRIPTION,
+            "license": {"name": "Apache-2.0", "identifier": "Apache-2.0"},
+            "version": __version__,
+        },
+        "tags": [{"name": name, "description": text} for name, text in TAGS],
         "security": [{"key": []}, {"session": []}, {}],
-        "paths": _with_refs(paths),
+        "paths": _paths(operations),
         "components": {
-            "schemas": schemas,
+            "schemas": dict(sorted(definitions["$defs"].items())),
             "responses": {
                 slugs[0]: {**problem_response(slugs), "headers": REQUEST_ID}
                 for slugs in (*ALWAYS.values(), ("invalid-request",))
@@ -95,34 +89,56 @@ def openapi(app: FastAPI) -> Json:
     }
 
 
-def _operations(path: str, methods: Json) -> Iterator[tuple[str, Json]]:
-    for method in METHODS:
-        operation = methods.get(method)
-        if operation is None or (method == "head" and path not in HEAD_TOLD):
-            continue
-        yield method, _completed(path, method, operation)
+def _paths(operations: Iterable[Operation]) -> Json:
+    paths: dict[str, list[tuple[str, Json]]] = {}
+    for one in operations:
+        if one.include_in_schema:
+            paths.setdefault(one.path, []).extend(_methods(one))
+    return {path: dict(sorted(found, key=_order)) for path, found in paths.items()}
 
 
-def _completed(path: str, method: str, operation: Json) -> Json:
-    responses: Json = {}
-    for status, response in operation["responses"].items():
-        if "HTTPValidationError" in str(response):
-            responses[status] = _shared("invalid-request")
-        else:
-            responses[status] = {**response, "headers": {**response.get("headers", {}), **REQUEST_ID}}
-    if path.startswith("/v1"):
-        for status, slugs in ALWAYS.items():
-            responses.setdefault(status, _shared(slugs[0]))
-    if method == "head":
-        responses = {status: _without_content(response) for status, response in responses.items()}
-    for parameter in operation.get("parameters", []):
+def _order(described: tuple[str, Json]) -> int:
+    return METHODS.index(described[0])
+
+
+def _methods(one: Operation) -> Iterator[tuple[str, Json]]:
+    described = _described(one)
+    yield one.method.lower(), described
+    if one.path in DOCUMENTED_HEAD and one.method == "GET":
+        responses = {status: _without_content(response) for status, response in described["responses"].items()}
+        yield "head", {**described, "operationId": f"{one.id}_head", "responses": responses}
+
+
+def _described(one: Operation) -> Json:
+    parameters = one.parameters.described()
+    for parameter in parameters:
         parameter.setdefault("description", PARAMETERS.get(parameter["name"], ""))
-    name = operation["operationId"]
+    headers = [{"name": name, "in": "header", "required": False, **REQUEST_HEADERS[name]} for name in one.headers]
+    responses = _responses(one)
+    if parameters:
+        responses.setdefault("422", _shared("invalid-request"))
     return {
-        **operation,
-        "operationId": f"{name}_head" if method == "head" else name,
+        "tags": [one.tag],
+        "summary": one.name.replace("_", " ").title(),
+        "description": inspect.getdoc(one.handler),
+        "operationId": one.id,
+        **({"parameters": parameters + headers} if parameters or headers else {}),
+        **one.body,
         "responses": dict(sorted(responses.items())),
     }
+
+
+def _responses(one: Operation) -> Json:
+    responses: Json = {str(answer.status): answer.described() for answer in one.answers}
+    for slug in one.problems:
+        status = str(KINDS[slug].status)
+        responses[status] = problem_response([each for each in one.problems if str(KINDS[each].status) == status])
+    for response in responses.values():
+        response["headers"] = {**response.get("headers", {}), **REQUEST_ID}
+    if one.path.startswith("/v1"):
+        for status, slugs in ALWAYS.items():
+            responses.setdefault(status, _shared(slugs[0]))
+    return responses
 
 
 def _shared(slug: str) -> Json:
@@ -135,12 +151,3 @@ def _without_content(response: Json) -> Json:
         slug = response["$ref"].rpartition("/")[2]
         response = {"description": KINDS[slug].title, "headers": REQUEST_ID}
     return {name: member for name, member in response.items() if name != "content"}
-
-
-def _with_refs(value: Any) -> Any:
-    """Replace models by references."""
-    if isinstance(value, dict):
-        if set(value) == {MODEL}:
-            return {"$ref": REF + value[MODEL]}
-        return {name: _with_refs(member) for name, member in value.items()}
-    return [_with_refs(member) for member in value] if isinstance(value, list) else value

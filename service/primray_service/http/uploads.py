@@ -11,8 +11,8 @@ import time
 from collections.abc import AsyncIterator, Collection, Mapping
 from typing import Any
 
-from fastapi import Request, Response
-from starlette.requests import ClientDisconnect
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from ..access.auth import Caller

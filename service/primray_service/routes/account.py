@@ -6,7 +6,8 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from starlette.requests import Request
+from starlette.responses import Response
 
 from primray import __version__
 from primray.aovs import AOVS, CRYPTOMATTES
@@ -14,7 +15,8 @@ from primray.aovs import AOVS, CRYPTOMATTES
 from ..api import account_views
 from ..http.answers import json_answer
 from ..http.callers import COOKIE, Reader, Serving
-from ..http.described import answer, described
+from ..http.described import answer
+from ..http.routing import Router
 from ..jobs import Json
 from ..limits import Quotas
 from ..pictures.request import MEDIA_TYPES as PREVIEW_TYPES
@@ -23,12 +25,12 @@ from ..scenes.recognize import MEDIA_TYPES as SCENE_TYPES
 from ..store.base import Usage
 from .keys import key_json
 
-router = APIRouter(prefix="/v1", tags=["account"])
+router = Router("/v1", tag="account")
 
 SUFFIXES = {"usda": [".usda", ".usd"], "usdc": [".usdc", ".usd"], "usdz": [".usdz"], "zip": [".zip"]}
 
 
-@router.get("/whoami", **described(answer(account_views.WhoAmI)))
+@router.get("/whoami", answer(account_views.WhoAmI))
 def whoami(request: Request, caller: Reader) -> Response:
     """Return the tenant and the key that the request is made with."""
     return json_answer(
@@ -42,7 +44,7 @@ def whoami(request: Request, caller: Reader) -> Response:
     )
 
 
-@router.get("/usage", **described(answer(account_views.Usage)))
+@router.get("/usage", answer(account_views.Usage))
 def usage(caller: Reader, service: Serving) -> Response:
     """Return what the tenant uses now, with its quotas (null: no limit)."""
     used = service.store.usage(caller.tenant, time.time())
@@ -61,7 +63,7 @@ def usage_json(tenant: str, used: Usage, quotas: Quotas) -> Json:
     }
 
 
-@router.get("/capabilities", **described(answer(account_views.Capabilities)))
+@router.get("/capabilities", answer(account_views.Capabilities))
 def capabilities(caller: Reader, service: Serving) -> Response:
     """Return the version, accepted inputs, available outputs, and all limits."""
     leading = service.who_leads.now()

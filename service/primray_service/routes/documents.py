@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 
-from fastapi import APIRouter, Request, Response
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ..api.operations_page import operations_page
 from ..api.pages import problem_page, problems_page
 from ..http.answers import json_bytes, none_match, not_modified
 from ..http.openapi import openapi
+from ..http.routing import Router
 from ..problems import KINDS, Problem
 
-router = APIRouter(include_in_schema=False)
+router = Router()
 
 # Nothing external is loaded. The forms of /docs send requests to this server only; blob: is for pictures in its answers.
 CSP = "default-src 'none'; style-src 'self'; img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -32,7 +34,7 @@ def _document(request: Request) -> tuple[bytes, str]:
     """Return the document and its ETag; made once."""
     state = request.app.state
     if not hasattr(state, "openapi"):
-        body = json_bytes(openapi(request.app))
+        body = json_bytes(openapi(request.app.routes))
         state.openapi = (body, f'"{hashlib.sha256(body).hexdigest()[:32]}"')
     made: tuple[bytes, str] = state.openapi
     return made
@@ -41,7 +43,7 @@ def _document(request: Request) -> tuple[bytes, str]:
 @router.get("/docs")
 async def docs(request: Request) -> Response:
     """Return the OpenAPI document as a page to read and try."""
-    return _html(operations_page(openapi(request.app)), CSP_OF_DOCS)
+    return _html(operations_page(openapi(request.app.routes)), CSP_OF_DOCS)
 
 
 @router.get("/problems")

@@ -6,8 +6,9 @@ import time
 from dataclasses import asdict, fields
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ..access.auth import Keys
 from ..access.keys import TENANT, create
@@ -17,14 +18,15 @@ from ..api.models import Sent
 from ..http.answers import json_answer
 from ..http.bodies import json_body
 from ..http.callers import Admin, Serving
-from ..http.described import answer, described, json_request, leading_to
+from ..http.described import answer, leading_to
+from ..http.routing import Router
 from ..jobs import Json
 from ..limits import Quotas
 from ..problems import Problem
 from ..store.base import ApiKey
 from .admin.audit import record
 
-router = APIRouter(prefix="/v1/keys", tags=["keys"])
+router = Router("/v1/keys", tag="keys")
 
 MOST_EXPIRY_S = 100 * 365 * 86_400.0
 
@@ -52,20 +54,20 @@ class KeyRequest(Sent):
 
 @router.post(
     "",
-    **described(
-        answer(
-            account_views.NewKey,
-            201,
-            "The key, shown once.",
-            headers=("Location",),
-            links=leading_to("key_id", "keys_show", "keys_revoke"),
-        ),
-        problems=("invalid-json", "request-too-large", "unsupported-media-type", "invalid-request"),
-        request=json_request(KeyRequest, {"tenant": "lighting", "scopes": ["submit", "read"], "name": "farm"}),
+    answer(
+        account_views.NewKey,
+        201,
+        "The key, shown once.",
+        headers=("Location",),
+        links=leading_to("key_id", "keys_show", "keys_revoke"),
     ),
+    problems=(),
 )
 def create_key(
-    request: Request, caller: Admin, service: Serving, asked: Annotated[KeyRequest, Depends(json_body(KeyRequest))]
+    request: Request,
+    caller: Admin,
+    service: Serving,
+    asked: Annotated[KeyRequest, json_body(KeyRequest, {"tenant": "lighting", "scopes": ["submit", "read"], "name": "farm"})],
 ) -> Response:
     """Create a key. Its text is in this answer only."""
     now = time.time()
@@ -77,23 +79,23 @@ def create_key(
     return json_answer({**key_json(row), "key": text}, 201, {"location": f"/v1/keys/{row.id}", "cache-control": "no-store"})
 
 
-@router.get("", **described(answer(account_views.KeyList), problems=("invalid-request",)))
+@router.get("", answer(account_views.KeyList), problems=("invalid-request",))
 def list_keys(
     caller: Admin,
     service: Serving,
-    tenant: Annotated[str | None, Query(max_length=64, description="Only keys of this tenant.")] = None,
+    tenant: Annotated[str | None, Field(max_length=64, description="Only keys of this tenant.")] = None,
 ) -> Response:
     """List all keys, without their text; revoked and expired ones, too."""
     return json_answer({"items": [key_json(row) for row in service.store.keys(tenant)]})
 
 
-@router.get("/{key_id}", **described(answer(account_views.Key), problems=("not-found",)))
+@router.get("/{key_id}", answer(account_views.Key), problems=("not-found",))
 def show(key_id: str, caller: Admin, service: Serving) -> Response:
     """Return one key, without its text."""
     return json_answer(key_json(_found(service, key_id)))
 
 
-@router.delete("/{key_id}", **described(answer(None, 204, "The key is revoked."), problems=("not-found",)))
+@router.delete("/{key_id}", answer(None, 204, "The key is revoked."), problems=("not-found",))
 def revoke(key_id: str, request: Request, caller: Admin, service: Serving) -> Response:
     """Revoke a key: it is refused from now on (by other servers on the same database within seconds). Its jobs and scenes
     stay."""

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ..http.callers import Serving, caller_of_request
-from ..http.described import answer, described
+from ..http.described import answer
+from ..http.routing import Router
 from ..problems import Problem
 from ..telemetry.metrics import RequestMetrics, exposition
 
-router = APIRouter(tags=["health"])
+router = Router(tag="health")
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
-@router.get(
-    "/metrics", **described(answer(content={"text/plain": {"type": "string"}}), problems=("unauthenticated", "forbidden"))
-)
+@router.get("/metrics", answer(content={"text/plain": {"type": "string"}}), problems=("unauthenticated", "forbidden"))
 async def metrics(request: Request, service: Serving) -> Response:
     """Return metrics for Prometheus. If keys are required, this needs an admin's: the numbers are of all tenants."""
     if service.config.metrics_key and service.config.needs_keys:

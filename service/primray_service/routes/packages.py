@@ -6,8 +6,9 @@ import asyncio
 import time
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ..access.auth import Caller
 from ..api import scene_views
@@ -15,7 +16,8 @@ from ..api.models import Sent
 from ..http.answers import json_answer
 from ..http.bodies import json_body
 from ..http.callers import Serving, Submitter
-from ..http.described import answer, described, json_request
+from ..http.described import answer
+from ..http.routing import Router
 from ..http.uploads import receive_content, refuse_over_quota, refused
 from ..jobs import Scene
 from ..limits import Quotas
@@ -27,10 +29,10 @@ from ..scenes.threads import to_the_end
 from ..service import Service
 from .scenes import BINARY, LINKS, scene_answer
 
-router = APIRouter(prefix="/v1", tags=["scenes"])
+router = Router("/v1", tag="scenes")
 
 DIGEST = "^[0-9a-f]{64}$"
-Digest = Annotated[str, Path(pattern=DIGEST, description="SHA-256 of the file, in hexadecimal digits.")]
+Digest = Annotated[str, Field(pattern=DIGEST, description="SHA-256 of the file, in hexadecimal digits.")]
 
 
 class PackagePart(Sent):
@@ -57,37 +59,30 @@ EXAMPLE = {"name": "shot.zip", "files": [{"path": "shot.usda", "sha256": "0" * 6
 
 @router.post(
     "/packages",
-    **described(
-        answer(scene_views.Package, 200, "Files to send before the request is repeated.", headers=()),
-        answer(
-            scene_views.Scene,
-            201,
-            "All files are there: the scene is stored, and its check begins.",
-            headers=("Location", "ETag"),
-            links=LINKS,
-        ),
-        problems=(
-            "invalid-json",
-            "request-too-large",
-            "unsupported-media-type",
-            "invalid-request",
-            "upload-too-large",
-            "digest-mismatch",
-            "not-usd",
-            "package-unsafe",
-            "package-too-large",
-            "quota-exceeded",
-            "storage-full",
-            "unavailable",
-        ),
-        request=json_request(PackageRequest, EXAMPLE),
+    answer(scene_views.Package, 200, "Files to send before the request is repeated.", headers=()),
+    answer(
+        scene_views.Scene,
+        201,
+        "All files are there: the scene is stored, and its check begins.",
+        headers=("Location", "ETag"),
+        links=LINKS,
+    ),
+    problems=(
+        "upload-too-large",
+        "digest-mismatch",
+        "not-usd",
+        "package-unsafe",
+        "package-too-large",
+        "quota-exceeded",
+        "storage-full",
+        "unavailable",
     ),
 )
 async def package(
     request: Request,
     caller: Submitter,
     service: Serving,
-    asked: Annotated[PackageRequest, Depends(json_body(PackageRequest, limit="manifest_bytes"))],
+    asked: Annotated[PackageRequest, json_body(PackageRequest, EXAMPLE, limit="manifest_bytes")],
 ) -> Response:
     """Create a scene of files that the server has, or learn which ones to send.
 
@@ -133,23 +128,19 @@ async def _kept(service: Service, caller: Caller, manifest: Manifest) -> tuple[S
 
 @router.put(
     "/contents/{sha256}",
-    **described(
-        answer(None, 201, "The file is stored for packages that contain it."),
-        answer(None, 200, "The file was sent before."),
-        problems=(
-            "upload-incomplete",
-            "upload-too-large",
-            "unsupported-media-type",
-            "invalid-request",
-            "digest-mismatch",
-            "quota-exceeded",
-            "storage-full",
-        ),
-        request={
-            "requestBody": {"required": True, "description": "The file.", "content": {"application/octet-stream": BINARY}}
-        },
-        headers=("Repr-Digest",),
+    answer(None, 201, "The file is stored for packages that contain it."),
+    answer(None, 200, "The file was sent before."),
+    problems=(
+        "upload-incomplete",
+        "upload-too-large",
+        "unsupported-media-type",
+        "invalid-request",
+        "digest-mismatch",
+        "quota-exceeded",
+        "storage-full",
     ),
+    request={"requestBody": {"required": True, "description": "The file.", "content": {"application/octet-stream": BINARY}}},
+    headers=("Repr-Digest",),
 )
 async def content(sha256: Digest, request: Request, caller: Submitter, service: Serving) -> Response:
     """Upload a file of a package. Its bytes must have the digest in the address; a file that belongs to no scene is removed

@@ -9,9 +9,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ..http.callers import Serving
+from ..http.routing import Router
 from ..pictures.request import Space
 from ..problems import Problem
 
@@ -41,7 +44,7 @@ HEADERS = {
     "x-frame-options": "DENY",
 }
 
-router = APIRouter(include_in_schema=False)
+router = Router()
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def _static(content: bytes, media_type: str) -> Static:
     return Static(content, gzip.compress(content, 9, mtime=0), media_type, etag)
 
 
-@router.api_route("/", methods=["GET", "HEAD"])
+@router.get("/")
 async def index(request: Request) -> Response:
     return _answer(request, "index.html")
 
@@ -78,7 +81,7 @@ def login_page(problem: Problem) -> Response:
     return Response(files()["login.html"].content, problem.status, headers, media_type=MEDIA_TYPES[".html"])
 
 
-OcioName = Annotated[str | None, Query(max_length=256)]
+OcioName = Annotated[str | None, Field(max_length=256)]
 
 
 @router.get("/page/view-table")
@@ -99,7 +102,7 @@ def _table(content: bytes) -> Static:
     return _static(content, "application/octet-stream")
 
 
-@router.api_route("/page/{path:path}", methods=["GET", "HEAD"])
+@router.get("/page/{path:path}")
 async def file(request: Request, path: str) -> Response:
     return _answer(request, path)
 

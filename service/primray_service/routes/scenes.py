@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Path, Query, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from pydantic import Field
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ..api import scene_views
 from ..api.job_json import time_text
 from ..http.answers import json_answer, none_match, not_modified
 from ..http.callers import Reader, Serving, Submitter
-from ..http.described import answer, described, leading_to
+from ..http.described import answer, leading_to
+from ..http.routing import Router
 from ..http.uploads import receive_scene, refused
 from ..jobs import Json, Scene, SceneState
 from ..problems import Problem
@@ -20,11 +23,11 @@ from ..scenes.keep import remove
 from ..scenes.recognize import MEDIA_TYPES
 from ..store.base import Conflict
 
-router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
+router = Router("/v1/scenes", tag="scenes")
 
 RETRY_AFTER_S = 1  # while a scene is checked
 # Any text is looked up and may not be found: the pattern only documents ids.
-SceneId = Annotated[str, Path(json_schema_extra={"pattern": "^sha256:[0-9a-f]{64}$"})]
+SceneId = Annotated[str, Field(json_schema_extra={"pattern": "^sha256:[0-9a-f]{64}$"})]
 
 BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 UPLOAD_BODY: dict[str, Any] = {
@@ -54,42 +57,40 @@ LINKS: dict[str, Any] = {
 
 @router.post(
     "",
-    **described(
-        answer(
-            scene_views.Scene,
-            201,
-            "The scene is stored, and its check begins.",
-            headers=("Location", "ETag", "Retry-After"),
-            links=LINKS,
-        ),
-        answer(
-            scene_views.Scene,
-            200,
-            "The same bytes were uploaded before.",
-            headers=("Location", "ETag", "Retry-After"),
-            links=LINKS,
-        ),
-        problems=(
-            "upload-incomplete",
-            "upload-too-large",
-            "unsupported-media-type",
-            "invalid-request",
-            "not-usd",
-            "package-unsafe",
-            "package-too-large",
-            "digest-mismatch",
-            "quota-exceeded",
-            "storage-full",
-        ),
-        request=UPLOAD_BODY,
-        headers=("Repr-Digest",),
+    answer(
+        scene_views.Scene,
+        201,
+        "The scene is stored, and its check begins.",
+        headers=("Location", "ETag", "Retry-After"),
+        links=LINKS,
     ),
+    answer(
+        scene_views.Scene,
+        200,
+        "The same bytes were uploaded before.",
+        headers=("Location", "ETag", "Retry-After"),
+        links=LINKS,
+    ),
+    problems=(
+        "upload-incomplete",
+        "upload-too-large",
+        "unsupported-media-type",
+        "invalid-request",
+        "not-usd",
+        "package-unsafe",
+        "package-too-large",
+        "digest-mismatch",
+        "quota-exceeded",
+        "storage-full",
+    ),
+    request=UPLOAD_BODY,
+    headers=("Repr-Digest",),
 )
 async def upload(
     request: Request,
     caller: Submitter,
     service: Serving,
-    name: Annotated[str | None, Query(max_length=1024, description="Display name, usually the file's.")] = None,
+    name: Annotated[str | None, Field(max_length=1024, description="Display name, usually the file's.")] = None,
 ) -> Response:
     """Upload a scene. Equal bytes are stored once; sending them again is answered with 200."""
     try:
@@ -101,12 +102,12 @@ async def upload(
     return scene_answer(scene, 201 if is_new else 200, {"location": f"/v1/scenes/{scene.id}"})
 
 
-@router.get("", **described(answer(scene_views.ScenePage, headers=("Link",)), problems=("invalid-request",)))
+@router.get("", answer(scene_views.ScenePage, headers=("Link",)), problems=("invalid-request",))
 def list_scenes(
     caller: Reader,
     service: Serving,
-    limit: Annotated[int, Query(ge=1, le=200)] = 50,
-    cursor: Annotated[str | None, Query(max_length=512)] = None,
+    limit: Annotated[int, Field(ge=1, le=200)] = 50,
+    cursor: Annotated[str | None, Field(max_length=512)] = None,
 ) -> Response:
     """List the tenant's scenes, newest first, a page at a time."""
     try:
@@ -121,12 +122,10 @@ def list_scenes(
 
 @router.get(
     "/{scene_id}",
-    **described(
-        answer(scene_views.Scene, headers=("ETag", "Retry-After")),
-        answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
-        problems=("not-found",),
-        headers=("If-None-Match",),
-    ),
+    answer(scene_views.Scene, headers=("ETag", "Retry-After")),
+    answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
+    problems=("not-found",),
+    headers=("If-None-Match",),
 )
 async def show(scene_id: SceneId, request: Request, caller: Reader, service: Serving) -> Response:
     """Return a scene: whether it is checked, and what is in it. HEAD tells whether it has to be uploaded at all."""
@@ -138,7 +137,7 @@ async def show(scene_id: SceneId, request: Request, caller: Reader, service: Ser
     return scene_answer(scene)
 
 
-@router.delete("/{scene_id}", **described(answer(None, 204, "The scene is deleted."), problems=("not-found", "scene-in-use")))
+@router.delete("/{scene_id}", answer(None, 204, "The scene is deleted."), problems=("not-found", "scene-in-use"))
 def delete(scene_id: SceneId, caller: Submitter, service: Serving) -> Response:
     """Delete a scene that no queued or running job uses."""
     try:

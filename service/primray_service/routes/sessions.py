@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ..access.auth import SESSION_S, caller_of, sha256_of
 from ..api import views
@@ -15,20 +16,16 @@ from ..api.models import SessionRequest
 from ..http.answers import json_answer
 from ..http.bodies import json_body
 from ..http.callers import COOKIE
-from ..http.described import answer, described, json_request
+from ..http.described import answer
+from ..http.routing import Router
 
-router = APIRouter(prefix="/v1/session", tags=["keys"])
+router = Router("/v1/session", tag="keys")
 
 
-@router.post(
-    "",
-    **described(
-        answer(views.Session, 201, "The cookie is set.", headers=("Set-Cookie",)),
-        problems=("invalid-json", "unauthenticated", "request-too-large", "unsupported-media-type", "invalid-request"),
-        request=json_request(SessionRequest, {"key": "primray_..."}),
-    ),
-)
-async def begin(request: Request, asked: Annotated[SessionRequest, Depends(json_body(SessionRequest))]) -> Response:
+@router.post("", answer(views.Session, 201, "The cookie is set.", headers=("Set-Cookie",)), problems=("unauthenticated",))
+async def begin(
+    request: Request, asked: Annotated[SessionRequest, json_body(SessionRequest, {"key": "primray_..."})]
+) -> Response:
     """Log a browser in: the cookie is HttpOnly, for this site only, and valid for 12 hours."""
     now = time.time()
     sha256 = sha256_of(asked.key.strip())
@@ -51,7 +48,7 @@ async def begin(request: Request, asked: Annotated[SessionRequest, Depends(json_
     return response
 
 
-@router.delete("", **described(answer(None, 204, "The session has ended.", headers=("Set-Cookie",))))
+@router.delete("", answer(None, 204, "The session has ended.", headers=("Set-Cookie",)))
 async def end(request: Request) -> Response:
     """Log out."""
     await run_in_threadpool(request.app.state.sessions.end, request.cookies.get(COOKIE, ""), time.time())

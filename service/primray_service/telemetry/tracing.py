@@ -6,7 +6,10 @@ Traces requests; the W3C traceparent of the request that submits a job is stored
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, MutableMapping
 from typing import Any
+
+Scope = MutableMapping[str, Any]  # of ASGI
 
 ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
 UNTRACED = "healthz,readyz,metrics"  # requested every few seconds
@@ -18,13 +21,16 @@ def is_wanted() -> bool:
     return any(os.environ.get(name) for name in ENDPOINTS) or os.environ.get("OTEL_TRACES_EXPORTER") == "console"
 
 
-def instrument(app: Any) -> str:
-    """Trace a FastAPI application's requests, if configured; return a sentence for the log, "" if not."""
+def instrument(app: Any, path_of: Callable[[Scope], str]) -> str:
+    """Trace the requests of a Starlette application, if configured; return a sentence for the log, "" if not.
+
+    `path_of` returns the path of the route that answers a request, with its parameters' names.
+    """
     if not is_wanted():
         return ""
     try:
         from opentelemetry import trace
-        from opentelemetry.instrumentation.fastapi import FastAPIInstrumentor
+        from opentelemetry.instrumentation.asgi import OpenTelemetryMiddleware
         from opentelemetry.sdk.resources import SERVICE_NAME, Resource
         from opentelemetry.sdk.trace import TracerProvider
         from opentelemetry.sdk.trace.export import BatchSpanProcessor
@@ -33,7 +39,14 @@ def instrument(app: Any) -> str:
     provider = TracerProvider(resource=Resource.create({SERVICE_NAME: os.environ.get("OTEL_SERVICE_NAME", "primray")}))
     provider.add_span_processor(BatchSpanProcessor(_exporter()))
     trace.set_tracer_provider(provider)
-    FastAPIInstrumentor.instrument_app(app, excluded_urls=UNTRACED, exclude_spans=["receive", "send"])
+
+    def span(scope: Scope) -> tuple[str, dict[str, str]]:
+        path = path_of(scope)
+        return f"{scope['method']} {path}".rstrip(), {"http.route": path} if path else {}
+
+    app.add_middleware(
+        OpenTelemetryMiddleware, excluded_urls=UNTRACED, default_span_details=span, exclude_spans=["receive", "send"]
+    )
     return "requests are traced by OpenTelemetry"
 
 

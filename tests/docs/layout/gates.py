@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import PurePosixPath
 
 VAGUE_NAMES = {"utils", "util", "common", "misc", "helpers", "helper", "manager"}
-WEB = {"fastapi", "starlette"}
+WEB = {"starlette"}
 HTTP_SERVER = {"uvicorn", "h11"}
 SERVICE = "service/primray_service"
 SERVERS = (f"{SERVICE}/server.py", f"{SERVICE}/live/server.py")

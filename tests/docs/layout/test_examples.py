@@ -7,8 +7,8 @@ import shutil
 import subprocess
 
 import pytest
-from fastapi import APIRouter, Response
 from pxr import Usd
+from starlette.responses import Response
 
 from primray import diagnostic_codes
 from primray.description import Sphere
@@ -18,7 +18,9 @@ from primray.settings import RenderSettings
 from primray.usd.translate import SHAPES, translate
 from primray_service import app
 from primray_service.executor import by_name
+from primray_service.http.described import answer
 from primray_service.http.openapi import openapi
+from primray_service.http.routing import Router
 
 from .architecture import ROOT
 
@@ -49,14 +51,15 @@ def test_an_executor(monkeypatch):
 
 
 def test_a_route(monkeypatch):
-    router = APIRouter(prefix="/v1")
+    router = Router("/v1")
 
-    @router.get("/worked")
+    @router.get("/worked", answer(content={"text/plain": {"type": "string"}}))
     async def worked() -> Response:
+        """Return a text."""
         return Response("it is")
 
     monkeypatch.setattr(app, "ROUTERS", (*app.ROUTERS, router))
-    assert "get" in openapi(app.create_routes())["paths"]["/v1/worked"]
+    assert "get" in openapi(app.operations())["paths"]["/v1/worked"]
 
 
 LIGHT = """

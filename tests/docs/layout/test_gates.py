@@ -39,7 +39,7 @@ def test_the_sources_are_found():
         ("renderer/primray/usd/translate.py", "from .._core_v3 import build\n"),
         ("renderer/primray/render/render.py", "from .. import _core_v3\n"),
         ("renderer/primray/render/render.py", "import primray_service\n"),
-        ("service/primray_service/worker.py", "from fastapi import FastAPI\n"),
+        ("service/primray_service/worker.py", "from starlette.applications import Starlette\n"),
         ("service/primray_service/scenes/shared.py", "from fsspec.core import url_to_fs\n"),
         ("service/primray_service/app.py", "import uvicorn\n"),
         ("service/primray_service/routes.py", "import sqlalchemy\n"),

@@ -55,7 +55,7 @@ def test_they_are_commands_of_primray(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_nothing_of_the_service_is_imported_before_a_command_runs() -> None:
-    heavy = ["httpx2", "fastapi", "sqlalchemy", "uvicorn", "structlog", "pxr", "numpy", "rich.progress"]
+    heavy = ["httpx2", "starlette", "sqlalchemy", "uvicorn", "structlog", "pxr", "numpy", "rich.progress"]
     code = f"""
 import sys, primray.cli as cli
 for arguments in (['--help'], ['--version'], ['serve', '--help'], ['submit', '--help'], ['doctor', '--help']):

@@ -8,7 +8,9 @@ from __future__ import annotations
 from typing import Annotated, Literal
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...api import admin_views
 from ...api.job_json import frame_json
@@ -16,7 +18,8 @@ from ...api.models import JobPatch
 from ...http.answers import json_answer, json_bytes
 from ...http.bodies import json_body
 from ...http.callers import Admin, Serving
-from ...http.described import answer, described, json_request
+from ...http.described import answer
+from ...http.routing import Router
 from ...jobs import Job, JobState, Json
 from ...problems import Problem
 from ...service import Service
@@ -26,7 +29,7 @@ from ..jobs.interventions import paused, resumed, retried
 from ..jobs.jobs import JOB_ID, JobId, canceled, check_version, job_answer, no_job, split_label, updated
 from .audit import record
 
-router = APIRouter(prefix="/v1/admin/jobs", tags=["admin"])
+router = Router("/v1/admin/jobs", tag="admin")
 
 CHANGED = ("not-found", "conflict", "precondition-failed")
 TENANT_TEXT = "Only jobs of this tenant."
@@ -47,19 +50,19 @@ def answered(service: Service, job: Job, status: int = 200) -> Response:
     return job_answer(job, json_bytes(admin_json(service, job)), status)
 
 
-@router.get("", **described(answer(admin_views.AdminJobPage, headers=("Link",)), problems=("invalid-request",)))
+@router.get("", answer(admin_views.AdminJobPage, headers=("Link",)), problems=("invalid-request",))
 def list_jobs(
     caller: Admin,
     service: Serving,
-    tenant: Annotated[str | None, Query(max_length=64, description=TENANT_TEXT)] = None,
-    state: Annotated[list[JobState] | None, Query(description="Jobs in any of these states.")] = None,
+    tenant: Annotated[str | None, Field(max_length=64, description=TENANT_TEXT)] = None,
+    state: Annotated[list[JobState] | None, Field(description="Jobs in any of these states.")] = None,
     label: Annotated[
-        list[Annotated[str, Query(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
-        Query(max_length=32, description="name:value; jobs with all of these labels; requires tenant."),
+        list[Annotated[str, Field(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
+        Field(max_length=32, description="name:value; jobs with all of these labels; requires tenant."),
     ] = None,
-    limit: Annotated[int, Query(ge=1, le=200)] = 50,
-    cursor: Annotated[str | None, Query(max_length=512, description="Cursor from the previous page.")] = None,
-    order: Annotated[Literal["desc", "asc"], Query(description="Order by creation; desc: newest first.")] = "desc",
+    limit: Annotated[int, Field(ge=1, le=200)] = 50,
+    cursor: Annotated[str | None, Field(max_length=512, description="Cursor from the previous page.")] = None,
+    order: Annotated[Literal["desc", "asc"], Field(description="Order by creation; desc: newest first.")] = "desc",
 ) -> Response:
     """List jobs of all tenants, or of one, a page at a time."""
     if label and tenant is None:
@@ -81,22 +84,19 @@ def list_jobs(
     return json_answer({"items": items, "next_cursor": page.next_cursor}, headers=headers)
 
 
-@router.get("/{job_id}", **described(answer(admin_views.AdminJob, headers=("ETag", "Retry-After")), problems=("not-found",)))
+@router.get("/{job_id}", answer(admin_views.AdminJob, headers=("ETag", "Retry-After")), problems=("not-found",))
 def show(job_id: JobId, caller: Admin, service: Serving) -> Response:
     """Return one job of any tenant."""
     return answered(service, found(service, job_id))
 
 
-@router.get(
-    "/{job_id}/frames",
-    **described(answer(admin_views.AdminFramePage), problems=("not-found", "invalid-request")),
-)
+@router.get("/{job_id}/frames", answer(admin_views.AdminFramePage), problems=("not-found", "invalid-request"))
 def frames(
     job_id: JobId,
     caller: Admin,
     service: Serving,
-    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
-    after: Annotated[int, Query(ge=-1, lt=2**31, description="Only frames with higher numbers.")] = -1,
+    limit: Annotated[int, Field(ge=1, le=1000)] = 200,
+    after: Annotated[int, Field(ge=-1, lt=2**31, description="Only frames with higher numbers.")] = -1,
 ) -> Response:
     """List the frames of a job of any tenant, in order, a page at a time."""
     found(service, job_id)
@@ -107,27 +107,16 @@ def frames(
 
 @router.patch(
     "/{job_id}",
-    **described(
-        answer(admin_views.AdminJob, headers=("ETag", "Retry-After")),
-        problems=(
-            "invalid-json",
-            "not-found",
-            "precondition-failed",
-            "request-too-large",
-            "unsupported-media-type",
-            "invalid-request",
-            "limit-exceeded",
-        ),
-        request=json_request(JobPatch, {"priority": 80}),
-        headers=("If-Match",),
-    ),
+    answer(admin_views.AdminJob, headers=("ETag", "Retry-After")),
+    problems=("not-found", "precondition-failed", "limit-exceeded"),
+    headers=("If-Match",),
 )
 def change(
     job_id: JobId,
     request: Request,
     caller: Admin,
     service: Serving,
-    patch: Annotated[JobPatch, Depends(json_body(JobPatch))],
+    patch: Annotated[JobPatch, json_body(JobPatch, {"priority": 80})],
 ) -> Response:
     """Change the priority, labels, name or time to live of a job of any tenant."""
     job, changes = updated(service, request, found(service, job_id), patch)
@@ -137,11 +126,9 @@ def change(
 
 @router.post(
     "/{job_id}/cancel",
-    **described(
-        answer(admin_views.AdminJob, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
-        problems=CHANGED,
-        headers=("If-Match",),
-    ),
+    answer(admin_views.AdminJob, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
+    problems=CHANGED,
+    headers=("If-Match",),
 )
 def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
     """Cancel a job of any tenant; the picture rendered so far is kept."""
@@ -153,11 +140,9 @@ def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
 
 @router.post(
     "/{job_id}/pause",
-    **described(
-        answer(admin_views.AdminJob, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
-        problems=CHANGED,
-        headers=("If-Match",),
-    ),
+    answer(admin_views.AdminJob, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
+    problems=CHANGED,
+    headers=("If-Match",),
 )
 def pause(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
     """Pause a job of any tenant."""
@@ -169,11 +154,9 @@ def pause(job_id: JobId, request: Request, caller: Admin, service: Serving) -> R
 
 @router.post(
     "/{job_id}/resume",
-    **described(
-        answer(admin_views.AdminJob, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
-        problems=CHANGED,
-        headers=("If-Match",),
-    ),
+    answer(admin_views.AdminJob, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
+    problems=CHANGED,
+    headers=("If-Match",),
 )
 def resume(job_id: JobId, request: Request, caller: Admin, service: Serving) -> Response:
     """Resume a paused job of any tenant."""
@@ -185,11 +168,9 @@ def resume(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
 
 @router.post(
     "/{job_id}/frames/{number}/retry",
-    **described(
-        answer(admin_views.AdminJob, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
-        problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
-        headers=("If-Match",),
-    ),
+    answer(admin_views.AdminJob, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
+    problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
+    headers=("If-Match",),
 )
 def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Admin, service: Serving) -> Response:
     """Render one frame of a job of any tenant again; it counts towards that tenant's usage."""

@@ -6,14 +6,16 @@ import time
 from dataclasses import asdict
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Query, Response
+from pydantic import Field
+from starlette.responses import Response
 
 from ...access.keys import TENANT
 from ...api import admin_views
 from ...http.answers import json_answer
 from ...http.bodies import json_body
 from ...http.callers import Admin, Serving
-from ...http.described import answer, described, json_request
+from ...http.described import answer
+from ...http.routing import Router
 from ...jobs import Json
 from ...service import Service
 from ...store.base import Usage
@@ -21,10 +23,9 @@ from ..account import usage_json
 from ..keys import QuotaRequest
 from .audit import record
 
-router = APIRouter(prefix="/v1/admin/tenants", tags=["admin"])
+router = Router("/v1/admin/tenants", tag="admin")
 
-TenantName = Annotated[str, Path(pattern=f"^{TENANT.pattern}$", description="A tenant's name.")]
-CHANGED = ("invalid-json", "request-too-large", "unsupported-media-type", "invalid-request")
+TenantName = Annotated[str, Field(pattern=f"^{TENANT.pattern}$", description="A tenant's name.")]
 
 
 def tenant_json(service: Service, tenant: str, used: Usage) -> Json:
@@ -33,12 +34,12 @@ def tenant_json(service: Service, tenant: str, used: Usage) -> Json:
     return {**usage_json(tenant, used, quotas), "quotas": asdict(quotas), "quotas_set": set_here}
 
 
-@router.get("", **described(answer(admin_views.TenantPage), problems=("invalid-request",)))
+@router.get("", answer(admin_views.TenantPage), problems=("invalid-request",))
 def list_tenants(
     caller: Admin,
     service: Serving,
-    limit: Annotated[int, Query(ge=1, le=200)] = 50,
-    after: Annotated[str, Query(max_length=64, description="Only names after this one.")] = "",
+    limit: Annotated[int, Field(ge=1, le=200)] = 50,
+    after: Annotated[str, Field(max_length=64, description="Only names after this one.")] = "",
 ) -> Response:
     """List all tenants that have a key, or have used anything, with their usage and quotas."""
     rows = service.store.usage_of_all(time.time(), limit + 1, after)
@@ -47,25 +48,18 @@ def list_tenants(
     return json_answer({"items": items, "next_after": next_after})
 
 
-@router.get("/{tenant}", **described(answer(admin_views.Tenant), problems=("invalid-request",)))
+@router.get("/{tenant}", answer(admin_views.Tenant), problems=("invalid-request",))
 def show(tenant: TenantName, caller: Admin, service: Serving) -> Response:
     """Return a tenant's usage and quotas; a tenant is created by naming it, so none is not found."""
     return json_answer(tenant_json(service, tenant, service.store.usage(tenant, time.time())))
 
 
-@router.patch(
-    "/{tenant}/quotas",
-    **described(
-        answer(admin_views.Tenant, description="The tenant's quotas from now on."),
-        problems=CHANGED,
-        request=json_request(QuotaRequest, {"running_jobs": 4, "cpu_s_per_day": None}),
-    ),
-)
+@router.patch("/{tenant}/quotas", answer(admin_views.Tenant, description="The tenant's quotas from now on."))
 def set_quotas(
     tenant: TenantName,
     caller: Admin,
     service: Serving,
-    asked: Annotated[QuotaRequest, Depends(json_body(QuotaRequest))],
+    asked: Annotated[QuotaRequest, json_body(QuotaRequest, {"running_jobs": 4, "cpu_s_per_day": None})],
 ) -> Response:
     """Set quotas of a tenant, overriding those of its keys. Members that are omitted stay as they are; null: no limit.
 
@@ -79,7 +73,7 @@ def set_quotas(
     return show(tenant, caller, service)
 
 
-@router.delete("/{tenant}/quotas", **described(answer(admin_views.Tenant), problems=("invalid-request",)))
+@router.delete("/{tenant}/quotas", answer(admin_views.Tenant), problems=("invalid-request",))
 def unset_quotas(tenant: TenantName, caller: Admin, service: Serving) -> Response:
     """Remove the quotas set by an administrator: those of the tenant's newest key apply again, or the server's."""
     service.store.set_quotas(tenant, {}, time.time())

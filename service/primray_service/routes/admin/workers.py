@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from pydantic import Field
+from starlette.responses import Response
 
 from ...api import admin_views
 from ...api.job_json import time_text
 from ...http.answers import json_answer
 from ...http.callers import Admin, Serving
-from ...http.described import answer, described
+from ...http.described import answer
+from ...http.routing import Router
 from ...jobs import Frame, Job, Json
 
-router = APIRouter(prefix="/v1/admin/workers", tags=["admin"])
+router = Router("/v1/admin/workers", tag="admin")
 
 
-@router.get("", **described(answer(admin_views.Workers), problems=("invalid-request",)))
+@router.get("", answer(admin_views.Workers), problems=("invalid-request",))
 def list_workers(
     caller: Admin,
     service: Serving,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Most running frames to list.")] = 200,
+    limit: Annotated[int, Field(ge=1, le=1000, description="Most running frames to list.")] = 200,
 ) -> Response:
     """Return the executor of the server that dispatches, its nodes, and the running frames of all tenants, by start time."""
     leading = service.who_leads.now()

@@ -7,18 +7,21 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...api import views
 from ...http.answers import accepted, json_answer
 from ...http.callers import Reader, Serving
-from ...http.described import answer, described
+from ...http.described import answer
+from ...http.routing import Router
 from ...jobs import Frame, Json
 from ...problems import Problem
 from ...service import Service
 from .jobs import JobId, found
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router("/v1/jobs", tag="jobs")
 
 COLUMNS = ("frame", "t_s", "samples", "relmse", "ci95_low", "ci95_high", "rmse")
 FORMATS = {"json": "application/json", "csv": "text/csv"}
@@ -27,18 +30,16 @@ FRAMES_AT_A_TIME = 200
 
 @router.get(
     "/{job_id}/convergence",
-    **described(
-        answer(views.ConvergenceRow, many=True, content={"text/csv": {"type": "string"}}),
-        problems=("not-found", "not-acceptable", "invalid-request"),
-    ),
+    answer(views.ConvergenceRow, many=True, content={"text/csv": {"type": "string"}}),
+    problems=("not-found", "not-acceptable", "invalid-request"),
 )
 def convergence(
     job_id: JobId,
     request: Request,
     caller: Reader,
     service: Serving,
-    frame: Annotated[int | None, Query(ge=0, lt=2**31, description="Only rows of this frame.")] = None,
-    format: Annotated[Literal["json", "csv"] | None, Query(description="Format, overriding Accept; for links.")] = None,
+    frame: Annotated[int | None, Field(ge=0, lt=2**31, description="Only rows of this frame.")] = None,
+    format: Annotated[Literal["json", "csv"] | None, Field(description="Format, overriding Accept; for links.")] = None,
 ) -> Response:
     """Return estimates of the error by samples and seconds, frame after frame.
 

@@ -11,8 +11,9 @@ import re
 from collections.abc import AsyncIterator, Sequence
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import StreamingResponse
+from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
 
 from ...access.auth import Caller
 from ...api import views
@@ -20,13 +21,14 @@ from ...api.job_json import event_data, event_json
 from ...changes import wait
 from ...http.answers import accepted, json_answer, json_bytes
 from ...http.callers import Reader, Serving
-from ...http.described import answer, described
+from ...http.described import answer
+from ...http.routing import Router
 from ...jobs import TERMINAL, Event, Job, JobState, Json
 from ...problems import Problem
 from ...service import Service
 from .jobs import JobId, found_shared
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router("/v1/jobs", tag="jobs")
 
 HEARTBEAT_S = 10.0
 RETRY_MS = 2000  # delay before a browser reconnects
@@ -38,20 +40,18 @@ STREAM, PAGES = "text/event-stream", "application/json"
 
 @router.get(
     "/{job_id}/events",
-    **described(
-        answer(views.EventPage, content={STREAM: {"type": "string"}}),
-        answer(None, 204, "A stream was requested, the job has ended, and there are no events after the given one."),
-        problems=("not-found", "not-acceptable", "invalid-request"),
-        headers=("Last-Event-ID",),
-    ),
+    answer(views.EventPage, content={STREAM: {"type": "string"}}),
+    answer(None, 204, "A stream was requested, the job has ended, and there are no events after the given one."),
+    problems=("not-found", "not-acceptable", "invalid-request"),
+    headers=("Last-Event-ID",),
 )
 async def events(
     job_id: JobId,
     request: Request,
     caller: Reader,
     service: Serving,
-    after: Annotated[int | None, Query(ge=0, lt=2**63, description="Only events with higher ids.")] = None,
-    limit: Annotated[int, Query(ge=1, le=PAGE, description="Most events of a JSON page.")] = PAGE,
+    after: Annotated[int | None, Field(ge=0, lt=2**63, description="Only events with higher ids.")] = None,
+    limit: Annotated[int, Field(ge=1, le=PAGE, description="Most events of a JSON page.")] = PAGE,
 ) -> Response:
     """Return past and coming events of a job.
 

@@ -4,32 +4,31 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Response
+from pydantic import Field
+from starlette.responses import Response
 
 from ...api import views
 from ...api.job_json import frame_json
 from ...http.answers import json_answer
 from ...http.callers import Reader, Serving
-from ...http.described import answer, described
+from ...http.described import answer
+from ...http.routing import Router
 from ...problems import Problem
 from .jobs import JobId, found
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router("/v1/jobs", tag="jobs")
 
-FrameNumber = Annotated[int, Path(ge=0, lt=2**31, description="Index among the job's frames, from 0.")]
+FrameNumber = Annotated[int, Field(ge=0, lt=2**31, description="Index among the job's frames, from 0.")]
 
 
-@router.get(
-    "/{job_id}/frames",
-    **described(answer(views.FramePage, headers=("Link",)), problems=("not-found", "invalid-request")),
-)
+@router.get("/{job_id}/frames", answer(views.FramePage, headers=("Link",)), problems=("not-found", "invalid-request"))
 def frames(
     job_id: JobId,
     caller: Reader,
     service: Serving,
-    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
-    after: Annotated[int | None, Query(ge=-1, lt=2**31, description="Only frames with higher numbers.")] = None,
-    cursor: Annotated[str | None, Query(pattern="^[0-9]{1,9}$", description="Cursor from the previous page.")] = None,
+    limit: Annotated[int, Field(ge=1, le=1000)] = 200,
+    after: Annotated[int | None, Field(ge=-1, lt=2**31, description="Only frames with higher numbers.")] = None,
+    cursor: Annotated[str | None, Field(pattern="^[0-9]{1,9}$", description="Cursor from the previous page.")] = None,
 ) -> Response:
     """List a job's frames, in order, a page at a time."""
     found(service, caller, job_id)
@@ -41,7 +40,7 @@ def frames(
     return json_answer({"items": [frame_json(row) for row in rows[:limit]], "next_cursor": next_cursor}, headers=headers)
 
 
-@router.get("/{job_id}/frames/{number}", **described(answer(views.Frame), problems=("not-found", "invalid-request")))
+@router.get("/{job_id}/frames/{number}", answer(views.Frame), problems=("not-found", "invalid-request"))
 def frame(job_id: JobId, number: FrameNumber, caller: Reader, service: Serving) -> Response:
     """Return one frame."""
     found(service, caller, job_id)

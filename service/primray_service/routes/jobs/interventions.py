@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 
-from fastapi import APIRouter, Request, Response
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...api import views
 from ...http.callers import Serving, Submitter
-from ...http.described import answer, described
+from ...http.described import answer
+from ...http.routing import Router
 from ...jobs import Frame, Job
 from ...limits import Quotas
 from ...problems import Problem
@@ -16,18 +18,16 @@ from ...service import Service
 from .frames import FrameNumber
 from .jobs import JobId, acted, body_of, check_version, found, job_answer
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router("/v1/jobs", tag="jobs")
 
 CHANGED = ("not-found", "conflict", "precondition-failed")
 
 
 @router.post(
     "/{job_id}/pause",
-    **described(
-        answer(views.Job, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
-        problems=CHANGED,
-        headers=("If-Match",),
-    ),
+    answer(views.Job, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
+    problems=CHANGED,
+    headers=("If-Match",),
 )
 def pause(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
     """Pause a job: running frames write a checkpoint and free their workers, and no frame starts until it is resumed."""
@@ -38,11 +38,9 @@ def pause(job_id: JobId, request: Request, caller: Submitter, service: Serving) 
 
 @router.post(
     "/{job_id}/resume",
-    **described(
-        answer(views.Job, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
-        problems=CHANGED,
-        headers=("If-Match",),
-    ),
+    answer(views.Job, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
+    problems=CHANGED,
+    headers=("If-Match",),
 )
 def resume(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
     """Resume a paused job: its frames continue from their checkpoints. A job that is not paused does not change."""
@@ -53,11 +51,9 @@ def resume(job_id: JobId, request: Request, caller: Submitter, service: Serving)
 
 @router.post(
     "/{job_id}/frames/{number}/retry",
-    **described(
-        answer(views.Job, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
-        problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
-        headers=("If-Match",),
-    ),
+    answer(views.Job, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
+    problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
+    headers=("If-Match",),
 )
 def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Submitter, service: Serving) -> Response:
     """Render one finished frame again, from its first sample; the job's other frames stay as they are.

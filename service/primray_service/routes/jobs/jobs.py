@@ -9,8 +9,10 @@ from collections.abc import Callable
 from typing import Annotated, Literal
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Path, Query, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from pydantic import Field
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...access.auth import Caller
 from ...admission import changes_of, continued
@@ -20,14 +22,15 @@ from ...changes import wait
 from ...http.answers import ETAG, json_answer, json_bytes, none_match, not_modified
 from ...http.bodies import json_body
 from ...http.callers import Reader, Serving, Submitter
-from ...http.described import answer, described, json_request
+from ...http.described import answer
+from ...http.routing import Router
 from ...jobs import TERMINAL, Job, JobState, Json, etag, version_in
 from ...limits import Limits
 from ...problems import Problem
 from ...service import Service
 from ...store.base import Conflict, JobFilter
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router("/v1/jobs", tag="jobs")
 
 RETRY_AFTER_S = 2  # for clients that poll
 CANCEL_S = 10.0  # time for a deleted job's workers to end
@@ -35,7 +38,7 @@ JOB_ID = re.compile(r"job_[0-9A-HJKMNP-TV-Z]{26}")
 _PREFER_WAIT = re.compile(r"(?:^|[,;\s])wait=(\d{1,6})(?:$|[,;\s])", re.IGNORECASE)
 
 # Any text is looked up and may not be found: the pattern only documents ids.
-JobId = Annotated[str, Path(description="Id from POST /v1/jobs.", json_schema_extra={"pattern": f"^{JOB_ID.pattern}$"})]
+JobId = Annotated[str, Field(description="Id from POST /v1/jobs.", json_schema_extra={"pattern": f"^{JOB_ID.pattern}$"})]
 
 
 def found(service: Service, caller: Caller, job_id: str) -> Job:
@@ -142,22 +145,19 @@ def has_ended(job: Job) -> bool:
     return job.state in TERMINAL
 
 
-@router.get(
-    "",
-    **described(answer(views.JobPage, headers=("Link",)), problems=("invalid-request",)),
-)
+@router.get("", answer(views.JobPage, headers=("Link",)), problems=("invalid-request",))
 def list_jobs(
     caller: Reader,
     service: Serving,
-    state: Annotated[list[JobState] | None, Query(description="Jobs in any of these states.")] = None,
+    state: Annotated[list[JobState] | None, Field(description="Jobs in any of these states.")] = None,
     label: Annotated[
-        list[Annotated[str, Query(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
-        Query(max_length=32, description="name:value (or name=value); jobs with all of these labels."),
+        list[Annotated[str, Field(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
+        Field(max_length=32, description="name:value (or name=value); jobs with all of these labels."),
     ] = None,
-    scene: Annotated[str | None, Query(pattern="^sha256:[0-9a-f]{64}$")] = None,
-    limit: Annotated[int, Query(ge=1, le=200)] = 50,
-    cursor: Annotated[str | None, Query(max_length=512, description="Cursor from the previous page.")] = None,
-    order: Annotated[Literal["desc", "asc"], Query(description="Order by creation; desc: newest first.")] = "desc",
+    scene: Annotated[str | None, Field(pattern="^sha256:[0-9a-f]{64}$")] = None,
+    limit: Annotated[int, Field(ge=1, le=200)] = 50,
+    cursor: Annotated[str | None, Field(max_length=512, description="Cursor from the previous page.")] = None,
+    order: Annotated[Literal["desc", "asc"], Field(description="Order by creation; desc: newest first.")] = "desc",
 ) -> Response:
     """List the tenant's jobs, a page at a time."""
     labels = dict(split_label(text) for text in label or [])
@@ -186,12 +186,10 @@ def split_label(text: str) -> tuple[str, str]:
 
 @router.get(
     "/{job_id}",
-    **described(
-        answer(views.Job, headers=("ETag", "Retry-After", "Preference-Applied")),
-        answer(None, 304, "Unchanged since the version in If-None-Match.", headers=("ETag",)),
-        problems=("not-found",),
-        headers=("If-None-Match", "Prefer"),
-    ),
+    answer(views.Job, headers=("ETag", "Retry-After", "Preference-Applied")),
+    answer(None, 304, "Unchanged since the version in If-None-Match.", headers=("ETag",)),
+    problems=("not-found",),
+    headers=("If-None-Match", "Prefer"),
 )
 async def show(job_id: JobId, request: Request, caller: Reader, service: Serving) -> Response:
     """Return a job's current state.
@@ -216,27 +214,16 @@ async def show(job_id: JobId, request: Request, caller: Reader, service: Serving
 
 @router.patch(
     "/{job_id}",
-    **described(
-        answer(views.Job, headers=("ETag", "Retry-After")),
-        problems=(
-            "invalid-json",
-            "not-found",
-            "precondition-failed",
-            "request-too-large",
-            "unsupported-media-type",
-            "invalid-request",
-            "limit-exceeded",
-        ),
-        request=json_request(JobPatch, {"priority": 80}),
-        headers=("If-Match",),
-    ),
+    answer(views.Job, headers=("ETag", "Retry-After")),
+    problems=("not-found", "precondition-failed", "limit-exceeded"),
+    headers=("If-Match",),
 )
 def change(
     job_id: JobId,
     request: Request,
     caller: Submitter,
     service: Serving,
-    patch: Annotated[JobPatch, Depends(json_body(JobPatch))],
+    patch: Annotated[JobPatch, json_body(JobPatch, {"priority": 80})],
 ) -> Response:
     """Change a job's priority, labels or time to live."""
     job, _ = updated(service, request, found(service, caller, job_id), patch)
@@ -245,11 +232,9 @@ def change(
 
 @router.post(
     "/{job_id}/cancel",
-    **described(
-        answer(views.Job, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
-        problems=("not-found", "conflict", "precondition-failed"),
-        headers=("If-Match",),
-    ),
+    answer(views.Job, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
+    problems=("not-found", "conflict", "precondition-failed"),
+    headers=("If-Match",),
 )
 def cancel(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
     """Cancel a job; the picture rendered so far is kept. Repeating the request is harmless."""
@@ -260,29 +245,16 @@ def cancel(job_id: JobId, request: Request, caller: Submitter, service: Serving)
 
 @router.post(
     "/{job_id}/continue",
-    **described(
-        answer(views.Job, 202, "The job is queued again.", headers=("ETag", "Location", "Retry-After")),
-        problems=(
-            "invalid-json",
-            "not-found",
-            "conflict",
-            "request-too-large",
-            "unsupported-media-type",
-            "invalid-request",
-            "limit-exceeded",
-            "precondition-failed",
-            "quota-exceeded",
-        ),
-        request=json_request(ContinueRequest, {"stop": {"target_error": 0.005}}, required=False),
-        headers=("If-Match",),
-    ),
+    answer(views.Job, 202, "The job is queued again.", headers=("ETag", "Location", "Retry-After")),
+    problems=("not-found", "conflict", "limit-exceeded", "precondition-failed", "quota-exceeded"),
+    headers=("If-Match",),
 )
 def go_on(
     job_id: JobId,
     request: Request,
     caller: Submitter,
     service: Serving,
-    asked: Annotated[ContinueRequest, Depends(json_body(ContinueRequest, may_lack=True))],
+    asked: Annotated[ContinueRequest, json_body(ContinueRequest, {"stop": {"target_error": 0.005}}, may_lack=True)],
 ) -> Response:
     """Continue a job from where it ended, to a lower error, more samples or more time.
 
@@ -301,11 +273,9 @@ def go_on(
 
 @router.delete(
     "/{job_id}",
-    **described(
-        answer(None, 204, "The job and its files are deleted."),
-        problems=("not-found", "precondition-failed", "unavailable"),
-        headers=("If-Match",),
-    ),
+    answer(None, 204, "The job and its files are deleted."),
+    problems=("not-found", "precondition-failed", "unavailable"),
+    headers=("If-Match",),
 )
 async def delete(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
     """Cancel a job if it has not ended, and delete it with all its outputs."""

@@ -6,42 +6,43 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from pydantic import Field
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...files import DataDirectory
 from ...http.callers import Reader, Serving
-from ...http.described import answer, described
+from ...http.described import answer
 from ...http.file_answer import file_answer
+from ...http.routing import Router
 from ...problems import Problem
 from .jobs import JobId, found
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router("/v1/jobs", tag="jobs")
 
 FILE = "log.txt"
 
 
 @router.get(
     "/{job_id}/log",
-    **described(
-        answer(content={"text/plain": {"type": "string"}}, headers=("ETag", "Accept-Ranges")),
-        answer(
-            status=206,
-            description="The requested range.",
-            content={"text/plain": {"type": "string"}},
-            headers=("Content-Range",),
-        ),
-        answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
-        problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
-        headers=("Range", "If-Range", "If-None-Match"),
+    answer(content={"text/plain": {"type": "string"}}, headers=("ETag", "Accept-Ranges")),
+    answer(
+        status=206,
+        description="The requested range.",
+        content={"text/plain": {"type": "string"}},
+        headers=("Content-Range",),
     ),
+    answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
+    problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
+    headers=("Range", "If-Range", "If-None-Match"),
 )
 async def log(
     job_id: JobId,
     request: Request,
     caller: Reader,
     service: Serving,
-    frame: Annotated[int, Query(ge=0, lt=2**31, description="The frame's number, from 0.")] = 0,
+    frame: Annotated[int, Field(ge=0, lt=2**31, description="The frame's number, from 0.")] = 0,
 ) -> Response:
     """Return the log of one frame; it grows while the frame runs, so continue with Range: bytes=<what you have>-."""
     await run_in_threadpool(found, service, caller, job_id)

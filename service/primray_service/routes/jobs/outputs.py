@@ -5,21 +5,23 @@ from __future__ import annotations
 import re
 from urllib.parse import quote
 
-from fastapi import APIRouter, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...api import scene_views
 from ...api.job_json import time_text
 from ...http.answers import json_answer
 from ...http.callers import Reader, Serving
-from ...http.described import answer, described
+from ...http.described import answer
 from ...http.file_answer import Stored, file_answer
+from ...http.routing import Router
 from ...jobs import Json, Output
 from ...problems import Problem
 from ...scenes.digests import sha256_header
 from .jobs import JobId, found
 
-router = APIRouter(prefix="/v1/jobs", tags=["outputs"])
+router = Router("/v1/jobs", tag="outputs")
 
 # A name means the same bytes for ever: outputs of a continued job have other names (dispatcher/chunks/commands.py,
 # output_names).
@@ -27,7 +29,7 @@ IMMUTABLE = "private, max-age=31536000, immutable"
 REVALIDATED = "private, no-cache"  # a retried frame makes a file of the same name
 
 
-@router.get("/{job_id}/outputs", **described(answer(scene_views.OutputList), problems=("not-found",)))
+@router.get("/{job_id}/outputs", answer(scene_views.OutputList), problems=("not-found",))
 def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
     """List the files that the job has made so far, frame by frame."""
     found(service, caller, job_id)
@@ -37,17 +39,15 @@ def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
 
 @router.get(
     "/{job_id}/outputs/{name}",
-    **described(
-        answer(
-            description="The file, whatever its media type.",
-            content={"*/*": {}},
-            headers=("ETag", "Accept-Ranges", "Content-Disposition", "Repr-Digest"),
-        ),
-        answer(status=206, description="The requested ranges.", content={"*/*": {}}, headers=("ETag",)),
-        answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
-        problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
-        headers=("Range", "If-Range", "If-None-Match"),
+    answer(
+        description="The file, whatever its media type.",
+        content={"*/*": {}},
+        headers=("ETag", "Accept-Ranges", "Content-Disposition", "Repr-Digest"),
     ),
+    answer(status=206, description="The requested ranges.", content={"*/*": {}}, headers=("ETag",)),
+    answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
+    problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
+    headers=("Range", "If-Range", "If-None-Match"),
 )
 async def output(
     job_id: JobId, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None

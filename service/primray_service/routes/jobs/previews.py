@@ -5,14 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from pydantic import Field
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...access.auth import Caller
 from ...http.answers import none_match
 from ...http.callers import Reader, Serving
-from ...http.described import answer, described
+from ...http.described import answer
 from ...http.file_answer import file_answer
+from ...http.routing import Router
 from ...jobs import FRAME_TERMINAL, Frame, FrameState, Json
 from ...pictures.encoder import revision
 from ...pictures.request import MOST_STOPS, MOST_WIDTH, VIEWS, Channel, Format, PictureRequest
@@ -20,7 +23,7 @@ from ...problems import Problem
 from ...service import Service
 from .jobs import JobId, found
 
-router = APIRouter(prefix="/v1/jobs", tags=["previews"])
+router = Router("/v1/jobs", tag="previews")
 
 FILE = "preview.raw"
 RETRY_AFTER_S = 1
@@ -31,13 +34,11 @@ _BINARY = {"type": "string", "format": "binary"}
 
 @router.get(
     "/{job_id}/preview",
-    **described(
-        answer(content=dict.fromkeys(("image/png", "image/jpeg", "application/octet-stream"), _BINARY), headers=("ETag",)),
-        answer(status=206, description="A range of the raw half floats.", content={"application/octet-stream": _BINARY}),
-        answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
-        problems=("not-found", "range-not-satisfiable", "invalid-request", "view-unavailable"),
-        headers=("If-None-Match",),
-    ),
+    answer(content=dict.fromkeys(("image/png", "image/jpeg", "application/octet-stream"), _BINARY), headers=("ETag",)),
+    answer(status=206, description="A range of the raw half floats.", content={"application/octet-stream": _BINARY}),
+    answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
+    problems=("not-found", "range-not-satisfiable", "invalid-request", "view-unavailable"),
+    headers=("If-None-Match",),
 )
 async def preview(
     job_id: JobId,
@@ -45,17 +46,17 @@ async def preview(
     caller: Reader,
     service: Serving,
     frame: Annotated[
-        int | None, Query(ge=0, lt=2**31, description="The frame's number, from 0; default: the running frame.")
+        int | None, Field(ge=0, lt=2**31, description="The frame's number, from 0; default: the running frame.")
     ] = None,
     view: Annotated[
-        str, Query(max_length=64, description="The picture, or a map of its error.", json_schema_extra={"enum": list(VIEWS)})
+        str, Field(max_length=64, description="The picture, or a map of its error.", json_schema_extra={"enum": list(VIEWS)})
     ] = "beauty",
-    channel: Annotated[Channel, Query(description="A single channel, shown in grey.")] = "rgb",
+    channel: Annotated[Channel, Field(description="A single channel, shown in grey.")] = "rgb",
     exposure: Annotated[
-        float, Query(ge=-MOST_STOPS, le=MOST_STOPS, allow_inf_nan=False, description="Exposure in stops.")
+        float, Field(ge=-MOST_STOPS, le=MOST_STOPS, allow_inf_nan=False, description="Exposure in stops.")
     ] = 0.0,
-    format: Annotated[Format, Query(description="Image format; raw: half floats, in the layout of worker/preview.py.")] = "png",
-    width: Annotated[int | None, Query(ge=1, le=MOST_WIDTH, description="Most pixels in width.")] = None,
+    format: Annotated[Format, Field(description="Image format; raw: half floats, in the layout of worker/preview.py.")] = "png",
+    width: Annotated[int | None, Field(ge=1, le=MOST_WIDTH, description="Most pixels in width.")] = None,
 ) -> Response:
     """Return the frame's current picture as PNG, JPEG or half floats, or a map of its error; the ETag identifies its pass."""
     if view not in VIEWS:

@@ -6,18 +6,20 @@ import re
 import time
 from dataclasses import replace
 
-from fastapi import APIRouter, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
 
 from ...access.auth import Caller
 from ...admission import fingerprint, new_job
 from ...api import views
 from ...api.models import FormJob, JobRequest
 from ...http.answers import json_bytes
-from ...http.bodies import json_body, parsed
+from ...http.bodies import parsed, read_json
 from ...http.callers import Serving, Submitter
-from ...http.described import answer, described, json_request, leading_to, schema_of
+from ...http.described import answer, json_request, leading_to, schema_of
 from ...http.guard import request_id_of
+from ...http.routing import Router
 from ...http.uploads import receive_scene, refused
 from ...jobs import TERMINAL, Job, Scene, SceneState
 from ...problems import Problem
@@ -29,7 +31,7 @@ from ...telemetry import tracing
 from ...webhooks import accepted_webhook
 from .jobs import changed, has_ended, job_answer, prefer_wait
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router("/v1/jobs", tag="jobs")
 
 _IDEMPOTENCY_KEY = re.compile(r"[!-~]{1,255}")
 _TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
@@ -70,48 +72,46 @@ LINKS = leading_to(
 
 @router.post(
     "",
-    **described(
-        answer(
-            views.Job,
-            202,
-            "The job is queued.",
-            headers=("Location", "ETag", "Retry-After", "Preference-Applied", "Idempotency-Replayed"),
-            links=LINKS,
-        ),
-        answer(
-            views.Job,
-            200,
-            "The job has ended within the time that Prefer requested.",
-            headers=("Location", "ETag", "Preference-Applied", "Idempotency-Replayed"),
-            links=LINKS,
-        ),
-        problems=(
-            "invalid-json",
-            "not-found",
-            "request-too-large",
-            "upload-too-large",
-            "unsupported-media-type",
-            "not-usd",
-            "package-unsafe",
-            "package-too-large",
-            "invalid-request",
-            "limit-exceeded",
-            "parallel-adaptive",
-            "parallel-denoise",
-            "idempotency-key-reused",
-            "webhook-address",
-            "ambiguous-entry",
-            "entry-missing",
-            "quota-exceeded",
-        ),
-        request=BODY,
-        headers=("Idempotency-Key", "Prefer"),
+    answer(
+        views.Job,
+        202,
+        "The job is queued.",
+        headers=("Location", "ETag", "Retry-After", "Preference-Applied", "Idempotency-Replayed"),
+        links=LINKS,
     ),
+    answer(
+        views.Job,
+        200,
+        "The job has ended within the time that Prefer requested.",
+        headers=("Location", "ETag", "Preference-Applied", "Idempotency-Replayed"),
+        links=LINKS,
+    ),
+    problems=(
+        "invalid-json",
+        "not-found",
+        "request-too-large",
+        "upload-too-large",
+        "unsupported-media-type",
+        "not-usd",
+        "package-unsafe",
+        "package-too-large",
+        "invalid-request",
+        "limit-exceeded",
+        "parallel-adaptive",
+        "parallel-denoise",
+        "idempotency-key-reused",
+        "webhook-address",
+        "ambiguous-entry",
+        "entry-missing",
+        "quota-exceeded",
+    ),
+    request=BODY,
+    headers=("Idempotency-Key", "Prefer"),
 )
 async def submit(request: Request, caller: Submitter, service: Serving) -> Response:
     """Queue a job of a scene that was uploaded before (JSON), or of a file in the same request (a form)."""
     try:
-        asked = await (read_form if is_form(request) else read_json)(request, service, caller)
+        asked = await (read_form(request, service, caller) if is_form(request) else read_json(request, JobRequest))
     except Problem as problem:
         return refused(request, problem)
     job, is_new = await run_in_threadpool(create, service, caller, asked, request)
@@ -128,10 +128,6 @@ async def submit(request: Request, caller: Submitter, service: Serving) -> Respo
 
 def is_form(request: Request) -> bool:
     return request.headers.get("content-type", "").partition(";")[0].strip().lower() == "multipart/form-data"
-
-
-async def read_json(request: Request, service: Service, caller: Caller) -> JobRequest:
-    return await json_body(JobRequest)(request)
 
 
 async def read_form(request: Request, service: Service, caller: Caller) -> JobRequest:
