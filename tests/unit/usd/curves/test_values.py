@@ -114,7 +114,7 @@ def test_the_picture_is_that_of_the_same_widths_in_more_segments() -> None:
             f"point3f[] points = {[tuple(x.tolist()) for x in p]}\n"
             f'float[] widths = {[float(x[0]) for x in w]} (interpolation = "vertex")\n}}\n'
         )
-        picture = primray.render(stage_of(text), RenderSettings(resolution=(96, 72), spp=64, camera="/eye"))
+        picture = primray.render(stage_of(text), RenderSettings(resolution=(48, 36), spp=64, camera="/eye"))
         pictures.append(np.asarray(picture.pixels)[..., 3])
     assert 0.01 < pictures[1].mean() < 0.5
     assert np.abs(pictures[0] - pictures[1]).max() < 0.02
