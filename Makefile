@@ -27,14 +27,14 @@ SAID = import json, sys; error = json.load(open(sys.argv[1]))["error"]["display"
   f"exact picture by {error:.1f} of 255 (root mean square, as shown).\nYour own next, until that is 2:  $(BIN)/primray render " \
   "YOUR.usda -o picture.png --error-metric display --target-error 2")
 
-.PHONY: help setup cores demo lint test test-long check format docs site bench render-assets wheel release clean
+.PHONY: help setup cores demo lint test test-all test-long check format docs site bench render-assets wheel release clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
 
 setup: .venv/.core-$(ISA)  ## make .venv and build for this CPU; .venv/bin/primray is there afterwards
 
-cores: .venv/.core-all  ## build for the older ISA classes too, as tests and PRIMRAY_ISA=v2 ask
+cores: .venv/.core-all  ## build for the older ISA classes too, as a release and PRIMRAY_ISA=v2 ask
 
 demo: setup  ## render a scene of the gallery to out/, as EXR and PNG, for 20 seconds
 	@mkdir -p out
@@ -42,22 +42,13 @@ demo: setup  ## render a scene of the gallery to out/, as EXR and PNG, for 20 se
 	  --report out/$(DEMO).json
 	@$(BIN)/python -c '$(SAID)' out/$(DEMO).json
 
-# Tests that wait more than they compute, mostly for processes that they start, run beside the others, two files at a time, and are
-# shown after them. A file's tests stay together, since they share its servers; in their order, since by count the longest files would
-# come last. A shell lets what runs in its background ignore Ctrl-C, which some of them press.
-WAITING := tests/contrib tests/examples tests/images/notebooks tests/images/parts tests/service
-BESIDE = $(BIN)/python -c 'import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
-TWO := -n 2 --dist loadfile --no-loadscope-reorder
-define TESTS
-mkdir -p build; $(BESIDE) -m pytest $(TWO) $(WAITING) >build/waiting-tests.log 2>&1 & waiting=$$!; \
-$(BIN)/python -m pytest $(addprefix --ignore=,$(WAITING)); others=$$?; wait $$waiting; waiting=$$?; \
-echo $(WAITING); cat build/waiting-tests.log; [ $$others = 0 ] && [ $$waiting = 0 ]
-endef
+test: setup  ## run the tests of a change: units, translation, kernels, pictures, pages (some minutes)
+	$(BIN)/python -m tests.run quick
 
-test: cores  ## run the tests
-	@$(TESTS)
+test-all: setup  ## run all tests but the long ones, as .ci/run does: services, clusters, browsers, statistics too
+	$(BIN)/python -m tests.run all
 
-test-long: cores  ## run all tests, the long ones too
+test-long: cores  ## run all tests, the long ones too, on every ISA class that this CPU runs
 	$(BIN)/python -m pytest -m ""
 
 lint: setup  ## check format, lint and types
@@ -66,7 +57,7 @@ lint: setup  ## check format, lint and types
 	@$(if $(CORE_FORMATTED),$(BIN)/clang-format --dry-run --Werror $(CORE_FORMATTED))
 	$(BIN)/mypy
 
-check: lint test  ## what must pass: format, lint, types, tests
+check: lint test-all  ## what must pass: format, lint, types, tests
 
 format: setup  ## format Python and C++
 	$(BIN)/ruff format $(PYTHON_SOURCES)
