@@ -27,7 +27,7 @@ SAID = import json, sys; error = json.load(open(sys.argv[1]))["error"]["display"
   f"exact picture by {error:.1f} of 255 (root mean square, as shown).\nYour own next, until that is 2:  $(BIN)/primray render " \
   "YOUR.usda -o picture.png --error-metric display --target-error 2")
 
-.PHONY: help setup cores demo lint test test-all test-long check format docs site bench render-assets wheel release clean
+.PHONY: help setup cores demo lint test test-all test-long check format stubs docs site bench render-assets wheel release clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -63,6 +63,9 @@ format: setup  ## format Python and C++
 	$(BIN)/ruff format $(PYTHON_SOURCES)
 	$(BIN)/ruff check --fix-only $(PYTHON_SOURCES)
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format -i $(CORE_FORMATTED))
+
+stubs: setup  ## write the types of the compiled core, after a change of its Python bindings
+	$(BIN)/python renderer/core/stubs.py
 
 docs: setup  ## bring generated pages, sources and parts of README.md up to date
 	$(BIN)/python -m tests.docs.codes.diagnostics

@@ -80,7 +80,7 @@ def star(n: int, scheme: str, closed: bool, seed: int, **more: Any) -> Subdivisi
 def dice(c: SubdivisionMesh, dicing: Dicing, footprint: Footprint = NOWHERE) -> dict[str, Any]:
     made = core_module().dice(core_arrays(c, footprint, dicing))
     assert made is not None
-    return dict(made)
+    return {name: getattr(made, name) for name in vars(type(made)) if not name.startswith("_")}
 
 
 def uniform(c: SubdivisionMesh, level: int) -> dict[str, Any]:

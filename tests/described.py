@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from primray import core, errors
+from primray.core import compiled
 from primray.core.building import inverse_cdf
-from primray.core.native import filled
+from primray.core.inputs import filled
 from primray.core.scene_upload import upload
 from primray.core.surface_upload import Textures
 from primray.description import (
@@ -52,6 +55,13 @@ def core_module(isa: str | None = None) -> Any:
         return core.load(isa)
     except errors.SettingsError as error:
         pytest.skip(f"skipped: {error.message}")
+
+
+@contextmanager
+def core_in_use(module: Any) -> Iterator[None]:
+    """`primray.core.compiled` is another module meanwhile."""
+    with mock.patch.object(compiled, "module", return_value=module):
+        yield
 
 
 def asked(**values: Any) -> Any:
@@ -156,7 +166,8 @@ class Described:
         """The core's scene in the module for `isa`."""
         width = DEFAULT_FILTER_WIDTH[filter] if filter_width is None else filter_width
         taken = {file: list(tiles) for file, tiles in self.textures.items()}
-        scene, warnings, _ = upload(core_module(isa), self.description, taken, width, inverse_cdf(filter, width))
+        with core_in_use(core_module(isa)):
+            scene, warnings, _ = upload(self.description, taken, width, inverse_cdf(filter, width))
         assert warnings == []
         return scene
 

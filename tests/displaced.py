@@ -106,8 +106,8 @@ def diced(
     """All of a stage's meshes."""
     description, diagnostics = described(text, settings, at)
     description, textures = load_textures(description, diagnostics, usd.read_asset)
-    displaced = displacements(core.module(), description, textures)
-    made, warnings = dice(core.module(), description, dicing or Dicing(8.0), 2, displaced)
+    displaced = displacements(description, textures)
+    made, warnings = dice(core.compiled, description, dicing or Dicing(8.0), 2, displaced)
     meshes = [shape for shape in made.shapes if isinstance(shape, Mesh)]
     told = [
         (d.code, d.prim_path, d.message)

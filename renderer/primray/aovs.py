@@ -101,7 +101,7 @@ CRYPTOMATTES: dict[str, CryptomatteKind] = {
 IN_PICTURE = ("beauty", "alpha", "stderr")
 PRIMVAR = "primvar:"
 LIGHT_PATH = "lpe:"  # before a light path expression
-ROUTE_BYTES = 320  # bytes per pixel of an expression: exact sums and the values made of them
+LIGHT_PATH_BYTES = 320  # bytes per pixel of an expression: exact sums and the values made of them
 LABELS = "labels:"  # before a taxonomy of semantic labels
 CRYPTOMATTE_BYTES = 128  # bytes per pixel, for about four surfaces
 MOST_COMPONENTS = 4
@@ -226,7 +226,7 @@ def aov_bytes(requests: Iterable[AovRequest]) -> int:
     for request in requests:
         kind = kind_of(request.source)
         if request.source in CRYPTOMATTES or light_path_of(request.source) is not None:
-            total += CRYPTOMATTE_BYTES if request.source in CRYPTOMATTES else ROUTE_BYTES
+            total += CRYPTOMATTE_BYTES if request.source in CRYPTOMATTES else LIGHT_PATH_BYTES
             continue
         numbers = MOST_COMPONENTS if kind is None else len(kind.channels)
         total += numbers * (16 if kind is not None and kind.double else 8) * (2 if request.errors else 1)

@@ -58,7 +58,7 @@ def module_of(row: Row) -> Path:
         if path.is_file():
             found.update(path.read_bytes())
     isa = core.isa()
-    return kept() / "cores" / found.hexdigest()[:16] / f"_core_{isa}{Path(core.module().__file__).suffixes[0]}.so"
+    return kept() / "cores" / found.hexdigest()[:16] / f"_core_{isa}{Path(str(core.module().__file__)).suffixes[0]}.so"
 
 
 def build(row: Row) -> None:
@@ -180,7 +180,7 @@ def _worth(base: list[dict[str, Any]], without: list[dict[str, Any]]) -> dict[st
 
 def has_core(isa: str) -> bool:
     """Whether the core was built for that class as well."""
-    return any(Path(core.module().__file__).parent.glob(f"_core_{isa}.*"))
+    return any(Path(str(core.module().__file__)).parent.glob(f"_core_{isa}.*"))
 
 
 def possible(row: Row) -> bool:

@@ -114,7 +114,7 @@ def test_guides_are_as_soft_as_the_picture() -> None:
     settings = primray.RenderSettings(resolution=(96, 64))
     stage = usd.open_stage(LENS, diagnostics, settings.composition)
     prepared = prepare(stage, diagnostics, settings, Costs(), Diagnostics())
-    found = core.first_hits(prepared.scene, ["normal", "guide_normal", "guide_albedo", "albedo"], [], settings)
+    found = core.first_hits(prepared.scene, ["normal", "guide_normal", "guide_albedo", "albedo"], [], settings).planes
     steps = [np.abs(np.diff(found[name], axis=1)).sum(axis=2).max() for name in ("normal", "guide_normal")]
     assert steps[1] < 0.7 * steps[0]
     np.testing.assert_array_equal(found["guide_albedo"], found["albedo"])  # nothing moves

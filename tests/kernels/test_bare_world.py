@@ -26,7 +26,7 @@ def test_both_worlds_are_one(kind: str, times: int, tmp_path) -> None:
         assert rays > 3000
         assert apart <= (0 if kind == "terrain" else 0.004 * rays)
         for entry in range(3):
-            assert all(seconds > 0 for seconds in testing.replay_by_turns(recording, bare, shadow, entry))
+            assert all(seconds > 0 for seconds in testing.replay_interleaved(recording, bare, shadow, entry))
 
 
 def test_what_it_has_not_is_refused() -> None:

@@ -9,22 +9,23 @@ import pytest
 from tests.described import core_module
 from tests.kernels.scenes import SCENES
 
-PLANES = (
-    "depth",
-    "distance",
-    "position",
-    "camera_position",
-    "normal",
-    "geometric_normal",
-    "albedo",
-    "guide_albedo",
-    "guide_normal",
-    "emission",
-    "occlusion",
-    "prim",
-    "material",
-    "instance",
-)
+from primray.aovs import AOVS
+from primray.core import compiled
+
+PLANES = tuple(compiled.FirstHits.widths_of_planes())
+
+
+def test_planes_are_aovs_of_the_same_name_and_width() -> None:
+    """Except for the instance around the one that was hit, and AOVs that are made of other planes."""
+    widths = compiled.FirstHits.widths_of_planes()
+    made = {"camera_normal", "samples", "st"}
+    assert {name: len(kind.channels) for name, kind in AOVS.items() if name not in made} | {"outer": 1} == widths
+    assert made < AOVS.keys()
+
+
+def test_a_plane_that_does_not_exist_is_an_error() -> None:
+    with pytest.raises(compiled.CoreError, match="no first-hit plane 'dept'"):
+        compiled.FirstHits(SCENES["materials"]().build(), ["dept"], [])
 
 
 def first_hits(scene: Any, lanes: int, threads: int = 1, rows: int = 1 << 20) -> dict[str, np.ndarray]:
@@ -32,7 +33,6 @@ def first_hits(scene: Any, lanes: int, threads: int = 1, rows: int = 1 << 20) ->
     for row in range(0, scene.resolution[1], rows):
         hits.fill(lanes, threads, row, row + rows)
     found: dict[str, np.ndarray] = hits.take()
-    del found["primvars"]
     return found
 
 

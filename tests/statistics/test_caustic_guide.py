@@ -190,6 +190,7 @@ def test_the_report_tells_of_it_and_quick_looks_do_without() -> None:
     assert scene.caustics(replace(settings, spp=QUICK_LOOK - 1)) is None
     assert not any("caustics" in row["name"] for row in scene.features)
     guide = scene.caustics(settings)
+    assert guide is not None
     assert scene.caustics(settings) is guide
     told = [row for row in scene.features if "caustics" in row["name"]]
     assert told == [{"name": f"caustics guided by {guide.photons} photons", "why": "small lights shine on metal or glass"}]

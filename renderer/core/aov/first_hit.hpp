@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -57,6 +58,14 @@ struct PrimvarPlane {
   std::vector<float> values;
 };
 
+// How the values of a plane are sampled.
+enum class FirstHitSampling {
+  kPoint,      // one ray through the centres of pixel and lens
+  kFiltered,   // mean over the pixel filter and the lens
+  kGuide,      // likewise over the shutter interval, and behind smooth surfaces
+  kOcclusion,  // filtered, with rays from each hit
+};
+
 // One entry per pixel, rows from the top; empty planes are not requested. Lengths are in scene units.
 struct FirstHitPlanes {
   std::vector<float> depth, distance;    // along the camera's axis, and along the ray; infinite where nothing is hit
@@ -82,14 +91,44 @@ struct FirstHitPlanes {
   uint32_t replicate = 0;  // of filtered samples: further replicates are as good and independent, and show the error of the
                            // first
 
-  bool wants_points() const {
-    return !(depth.empty() && distance.empty() && position.empty() && camera_position.empty() && normal.empty() &&
-             geometric.empty() && forward.empty() && backward.empty() && shape.empty() && surface.empty() && instance.empty() &&
-             primvars.empty());
+  // Calls f(name, plane, numbers per pixel, sampling, value where nothing is hit) for each plane. This is the only list of
+  // them; FirstHitTask fills them, and most are the AOV of that name (primray/aovs.py).
+  template <class F>
+  void for_each(const F& f) {
+    list(*this, f);
   }
-  bool wants_filtered() const { return !(albedo.empty() && emission.empty()); }
-  bool wants_occlusion() const { return !occlusion.empty(); }
-  bool wants_guides() const { return !(guide_albedo.empty() && guide_normal.empty()); }
+  // Returns whether a plane that is sampled like that is requested.
+  bool wants(FirstHitSampling sampling) const {
+    bool wanted = sampling == FirstHitSampling::kPoint && !primvars.empty();
+    list(*this, [&](const char*, const auto& plane, size_t, FirstHitSampling own, double) {
+      wanted |= own == sampling && !plane.empty();
+    });
+    return wanted;
+  }
+
+ private:
+  template <class Planes, class F>
+  static void list(Planes& p, const F& f) {
+    using enum FirstHitSampling;
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    f("depth", p.depth, 1, kPoint, kFar);
+    f("distance", p.distance, 1, kPoint, kFar);
+    f("position", p.position, 3, kPoint, 0.0);
+    f("camera_position", p.camera_position, 3, kPoint, 0.0);
+    f("normal", p.normal, 3, kPoint, 0.0);
+    f("geometric_normal", p.geometric, 3, kPoint, 0.0);
+    f("motion_forward", p.forward, 2, kPoint, 0.0);
+    f("motion_backward", p.backward, 2, kPoint, 0.0);
+    f("albedo", p.albedo, 3, kFiltered, 0.0);
+    f("emission", p.emission, 3, kFiltered, 0.0);
+    f("guide_albedo", p.guide_albedo, 3, kGuide, 0.0);
+    f("guide_normal", p.guide_normal, 3, kGuide, 0.0);
+    f("occlusion", p.occlusion, 1, kOcclusion, 1.0);
+    f("prim", p.shape, 1, kPoint, -1.0);
+    f("material", p.surface, 1, kPoint, -1.0);
+    f("instance", p.instance, 1, kPoint, -1.0);
+    f("outer", p.outer, 1, kPoint, -1.0);
+  }
 };
 
 // Fills the pixels of the film's rows [first_row, end_row) on threads, W = `lanes` rays at a time; no bit depends on either.

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
 
 #include "accel/query.hpp"
 #include "aov/first_hit.hpp"
@@ -304,7 +303,7 @@ class FirstHitTask {
       const CameraRay<W> ray = camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
       V albedo(F(0.0f)), emission(F(0.0f));
       F left(1.0f);  // share of the view that no layer has covered yet
-      const auto met = [&](B m, const V& light) {
+      const auto passed_lights = [&](B m, const V& light) {
         if (!guide) emission += select(m, light * left, V(F(0.0f)));
       };
       V tint(F(1.0f));
@@ -329,7 +328,7 @@ class FirstHitTask {
         left = select(here, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(met), std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(passed_lights), std::ref(seen));
       // Add in the order of the samples, so that the result does not depend on the lane count.
       for (int i = 0; i < W && at + i < slots; ++i) {
         const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};
@@ -407,17 +406,15 @@ class FirstHitTask {
     if (!plane.empty()) plane[3 * p] = v.x[i], plane[3 * p + 1] = v.y[i], plane[3 * p + 2] = v.z[i];
   }
 
-  // Clears pixels in which nothing is seen.
+  // Sets the point samples of pixels to their values where nothing is hit.
   void clear(B m, const int32_t* x, const int32_t* y) {
-    constexpr float kFar = std::numeric_limits<float>::infinity();
-    for (uint32_t b = bits(m); b; b &= b - 1) {
-      const int i = __builtin_ctz(b);
-      const size_t p = pixel_of(x[i], y[i]);
-      if (!planes_.depth.empty()) planes_.depth[p] = kFar;
-      if (!planes_.distance.empty()) planes_.distance[p] = kFar;
-      for (std::vector<int32_t>* ids : {&planes_.shape, &planes_.surface, &planes_.instance, &planes_.outer})
-        if (!ids->empty()) (*ids)[p] = -1;
-    }
+    planes_.for_each([&]<class T>(const char*, std::vector<T>& plane, size_t width, FirstHitSampling sampling, double nothing) {
+      if (plane.empty() || sampling != FirstHitSampling::kPoint) return;
+      for (uint32_t b = bits(m); b; b &= b - 1) {
+        const int i = __builtin_ctz(b);
+        std::fill_n(&plane[pixel_of(x[i], y[i]) * width], width, T(nothing));
+      }
+    });
   }
 
   void write(B m, const int32_t* x, const int32_t* y, const CameraRay<W>& ray, const Hits<W>& hits, const Interaction<W>& it) {
@@ -503,10 +500,10 @@ class FirstHitTask {
 template <int W>
 void fill_first_hits(const Scene& scene, const PixelRect& r, FirstHitPlanes& planes) {
   FirstHitTask<W> task(scene, planes);
-  if (planes.wants_points()) task.points(r);
-  if (planes.wants_filtered()) task.filtered(r);
-  if (planes.wants_guides()) task.guides(r);
-  if (planes.wants_occlusion()) task.occlusion(r);
+  if (planes.wants(FirstHitSampling::kPoint)) task.points(r);
+  if (planes.wants(FirstHitSampling::kFiltered)) task.filtered(r);
+  if (planes.wants(FirstHitSampling::kGuide)) task.guides(r);
+  if (planes.wants(FirstHitSampling::kOcclusion)) task.occlusion(r);
   if (!planes.coverage.by_pixel.empty()) task.coverage(r);
 }
 

@@ -28,13 +28,20 @@ inline daffine affine_of(const InArray<double>& m) {
   return affine_from_rows(m.data());
 }
 
+// A numpy array of N dimensions as a result.
+template <class T, size_t N>
+using OutArray = nb::ndarray<nb::numpy, T, nb::ndim<N>>;
+
 // Returns a new numpy array that owns `data`.
-template <class T>
-nb::object to_numpy(std::vector<T> data, std::initializer_list<size_t> shape) {
+template <class T, size_t N>
+OutArray<T, N> to_numpy(std::vector<T> data, const size_t (&shape)[N]) {
   auto* owned = new std::vector<T>(std::move(data));
   nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-  return nb::cast(nb::ndarray<nb::numpy, T>(owned->data(), shape, owner));
+  return OutArray<T, N>(owned->data(), N, shape, owner);
 }
+
+// Policy of properties whose getter makes a new array: it belongs to nobody else.
+constexpr auto kNewArray = nb::rv_policy::automatic;
 
 struct ImageInput;
 class SceneBuilder;

@@ -18,7 +18,7 @@ struct HeldCamera : CameraInput {
 };
 
 // Sets x, y, width, height.
-void set_pixels(HeldCamera& c, nb::handle window) {
+void set_pixels(HeldCamera& c, Numbers<int> window) {
   const auto side = [&](int i) { return nb::cast<int>(window[i]); };
   c.pixels = {side(0), side(1), side(2), side(3)};
 }

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 
 namespace primray {
@@ -17,9 +18,12 @@ namespace {
 // Names of the arrays with sums and bins of each Removal.
 constexpr const char* kRemovalNames[kRemovals][2] = {{"clamped", "clamped_bins"}, {"caustics", "caustics_bins"}};
 
-nb::dict state_of(const Film& f) {
+// Arrays by name, of several types and shapes.
+using FilmState = nb::typed<nb::dict, nb::str, nb::ndarray<nb::numpy>>;
+
+FilmState state_of(const Film& f) {
   const size_t h = size_t(f.height), w = size_t(f.width), tiles = size_t(f.tiles());
-  nb::dict state;
+  FilmState state;
   state["parts"] = to_numpy(std::vector(f.parts), {kReplicates, h, w, Film::kColors, 2});
   state["bins"] = to_numpy(std::vector(f.bins), {kReplicates, h, w, Film::kColors});
   state["counts"] = to_numpy(std::vector(f.counts), {kReplicates, h, w});
@@ -40,13 +44,13 @@ nb::dict state_of(const Film& f) {
 }
 
 template <class T>
-void take(const nb::dict& state, const char* name, std::vector<T>& into) {
+void take(const FilmState& state, const char* name, std::vector<T>& into) {
   const auto array = nb::cast<nb::ndarray<const T, nb::c_contig, nb::device::cpu>>(state[name]);
   if (array.size() != into.size()) throw Error("checkpoint", std::string(name) + " does not have the film's size");
   std::copy_n(array.data(), array.size(), into.data());
 }
 
-std::unique_ptr<Film> film_from(int width, int height, const nb::dict& state) {
+std::unique_ptr<Film> film_from(int width, int height, const FilmState& state) {
   int expressions = 0;
   if (state.contains("routed"))
     expressions = int(nb::cast<nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>>(state["routed"]).shape(0));
@@ -68,7 +72,7 @@ std::unique_ptr<Film> film_from(int width, int height, const nb::dict& state) {
 
 // Returns (H, W, 4) colours with coverage and (H, W, 3) standard errors; infinite where a pixel has samples of one replicate
 // only.
-nb::tuple image(const Film& f, double exposure) {
+std::tuple<OutArray<float, 3>, OutArray<float, 3>> image(const Film& f, double exposure) {
   std::vector<float> pixels(f.pixels() * 4), errors(f.pixels() * Film::kColors);
   {
     const nb::gil_scoped_release release;
@@ -82,11 +86,11 @@ nb::tuple image(const Film& f, double exposure) {
     }
   }
   const size_t h = size_t(f.height), w = size_t(f.width);
-  return nb::make_tuple(to_numpy(std::move(pixels), {h, w, 4}), to_numpy(std::move(errors), {h, w, size_t(Film::kColors)}));
+  return {to_numpy(std::move(pixels), {h, w, 4}), to_numpy(std::move(errors), {h, w, size_t(Film::kColors)})};
 }
 
 // Returns for each light path expression its means (E, H, W, 3), and their errors as in image().
-nb::tuple lpe_image(const Film& f, double exposure) {
+std::tuple<OutArray<double, 4>, OutArray<float, 4>> lpe_images(const Film& f, double exposure) {
   const size_t n = size_t(f.expressions), values = f.pixels() * Film::kColors;
   std::vector<double> means(n * values);
   std::vector<float> errors(n * values);
@@ -103,13 +107,13 @@ nb::tuple lpe_image(const Film& f, double exposure) {
       }
   }
   const size_t h = size_t(f.height), w = size_t(f.width);
-  return nb::make_tuple(to_numpy(std::move(means), {n, h, w, size_t(Film::kColors)}),
-                        to_numpy(std::move(errors), {n, h, w, size_t(Film::kColors)}));
+  return {to_numpy(std::move(means), {n, h, w, size_t(Film::kColors)}),
+          to_numpy(std::move(errors), {n, h, w, size_t(Film::kColors)})};
 }
 
 // Returns the removed light of rows [first, end): means (rows, W, 3) and differences of both replicates (rows, W, 3), each
 // distributed like the mean's error; NaN where a pixel has samples of one replicate only.
-nb::tuple removed_rows(const Film& f, int why, double exposure, int first, int end) {
+std::tuple<OutArray<double, 3>, OutArray<double, 3>> removed_rows(const Film& f, int why, double exposure, int first, int end) {
   if (why < 0 || why >= kRemovals || !f.removed[size_t(why)].any())
     throw Error("invariant", "the film does not record this kind of removed light");
   if (first < 0 || end < first || end > f.height) throw Error("invariant", "the film has no such rows");
@@ -126,28 +130,17 @@ nb::tuple removed_rows(const Film& f, int why, double exposure, int first, int e
     }
   }
   const size_t h = size_t(end - first), w = size_t(f.width);
-  return nb::make_tuple(to_numpy(std::move(means), {h, w, size_t(Film::kColors)}),
-                        to_numpy(std::move(differences), {h, w, size_t(Film::kColors)}));
+  return {to_numpy(std::move(means), {h, w, size_t(Film::kColors)}),
+          to_numpy(std::move(differences), {h, w, size_t(Film::kColors)})};
 }
 
-nb::dict error_of(const Film& f, double exposure, int64_t most_pixels, int threads) {
-  FrameError e;
-  {
-    const nb::gil_scoped_release release;
-    e = frame_error(f, exposure, most_pixels, threads);
-  }
-  nb::dict sums;
-  sums["values"] = e.values;
-  sums["relative_alone"] = e.relative_alone, sums["relative_alike"] = e.relative_alike, sums["relative"] = e.relative;
-  sums["relative_plain"] = e.relative_plain, sums["relative_variance"] = e.relative_variance;
-  sums["squared"] = e.squared, sums["squared_variance"] = e.squared_variance;
-  const size_t tiles = e.tiles.size();
-  sums["tiles"] = to_numpy(std::move(e.tiles), {tiles});
-  return sums;
+FrameError error_of(const Film& f, double exposure, int64_t most_pixels, int threads) {
+  const nb::gil_scoped_release release;
+  return frame_error(f, exposure, most_pixels, threads);
 }
 
 // Returns sums (R, H, W, 4) of R, G, B and coverage.
-nb::object replicates(const Film& f) {
+OutArray<double, 4> replicates(const Film& f) {
   std::vector<double> sums(f.counts.size() * 4);
   for (size_t p = 0; p < f.counts.size(); ++p) {
     for (int c = 0; c < Film::kColors; ++c) sums[4 * p + c] = f.sum(p, c).value();
@@ -157,11 +150,11 @@ nb::object replicates(const Film& f) {
 }
 
 // Returns sums of groups of floats, `group` at a time, added up: (high, low, bin, value).
-nb::tuple sum_of(const InArray<float>& terms, int group) {
+std::tuple<int64_t, int64_t, int, double> sum_of(const InArray<float>& terms, int group) {
   ExactSum sum;
   for (size_t i = 0; i < terms.size(); i += size_t(group))
     sum.add(exact_sum(terms.data() + i, int(std::min(size_t(group), terms.size() - i))));
-  return nb::make_tuple(sum.high, sum.low, sum.bin, sum.value());
+  return {sum.high, sum.low, sum.bin, sum.value()};
 }
 
 }  // namespace
@@ -170,6 +163,16 @@ void bind_film(nb::module_& m) {
   m.attr("TILE") = kTile;
   m.attr("REPLICATES") = kReplicates;
   m.def("exact_sum", &sum_of, nb::arg("terms"), nb::arg("group"));
+  nb::class_<FrameError>(m, "FrameErrorSums")
+      .def_ro("values", &FrameError::values)
+      .def_ro("relative_alone", &FrameError::relative_alone)
+      .def_ro("relative_alike", &FrameError::relative_alike)
+      .def_ro("relative", &FrameError::relative)
+      .def_ro("relative_plain", &FrameError::relative_plain)
+      .def_ro("relative_variance", &FrameError::relative_variance)
+      .def_ro("squared", &FrameError::squared)
+      .def_ro("squared_variance", &FrameError::squared_variance)
+      .def_prop_ro("tiles", [](const FrameError& e) { return to_numpy(std::vector(e.tiles), {e.tiles.size()}); }, kNewArray);
   nb::class_<Film>(m, "Film")
       .def(nb::init<int, int, int, int>(), nb::arg("width"), nb::arg("height"), nb::arg("expressions") = 0,
            nb::arg("removals") = 0)
@@ -179,19 +182,23 @@ void bind_film(nb::module_& m) {
       .def(
           "start_at", [](Film& f, uint32_t first) { std::fill(f.next.begin(), f.next.end(), first); }, nb::arg("first"))
       .def("image", &image, nb::arg("exposure"))
-      .def("routed_image", &lpe_image, nb::arg("exposure"))
+      .def("lpe_images", &lpe_images, nb::arg("exposure"))
       .def("removed_rows", &removed_rows, nb::arg("why"), nb::arg("exposure"), nb::arg("first"), nb::arg("end"))
       .def_ro("expressions", &Film::expressions)
       .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"),
            "Sums over pixels and colours; see film/frame_error.hpp.")
-      .def_prop_ro("replicates", &replicates)
-      .def_prop_ro("counts",
-                   [](const Film& f) {
-                     return to_numpy(std::vector(f.counts), {size_t(kReplicates), size_t(f.height), size_t(f.width)});
-                   })
-      .def_prop_ro("next",
-                   [](const Film& f) { return to_numpy(std::vector(f.next), {size_t(kReplicates), size_t(f.tiles())}); })
-      .def_prop_ro("tile_rays", [](const Film& f) { return to_numpy(std::vector(f.tile_rays), {size_t(f.tiles())}); })
+      .def_prop_ro("replicates", &replicates, kNewArray)
+      .def_prop_ro(
+          "counts",
+          [](const Film& f) {
+            return to_numpy(std::vector(f.counts), {size_t(kReplicates), size_t(f.height), size_t(f.width)});
+          },
+          kNewArray)
+      .def_prop_ro(
+          "next", [](const Film& f) { return to_numpy(std::vector(f.next), {size_t(kReplicates), size_t(f.tiles())}); },
+          kNewArray)
+      .def_prop_ro(
+          "tile_rays", [](const Film& f) { return to_numpy(std::vector(f.tile_rays), {size_t(f.tiles())}); }, kNewArray)
       .def_ro("width", &Film::width)
       .def_ro("height", &Film::height)
       .def_ro("tiles_x", &Film::tiles_x)

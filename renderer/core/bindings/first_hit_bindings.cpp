@@ -1,6 +1,9 @@
 // Python bindings of first hits: planes that are allocated once, filled by bands of rows (with signal checks in between), and
 // moved out.
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 
@@ -17,39 +20,30 @@ struct FirstHits {
 };
 
 // `names`: planes to fill; `primvars`: (name, its wider alternative, width) of each; `replicate`: see FirstHitPlanes.
-void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars, uint32_t replicate,
-          float occlusion_distance) {
+void make(FirstHits* self, const Scene& scene, const std::vector<std::string>& names,
+          const std::vector<std::tuple<int, int, int>>& primvars, uint32_t replicate, float occlusion_distance) {
   new (self) FirstHits{scene, {}};
   FirstHitPlanes& p = self->planes;
   p.replicate = replicate, p.occlusion_distance = occlusion_distance;
   const size_t pixels = size_t(scene.camera.pixels.width) * scene.camera.pixels.height;
-  for (nb::handle each : names) {
-    const std::string name = nb::cast<std::string>(each);
-    if (name == "depth") p.depth.resize(pixels);
-    if (name == "distance") p.distance.resize(pixels);
-    if (name == "position") p.position.resize(3 * pixels);
-    if (name == "camera_position") p.camera_position.resize(3 * pixels);
-    if (name == "normal") p.normal.resize(3 * pixels);
-    if (name == "geometric_normal") p.geometric.resize(3 * pixels);
-    if (name == "motion_forward") p.forward.resize(2 * pixels);
-    if (name == "motion_backward") p.backward.resize(2 * pixels);
-    if (name == "albedo") p.albedo.resize(3 * pixels);
-    if (name == "emission") p.emission.resize(3 * pixels);
-    if (name == "guide_albedo") p.guide_albedo.resize(3 * pixels);
-    if (name == "guide_normal") p.guide_normal.resize(3 * pixels);
-    if (name == "occlusion") p.occlusion.resize(pixels);
-    if (name == "prim") p.shape.resize(pixels);
-    if (name == "material") p.surface.resize(pixels);
-    if (name == "instance") p.instance.resize(pixels), p.outer.resize(scene.has_grouped ? pixels : 0);
+  for (const std::string& name : names) {
+    bool found = false;
+    p.for_each([&](const char* own, auto& plane, size_t width, FirstHitSampling, double) {
+      if (own == name) plane.resize(pixels * width), found = true;
+    });
+    if (!found) throw Error("internal", "there is no first-hit plane '" + name + "'");
   }
-  for (nb::handle each : primvars) {
-    PrimvarPlane plane;
-    plane.names[0] = nb::cast<int>(each[0]), plane.names[1] = nb::cast<int>(each[1]), plane.width = nb::cast<int>(each[2]);
-    for (const int name : plane.names)
-      if (name >= scene.primvars.names) throw Error("internal", "the scene has no primvar of that number");
-    plane.values.resize(pixels * plane.width);
-    p.primvars.push_back(std::move(plane));
+  for (const auto& [name, wide, width] : primvars) {
+    if (std::max(name, wide) >= scene.primvars.names) throw Error("internal", "the scene has no primvar of that number");
+    p.primvars.push_back({{name, wide}, width, std::vector<float>(pixels * size_t(width))});
   }
+}
+
+// Returns the numbers per pixel of each plane, by name.
+std::map<std::string, size_t> widths_of_planes() {
+  std::map<std::string, size_t> widths;
+  FirstHitPlanes().for_each([&](const char* name, auto&, size_t width, FirstHitSampling, double) { widths[name] = width; });
+  return widths;
 }
 
 // `first` and `end`: (R, tiles), the film's sample ranges; `first_link`: see Round.
@@ -69,7 +63,7 @@ void want_coverage(FirstHits& self, uint32_t seed, int screen_block, int first_l
 
 // Returns the number of surfaces that cover each pixel (H, W), and for all of them (N, 4) shape, surface, instance and outer
 // instance, and shares (N).
-nb::tuple take_coverage(FirstHits& self) {
+std::tuple<OutArray<uint32_t, 2>, OutArray<int32_t, 2>, OutArray<int64_t, 1>> take_coverage(FirstHits& self) {
   const auto& by_pixel = self.planes.coverage.by_pixel;
   std::vector<uint32_t> counts;
   std::vector<int32_t> what;
@@ -82,29 +76,25 @@ nb::tuple take_coverage(FirstHits& self) {
     }
   }
   const size_t h = size_t(self.scene.camera.pixels.height), w = size_t(self.scene.camera.pixels.width), n = shares.size();
-  return nb::make_tuple(to_numpy(std::move(counts), {h, w}), to_numpy(std::move(what), {n, 4}),
-                        to_numpy(std::move(shares), {n}));
+  return {to_numpy(std::move(counts), {h, w}), to_numpy(std::move(what), {n, 4}), to_numpy(std::move(shares), {n})};
 }
 
-// Moves the planes out.
-nb::dict take(FirstHits& self) {
-  FirstHitPlanes& p = self.planes;
+// Moves the planes out, (H, W, C) each, by name.
+nb::typed<nb::dict, nb::str, nb::ndarray<nb::numpy>> take(FirstHits& self) {
   const size_t h = size_t(self.scene.camera.pixels.height), w = size_t(self.scene.camera.pixels.width);
-  nb::dict d;
-  const auto add = [&](const char* name, auto& plane, size_t channels) {
-    if (!plane.empty()) d[name] = to_numpy(std::move(plane), {h, w, channels});
-  };
-  add("depth", p.depth, 1), add("distance", p.distance, 1), add("position", p.position, 3);
-  add("camera_position", p.camera_position, 3), add("normal", p.normal, 3), add("geometric_normal", p.geometric, 3);
-  add("motion_forward", p.forward, 2), add("motion_backward", p.backward, 2);
-  add("albedo", p.albedo, 3), add("emission", p.emission, 3);
-  add("guide_albedo", p.guide_albedo, 3), add("guide_normal", p.guide_normal, 3);
-  add("occlusion", p.occlusion, 1);
-  add("prim", p.shape, 1), add("material", p.surface, 1), add("instance", p.instance, 1), add("outer", p.outer, 1);
-  nb::list primvars;
-  for (PrimvarPlane& v : p.primvars) primvars.append(to_numpy(std::move(v.values), {h, w, size_t(v.width)}));
-  d["primvars"] = primvars;
-  return d;
+  nb::typed<nb::dict, nb::str, nb::ndarray<nb::numpy>> found;
+  self.planes.for_each([&](const char* name, auto& plane, size_t width, FirstHitSampling, double) {
+    if (!plane.empty()) found[name] = to_numpy(std::move(plane), {h, w, width});
+  });
+  return found;
+}
+
+// Moves the primvars out, (H, W, C) each, in the order in which they were requested.
+std::vector<OutArray<float, 3>> take_primvars(FirstHits& self) {
+  const size_t h = size_t(self.scene.camera.pixels.height), w = size_t(self.scene.camera.pixels.width);
+  std::vector<OutArray<float, 3>> found;
+  for (PrimvarPlane& v : self.planes.primvars) found.push_back(to_numpy(std::move(v.values), {h, w, size_t(v.width)}));
+  return found;
 }
 
 }  // namespace
@@ -123,7 +113,9 @@ void bind_first_hit(nb::module_& m) {
       .def("want_coverage", &want_coverage, nb::arg("seed"), nb::arg("screen_block"), nb::arg("first_link"), nb::arg("first"),
            nb::arg("end"))
       .def("take_coverage", &take_coverage)
-      .def("take", &take);
+      .def("take", &take)
+      .def("take_primvars", &take_primvars)
+      .def_static("widths_of_planes", &widths_of_planes);
 }
 
 }  // namespace primray

@@ -10,7 +10,7 @@ namespace {
 
 struct HeldLight : LightInput {
   InArray<float> held_texels, held_times;
-  InArray<double> held_stances;
+  InArray<double> held_poses;
   std::vector<std::pair<InArray<float>, InArray<double>>> held_portals;
 };
 
@@ -30,11 +30,11 @@ void set_portals(HeldLight& l, InArray<double> rows) {
   }
 }
 
-// Sets the motion of portal number `i`, like `times` and `stances` of a light.
-void move_portal(HeldLight& l, int i, InArray<float> times, InArray<double> stances) {
+// Sets the motion of portal number `i`, as `times` and `pose_matrices` do for a light.
+void set_portal_motion(HeldLight& l, int i, InArray<float> times, InArray<double> pose_matrices) {
   PortalInput& portal = l.portals.at(size_t(i));
-  portal.times = span_of(times), portal.stances = span_of(stances);
-  l.held_portals.emplace_back(std::move(times), std::move(stances));
+  portal.times = span_of(times), portal.pose_matrices = span_of(pose_matrices);
+  l.held_portals.emplace_back(std::move(times), std::move(pose_matrices));
 }
 
 int32_t add_ies_profile(SceneBuilder& b, InArray<float> vertical_deg, InArray<float> horizontal_deg, InArray<float> candela,
@@ -86,9 +86,9 @@ void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("normalize", &HeldLight::normalize)
       .def_prop_rw("texture", nullptr, &set_texture)
       .def_prop_rw("portals", nullptr, &set_portals)
-      .def("move_portal", &move_portal);
+      .def("set_portal_motion", &set_portal_motion);
   def_array(light, "times", &HeldLight::held_times, &HeldLight::times);
-  def_array(light, "stances", &HeldLight::held_stances, &HeldLight::stances);
+  def_array(light, "pose_matrices", &HeldLight::held_poses, &HeldLight::pose_matrices);
   def_matrix(light, "world_from_light", &HeldLight::world_from_light);
   def_vec3(light, "emission", &HeldLight::emission);
   def_vec3(light, "shadow_color", &HeldLight::shadow_color);

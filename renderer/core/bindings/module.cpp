@@ -4,6 +4,7 @@
 #include "bindings/arrays.hpp"
 #include "embree/embree.hpp"
 
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 
 using namespace primray;
@@ -17,7 +18,7 @@ NB_MODULE(PRIMRAY_MODULE, m) {
       "embree_memory",
       [] {
         const EmbreeMemory memory = embree_memory();
-        return nb::make_tuple(memory.now, memory.peak);
+        return std::pair(memory.now, memory.peak);
       },
       "Return the current and peak memory of Embree in bytes.");
   m.def("limit_embree_memory", &limit_embree_memory, nb::arg("bytes"),

@@ -1,7 +1,9 @@
 // Python binding of render_pass(), of recorded rays, and of the guide for caustics. The GIL is released while threads render;
 // signals are checked and progress is reported in between.
 
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
 
 #include "bindings/arrays.hpp"
 #include "bindings/recording.hpp"
@@ -20,8 +22,8 @@ constexpr int W = 4;
 
 // Returns for each of `p` (N, 3; world space) and `u` (N, 3): (share of the rays that are guided, sampled direction, its
 // density, density of the directions `wi`).
-nb::tuple caustic_lobes(const Scene& scene, const CausticGuide& caustics, InArray<double> p_, InArray<float> u_,
-                        InArray<float> wi_) {
+std::tuple<OutArray<float, 1>, OutArray<float, 2>, OutArray<float, 1>, OutArray<float, 1>> caustic_lobes(
+    const Scene& scene, const CausticGuide& caustics, InArray<double> p_, InArray<float> u_, InArray<float> wi_) {
   const size_t n = p_.size() / 3;
   std::vector<float> share(n), wi(3 * n), pdf(n), given(n);
   for (size_t first = 0; first < n; first += W) {
@@ -43,8 +45,8 @@ nb::tuple caustic_lobes(const Scene& scene, const CausticGuide& caustics, InArra
       wi[3 * row] = s.x[i], wi[3 * row + 1] = s.y[i], wi[3 * row + 2] = s.z[i];
     }
   }
-  return nb::make_tuple(to_numpy(std::move(share), {n}), to_numpy(std::move(wi), {n, 3}), to_numpy(std::move(pdf), {n}),
-                        to_numpy(std::move(given), {n}));
+  return {to_numpy(std::move(share), {n}), to_numpy(std::move(wi), {n, 3}), to_numpy(std::move(pdf), {n}),
+          to_numpy(std::move(given), {n})};
 }
 
 }  // namespace
@@ -70,8 +72,11 @@ void bind_caustics(nb::module_& m, nb::module_& testing) {
 
 namespace {
 
+// Called with the fraction of a pass that is done; the pass ends where it returns False.
+using ProgressFunction = nb::typed<nb::object, std::optional<nb::typed<nb::callable, std::optional<bool>(double)>>>;
+
 PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& ends, const IntegratorSettings& settings,
-                    int lanes, nb::object progress) {
+                    int lanes, ProgressFunction progress) {
   const std::span<const uint32_t> to = span_of(ends);
   const Progress poll = [&](double fraction) {
     const nb::gil_scoped_acquire gil;
@@ -123,7 +128,7 @@ void record(Recording* self, const Scene& scene, int samples, const IntegratorSe
 }
 
 // Returns (whether it is a shadow ray, its time) for every ray, in order: (N,) and (N,).
-nb::tuple times_of(const Recording& r) {
+std::tuple<OutArray<uint8_t, 1>, OutArray<float, 1>> times_of(const Recording& r) {
   std::vector<uint8_t> shadow;
   std::vector<float> times;
   for (const RayRecorder::Call& call : r.rays.calls) {
@@ -133,7 +138,7 @@ nb::tuple times_of(const Recording& r) {
     }
   }
   const size_t n = times.size();
-  return nb::make_tuple(to_numpy(std::move(shadow), {n}), to_numpy(std::move(times), {n}));
+  return {to_numpy(std::move(shadow), {n}), to_numpy(std::move(times), {n})};
 }
 
 }  // namespace
@@ -170,7 +175,7 @@ void bind_render(nb::module_& m) {
       .def(
           "replay_seconds", [](const Recording& r) { return replay(r.scene, r.rays, r.lanes); },
           nb::call_guard<nb::gil_scoped_release>())
-      .def_prop_ro("times", &times_of);
+      .def_prop_ro("times", &times_of, kNewArray);
 }
 
 }  // namespace primray

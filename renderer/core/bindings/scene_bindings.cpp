@@ -1,5 +1,7 @@
 // Python bindings of SceneBuilder and Scene: arrays as in primray/description/.
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -14,8 +16,8 @@ void set_texture_image(SceneBuilder& b, int texture, int tile, InArray<float> pi
 }
 
 // Returns size, kept levels, bytes per channel and bytes of every image, in order.
-nb::list texture_images(const Scene& scene) {
-  nb::list r;
+nb::typed<nb::list, nb::typed<nb::dict, nb::str, int64_t>> texture_images(const Scene& scene) {
+  nb::typed<nb::list, nb::typed<nb::dict, nb::str, int64_t>> r;
   for (const Texture& t : scene.textures) {
     for (const TextureImage& i : t.images) {
       nb::dict d;
@@ -31,14 +33,13 @@ nb::list texture_images(const Scene& scene) {
 
 // Returns by placement: its group, its first instance, and the group that contains it (0: the world); then the number of
 // instances.
-nb::tuple placements_of(const Scene& scene) {
+std::tuple<OutArray<int32_t, 1>, OutArray<int32_t, 1>, OutArray<int32_t, 1>, size_t> placements_of(const Scene& scene) {
   const size_t count = scene.placement_group.size();
   std::vector<int32_t> parent(count);
   for (size_t g = 0; g < scene.groups.size(); ++g)
     for (uint32_t k = 0; k < scene.groups[g].placement_count; ++k) parent[scene.groups[g].placement_base + k] = int32_t(g);
-  return nb::make_tuple(to_numpy(std::vector(scene.placement_group), {count}),
-                        to_numpy(std::vector(scene.placement_instance), {count}), to_numpy(std::move(parent), {count}),
-                        scene.world_from_group.size() / 12);
+  return {to_numpy(std::vector(scene.placement_group), {count}), to_numpy(std::vector(scene.placement_instance), {count}),
+          to_numpy(std::move(parent), {count}), scene.world_from_group.size() / 12};
 }
 
 }  // namespace
@@ -69,9 +70,9 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("has_links", [](const Scene& s) { return s.lights.links.any(); })
       .def_prop_ro("has_special_shadows", [](const Scene& s) { return !s.lights.shadow_rows.empty(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return bool(s.lights.lobe_factors); })
-      .def_prop_ro("placements", &placements_of)
+      .def_prop_ro("placements", &placements_of, kNewArray)
       .def_prop_ro("resolution",  // of its films
-                   [](const Scene& s) { return nb::make_tuple(s.camera.pixels.width, s.camera.pixels.height); })
+                   [](const Scene& s) { return std::pair(s.camera.pixels.width, s.camera.pixels.height); })
       .def_prop_ro("has_clipping_planes", [](const Scene& s) { return !s.camera.clipping_planes.empty(); })
       .def_prop_ro("has_moving_camera", [](const Scene& s) { return bool(s.camera.moves); })
       .def_prop_ro("has_moving_instances", [](const Scene& s) { return bool(s.motion.any_instances); })
@@ -80,9 +81,10 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder> builder(m, "SceneBuilder");
   builder
-      .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
+      .def("__init__",
+           [](SceneBuilder* b, Numbers<double> origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
       .def("__init__", [](SceneBuilder* b, std::unique_ptr<Scene> scene) { new (b) SceneBuilder(std::move(scene)); })
-      .def("keeps_levels", &SceneBuilder::keeps_levels)
+      .def("has_current_texture_levels", &SceneBuilder::has_current_texture_levels)
       .def("set_primvar_names", &SceneBuilder::set_primvar_names)
       .def("add_surface", [](SceneBuilder& b, const SurfaceInput& constants, std::vector<InputSource> varying,
                              int tape) { return b.add_surface(constants, std::move(varying), tape); })
@@ -92,7 +94,7 @@ void bind_scene(nb::module_& m) {
       .def("add_placement_primvar", [](SceneBuilder& b, int name, int width,
                                        InArray<float> values) { b.add_placement_primvar(name, width, span_of(values)); })
       .def("begin_prototype",
-           [](SceneBuilder& b, nb::handle center, double scale) { return b.begin_prototype(dvec3_of(center), scale); })
+           [](SceneBuilder& b, Numbers<double> center, double scale) { return b.begin_prototype(dvec3_of(center), scale); })
       .def_prop_ro("mesh_rows", &SceneBuilder::mesh_rows)
       .def_prop_ro("curved_rows", &SceneBuilder::curved_rows)
       .def_prop_ro("placement_rows", &SceneBuilder::placement_rows)
@@ -112,7 +114,7 @@ void bind_scene(nb::module_& m) {
              return to_numpy(std::move(left_out), {count});
            })
       .def("set_exposure", &SceneBuilder::set_exposure)
-      .def("set_rolling", &SceneBuilder::set_rolling)
+      .def("set_rolling_shutter", &SceneBuilder::set_rolling_shutter)
       .def("end_placement", &SceneBuilder::end_placement)
       .def("set_links",
            [](SceneBuilder& b, InArray<uint8_t> members) {

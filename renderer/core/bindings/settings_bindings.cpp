@@ -56,9 +56,9 @@ void bind_facts(nb::module_& m) {
 
 namespace {
 
-// Converts (S, events), (S, ends) and a mask per class, as renderer/primray/light_paths creates them.
-LpeAutomaton tables_of(const InArray<uint8_t>& next, const InArray<uint8_t>& class_of, const InArray<uint32_t>& members,
-                       int expressions, bool counts_straight, int leaves_out) {
+// Converts (S, events), (S, ends) and a mask per class, as renderer/primray/lpe/automaton.py creates them.
+LpeAutomaton automaton_of(const InArray<uint8_t>& next, const InArray<uint8_t>& class_of, const InArray<uint32_t>& members,
+                          int expressions, bool counts_straight, int leaves_out) {
   LpeAutomaton t;
   const size_t states = next.size() / kLpeEvents, ends = states > 0 ? class_of.size() / states : 0;
   if (states < 1 || states > LpeAutomaton::kMostStates || ends < 1 || ends >= LpeAutomaton::kMostEnds ||
@@ -77,14 +77,14 @@ LpeAutomaton tables_of(const InArray<uint8_t>& next, const InArray<uint8_t>& cla
 }  // namespace
 
 void bind_settings(nb::module_& m) {
-  m.attr("ROUTE_EVENTS") = int(kLpeEvents);
-  m.attr("ROUTE_ENDS") = int(kLpeEnds);
-  nb::class_<LpeAutomaton>(m, "RouteTables")
+  m.attr("LPE_EVENTS") = int(kLpeEvents);
+  m.attr("LPE_ENDS") = int(kLpeEnds);
+  nb::class_<LpeAutomaton>(m, "LpeAutomaton")
       .def(
           "__init__",
           [](LpeAutomaton* self, const InArray<uint8_t>& next, const InArray<uint8_t>& class_of,
              const InArray<uint32_t>& members, int expressions, bool counts_straight, int leaves_out) {
-            new (self) LpeAutomaton(tables_of(next, class_of, members, expressions, counts_straight, leaves_out));
+            new (self) LpeAutomaton(automaton_of(next, class_of, members, expressions, counts_straight, leaves_out));
           },
           nb::arg("next"), nb::arg("class_of"), nb::arg("members"), nb::arg("expressions"), nb::arg("counts_straight"),
           nb::arg("leaves_out") = -1)
@@ -110,8 +110,8 @@ void bind_settings(nb::module_& m) {
           "caustics", nullptr, [](IntegratorSettings& s, const CausticGuide* caustics) { s.caustics = caustics; },
           nb::for_setter(nb::arg("caustics").none()))
       .def_prop_rw(
-          "routes", nullptr, [](IntegratorSettings& s, const LpeAutomaton* lpe) { s.lpe = lpe; },
-          nb::for_setter(nb::arg("routes").none()));
+          "lpe", nullptr, [](IntegratorSettings& s, const LpeAutomaton* lpe) { s.lpe = lpe; },
+          nb::for_setter(nb::arg("lpe").none()));
 }
 
 }  // namespace primray

@@ -13,9 +13,10 @@ struct HeldMesh : MeshInput {
 };
 
 // Returns (N, 2, 3): the smallest and largest coordinates of every array of points; zeros for empty arrays.
-nb::object boxes(nb::list arrays) {
+OutArray<double, 3> boxes(nb::typed<nb::sequence, InArray<float>> arrays) {
   std::vector<double> out;
-  out.reserve(6 * arrays.size());
+  const size_t count = nb::len(arrays);
+  out.reserve(6 * count);
   for (nb::handle each : arrays) {
     const InArray<float> array = nb::cast<InArray<float>>(each);  // a copy if the array is not contiguous
     const std::span<const float> p = span_of(array);
@@ -26,7 +27,7 @@ nb::object boxes(nb::list arrays) {
     }
     out.insert(out.end(), low, low + 3), out.insert(out.end(), high, high + 3);
   }
-  return to_numpy(std::move(out), {arrays.size(), 2, 3});
+  return to_numpy(std::move(out), {count, 2, 3});
 }
 
 struct HeldCurves : CurvesInput {
@@ -63,7 +64,7 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
            [](SceneBuilder& b, const HeldCurves& input, InArray<double> matrix) { b.add_curves(input, affine_of(matrix)); })
       .def("add_mesh",
            [](SceneBuilder& b, const HeldMesh& input, InArray<double> matrix) { b.add_mesh(input, affine_of(matrix)); })
-      .def("restand_mesh", [](SceneBuilder& b, size_t row, const HeldMesh& input, InArray<double> before,
+      .def("replace_mesh", [](SceneBuilder& b, size_t row, const HeldMesh& input, InArray<double> before,
                               InArray<double> now) { return b.replace_mesh(row, input, affine_of(before), affine_of(now)); })
       .def("add_mesh_primvar", [](SceneBuilder& b, int name, PrimvarKind kind, int width,
                                   InArray<float> values) { b.add_mesh_primvar(name, kind, width, span_of(values)); })

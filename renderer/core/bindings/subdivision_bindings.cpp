@@ -1,5 +1,7 @@
-// Python binding of dice(): a cage's arrays as in primray/description/, and a dictionary of arrays as the result; and its
+// Python binding of dice(): a cage's arrays as in primray/description/, the diced cage's as the result; and its
 // displacement.
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -101,37 +103,48 @@ void set_displacing(nb::handle d, DiceInput& in) {
   };
 }
 
+// A diced cage as arrays: rows of coordinates, values and indices.
+struct DicedCage {
+  using Floats = OutArray<float, 2>;
+  using Indices = OutArray<int32_t, 2>;
+  Floats points, normals, vertex_values, varying_values;
+  std::vector<Floats> step_points, step_normals;
+  std::vector<std::pair<Indices, Floats>> face_varying;  // by channel: indices of the corners' values, and the values
+  Indices triangles, normal_indices;
+  OutArray<int32_t, 1> faces;
+  int level, non_manifold_edges, unknown_creases;
+  bool level_limited;
+};
+
 template <class T>
-nb::object rows_of(std::vector<T> values, int width) {
+OutArray<T, 2> rows_of(std::vector<T> values, int width) {
   const size_t n = width ? values.size() / width : 0;
   return to_numpy(std::move(values), {n, size_t(width)});
 }
 
-nb::dict as_dict(Diced d, const DiceInput& in) {
-  nb::dict out;
-  out["points"] = rows_of(std::move(d.points), 3), out["normals"] = rows_of(std::move(d.normals), 3);
-  out["vertex_values"] = rows_of(std::move(d.vertex_values), in.vertex_width);
-  out["varying_values"] = rows_of(std::move(d.varying_values), in.varying_width);
-  nb::list step_points, step_normals;
-  for (std::vector<float>& step : d.step_points) step_points.append(rows_of(std::move(step), 3));
-  for (std::vector<float>& step : d.step_normals) step_normals.append(rows_of(std::move(step), 3));
-  out["step_points"] = step_points, out["step_normals"] = step_normals;
-  nb::list channels;
+DicedCage as_arrays(Diced d, const DiceInput& in) {
+  DicedCage out;
+  out.points = rows_of(std::move(d.points), 3), out.normals = rows_of(std::move(d.normals), 3);
+  out.vertex_values = rows_of(std::move(d.vertex_values), in.vertex_width);
+  out.varying_values = rows_of(std::move(d.varying_values), in.varying_width);
+  for (std::vector<float>& step : d.step_points) out.step_points.push_back(rows_of(std::move(step), 3));
+  for (std::vector<float>& step : d.step_normals) out.step_normals.push_back(rows_of(std::move(step), 3));
   for (size_t k = 0; k < in.face_varying.size(); ++k)
-    channels.append(nb::make_tuple(rows_of(std::move(d.triangles.values[k]), 3),
-                                   rows_of(std::move(d.face_varying[k]), in.face_varying[k].width)));
-  out["face_varying"] = channels;
-  out["triangles"] = rows_of(std::move(d.triangles.points), 3),
-  out["normal_indices"] = rows_of(std::move(d.triangles.normals), 3);
+    out.face_varying.emplace_back(rows_of(std::move(d.triangles.values[k]), 3),
+                                  rows_of(std::move(d.face_varying[k]), in.face_varying[k].width));
+  out.triangles = rows_of(std::move(d.triangles.points), 3);
+  out.normal_indices = rows_of(std::move(d.triangles.normals), 3);
   const size_t n = d.triangles.faces.size();
-  out["faces"] = to_numpy(std::move(d.triangles.faces), {n});
-  out["level"] = d.level, out["level_limited"] = d.is_level_limited;
-  out["non_manifold_edges"] = d.non_manifold_edges, out["unknown_creases"] = d.unknown_creases;
+  out.faces = to_numpy(std::move(d.triangles.faces), {n});
+  out.level = d.level, out.level_limited = d.is_level_limited;
+  out.non_manifold_edges = d.non_manifold_edges, out.unknown_creases = d.unknown_creases;
   return out;
 }
 
+using CageArrays = nb::typed<nb::dict, nb::str, nb::object>;
+
 // Returns None if the result would have more than max_triangles.
-nb::object dice_cage(nb::dict arrays) {
+std::optional<DicedCage> dice_cage(CageArrays arrays) {
   DiceInput in = input_of(arrays);
   set_displacing(arrays["displacement"], in);
   Diced diced;
@@ -139,11 +152,11 @@ nb::object dice_cage(nb::dict arrays) {
     const nb::gil_scoped_release release;
     diced = dice(in);
   }
-  if (!diced.is_complete) return nb::none();
-  return as_dict(std::move(diced), in);
+  if (!diced.is_complete) return std::nullopt;
+  return as_arrays(std::move(diced), in);
 }
 
-int64_t estimate_cage(nb::dict arrays) {
+int64_t estimate_cage(CageArrays arrays) {
   const DiceInput in = input_of(arrays);
   const nb::gil_scoped_release release;
   return estimated_triangles(in);
@@ -168,6 +181,21 @@ void bind_subdivision(nb::module_& m) {
         for (const int a : along) made.push_back(DisplacedAlong(a));
         d.set_directions(std::move(made));
       });
+  nb::class_<DicedCage>(m, "DicedCage")
+      .def_ro("points", &DicedCage::points, kNewArray)
+      .def_ro("normals", &DicedCage::normals, kNewArray)
+      .def_ro("vertex_values", &DicedCage::vertex_values, kNewArray)
+      .def_ro("varying_values", &DicedCage::varying_values, kNewArray)
+      .def_ro("step_points", &DicedCage::step_points, kNewArray)
+      .def_ro("step_normals", &DicedCage::step_normals, kNewArray)
+      .def_ro("face_varying", &DicedCage::face_varying, kNewArray)
+      .def_ro("triangles", &DicedCage::triangles, kNewArray)
+      .def_ro("normal_indices", &DicedCage::normal_indices, kNewArray)
+      .def_ro("faces", &DicedCage::faces, kNewArray)
+      .def_ro("level", &DicedCage::level)
+      .def_ro("level_limited", &DicedCage::level_limited)
+      .def_ro("non_manifold_edges", &DicedCage::non_manifold_edges)
+      .def_ro("unknown_creases", &DicedCage::unknown_creases);
   m.def("dice", &dice_cage, nb::arg("cage"));
   m.def("estimated_triangles", &estimate_cage, nb::arg("cage"));
 }

@@ -42,10 +42,8 @@ std::vector<Tape::Output> outputs_of(std::span<const int32_t> rows) {
 }
 
 void bind_tape(nb::module_& m) {
-  nb::list names;
-  for (const std::string_view name : kPatternOpNames) names.append(std::string(name));
-  m.attr("pattern_operations") = names;
-  m.attr("pattern_registers") = kMostRegisters;
+  m.def("pattern_operations", [] { return std::vector<std::string>(std::begin(kPatternOpNames), std::end(kPatternOpNames)); });
+  m.attr("PATTERN_REGISTERS") = kMostRegisters;
   nb::class_<PatternImage> image(m, "PatternImage");
   image.def(nb::init<>())
       .def_rw("color", &PatternImage::color)
@@ -68,12 +66,10 @@ void bind_tape(nb::module_& m) {
 template <class Inputs, class Member>
 void def_input(nb::class_<Inputs>& c, const char* name, Member member) {
   using Value = std::remove_cvref_t<decltype(member(std::declval<Inputs&>()))>;
-  c.def_prop_rw(name, nullptr, [member](Inputs& s, nb::handle v) {
-    if constexpr (std::is_same_v<Value, vec3>)
-      member(s) = vec3_of(v);
-    else
-      member(s) = nb::cast<Value>(v);
-  });
+  if constexpr (std::is_same_v<Value, vec3>)
+    c.def_prop_rw(name, nullptr, [member](Inputs& s, Numbers<float> v) { member(s) = vec3_of(v); });
+  else
+    c.def_prop_rw(name, nullptr, [member](Inputs& s, Value v) { member(s) = v; });
 }
 
 }  // namespace

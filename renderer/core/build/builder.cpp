@@ -112,7 +112,7 @@ bool SceneBuilder::replace_mesh(size_t row, const MeshInput& mesh, const daffine
   return true;
 }
 
-bool SceneBuilder::keeps_levels() {
+bool SceneBuilder::has_current_texture_levels() {
   Scene& s = *scene_;
   if (s.textures.empty()) return true;
   measure_footprints(s);
@@ -203,7 +203,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
       if (moves) table.normal_stride.resize(table.surface.size(), 0);
       if (normals_move) table.normal_stride.back() = int32_t(mesh.normals.size());
       s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
-      note_object_space(s.object_spaces.of_mesh, size_t(row->second), surface, group_from_object);
+      record_object_space(s.object_spaces.of_mesh, size_t(row->second), surface, group_from_object);
     }
     s.triangle_mesh.push_back(row->second);
   }
@@ -346,7 +346,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   }
   // Camera rays pass through hidden surfaces as if these were transmissive.
   s.has_thin |= s.camera_sights.any();
-  note_inputs(s);
+  set_input_features(s);
   mark_media_boundaries(s);
   s.has_emission |= s.geometry_lights.any();
   if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());

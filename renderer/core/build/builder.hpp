@@ -60,7 +60,7 @@ class SceneBuilder {
     if (!record) return false;
     auto& records = scene_->curved.records<K>();
     add_curved_row(scene_->groups.back().curved.of<K>(), records.size(), surface);
-    note_object_space(scene_->object_spaces.of_curved, scene_->curved.rows() - 1, surface, group_from_object);
+    record_object_space(scene_->object_spaces.of_curved, scene_->curved.rows() - 1, surface, group_from_object);
     records.push_back(*record);
     return true;
   }
@@ -77,7 +77,7 @@ class SceneBuilder {
   // from that row on. Returns false, and changes nothing, if more than points and normals would change.
   bool replace_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object);
   // For a reopened scene, after its camera: whether its textures have the levels that those of a new scene would have.
-  bool keeps_levels();
+  bool has_current_texture_levels();
   // Reserves memory for all meshes.
   void reserve_triangles(size_t points, size_t triangles);
   // Reserves memory for all instances of all placements: appending would temporarily take twice as much.
@@ -93,7 +93,7 @@ class SceneBuilder {
   // Sets rays' times: the shutter's part of the span that all times refer to, and the frame's time.
   void set_exposure(double opens, double closes, double frame);
   // Sets the rolling shutter: the delay per column and row of the frame, in parts of the span, relative to set_exposure().
-  void set_rolling(double per_column, double per_row);
+  void set_rolling_shutter(double per_column, double per_row);
   // Adds a primvar of the last placement, a row for every instance that was not skipped.
   void add_placement_primvar(int name, int width, std::span<const float> values);
   // Sets membership[row][collection] flags, (rows) (collections), before shapes and lights; collection 0 has all rows.
@@ -129,7 +129,7 @@ class SceneBuilder {
   void take_clock(std::span<const float> times);
   int32_t append_primvar(std::span<const float> values);
   // Stores the object space of a shape's row, if its surface reads it.
-  void note_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object);
+  void record_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object);
   void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);
   // Appends the later times of the current group's moving vertices, after all of its vertices.
   void end_group();

@@ -119,7 +119,7 @@ void SceneBuilder::add_curves(const CurvesInput& input, const daffine& group_fro
     const auto [found, is_new] = row_of_surface.try_emplace(surface, int32_t(s.curved.rows()));
     if (!is_new) return found->second;
     add_curved_row(surface);
-    note_object_space(s.object_spaces.of_curved, size_t(found->second), surface, group_from_object);
+    record_object_space(s.object_spaces.of_curved, size_t(found->second), surface, group_from_object);
     table.set_point.resize(s.curved.rows() - table.first_row, int32_t(set_base));
     return found->second;
   };

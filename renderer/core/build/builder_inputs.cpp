@@ -35,7 +35,8 @@ int SceneBuilder::add_tape(Tape tape) {
   return int(scene_->tapes.size()) - 1;
 }
 
-void SceneBuilder::note_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object) {
+void SceneBuilder::record_object_space(std::vector<int32_t>& of, size_t row, int32_t surface,
+                                       const daffine& group_from_object) {
   Scene& s = *scene_;
   if (s.tapes.empty()) return;
   const int32_t inputs = s.surface_inputs_of.at(size_t(surface));

@@ -17,7 +17,7 @@ void SceneBuilder::set_exposure(double opens, double closes, double frame) {
   motion.opens = float(opens), motion.length = float(closes - opens), motion.frame = float(frame);
 }
 
-void SceneBuilder::set_rolling(double per_column, double per_row) {
+void SceneBuilder::set_rolling_shutter(double per_column, double per_row) {
   MotionTable& motion = scene_->motion;
   motion.per_column = float(per_column), motion.per_row = float(per_row);
   motion.rolls = per_column != 0 || per_row != 0;

@@ -57,13 +57,13 @@ void Displacer::set_texture_image(int texture, int tile, std::span<const float> 
 
 void Displacer::displace(const DisplacedShape& shape, const subdivision::CornerRows& rows, std::span<float> out) {
   const std::scoped_lock lock(one_at_a_time_);
-  stand(shape, rows);
+  place_triangles(shape, rows);
   put_primvars(shape, rows);
   evaluate(shape, rows, out);
 }
 
 // Builds a triangle for each corner, in a group placed like the shape, with its orientation.
-void Displacer::stand(const DisplacedShape& shape, const subdivision::CornerRows& rows) {
+void Displacer::place_triangles(const DisplacedShape& shape, const subdivision::CornerRows& rows) {
   const size_t n = rows.faces.size();
   const daffine& m = shape.world_from_object;
   const daffine turned{m.x, m.y, m.z, dvec3(0.0)};

@@ -48,7 +48,7 @@ class Displacer {
   void displace(const DisplacedShape& shape, const subdivision::CornerRows& rows, std::span<float> out);
 
  private:
-  void stand(const DisplacedShape& shape, const subdivision::CornerRows& rows);
+  void place_triangles(const DisplacedShape& shape, const subdivision::CornerRows& rows);
   void put_primvars(const DisplacedShape& shape, const subdivision::CornerRows& rows);
   void evaluate(const DisplacedShape& shape, const subdivision::CornerRows& rows, std::span<float> out) const;
 

@@ -50,12 +50,12 @@ enum CausticPhotonField : int {
 // Largest shift of a source (squared, relative to the distance to the landing point): near foci gradients are unbounded.
 constexpr float kFarthest2 = 0.1f;
 
-// Source of a photon that would have landed at offset `beside` from its landing point.
+// Source of a photon that would have landed at `offset` from its landing point.
 template <class F>
-PRIMRAY_INLINE Vec3<F> source_seen(const Vec3<F>& source, const Vec3<F>& landing, const Vec3<F>& beside,
+PRIMRAY_INLINE Vec3<F> source_seen(const Vec3<F>& source, const Vec3<F>& landing, const Vec3<F>& offset,
                                    const Vec3<F> (&gradient)[3]) {
   using std::sqrt;
-  const Vec3<F> moved{dot(gradient[0], beside), dot(gradient[1], beside), dot(gradient[2], beside)}, way = source - landing;
+  const Vec3<F> moved{dot(gradient[0], offset), dot(gradient[1], offset), dot(gradient[2], offset)}, way = source - landing;
   const F farthest2 = kFarthest2 * dot(way, way);
   return source + moved * sqrt(farthest2 / (dot(moved, moved) + farthest2 + F(1e-30f)));
 }
@@ -81,9 +81,9 @@ struct CausticLanes {
   vvec3<W> towards[CausticGuide::kMostInLeaf];
   vfloat<W> chance[CausticGuide::kMostInLeaf];
 
-  // `suits(w, width2)`: response of the surface to light from about w, relative to a white Lambert surface.
-  template <class Suits>
-  CausticLanes(const CausticGuide& g, vbool<W> m, const vvec3<W>& p, Suits suits) : photons(g.leaf_photons) {
+  // `response(w, width2)`: response of the surface to light from about w, relative to a white Lambert surface.
+  template <class Response>
+  CausticLanes(const CausticGuide& g, vbool<W> m, const vvec3<W>& p, Response response) : photons(g.leaf_photons) {
     vint<W> node(0);
     for (int level = 0; level < g.levels; ++level) {
       const vint<W> axis = gather<W>(g.axis.data(), node);
@@ -107,13 +107,13 @@ struct CausticLanes {
       const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(kPhotonFields);
       const FourLanes<float, W> a = gather_four<W>(photon, at), b = gather_four<W>(photon + 4, at);
       const FourLanes<float, W> c = gather_four<W>(photon + 8, at), d = gather_four<W>(photon + 12, at);
-      const vvec3<W> source{a.x, a.y, a.z}, landing{a.w, b.x, b.y}, beside = p - landing;
+      const vvec3<W> source{a.x, a.y, a.z}, landing{a.w, b.x, b.y}, offset = p - landing;
       const vvec3<W> gradient[3] = {{b.z, b.w, c.x}, {c.y, c.z, c.w}, {d.x, d.y, d.z}};
-      const vvec3<W> to = source_seen(source, landing, beside, gradient) - p;
+      const vvec3<W> to = source_seen(source, landing, offset, gradient) - p;
       towards[k] = to * (1.0f / sqrt(max(dot(to, to), 1e-30f)));
-      chance[k] = caustic_nearness(dot(beside, beside), reach2);
+      chance[k] = caustic_nearness(dot(offset, offset), reach2);
       total += chance[k];
-      chance[k] *= suits(towards[k], width2);
+      chance[k] *= response(towards[k], width2);
       sent += chance[k];
     }
     const vfloat<W> light = density * sent / max(total, 1e-30f);

@@ -45,10 +45,10 @@ Lobes likeliest_lobes(const CausticPhoton* photons, int count, bool moving) {
     const vec3 at = photons[j].landing, d = unit_to(at, photons[j].source);
     for (int i = 0; i < count; ++i) {
       const CausticPhoton& seen = photons[i];
-      const vec3 beside = at - seen.landing;
-      const vec3 source = moving ? source_seen(seen.source, seen.landing, beside, seen.gradient) : seen.source;
+      const vec3 offset = at - seen.landing;
+      const vec3 source = moving ? source_seen(seen.source, seen.landing, offset, seen.gradient) : seen.source;
       const vec3 off = unit_to(at, source) - d;
-      apart2[i][j] = dot(beside, beside), chord2[i][j] = dot(off, off);
+      apart2[i][j] = dot(offset, offset), chord2[i][j] = dot(off, off);
       mean += apart2[i][j] / float(count * count);
     }
   }

@@ -178,9 +178,9 @@ template <int W>
 PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
                                            vfloat<W> u, vfloat<W> v, vfloat<W> time) {
   if (!table.motion.any()) return row_sample(table, light, active, p, u, v);
-  const LightPoses<W> stances = poses_of(table.motion, active, light, time);
-  LightSample<W> s = row_sample(table, light, active, stances.point_to_row(p), u, v);
-  s.wi = stances.vector_to_world(s.wi);
+  const LightPoses<W> poses = poses_of(table.motion, active, light, time);
+  LightSample<W> s = row_sample(table, light, active, poses.point_to_row(p), u, v);
+  s.wi = poses.vector_to_world(s.wi);
   return s;
 }
 

@@ -111,7 +111,7 @@ bool same(const Scene& scene, const BareWorld& world, const RayRecorder::Call& c
 
 }  // namespace
 
-ReplaySeconds replay_by_turns(const Scene& scene, const BareWorld& world, const RayRecorder& recorder, const ReplayOf& of) {
+ReplaySeconds replay_interleaved(const Scene& scene, const BareWorld& world, const RayRecorder& recorder, const ReplayOf& of) {
   const FlushDenormals flush;
   ReplaySeconds found;
   with_lanes(of.lanes, [&]<int W>() {

@@ -44,7 +44,7 @@ struct ReplayOf {
 struct ReplaySeconds {
   double scene = 0, bare = 0;
 };
-ReplaySeconds replay_by_turns(const Scene& scene, const BareWorld& world, const RayRecorder& recorder, const ReplayOf& of);
+ReplaySeconds replay_interleaved(const Scene& scene, const BareWorld& world, const RayRecorder& recorder, const ReplayOf& of);
 
 // Number of such rays, and of those that hit something in only one of both or at distances that differ by more than 1e-3.
 struct ReplayAgreement {

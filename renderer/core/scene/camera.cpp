@@ -5,7 +5,7 @@
 
 namespace primray {
 
-Camera Camera::stance() const {
+Camera Camera::unposed() const {
   Camera c;
   c.width = width, c.height = height, c.pixels = pixels, c.orthographic = orthographic;
   c.blades = blades, c.first_corner = first_corner;
@@ -14,7 +14,7 @@ Camera Camera::stance() const {
   return c;
 }
 
-void Camera::stand(const CameraPath& along, float time) {
+void Camera::set_pose(const CameraPath& along, float time) {
   const Moment now = along.clock.at(time);
   const CameraPose &a = along.poses[size_t(now.segment)], &b = along.poses[size_t(now.segment) + 1];
   const double t = now.within;
@@ -29,7 +29,7 @@ void Camera::stand(const CameraPath& along, float time) {
   lens_radius = mix(&CameraPose::lens_radius), focus_distance = mix(&CameraPose::focus_distance);
 }
 
-void Camera::stand_as(const Camera& still) {
+void Camera::copy_pose(const Camera& still) {
   world_from_camera = still.world_from_camera, window = still.window;
   left = still.left, right = still.right, bottom = still.bottom, top = still.top;
   near = still.near, far = still.far, back = still.back;
@@ -78,9 +78,9 @@ bool Camera::project(const dvec3& point, double (&pixel)[2]) const {
 }
 
 Camera Camera::at(float time) const {
-  Camera c = stance();
+  Camera c = unposed();
   c.filter = filter;
-  c.stand(path, time);
+  c.set_pose(path, time);
   return c;
 }
 

@@ -149,10 +149,10 @@ struct Camera {
                                        vvec3<W>& weight) const {
     const vfloat<W> fx = to_float(x) + 0.5f + filter.sample<W>(film.u), fy = to_float(y) + 0.5f + filter.sample<W>(film.v);
     alignas(64) float rows[11][W];
-    Camera now = stance();
-    if (!moves) now.stand_as(*this);
+    Camera now = unposed();
+    if (!moves) now.copy_pose(*this);
     for (int i = 0; i < W; ++i) {
-      if (moves) now.stand(path, time[i]);
+      if (moves) now.set_pose(path, time[i]);
       vec3 share;
       const CameraRay<1> r = now.ray_of_channel({fx[i], fy[i], lens.u[i], lens.v[i]}, flaws, channel[i], share);
       const float own[11] = {r.o.x[0],   r.o.y[0],  r.o.z[0], r.d.x[0], r.d.y[0], r.d.z[0],
@@ -228,9 +228,9 @@ struct Camera {
   template <int W>
   PRIMRAY_RARE CameraRay<W> moving_ray(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1, vfloat<W> time) const {
     alignas(64) float rows[8][W];
-    Camera now = stance();
+    Camera now = unposed();
     for (int i = 0; i < W; ++i) {
-      now.stand(path, time[i]);
+      now.set_pose(path, time[i]);
       const vfloat<1> f0(fx[i]), f1(fy[i]), l0(lens0[i]), l1(lens1[i]);
       const CameraRay<1> r = now.ray_through<1>(f0, f1, l0, l1);
       const float own[8] = {r.o.x[0], r.o.y[0], r.o.z[0], r.d.x[0], r.d.y[0], r.d.z[0], r.tnear[0], r.tfar[0]};
@@ -240,9 +240,9 @@ struct Camera {
     return {{lanes(0), lanes(1), lanes(2)}, {lanes(3), lanes(4), lanes(5)}, lanes(6), lanes(7)};
   }
   // The camera without its path and filter, posed per ray.
-  Camera stance() const;
-  void stand(const CameraPath& along, float time);
-  void stand_as(const Camera& still);
+  Camera unposed() const;
+  void set_pose(const CameraPath& along, float time);
+  void copy_pose(const Camera& still);
 
   // Uniform on the lens.
   template <int W>

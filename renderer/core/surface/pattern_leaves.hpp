@@ -23,7 +23,7 @@ class PatternLeaves {
   PRIMRAY_INLINE PatternLeaves(const PatternPlace<W>& place, const Tape& tape)
       : place_(place), scene_(place.scene), point_(place.point), tape_(tape) {
     if (!tape.is_placed) return;
-    stand();
+    find_edges();
     if (scene_.object_spaces.any()) find_space();
   }
 
@@ -65,7 +65,7 @@ class PatternLeaves {
   };
 
   // Computes corners and edges in the group's space, and the instance's matrix.
-  void stand() {
+  void find_edges() {
     vvec3<W> at[3];
     VertexMotion<W> motion = point_.motion;
     for (V& a : at) a = V(F(0.0f));

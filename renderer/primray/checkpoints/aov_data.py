@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from .. import core
 from ..aovs import CRYPTOMATTES, AovRequest, kind_of, light_path_of, primvar_of, taxonomy_of
-from ..core.light_path_tables import Routes
+from ..core.light_path_tables import LightPathTables
 from ..denoising.denoised import guides_of
 from ..denoising.denoiser import Guides
 from ..images.aov import Aov, make_aov
@@ -198,7 +198,7 @@ def _valid(holds: bool) -> None:
 
 @dataclass(frozen=True)
 class LightPaths:
-    """Outputs (`requests`) that are light path expressions; `expressions` and `members` as in core's Routes."""
+    """Outputs (`requests`) that are light path expressions; `expressions` and `members` as in core's LightPathTables."""
 
     requests: tuple[AovRequest, ...]
     expressions: tuple[str, ...]
@@ -208,11 +208,11 @@ class LightPaths:
         return asdict(self)
 
 
-def light_paths_of_routes(requests: tuple[AovRequest, ...], routes: Routes | None) -> LightPaths | None:
-    if routes is None:
+def light_paths_of_tables(requests: tuple[AovRequest, ...], tables: LightPathTables | None) -> LightPaths | None:
+    if tables is None:
         return None
     own = tuple(request for request in requests if light_path_of(request.source) is not None)
-    return LightPaths(own, routes.expressions, routes.members)
+    return LightPaths(own, tables.expressions, tables.members)
 
 
 def requests_of_json(value: Any) -> tuple[AovRequest, ...]:

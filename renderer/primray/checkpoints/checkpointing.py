@@ -99,11 +99,11 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
     from ..sampling.sampling import Sampling
     from ..settings import settings_as_json
     from . import checkpoint
-    from .aov_data import light_paths_of_routes
+    from .aov_data import light_paths_of_tables
 
     held = None if resume is None else checkpoint.load(resume)
     settings = prepared.settings if held is None else checkpoint.resumed_settings(prepared.settings, held)
-    light_paths = light_paths_of_routes(prepared.aovs, prepared.scene.routes)
+    light_paths = light_paths_of_tables(prepared.aovs, prepared.scene.light_paths)
     asked = {} if light_paths is None else {"light_paths": " ".join(light_paths.expressions)}
     about = checkpoint.CheckpointInfo(
         identity=checkpoint.identity(settings, prepared.fingerprint) | asked,

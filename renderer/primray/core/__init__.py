@@ -1,9 +1,10 @@
 """The C++ core as seen from Python: the compiled module in use, scenes built in it, films, and passes that render into them.
 
-`native` chooses the compiled module, `building` uploads a description to it, `film` and `passes` take samples and render the
-data of first hits for AOVs.
+`native` chooses the compiled module, `compiled` has its names and types, `building` uploads a description to it, `film` and
+`passes` take samples and render the data of first hits for AOVs.
 """
 
+from . import compiled
 from .building import build, dice
 from .film import REMOVALS, TILE, Film, samples_of_replicates, uniform_ends
 from .native import (
@@ -39,6 +40,7 @@ __all__ = [
     "build",
     "build_digest",
     "choose_splits",
+    "compiled",
     "coverage",
     "dice",
     "first_hits",

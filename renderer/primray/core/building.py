@@ -5,8 +5,6 @@ Pixel filters are tables of offsets, for the core's filter importance sampling.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -17,9 +15,10 @@ from ..settings import DEFAULT_FILTER_WIDTH, Filter, RenderSettings
 from ..tessellation import dice as dicing
 from ..tessellation.dice import dice_patches_of
 from ..tessellation.ribbons import dice_ribbons
+from . import compiled
 from .displacement_upload import displacements
-from .light_path_tables import missing_groups, routes_of
-from .native import module, raise_primray_error, threads
+from .light_path_tables import light_path_tables, missing_groups
+from .native import raise_primray_error, threads
 from .scene import CoreScene
 from .scene_record import SceneRecord
 from .scene_upload import UploadRecord, emitter_warnings, upload_scene
@@ -34,12 +33,12 @@ def dice(
     `textures`: every TextureFile that could be read; those that displace cages are used.
     """
     try:
-        displaced = displacements(module(), description, textures or {})
+        displaced = displacements(description, textures or {})
         chosen = dicing.dicing_by_settings(settings)
-        made, warnings = dicing.dice(module(), description, chosen, threads(settings), displaced)
+        made, warnings = dicing.dice(compiled, description, chosen, threads(settings), displaced)
         made, notes = dice_patches_of(dice_ribbons(made, chosen.pixels), chosen)
         return made, [*warnings, *notes]
-    except module().CoreError as error:
+    except compiled.CoreError as error:
         raise_primray_error(error)
 
 
@@ -54,18 +53,16 @@ def build(
     record = SceneRecord() if description.aovs else None
     try:
         limit_hierarchies(settings)
-        scene, uploaded = upload_scene(
-            module(), description, textures, width, inverse_cdf(settings.pixel_filter, width), shapes, record
-        )
-    except module().CoreError as error:
+        scene, uploaded = upload_scene(description, textures, width, inverse_cdf(settings.pixel_filter, width), shapes, record)
+    except compiled.CoreError as error:
         if error.args[0] == "out-of-memory" and settings.max_memory_bytes is not None:
-            held = int(module().embree_memory()[1]) / process_memory.MIB
+            held = int(compiled.embree_memory()[1]) / process_memory.MIB
             allowed = settings.max_memory_bytes / process_memory.MIB
             sentence = f"acceleration structures need more than {held:.0f} MiB, which exceeds the limit of {allowed:.0f} MiB"
             raise LimitError(sentence, code=process_memory.CODE) from error
         raise_primray_error(error)
     finally:
-        module().limit_embree_memory(2**62)
+        compiled.limit_embree_memory(2**62)
     return core_scene(scene, uploaded, description, record)
 
 
@@ -75,17 +72,17 @@ def limit_hierarchies(settings: RenderSettings) -> None:
     if limit is None:
         return
     left = limit if process_memory.held is None else limit - process_memory.MARGIN - process_memory.resident_bytes()
-    module().limit_embree_memory(int(max(left, 0)) + int(module().embree_memory()[0]))
+    compiled.limit_embree_memory(int(max(left, 0)) + int(compiled.embree_memory()[0]))
 
 
-def core_scene(scene: Any, uploaded: UploadRecord, d: SceneDescription, record: SceneRecord | None) -> CoreScene:
+def core_scene(scene: compiled.Scene, uploaded: UploadRecord, d: SceneDescription, record: SceneRecord | None) -> CoreScene:
     warnings = [*uploaded.warnings, *emitter_warnings(scene)]
     made = CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, uploaded.bounds)
     made.uploaded = uploaded
     made.light_groups = uploaded.light_groups
-    made.routes = routes_of(d.aovs, uploaded.light_groups)
-    if made.routes is not None:
-        made.warnings += missing_groups(made.routes, uploaded.light_groups)
+    made.light_paths = light_path_tables(d.aovs, uploaded.light_groups)
+    if made.light_paths is not None:
+        made.warnings += missing_groups(made.light_paths, uploaded.light_groups)
     return made
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..arrays import Doubles, Floats
@@ -21,6 +19,7 @@ from ..description import (
 from ..description.pattern_reads import reads_world_space
 from ..description.shading import DISPLACEMENTS
 from ..tessellation.dice import Warnings, primvar_places, primvars_of
+from . import compiled
 from .surface_upload import SurfaceUpload, Textures, channels_of
 
 # Enumerators in the order of the core's (displacer.hpp, mover.hpp).
@@ -32,23 +31,23 @@ _TANGENTS = "st"
 _CARRIER = "emissive_color"  # an input of three unbounded numbers, whose slot carries the displacement
 
 
-def displacements(core: Any, description: SceneDescription, textures: Textures) -> Displacements | None:
+def displacements(description: SceneDescription, textures: Textures) -> Displacements | None:
     """Return the displacement of all displaced shapes; None if there are none."""
     if not any(isinstance(shape, DisplacedMesh) for shape in description.shapes):
         return None
-    return Displacements(core, description, textures)
+    return Displacements(description, textures)
 
 
 class Displacements:
-    def __init__(self, core: Any, description: SceneDescription, textures: Textures) -> None:
+    def __init__(self, description: SceneDescription, textures: Textures) -> None:
         self.warnings: Warnings = []
         self._description = description
-        self._displacer = core.Displacer()
+        self._displacer = compiled.Displacer()
         surfaces = description.surfaces
         worn = {i for s in description.shapes if isinstance(s, DisplacedMesh) for i in np.unique(s.surface).tolist() if i >= 0}
         moving = [i for i in sorted(worn) if surfaces[i].displacement is not None]
         self._upload = SurfaceUpload(
-            core, self._displacer, {file: list(tiles) for file, tiles in textures.items()}, description.time_code or 0.0
+            self._displacer, {file: list(tiles) for file, tiles in textures.items()}, description.time_code or 0.0
         )
         taken = self._upload.add_surfaces([Surface(""), *(_displacement_surface(surfaces[i], textures) for i in moving)])
         self._upload.add_images()
@@ -69,7 +68,7 @@ class Displacements:
         why = said.partition(". ")[0] or "Its displacement cannot be read"
         self.warnings.append(("displacement", path, f"{why}. The surface is rendered without displacement."))
 
-    def of(self, number: int, shape: DisplacedMesh) -> dict[str, Any]:
+    def of(self, number: int, shape: DisplacedMesh) -> dict[str, object]:
         """Return what the core's dice() reads for the displaced shape with index `number` in the description."""
         matrix = self._places.get(number)
         numbers = np.atleast_1d(self._numbers[np.asarray(shape.surface)])
@@ -119,7 +118,7 @@ def _single_placements(description: SceneDescription) -> dict[int, Doubles]:
     return {shape: matrix for shape, matrix in found.items() if shape not in inside and np.linalg.det(matrix[:3, :3]) != 0}
 
 
-def _cage_primvar(primvar: Primvar, at: int, name: int) -> dict[str, Any]:
+def _cage_primvar(primvar: Primvar, at: int, name: int) -> dict[str, object]:
     kind = primvar.interpolation
     values: Floats = primvar.values
     if kind is Interpolation.FACE and primvar.indices is not None:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from ..arrays import Floats
 from ..settings import BIAS, RenderSettings
-from .native import module, raise_primray_error
+from . import compiled
+from .native import raise_primray_error
 from .scene import CoreScene
 
 # Settings that remove sampled light from the picture, by the film's name for the removed light (film/film.hpp, Removal).
@@ -30,11 +31,11 @@ class Film:
         """Start an empty film for a render with these settings, or continue the film whose arrays `state` holds."""
         width, height = scene.resolution
         if state is None:
-            expressions = 0 if scene.routes is None else len(scene.routes.expressions)
+            expressions = 0 if scene.light_paths is None else len(scene.light_paths.expressions)
             removals = [getattr(settings, name) != BIAS[name] for name in REMOVALS.values()]
-            self._film = module().Film(width, height, expressions, sum(1 << why for why, on in enumerate(removals) if on))
+            self._film = compiled.Film(width, height, expressions, sum(1 << why for why, on in enumerate(removals) if on))
         else:
-            self._film = module().Film.from_state(width, height, dict(state))
+            self._film = compiled.Film.from_state(width, height, dict(state))
         self._exposure_scale = scene._exposure_scale
         self._image: tuple[int, tuple[Floats, Floats]] | None = None
         self._spread: tuple[int, tuple[int, int]] | None = None
@@ -45,13 +46,12 @@ class Film:
             self._image = (self.samples, self._film.image(self._exposure_scale))
         return self._image[1]
 
-    def routed_image(self) -> tuple[npt.NDArray[np.float64], Floats]:
+    def light_path_images(self) -> tuple[npt.NDArray[np.float64], Floats]:
         """Return R, G, B (E, H, W, 3) of each light path expression, scaled as in `image`, and their standard errors.
 
         The outputs of expressions that partition the light add up to the picture, up to rounding of doubles.
         """
-        found: tuple[npt.NDArray[np.float64], Floats] = self._film.routed_image(self._exposure_scale)
-        return found
+        return self._film.lpe_images(self._exposure_scale)
 
     def removed_rows(self, why: str, first: int, end: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return R, G, B of the light of these rows that was sampled and removed (a key of `REMOVALS`), and errors.
@@ -59,10 +59,7 @@ class Film:
         The second array holds differences of the replicates, distributed as the errors of the first; NaN where there is no
         estimate.
         """
-        number = list(REMOVALS).index(why)
-        found: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
-        found = self._film.removed_rows(number, self._exposure_scale, first, end)
-        return found
+        return self._film.removed_rows(list(REMOVALS).index(why), self._exposure_scale, first, end)
 
     @property
     def pixels(self) -> Floats:
@@ -71,14 +68,12 @@ class Film:
     @property
     def replicates(self) -> npt.NDArray[np.float64]:
         """Sums (R, H, W, 4) of each independent replicate, before exposure."""
-        sums: npt.NDArray[np.float64] = self._film.replicates
-        return sums
+        return self._film.replicates
 
     @property
     def counts(self) -> npt.NDArray[np.uint32]:
         """Samples (R, H, W) in each sum."""
-        counts: npt.NDArray[np.uint32] = self._film.counts
-        return counts
+        return self._film.counts
 
     @property
     def samples_per_pixel(self) -> tuple[int, int]:
@@ -93,11 +88,11 @@ class Film:
 
     @property
     def samples(self) -> int:
-        return int(self._film.samples)
+        return self._film.samples
 
     @property
     def invalid_samples(self) -> int:
-        return int(self._film.invalid_samples)
+        return self._film.invalid_samples
 
     @property
     def rays_by_kind(self) -> dict[str, int]:
@@ -110,23 +105,21 @@ class Film:
 
     @property
     def resolution(self) -> tuple[int, int]:
-        return int(self._film.width), int(self._film.height)
+        return self._film.width, self._film.height
 
     @property
     def tiles(self) -> tuple[int, int]:
         """Number of tiles across and down."""
-        return int(self._film.tiles_x), int(self._film.tiles_y)
+        return self._film.tiles_x, self._film.tiles_y
 
     @property
     def next(self) -> npt.NDArray[np.uint32]:
         """Index of each tile's next sample in each replicate, (R, tiles); tiles in rows from the top."""
-        numbers: npt.NDArray[np.uint32] = self._film.next
-        return numbers
+        return self._film.next
 
     @property
     def tile_rays(self) -> npt.NDArray[np.int64]:
-        rays: npt.NDArray[np.int64] = self._film.tile_rays
-        return rays
+        return self._film.tile_rays
 
     def start_at(self, number: int) -> None:
         """Start the sample sequences at index `number` instead of 0."""
@@ -137,19 +130,17 @@ class Film:
         them."""
         try:
             self._film.merge(other._film)
-        except module().CoreError as error:
+        except compiled.CoreError as error:
             raise_primray_error(error)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Return everything in the film as arrays, for `Film(scene, state)`."""
-        state: dict[str, npt.NDArray[Any]] = self._film.state()
-        return state
+        return self._film.state()
 
-    def error_sums(self, most_pixels: int, threads: int) -> dict[str, Any]:
+    def error_sums(self, most_pixels: int, threads: int) -> compiled.FrameErrorSums:
         """Return the sums that error estimates are made of (film/frame_error.hpp computes them, sampling/error.py uses
         them)."""
-        sums: dict[str, Any] = self._film.error(self._exposure_scale, most_pixels, threads)
-        return sums
+        return self._film.error(self._exposure_scale, most_pixels, threads)
 
 
 def samples_of_replicates(samples: int) -> tuple[int, int]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from ..arrays import Doubles, Floats
 from ..description import Light, LightType, MatrixMotion, Shaping, TextureFile
 from ..description.motion import handed_over
-from .native import filled
+from . import compiled
+from .inputs import filled
 from .surface_upload import Textures
 
 # The core's formats by UsdLux token; an unresolved `automatic` is read as lat-long.
@@ -45,8 +45,7 @@ class LightGroups:
 
 
 class LightUpload:
-    def __init__(self, core: Any, builder: Any) -> None:
-        self._core = core
+    def __init__(self, builder: compiled.SceneBuilder) -> None:
         self._builder = builder
         self.groups = LightGroups()
         self.has_mesh_lights = False  # some lights are shapes (MeshLightAPI)
@@ -65,15 +64,14 @@ class LightUpload:
             made = filled(
                 self._input(light, light.world_from_light),
                 texture=pixels,
-                format=self._core.DomeFormat[DOME_FORMATS[light.texture_format]],
+                format=compiled.DomeFormat[DOME_FORMATS[light.texture_format]],
                 portals=portals.reshape(-1, 14),
             )
             if light.motion is not None:
-                times, stances = _motion_matrices(light.motion)
-                filled(made, times=times, stances=stances)
+                made.times, made.pose_matrices = _motion_matrices(light.motion)
             for k, portal in enumerate(light.portals):
                 if portal.motion is not None:
-                    made.move_portal(k, *_motion_matrices(portal.motion))
+                    made.set_portal_motion(k, *_motion_matrices(portal.motion))
             self._builder.add_light(made, image)
 
     def add_mesh_light(self, light: Light, group_from_object: Doubles) -> int:
@@ -85,14 +83,13 @@ class LightUpload:
             shows_own=light.shows_own,
         )
         self.has_mesh_lights = True
-        number: int = self._builder.add_geometry_light(made)
-        return number
+        return self._builder.add_geometry_light(made)
 
-    def _input(self, light: Light, matrix: Doubles) -> Any:
-        """Return a LightInput with the fields that all types share."""
+    def _input(self, light: Light, matrix: Doubles) -> compiled.LightInput:
+        """Return the input of a light with the fields that all types share."""
         made = filled(
-            self._core.LightInput(),
-            type=self._core.LightType[light.type.name],
+            compiled.LightInput(),
+            type=compiled.LightType[light.type.name],
             world_from_light=np.ascontiguousarray(matrix, np.float64),
             **{name: getattr(light, name) for name in FIELDS},
         )
@@ -110,10 +107,9 @@ class LightUpload:
             made.shaping = self._shaping(light.shaping)
         return made
 
-    def _shaping(self, shaping: Shaping) -> Any:
-        """Return a ShapingInput."""
+    def _shaping(self, shaping: Shaping) -> compiled.ShapingInput:
         made = filled(
-            self._core.ShapingInput(),
+            compiled.ShapingInput(),
             focus=shaping.focus,
             focus_tint=shaping.focus_tint,
             cone_angle_deg=shaping.cone_angle_deg,

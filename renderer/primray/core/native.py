@@ -1,4 +1,4 @@
-"""The compiled core: choice of the module by the CPU, its settings, input structures and errors. Only this imports `_core_*`.
+"""The compiled core: choice of the module by the CPU, its settings and errors. Only this imports `_core_*`.
 
 Modules exist for x86-64 v2, v3 and v4. The environment variables `PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16)
 override the choice.
@@ -9,13 +9,12 @@ from __future__ import annotations
 import hashlib
 import importlib
 import os
-from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn
+from types import ModuleType
+from typing import NoReturn
 
 from .. import errors
-from ..description import Surface
 from ..installed_packages import library_of, version_of
 from ..settings import RenderSettings
 
@@ -82,12 +81,12 @@ def _embree_path() -> Path:
 
 
 @cache
-def module() -> Any:
+def module() -> ModuleType:
     """Return the extension module for `isa()`, with Embree loaded."""
     return load(isa())
 
 
-def load(isa: str) -> Any:
+def load(isa: str) -> ModuleType:
     """Return the extension module for an ISA class, with Embree loaded."""
     name = f"primray._core_{isa}"
     try:
@@ -132,31 +131,3 @@ def raise_primray_error(error: Exception) -> NoReturn:
     if code == "settings-error":
         raise errors.SettingsError(message) from error
     raise errors.InternalError(message, code=code) from error
-
-
-def filled(made: Any, **values: Any) -> Any:
-    """Return `made` with these fields set.
-
-    Raise AttributeError for a field that it does not have.
-    """
-    for name, value in values.items():
-        setattr(made, name, value)
-    return made
-
-
-def surface_input(core: Any, surface: Surface) -> Any:
-    """Return the SurfaceInput of a surface: its constants."""
-    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair", "camera")]
-    made = filled(core.SurfaceInput(), **{name: getattr(surface, name) for name in names})
-    made.camera = getattr(core.CameraSight, surface.camera.value)
-    lobes = surface.open_pbr
-    if lobes is not None:
-        made.open_pbr = filled(core.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})
-    if surface.hair is not None:
-        made.hair = filled(core.HairInput(), **{f.name: getattr(surface.hair, f.name) for f in fields(surface.hair)})
-    return made
-
-
-def integrator_settings(core: Any, settings: RenderSettings, **values: Any) -> Any:
-    """Return IntegratorSettings for one thread at the render's depth, with these fields set."""
-    return filled(core.IntegratorSettings(), max_depth=max_depth(settings), **values)

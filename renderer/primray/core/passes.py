@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import Floats
 from ..settings import RenderSettings
+from . import compiled
 from .film import TILE, Film, uniform_ends
-from .native import integrator_settings, lanes, module, raise_primray_error, threads
+from .inputs import integrator_settings
+from .native import lanes, raise_primray_error, threads
 from .scene import CoreScene, Splits
 
 Progress = Callable[[float], bool | None]  # called with the fraction of the pass that is done
@@ -48,7 +51,6 @@ def render_pass(
     if guide is not None and guide.alone:
         caustics = None
     asked = integrator_settings(
-        module(),
         settings,
         threads=threads(settings),
         seed=settings.seed,
@@ -57,15 +59,15 @@ def render_pass(
         screen_block=settings.screen_block,
         guide=guide,
         caustics=caustics,
-        routes=scene.route_tables(settings),
+        lpe=scene.lpe_automaton(settings),
         **({} if settings.clamp_indirect is None else {"clamp_indirect": scene.clamp_of(settings.clamp_indirect)}),
     )
     to = np.ascontiguousarray(ends, np.uint32)
     try:
-        done = module().render_pass(scene._scene, film._film, to, asked, lanes=lanes(), progress=progress)
-    except module().CoreError as error:
+        done = compiled.render_pass(scene._scene, film._film, to, asked, lanes=lanes(), progress=progress)
+    except compiled.CoreError as error:
         raise_primray_error(error)
-    return Pass(bool(done.interrupted), float(done.seconds), int(done.busy_lanes), int(done.shaded_lanes))
+    return Pass(done.interrupted, done.seconds, done.busy_lanes, done.shaded_lanes)
 
 
 def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
@@ -80,12 +82,20 @@ class Recording:
     """All rays of a single-threaded render, in order, for tracing again with Embree alone (for the benchmark; takes memory)."""
 
     def __init__(self, scene: CoreScene, settings: RenderSettings) -> None:
-        asked = integrator_settings(module(), settings, seed=settings.seed)
-        self._recording = module().Recording(scene._scene, settings.most_samples, asked, lanes())
+        asked = integrator_settings(settings, seed=settings.seed)
+        self._recording = compiled.Recording(scene._scene, settings.most_samples, asked, lanes())
 
     def replay_s(self) -> float:
         """Return the seconds that one thread takes to trace the rays, as packets or single rays as in the render."""
-        return float(self._recording.replay_seconds())
+        return self._recording.replay_seconds()
+
+
+@dataclass(frozen=True)
+class FirstHits:
+    """Arrays (H, W, C) of first hits: the core's planes by name (aov/first_hit.hpp), and primvars in the order requested."""
+
+    planes: dict[str, npt.NDArray[Any]]
+    primvars: list[Floats]
 
 
 @dataclass(frozen=True)
@@ -109,22 +119,21 @@ def first_hits(
     settings: RenderSettings,
     replicate: int = 0,
     occlusion_distance: float = 0.0,
-) -> dict[str, Any]:
-    """Return arrays (H, W, C) of first hits, by the core's names of planes (bindings/first_hit_bindings.cpp).
+) -> FirstHits:
+    """Return what the camera sees first in each pixel.
 
-    `primvars`: the number of each, that of its wide twin, and its width, returned as a list; `replicate`: which independent set
-    of samples filtered planes average over; `occlusion_distance`: in scene units, for the plane of that name.
+    `planes`: the core's names; `primvars`: the number of each, that of its wide twin, and its width; `replicate`: which
+    independent set of samples filtered planes average over; `occlusion_distance`: in scene units, for the plane of that name.
     """
     try:
-        hits = module().FirstHits(
+        hits = compiled.FirstHits(
             scene._scene, list(planes), list(primvars), replicate=replicate, occlusion_distance=occlusion_distance
         )
         for row in range(0, scene.resolution[1], BAND):
             hits.fill(lanes(), threads(settings), row, row + BAND)
-    except module().CoreError as error:
+    except compiled.CoreError as error:
         raise_primray_error(error)
-    found: dict[str, Any] = hits.take()
-    return found
+    return FirstHits(hits.take(), hits.take_primvars())
 
 
 def coverage(
@@ -136,13 +145,12 @@ def coverage(
     `first_hits` numbers them; and the samples covered by each (N), as integers.
     """
     try:
-        hits = module().FirstHits(scene._scene, [], [])
+        hits = compiled.FirstHits(scene._scene, [], [])
         link = int(samples.is_split)
         first, end = (np.ascontiguousarray(numbers, np.uint32) for numbers in (samples.first, samples.end))
         hits.want_coverage(samples.seed, samples.screen_block, link, first, end)
         for row in range(0, scene.resolution[1], BAND):
             hits.fill(lanes(), threads(settings), row, row + BAND)
-    except module().CoreError as error:
+    except compiled.CoreError as error:
         raise_primray_error(error)
-    counts, what, shares = hits.take_coverage()
-    return counts, what, shares
+    return hits.take_coverage()

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..color.color_space import REC709, ColorSpace
 from ..description.placement import Box
 from ..settings import RenderSettings
-from .light_path_tables import Routes, tables_without_caustics
+from . import compiled
+from .inputs import integrator_settings
+from .light_path_tables import LightPathTables, automaton_without_caustics
 from .light_upload import LightGroups
-from .native import integrator_settings, lanes, max_depth, module, raise_primray_error, threads
+from .native import lanes, max_depth, raise_primray_error, threads
 from .scene_record import InstanceNumbers, SceneRecord
+
+if TYPE_CHECKING:
+    from .scene_upload import UploadRecord
 
 LARGEST_CLAMP = 3e38  # the core's clamp must be finite
 
@@ -27,7 +32,7 @@ class CoreScene:
 
     def __init__(
         self,
-        scene: Any,
+        scene: compiled.Scene | None,
         exposure_scale: float,
         warnings: list[tuple[str, str, str]],
         resolution: tuple[int, int],
@@ -35,21 +40,26 @@ class CoreScene:
         rendering_space: ColorSpace = REC709,
         bounds: Box | None = None,
     ) -> None:
-        self._scene = scene
+        self._built = scene  # None where parts are merged, which nothing renders
         self.record = record  # None unless AOVs are requested
         self.resolution = resolution  # of the film, in pixels
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
         self.bounds = bounds  # low and high corner (3,) of everything in the world, without a few outliers
-        self.routes: Routes | None = None  # None unless light path expressions are requested
+        self.light_paths: LightPathTables | None = None  # None unless light path expressions are requested
         self.light_groups: LightGroups | None = None
-        self._without_caustics: Any = None  # route tables for renders without caustics
-        self.uploaded: Any = None  # scene_upload.Uploaded
+        self._without_caustics: compiled.LpeAutomaton | None = None  # for renders without caustics
+        self.uploaded: UploadRecord | None = None
         # Caches by path depth and whether caustics are rendered.
-        self._guides: dict[tuple[int, bool, Splits], Any] = {}
-        self._caustics: dict[int, Any] = {}
+        self._guides: dict[tuple[int, bool, Splits], compiled.Guide | None] = {}
+        self._caustics: dict[int, compiled.CausticGuide | None] = {}
         self._splits: dict[tuple[int, bool], Splits] = {}
+
+    @property
+    def _scene(self) -> compiled.Scene:
+        assert self._built is not None
+        return self._built
 
     def splits(self, settings: RenderSettings) -> Splits:
         """Return the splitting factors that a pilot finds best, measured once for each depth and caustics setting.
@@ -60,14 +70,14 @@ class CoreScene:
             return Splits()
         depth = max_depth(settings), settings.caustics
         if depth not in self._splits:
-            pilot = integrator_settings(module(), settings, caustics=self.caustics(settings))
+            pilot = integrator_settings(settings, caustics=self.caustics(settings))
             try:
-                self._splits[depth] = Splits(*module().choose_splits(self._scene, pilot, lanes()))
-            except module().CoreError as error:
+                self._splits[depth] = Splits(*compiled.choose_splits(self._scene, pilot, lanes()))
+            except compiled.CoreError as error:
                 raise_primray_error(error)
         return self._splits[depth]
 
-    def guide(self, settings: RenderSettings, splits: Splits) -> Any:
+    def guide(self, settings: RenderSettings, splits: Splits) -> compiled.Guide | None:
         """Return the path guide, learnt once from training paths; None where guiding would not pay off, and for a quick
         look."""
         if settings.is_quick_look:
@@ -75,12 +85,12 @@ class CoreScene:
         depth = max_depth(settings), settings.caustics
         if (*depth, splits) not in self._guides:
             asked = integrator_settings(
-                module(), settings, splits=splits.paths, light_samples=splits.lights, caustics=self.caustics(settings)
+                settings, splits=splits.paths, light_samples=splits.lights, caustics=self.caustics(settings)
             )
-            self._guides[*depth, splits] = module().learn_guide(self._scene, asked, lanes())
+            self._guides[*depth, splits] = compiled.learn_guide(self._scene, asked, lanes())
         return self._guides[*depth, splits]
 
-    def caustics(self, settings: RenderSettings) -> Any:
+    def caustics(self, settings: RenderSettings) -> compiled.CausticGuide | None:
         """Return the guide to caustics of small lights, learnt once from photons.
 
         None where there are no caustics worth guiding, where guiding would not pay off, where caustics are left out, and for a
@@ -90,17 +100,17 @@ class CoreScene:
             return None
         depth = max_depth(settings)
         if depth not in self._caustics:
-            self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings), lanes())
+            self._caustics[depth] = compiled.learn_caustics(self._scene, depth, threads(settings), lanes())
         return self._caustics[depth]
 
-    def route_tables(self, settings: RenderSettings) -> Any:
-        """Return the core's tables of light path expressions, or None if nothing depends on them."""
+    def lpe_automaton(self, settings: RenderSettings) -> compiled.LpeAutomaton | None:
+        """Return the automaton of the light path expressions, or None if nothing depends on them."""
         if settings.caustics:
-            return None if self.routes is None else self.routes.tables
+            return None if self.light_paths is None else self.light_paths.automaton
         if self._without_caustics is None:
-            expressions = () if self.routes is None else self.routes.expressions
+            expressions = () if self.light_paths is None else self.light_paths.expressions
             assert self.light_groups is not None
-            self._without_caustics = tables_without_caustics(expressions, self.light_groups)
+            self._without_caustics = automaton_without_caustics(expressions, self.light_groups)
         return self._without_caustics
 
     def clamp_of(self, value: float) -> float:
@@ -118,8 +128,7 @@ class CoreScene:
     def memory_bytes(self) -> int:
         """Bytes of the core's arrays, of Embree's acceleration structures, and of guides."""
         guides = [guide for guide in (*self._caustics.values(), *self._guides.values()) if guide is not None]
-        own = int(self._scene.memory_bytes) + int(module().embree_memory()[0])
-        return own + sum(int(guide.memory_bytes) for guide in guides)
+        return self._scene.memory_bytes + compiled.embree_memory()[0] + sum(guide.memory_bytes for guide in guides)
 
     @property
     def exposure_scale(self) -> float:
@@ -129,7 +138,7 @@ class CoreScene:
     def instance_numbers(self) -> InstanceNumbers:
         assert self.record is not None
         group, first, parent, total = self._scene.placements
-        return InstanceNumbers(self.record, group, first, parent, int(total))
+        return InstanceNumbers(self.record, group, first, parent, total)
 
     @property
     def features(self) -> list[dict[str, str]]:

@@ -6,7 +6,6 @@ import ctypes
 import mmap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,8 +28,9 @@ from ..description import (
 from ..description.motion import handed_over
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from ..lens.distortion import Distortion
+from . import compiled
+from .inputs import filled
 from .light_upload import LightGroups, LightUpload
-from .native import filled
 from .precision.far_geometry import (
     FARTHEST,
     OUTLYING,
@@ -50,14 +50,13 @@ NO_TEXELS = np.zeros((1, 1, 1), np.float32)
 
 
 def upload_scene(
-    core: Any,
     description: SceneDescription,
     textures: MutableTextures,
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
-) -> tuple[Any, UploadRecord]:
+) -> tuple[compiled.Scene, UploadRecord]:
     """Upload a description; return the core's Scene and a record of the upload. Empties `textures` to save memory.
 
     `shapes`, if given, replaces the description's shapes; it is emptied once the core has copies, before acceleration
@@ -66,14 +65,14 @@ def upload_scene(
     shapes = list(description.shapes) if shapes is None else shapes
     warnings: list[tuple[str, str, str]] = []
     d = separate_skewed(with_common_times(separate_stretched_curves(description, shapes), shapes, warnings), shapes)
-    full_boxes = shape_boxes(core, shapes)
+    full_boxes = shape_boxes(shapes)
     boxes = boxes_without_outliers(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = rebasing_origin(d.camera)
     low, high = world_boxes(d, boxes, prototype_boxes)
     scale = power_of_two_scale(scene_extent(d, low, high, origin))
-    builder = core.SceneBuilder(origin, scale)
-    inputs, lights = SurfaceUpload(core, builder, textures, d.time_code or 0.0), LightUpload(core, builder)
+    builder = compiled.SceneBuilder(origin.tolist(), scale)
+    inputs, lights = SurfaceUpload(builder, textures, d.time_code or 0.0), LightUpload(builder)
     if record is not None:
         record_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))
@@ -82,7 +81,7 @@ def upload_scene(
     headers = {file: [(0, replace(tiles[0][1], stored=NO_TEXELS))] for file, tiles in textures.items()}
     surfaces = inputs.add_surfaces(d.surfaces)
     warnings.extend(inputs.warnings)
-    handing = ShapeUpload(core, builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
+    handing = ShapeUpload(builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
     rows = handing.rows_of_last()
     instances = sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)]))
@@ -93,15 +92,15 @@ def upload_scene(
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         corner, opposite = prototype_boxes[i]
         center, unit = (corner + opposite) / 2, power_of_two_scale(float(np.max(opposite - corner)) / 2)
-        numbers[i] = builder.begin_prototype(center, unit)
+        numbers[i] = builder.begin_prototype(center.tolist(), unit)
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit)
     placements.add(d.placements, 0, origin, scale)
     lights.add(d.lights, textures)
     if d.exposure is not None:
         builder.set_exposure(*d.exposure.shutter, d.exposure.frame)
-        builder.set_rolling(*d.exposure.rolling)
-    camera = camera_input(core, d.camera, d.frame, d.camera_motion)
+        builder.set_rolling_shutter(*d.exposure.rolling)
+    camera = camera_input(d.camera, d.frame, d.camera_motion)
     builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
     inputs.add_images()
     items = sum(points_and_triangles(shapes)) + instances
@@ -128,16 +127,15 @@ def upload_scene(
 
 
 def upload(
-    core: Any,
     description: SceneDescription,
     textures: MutableTextures,
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
-) -> tuple[Any, list[tuple[str, str, str]], Box | None]:
+) -> tuple[compiled.Scene, list[tuple[str, str, str]], Box | None]:
     """Return the core's Scene, all warnings, and the box of everything placed in the world, or None; see `hand_over`."""
-    scene, found = upload_scene(core, description, textures, filter_width, filter_inverse_cdf, shapes, record)
+    scene, found = upload_scene(description, textures, filter_width, filter_inverse_cdf, shapes, record)
     return scene, [*found.warnings, *emitter_warnings(scene)], found.bounds
 
 
@@ -165,7 +163,7 @@ class UploadRecord:
         return (self.low.min(axis=0), self.high.max(axis=0)) if len(self.low) else None
 
 
-def emitter_warnings(scene: Any) -> list[tuple[str, str, str]]:
+def emitter_warnings(scene: compiled.Scene) -> list[tuple[str, str, str]]:
     """Return a warning if some emissive instances are not sampled as lights."""
     if not scene.unsampled_emitters:
         return []
@@ -177,7 +175,7 @@ def emitter_warnings(scene: Any) -> list[tuple[str, str, str]]:
 class PlacementUpload:
     """Uploads placements with their instances' primvars; instances that are left out are reported in `warnings`."""
 
-    builder: Any
+    builder: compiled.SceneBuilder
     inputs: SurfaceUpload
     description: SceneDescription
     numbers: Mapping[int, int]  # the core's group numbers, by prototype
@@ -221,16 +219,14 @@ def record_names(record: SceneRecord, d: SceneDescription, shapes: Sequence[Shap
 
 
 def add_placement(
-    builder: Any, placement: Placement, parent: int, prototype: int, far: FarInstances | None = None
+    builder: compiled.SceneBuilder, placement: Placement, parent: int, prototype: int, far: FarInstances | None = None
 ) -> npt.NDArray[np.int64]:
     """Add a placement; return the indices of instances that are left out, for which the core has no row."""
     builder.begin_placement(parent, prototype)
     left_out, start = [np.zeros(0, np.int64)], 0
     if isinstance(moving := placement.levels[0], MovingInstances):
         rows = moving.matrices if far is None else np.stack([far.removed(step) for step in moving.matrices])
-        gone: npt.NDArray[np.int64] = builder.add_moving_instances(
-            handed_over(moving.times), moving.turns, np.ascontiguousarray(rows, np.float64)
-        )
+        gone = builder.add_moving_instances(handed_over(moving.times), moving.turns, np.ascontiguousarray(rows, np.float64))
         builder.end_placement()
         return gone
     for rows in placement.chunks():
@@ -240,13 +236,13 @@ def add_placement(
     return np.concatenate(left_out)
 
 
-def camera_input(core: Any, c: Camera, frame: Frame, motion: CameraMotion | None = None) -> Any:
-    """Return the core's CameraInput, without its pixel filter."""
+def camera_input(c: Camera, frame: Frame, motion: CameraMotion | None = None) -> compiled.CameraInput:
+    """Return the input of a camera, without its pixel filter."""
     pixels = frame.pixels
     width, height = frame.resolution
     near, far = c.clipping_range
     made = filled(
-        core.CameraInput(),
+        compiled.CameraInput(),
         world_from_camera=matrix(c.world_from_camera),
         orthographic=c.projection is Projection.ORTHOGRAPHIC,
         window=c.window,
@@ -262,7 +258,7 @@ def camera_input(core: Any, c: Camera, frame: Frame, motion: CameraMotion | None
         pixels=(pixels.x, pixels.y, pixels.width, pixels.height),
     )
     if c.distortion is not None and c.projection is Projection.PERSPECTIVE:
-        made.distortion = distortion_input(core, c.distortion)
+        made.distortion = distortion_input(c.distortion)
     filled(
         made,
         natural_vignetting=c.natural_vignetting,
@@ -278,9 +274,9 @@ def camera_input(core: Any, c: Camera, frame: Frame, motion: CameraMotion | None
     return filled(made, times=handed_over(motion.times), pose_matrices=poses, pose_numbers=np.array(numbers, np.float64))
 
 
-def distortion_input(core: Any, d: Distortion) -> Any:
+def distortion_input(d: Distortion) -> compiled.DistortionInput:
     made = filled(
-        core.DistortionInput(),
+        compiled.DistortionInput(),
         model=d.model.value,
         coefficients=np.array(d.coefficients, np.float64),
         most_angle=np.radians(d.most_angle_deg),
@@ -292,9 +288,9 @@ def distortion_input(core: Any, d: Distortion) -> Any:
     return filled(made, table_window=d.table.window, table_rows=rows, table_columns=columns, directions=directions)
 
 
-def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:
+def shape_boxes(shapes: Sequence[Shape]) -> Doubles:
     """Return the boxes (S, 2, 3) of shapes: low and high corners, each in its own space."""
-    boxes: Doubles = core.boxes([getattr(s, "points", NO_FLOATS) for s in shapes])
+    boxes = compiled.boxes([getattr(s, "points", NO_FLOATS) for s in shapes])
     spheres = [(k, shape.radius) for k, shape in enumerate(shapes) if isinstance(shape, Sphere)]
     if spheres:  # vectorised, since there may be a million
         reach = np.abs([radius for _, radius in spheres])[:, None]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +16,8 @@ from ..description import Curves, Interpolation, Mesh, Placed, Primvar, Shape, S
 from ..description.geometry import is_paired
 from ..description.motion import handed_over
 from ..description.placement import transformed_boxes
+from . import compiled
 from .light_upload import LightUpload
-from .native import filled
 from .precision.far_geometry import FARTHEST, OUTLYING, Flags, representable_triangles
 from .scene_record import SceneRecord, ShapeRows
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
@@ -51,8 +50,7 @@ class ShapeUpload:
 
     def __init__(
         self,
-        core: Any,
-        builder: Any,
+        builder: compiled.SceneBuilder,
         inputs: SurfaceUpload,
         lights: LightUpload,
         surfaces: Sequence[Surface],
@@ -61,7 +59,6 @@ class ShapeUpload:
         warnings: list[tuple[str, str, str]],
         record: SceneRecord | None = None,
     ) -> None:
-        self._core = core
         self._builder = builder
         self._record = record
         self._inputs = inputs
@@ -177,7 +174,7 @@ class ShapeUpload:
             return
         self._set_link_row(shape)
         if isinstance(shape, Curves):
-            add_curves(self._core, self._builder, shape, self._hole, world_from_object)
+            add_curves(self._builder, shape, self._hole, world_from_object)
         elif not CURVED[kind](self._builder, shape, world_from_object):
             message = f"A {kind.__name__.lower()} with a singular matrix is left out"
             self._warnings.append(("singular-transform", shape.path, message))
@@ -211,20 +208,13 @@ class ShapeUpload:
 
     def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
         self._set_link_row(part.mesh)
-        kinds = self._core.Attribute
-        mesh = filled(
-            self._core.MeshInput(),
-            points=part.mesh.points,
-            triangles=part.triangles,
-            normals=part.normals[0],
-            normal_kind=kinds[part.normals[1]],
-            colors=part.colors[0],
-            color_kind=kinds[part.colors[1]],
-            surfaces=part.surfaces,
-            cutout=cutout,
-        )
+        mesh = compiled.MeshInput()
+        mesh.points, mesh.triangles, mesh.surfaces = part.mesh.points, part.triangles, part.surfaces
+        mesh.normals, mesh.normal_kind = part.normals[0], compiled.Attribute[part.normals[1]]
+        mesh.colors, mesh.color_kind = part.colors[0], compiled.Attribute[part.colors[1]]
+        mesh.cutout = cutout
         if (motion := part.mesh.motion) is not None:
-            filled(mesh, times=handed_over(motion.times), step_points=np.ascontiguousarray(motion.points, np.float32))
+            mesh.times, mesh.step_points = handed_over(motion.times), np.ascontiguousarray(motion.points, np.float32)
             if part.step_normals is not None:
                 mesh.step_normals = np.ascontiguousarray(part.step_normals, np.float32)
         self._builder.add_mesh(mesh, world_from_object)
@@ -234,28 +224,26 @@ class ShapeUpload:
             self._builder.set_light_of_shape(light, world_from_object)
 
 
-def add_sphere(builder: Any, sphere: Sphere, world_from_object: Doubles) -> bool:
+def add_sphere(builder: compiled.SceneBuilder, sphere: Shape, world_from_object: Doubles) -> bool:
     """Add a sphere; return whether it was added or is empty."""
-    return bool(builder.add_sphere(sphere.radius, sphere.surface, world_from_object)) or sphere.radius == 0
+    assert isinstance(sphere, Sphere)
+    return builder.add_sphere(sphere.radius, sphere.surface, world_from_object) or sphere.radius == 0
 
 
-def add_curves(core: Any, builder: Any, curves: Curves, holes: Flags, world_from_object: Doubles) -> None:
+def add_curves(builder: compiled.SceneBuilder, curves: Curves, holes: Flags, world_from_object: Doubles) -> None:
     surfaces = np.atleast_1d(np.asarray(curves.surface, np.int32))
-    made = filled(
-        core.CurvesInput(),
-        points=np.ascontiguousarray(curves.controls, np.float32),
-        segments=np.ascontiguousarray(curves.segments, np.int32),
-        surfaces=np.where((surfaces >= 0) & holes[surfaces], np.int32(-1), surfaces),
-        closed=curves.closed,
-        joined=curves.joined,
-    )
+    made = compiled.CurvesInput()
+    made.points = np.ascontiguousarray(curves.controls, np.float32)
+    made.segments = np.ascontiguousarray(curves.segments, np.int32)
+    made.surfaces = np.where((surfaces >= 0) & holes[surfaces], np.int32(-1), surfaces)
+    made.closed, made.joined = curves.closed, curves.joined
     if (motion := curves.motion) is not None:
-        filled(made, times=handed_over(motion.times), step_points=np.ascontiguousarray(motion.points, np.float32))
+        made.times, made.step_points = handed_over(motion.times), np.ascontiguousarray(motion.points, np.float32)
     builder.add_curves(made, world_from_object)
 
 
 # Upload functions of shapes that are neither triangles nor curves, by type.
-CURVED: dict[type, Callable[[Any, Any, Doubles], bool]] = {Sphere: add_sphere}
+CURVED: dict[type[Shape], Callable[[compiled.SceneBuilder, Shape, Doubles], bool]] = {Sphere: add_sphere}
 
 
 def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) -> Doubles:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats
 from ..description import Input, PatternInput, Primvar, Surface, TextureFile, TextureInput, Wrap
 from ..textures.texture import Texture
-from .native import filled, surface_input
+from . import compiled
+from .inputs import filled, surface_input
 from .patterns.compiler import UnknownNodeError
 from .patterns.tape_upload import SharedInputs, TooLargeError, tape_of
 
@@ -108,13 +108,14 @@ class TextureKey:
 class SurfaceUpload:
     """Uploads surfaces, numbering the primvar names and textures that they read; afterwards the values of those."""
 
-    def __init__(self, core: Any, builder: Any, textures: MutableTextures, frame: float = 0.0) -> None:
-        self._core = core
+    def __init__(
+        self, builder: compiled.SceneBuilder | compiled.Displacer, textures: MutableTextures, frame: float = 0.0
+    ) -> None:
         self._builder = builder
         self._textures = textures
         self._names: dict[str, int] = {}
         self._numbers: dict[TextureKey, int] = {}
-        self._outside = SharedInputs(core, self._name, self._pattern_texture, self._pattern_wrap, frame)
+        self._outside = SharedInputs(self._name, self._pattern_texture, self._pattern_wrap, frame)
         self.warnings: list[tuple[str, str, str]] = []  # code, prim path, message
 
     def name_primvars(self, names: Sequence[str]) -> dict[str, int]:
@@ -141,7 +142,7 @@ class SurfaceUpload:
                 surface = without_pattern(surface)
         cutout = is_cutout(surface)
         sources = [self._source(name, i, cutout and name == "opacity", outputs.get(name, -1)) for name, i in surface.inputs]
-        self._builder.add_surface(surface_input(self._core, surface), sources, tape)
+        self._builder.add_surface(surface_input(surface), sources, tape)
         return surface
 
     def _pattern_texture(self, file: TextureFile, channels: str) -> int | None:
@@ -158,9 +159,9 @@ class SurfaceUpload:
     def _name(self, name: str) -> int:
         return self._names.setdefault(name, len(self._names))
 
-    def _source(self, field: str, value: Input, finest_only: bool, output: int) -> Any:
-        """Return the core's InputSource for an input."""
-        source = filled(self._core.InputSource(), field=self._core.InputField[field])
+    def _source(self, field: str, value: Input, finest_only: bool, output: int) -> compiled.InputSource:
+        """Return where an input's values come from."""
+        source = filled(compiled.InputSource(), field=compiled.InputField[field])
         if isinstance(value, PatternInput):
             return filled(source, output=output, fallback=repeated_to_three(value.fallback))
         if not isinstance(value, TextureInput):
@@ -182,9 +183,8 @@ class SurfaceUpload:
             tangents=st,
         )
 
-    def _wrap(self, wrap: Wrap, of_file: Wrap) -> Any:
-        """Return the core's Wrap."""
-        return self._core.Wrap[(of_file if wrap is Wrap.USE_METADATA else wrap).name]
+    def _wrap(self, wrap: Wrap, of_file: Wrap) -> compiled.Wrap:
+        return compiled.Wrap[(of_file if wrap is Wrap.USE_METADATA else wrap).name]
 
     def _texture(self, file: TextureFile, channels: str, finest_only: bool) -> int:
         key = TextureKey(file, channels, finest_only)
@@ -195,11 +195,10 @@ class SurfaceUpload:
             self._numbers[key] = self._builder.add_texture(1 if grey else 3, udim, finest_only)
         return self._numbers[key]
 
-    def primvars(self, primvars: Sequence[Primvar]) -> list[tuple[int, Any, int, Floats]]:
+    def primvars(self, primvars: Sequence[Primvar]) -> list[tuple[int, compiled.PrimvarKind, int, Floats]]:
         """Return name, kind, width and values of the primvars that some surface reads; non-finite values become 0."""
-        kinds = self._core.PrimvarKind
         return [
-            (self._names[p.name], kinds[p.interpolation.name], width(p.values), finite(p.values))
+            (self._names[p.name], compiled.PrimvarKind[p.interpolation.name], width(p.values), finite(p.values))
             for p in primvars
             if p.name in self._names
         ]

@@ -49,7 +49,7 @@ class Denoised:
 
 def guides_of(scene: core.CoreScene, settings: RenderSettings) -> Guides:
     """Return the guide images (albedo, normal) of a scene, which are the same for all its films."""
-    found = core.first_hits(scene, [f"guide_{name}" for name in GUIDES], [], settings)
+    found = core.first_hits(scene, [f"guide_{name}" for name in GUIDES], [], settings).planes
     return Guides(*(found[f"guide_{name}"] for name in GUIDES))
 
 

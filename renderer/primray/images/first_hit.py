@@ -20,7 +20,7 @@ from .writers import exr_matrices
 MOST_NUMBERS = 2**32 - 1
 FILTERED_SAMPLES = 16  # samples per pixel: kFilteredSamples of the core's aov/first_hit.hpp
 # The core's planes have the names of the AOVs; these AOVs are derived from other planes, or from none.
-_MADE_OF: dict[str, tuple[str, ...]] = {"camera_normal": ("normal",), "samples": (), "instance": ("instance", "prim")}
+_MADE_OF: dict[str, tuple[str, ...]] = {"camera_normal": ("normal",), "samples": (), "instance": ("instance", "outer", "prim")}
 
 
 def aovs_of(
@@ -36,8 +36,9 @@ def aovs_of(
     primvars = [name for name in primvars_of(requests) if record.width_of(name)]
     wanted = [(record.primvar_names[n], record.primvar_names[WIDE + n], record.width_of(n)) for n in primvars]
     planes = _planes_of(r.source for r in requests)
-    found = core.first_hits(scene, list(planes), wanted, settings) | _occlusion(scene, requests, settings)
-    found |= {f"primvar:{name}": values for name, values in zip(primvars, found["primvars"], strict=True)}
+    hits = core.first_hits(scene, list(planes), wanted, settings)
+    found = hits.planes | _occlusion(scene, requests, settings)
+    found |= {f"primvar:{name}": values for name, values in zip(primvars, hits.primvars, strict=True)}
     errors = _errors(scene, requests, found, settings)
     made: dict[str, Aov] = {}
     ids = Ids(scene, record, record.names)
@@ -64,13 +65,13 @@ def _occlusion(
     found = {}
     for source in dict.fromkeys(r.source for r in requests):
         if (distance := occlusion_distance(source)) is not None:
-            planes = core.first_hits(scene, ["occlusion"], [], settings, replicate, distance)
-            found[source] = planes["occlusion"]
+            hits = core.first_hits(scene, ["occlusion"], [], settings, replicate, distance)
+            found[source] = hits.planes["occlusion"]
     return found
 
 
 def _errors(
-    scene: core.CoreScene, requests: Sequence[AovRequest], found: dict[str, Any], settings: RenderSettings
+    scene: core.CoreScene, requests: Sequence[AovRequest], found: Mapping[str, Values], settings: RenderSettings
 ) -> dict[str, Values]:
     """Return standard errors (H, W, C) of filtered planes.
 
@@ -80,7 +81,7 @@ def _errors(
     if not asked:
         return {}
     planes = _planes_of(r.source for r in asked)
-    again = core.first_hits(scene, list(planes), [], settings, replicate=1) if planes else {}
+    again = core.first_hits(scene, list(planes), [], settings, replicate=1).planes if planes else {}
     again |= _occlusion(scene, asked, settings, replicate=1)
     names = dict.fromkeys(r.source for r in asked)
     return {name: np.abs(found[name] - again[name]) * np.float32(np.sqrt(0.5)) for name in names}
@@ -88,7 +89,7 @@ def _errors(
 
 def _aov(
     request: AovRequest,
-    found: dict[str, Any],
+    found: Mapping[str, Values],
     errors: dict[str, Values],
     camera: Camera,
     counts: npt.NDArray[np.uint32],
@@ -131,13 +132,13 @@ class Ids:
         self._record = record
         self._names = names
 
-    def prim(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
+    def prim(self, found: Mapping[str, Values]) -> tuple[Values, dict[int, str]]:
         record = self._record
         numbers, paths = _numbered(self._named(record.shape_paths))
         ids = _of_rows(found["prim"], *([numbers[shape] for shape, _ in rows] for rows in (record.meshes, record.curved)))
         return ids, _seen(ids, lambda n: paths[n - 1])
 
-    def material(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
+    def material(self, found: Mapping[str, Values]) -> tuple[Values, dict[int, str]]:
         rows = found["material"]
         numbers, paths = _numbered(self._named(self._record.surface_paths))
         ids = np.zeros(rows.shape, np.uint32)
@@ -147,7 +148,7 @@ class Ids:
     def _named(self, paths: Sequence[str]) -> Sequence[str]:
         return [self._names.get(path, path) for path in paths] if self._names else paths
 
-    def instance(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
+    def instance(self, found: Mapping[str, Values]) -> tuple[Values, dict[int, str]]:
         """Return instance ids.
 
         Single instances, whose shapes are placed in the world directly, are numbered after the core's.
@@ -195,7 +196,7 @@ def labels_of_view(
 ) -> tuple[dict[str, Aov], dict[str, Any]]:
     """Return label AOVs by name, and the report's entries: the camera's matrices, and the boxes of labelled objects."""
     assert scene.record is not None
-    found = core.first_hits(scene, ["prim", "instance"], [], settings)
+    found = core.first_hits(scene, ["prim", "instance", "outer"], [], settings).planes
     ids = Ids(scene, scene.record, {})  # by path, the key of labels
     prims, instances = ids.prim(found), ids.instance(found)
     both = np.stack([prims[0][..., 0].astype(np.int64), instances[0][..., 0].astype(np.int64)], axis=2)

@@ -21,8 +21,8 @@ from .aov import Aov, channel_names, make_aov
 
 def light_paths_of_film(scene: core.CoreScene, requests: Sequence[AovRequest], film: core.Film) -> dict[str, Aov]:
     """Return AOVs of light path expressions by name."""
-    assert scene.routes is not None
-    return light_paths_of(requests, scene.routes.expressions, scene.routes.members, film)
+    assert scene.light_paths is not None
+    return light_paths_of(requests, scene.light_paths.expressions, scene.light_paths.members, film)
 
 
 def light_paths_of(
@@ -32,7 +32,7 @@ def light_paths_of(
 
     `expressions` are in the film's order; `members` are bit sets of expressions that some path may match together.
     """
-    means, errors = film.routed_image()
+    means, errors = film.light_path_images()
     values = rounded(means, film.pixels[..., :3], groups_apart(members, len(expressions)))
     found: dict[str, Aov] = {}
     for request in requests:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from ..core import compiled
 from ..core.building import core_scene, inverse_cdf
+from ..core.inputs import filled
 from ..core.light_upload import LightUpload
-from ..core.native import filled, module, raise_primray_error
+from ..core.native import raise_primray_error
 from ..core.precision.far_geometry import OUTLYING, rebasing_origin
 from ..core.scene import CoreScene
 from ..core.scene_upload import UploadRecord, camera_input, power_of_two_scale, scene_extent
@@ -53,7 +54,7 @@ def updated_core_scene(
         return None
     try:
         return _built(scene, *placed, now, images, settings)
-    except module().CoreError as error:
+    except compiled.CoreError as error:
         raise_primray_error(error)
 
 
@@ -107,26 +108,26 @@ def _built(
     images: LightImages,
     settings: RenderSettings,
 ) -> CoreScene | None:
-    core, d = module(), uploaded.description
-    builder = core.SceneBuilder(scene._scene)
+    d = uploaded.description
+    builder = compiled.SceneBuilder(scene._scene)
     textures = {**uploaded.textures, **images}
-    SurfaceUpload(core, builder, textures, d.time_code or 0.0).add_surfaces(d.surfaces)
+    SurfaceUpload(builder, textures, d.time_code or 0.0).add_surfaces(d.surfaces)
     for row, old, new in moved:
         shape = now.shapes[new.shape]
-        if not isinstance(shape, Mesh) or not builder.restand_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
+        if not isinstance(shape, Mesh) or not builder.replace_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
             return None
-    lights = LightUpload(core, builder)
+    lights = LightUpload(builder)
     lights.add(d.lights, textures)
     uploaded = replace(uploaded, light_groups=lights.groups)
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
-    camera = camera_input(core, d.camera, d.frame)
+    camera = camera_input(d.camera, d.frame)
     builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)))
-    return core_scene(builder.finish(), uploaded, d, scene.record) if builder.keeps_levels() else None
+    return core_scene(builder.finish(), uploaded, d, scene.record) if builder.has_current_texture_levels() else None
 
 
-def _placed(mesh: Mesh) -> Any:
-    """Return a MeshInput with the fields that depend on the mesh's transform."""
-    part, core = whole_part(mesh, NO_SURFACES), module()
-    return filled(
-        core.MeshInput(), points=mesh.points, normals=part.normals[0], normal_kind=core.Attribute[part.normals[1]], cutout=False
-    )
+def _placed(mesh: Mesh) -> compiled.MeshInput:
+    """Return a mesh input with the fields that depend on the mesh's transform."""
+    part, made = whole_part(mesh, NO_SURFACES), compiled.MeshInput()
+    made.points, made.cutout = mesh.points, False
+    made.normals, made.normal_kind = part.normals[0], compiled.Attribute[part.normals[1]]
+    return made

@@ -199,7 +199,7 @@ def counts(summed: Summary) -> dict[str, int]:
 
 def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) -> int:
     if isinstance(shape, SubdivisionMesh | NurbsPatch) and footprint is not None:
-        return estimated_triangles(core.module(), shape, footprint, dicing_rate)
+        return estimated_triangles(core.compiled, shape, footprint, dicing_rate)
     return len(shape.triangles) if isinstance(shape, Mesh) else 0
 
 

@@ -81,5 +81,6 @@ def _rulers(prepared: Prepared, pixels: Floats, errors: Floats) -> dict[str, Any
     ordered = np.sort(part, axis=None)[::-1]
     count = int(np.searchsorted(np.cumsum(ordered), 0.5 * ordered.sum())) + 1
     y, x = (int(at) for at in np.unravel_index(int(part.argmax()), part.shape))
-    number = int(first_hits(prepared.scene, ["prim"], [], prepared.settings)["prim"][y, x, 0])
+    number = int(first_hits(prepared.scene, ["prim"], [], prepared.settings).planes["prim"][y, x, 0])
+    assert prepared.scene.uploaded is not None
     return {"prim": prepared.scene.uploaded.shape_rows.path_of(number), "pixel": [x, y], "pixels": count}

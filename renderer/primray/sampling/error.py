@@ -10,7 +10,6 @@ The curve of measurements over samples gives the rate at which the error falls, 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,7 @@ from ..color.color_space import REC709, ColorSpace
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric
 
 if TYPE_CHECKING:
-    from ..core import Film
+    from ..core import Film, compiled
     from .adaptive import Plan
 
 
@@ -90,26 +89,25 @@ def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixe
     if not is_measurable(film):
         return None
     sums = film.error_sums(most_pixels, threads)
-    values = int(sums["values"])
-    if values == 0:
+    if sums.values == 0:
         return None
     return FrameError(
-        relmse=_relmse(sums, values),
-        rmse=_mean_square(sums["squared"], sums["squared_variance"], values).root(),
-        tiles=sums["tiles"] / values,
+        relmse=_relmse(sums),
+        rmse=_mean_square(sums.squared, sums.squared_variance, sums.values).root(),
+        tiles=sums.tiles / sums.values,
         display=None if view is None else _display(film, view),
     )
 
 
-def _relmse(sums: Mapping[str, Any], values: int) -> Estimate:
-    total = float(sums["relative"])
+def _relmse(sums: compiled.FrameErrorSums) -> Estimate:
+    total = sums.relative
     if not total > 0:
         return Estimate(0.0, 0.0, 0.0)
     # Uncertainty from sampling, and from the weights: the difference of both kinds of weights, and the effect of R's spread.
-    chance = math.sqrt(max(float(sums["relative_variance"]), 0.0)) / total
-    kinds = _log_ratio(sums["relative_alike"], sums["relative_alone"]) / 2
-    spread = _log_ratio(total, sums["relative_plain"])
-    return Estimate.around(total / values, math.sqrt(chance**2 + kinds**2 + spread**2))
+    chance = math.sqrt(max(sums.relative_variance, 0.0)) / total
+    kinds = _log_ratio(sums.relative_alike, sums.relative_alone) / 2
+    spread = _log_ratio(total, sums.relative_plain)
+    return Estimate.around(total / sums.values, math.sqrt(chance**2 + kinds**2 + spread**2))
 
 
 def _log_ratio(a: float, b: float) -> float:

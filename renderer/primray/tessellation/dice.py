@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -48,12 +48,52 @@ NO_COLUMNS = np.zeros((0, 0), np.float32)
 Warnings = list[tuple[str, str, str]]  # code, prim path, message
 
 
+class DicedCage(Protocol):
+    """What the core makes of a cage: arrays of triangles, and what limited them."""
+
+    @property
+    def points(self) -> Floats: ...
+    @property
+    def normals(self) -> Floats: ...
+    @property
+    def vertex_values(self) -> Floats: ...
+    @property
+    def varying_values(self) -> Floats: ...
+    @property
+    def step_points(self) -> list[Floats]: ...
+    @property
+    def step_normals(self) -> list[Floats]: ...
+    @property
+    def face_varying(self) -> list[tuple[Ints, Floats]]: ...
+    @property
+    def triangles(self) -> Ints: ...
+    @property
+    def normal_indices(self) -> Ints: ...
+    @property
+    def faces(self) -> Ints: ...
+    @property
+    def level_limited(self) -> bool: ...
+    @property
+    def non_manifold_edges(self) -> int: ...
+    @property
+    def unknown_creases(self) -> int: ...
+
+
+class Dicer(Protocol):
+    """The compiled core, which dices cages given by their arrays."""
+
+    def dice(self, cage: dict[str, object]) -> DicedCage | None:
+        """Return the diced cage; None if it has too many triangles."""
+
+    def estimated_triangles(self, cage: dict[str, object]) -> int: ...
+
+
 class Displacements(Protocol):
     """Source of displacements for diced shapes."""
 
     warnings: Warnings
 
-    def of(self, number: int, shape: DisplacedMesh) -> dict[str, Any]:
+    def of(self, number: int, shape: DisplacedMesh) -> dict[str, object]:
         """Return the displacement data of the shape with this index in the description, for the core's dice()."""
 
 
@@ -86,7 +126,7 @@ def dicing_by_settings(settings: RenderSettings) -> Dicing:
 
 
 def dice(
-    core: Any, description: SceneDescription, dicing: Dicing, threads: int, displaced: Displacements | None = None
+    core: Dicer, description: SceneDescription, dicing: Dicing, threads: int, displaced: Displacements | None = None
 ) -> tuple[SceneDescription, Warnings]:
     """Return the description with cages diced to triangles, and warnings. Edges are longer than asked if there would be too
     many triangles."""
@@ -113,13 +153,13 @@ def dice(
 
 
 def _within_limit(
-    core: Any,
+    core: Dicer,
     cages: dict[int, SubdivisionMesh],
     prints: dict[int, Footprint],
-    moved: dict[int, dict[str, Any]],
+    moved: dict[int, dict[str, object]],
     dicing: Dicing,
     threads: int,
-) -> tuple[dict[int, dict[str, Any]], float]:
+) -> tuple[dict[int, DicedCage], float]:
     """Return the core's results and the edge length in pixels, which is doubled until all cages together have few enough
     triangles."""
     pixels = dicing.pixels
@@ -131,43 +171,43 @@ def _within_limit(
             limit = dicing.max_triangles if pixels < 1e6 else 1 << 31
             now = replace(dicing, pixels=pixels, max_triangles=limit)
             jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k], moved.get(k)) for k in some], now) for some in batches]
-            made = dict(zip(cages, (each for job in jobs for each in job.result()), strict=True))
-            if all(m is not None for m in made.values()) and sum(len(m["triangles"]) for m in made.values()) <= limit:
-                return made, pixels
+            made = [each for job in jobs for each in job.result() if each is not None]
+            if len(made) == len(cages) and sum(len(each.triangles) for each in made) <= limit:
+                return dict(zip(cages, made, strict=True)), pixels
             pixels *= 2
 
 
 def _dice_some(
-    core: Any, cages: Sequence[tuple[SubdivisionMesh, Footprint, dict[str, Any] | None]], dicing: Dicing
-) -> list[Any]:
+    core: Dicer, cages: Sequence[tuple[SubdivisionMesh, Footprint, dict[str, object] | None]], dicing: Dicing
+) -> list[DicedCage | None]:
     return [core.dice(core_arrays(cage, footprint, dicing, moved)) for cage, footprint, moved in cages]
 
 
-def _warnings(cage: SubdivisionMesh, made: dict[str, Any], dicing: Dicing) -> Warnings:
+def _warnings(cage: SubdivisionMesh, made: DicedCage, dicing: Dicing) -> Warnings:
     out: Warnings = []
-    if made["level_limited"] and dicing.min_level < dicing.max_level:
+    if made.level_limited and dicing.min_level < dicing.max_level:
         sentence = f"Edges cover more than {dicing.pixels:g} pixels even at level {dicing.max_level}, the finest."
         out.append(("dicing-limited", cage.path, sentence))
-    if made["non_manifold_edges"] and getattr(cage, "normals", None) is None:
-        sentence = f"{made['non_manifold_edges']} edges do not join exactly two faces of the same winding: they are sharp."
+    if made.non_manifold_edges and getattr(cage, "normals", None) is None:
+        sentence = f"{made.non_manifold_edges} edges do not join exactly two faces of the same winding: they are sharp."
         out.append(("cage-topology", cage.path, sentence))
-    if made["unknown_creases"]:
+    if made.unknown_creases:
         out.append(
-            ("cage-topology", cage.path, f"Creases name {made['unknown_creases']} edges that no face has: they are ignored.")
+            ("cage-topology", cage.path, f"Creases name {made.unknown_creases} edges that no face has: they are ignored.")
         )
     return out
 
 
-def estimated_triangles(core: Any, cage: SubdivisionMesh | NurbsPatch, footprint: Footprint, pixels: float) -> int:
+def estimated_triangles(core: Dicer, cage: SubdivisionMesh | NurbsPatch, footprint: Footprint, pixels: float) -> int:
     """Return an estimate of the number of triangles with edges of `pixels`."""
     if isinstance(cage, NurbsPatch):
         return triangles_of(cage, footprint, Fineness(pixels, FLATNESS, MAX_LEVEL))
-    return int(core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels))))
+    return core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels)))
 
 
 def core_arrays(
-    cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing, displacement: dict[str, Any] | None = None
-) -> dict[str, Any]:
+    cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing, displacement: dict[str, object] | None = None
+) -> dict[str, object]:
     """Return the arrays for the core's dice(); `displacement` is that of a DisplacedMesh."""
     dicing = dicing_of_cage(cage, dicing)
     channels = primvars_of(cage, Interpolation.CORNER)
@@ -241,21 +281,21 @@ def _face_varying_channel(primvar: Primvar) -> tuple[Ints, Floats]:
     return np.ascontiguousarray(indices, np.int32), _floats(primvar.values)
 
 
-def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
-    triangles: Ints = made["triangles"]
+def _mesh(cage: SubdivisionMesh, made: DicedCage) -> Mesh:
+    triangles = made.triangles
     primvars = {id(p): _diced_primvar(p, k, cage, made) for p, k in primvar_places(cage)}
-    normals: Floats = made["normals"]
-    if len(made["normal_indices"]):
-        normals = normals[made["normal_indices"].ravel()]
+    normals = made.normals
+    if len(made.normal_indices):
+        normals = normals[made.normal_indices.ravel()]
     colors = None if cage.colors is None else primvars[id(cage.colors)]
-    surface = cage.surface if isinstance(cage.surface, int) else np.asarray(cage.surface)[made["faces"]]
-    points = len(made["points"])
-    rows = made["normal_indices"].ravel() if len(made["normal_indices"]) else None
+    surface = cage.surface if isinstance(cage.surface, int) else np.asarray(cage.surface)[made.faces]
+    points = len(made.points)
+    rows = made.normal_indices.ravel() if len(made.normal_indices) else None
     if points == 3 * len(triangles) == len(normals) and rows is None:  # lengths must be unambiguous (description.Mesh)
         normals, rows = normals[triangles.ravel()], triangles.ravel()
     return Mesh(
         cage.path,
-        made["points"],
+        made.points,
         triangles,
         normals,
         None if colors is None else _colors(colors, triangles, points),
@@ -267,10 +307,10 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
     )
 
 
-def _motion(motion: PointMotion, made: dict[str, Any], rows: Ints | None) -> PointMotion:
+def _motion(motion: PointMotion, made: DicedCage, rows: Ints | None) -> PointMotion:
     """Return the motion of the triangles; `rows` are the normals to take, in order (None: all)."""
-    normals = np.stack(made["step_normals"])
-    return PointMotion(motion.times, np.stack(made["step_points"]), normals if rows is None else normals[:, rows])
+    normals = np.stack(made.step_normals)
+    return PointMotion(motion.times, np.stack(made.step_points), normals if rows is None else normals[:, rows])
 
 
 def primvar_places(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
@@ -286,19 +326,19 @@ def primvar_places(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
     return out
 
 
-def _diced_primvar(primvar: Primvar, place: int, cage: SubdivisionMesh, made: dict[str, Any]) -> Primvar:
+def _diced_primvar(primvar: Primvar, place: int, cage: SubdivisionMesh, made: DicedCage) -> Primvar:
     """Return the primvar on the diced triangles."""
     kind, width = primvar.interpolation, primvar.values.shape[1]
     if kind is Interpolation.CONSTANT:
         return primvar
     if kind is Interpolation.FACE:
-        return Primvar(primvar.name, kind, _rows(primvar)[made["faces"]])
+        return Primvar(primvar.name, kind, _rows(primvar)[made.faces])
     if kind is Interpolation.CORNER:
-        indices, values = made["face_varying"][place]
-        if len(values) == len(made["points"]) and np.array_equal(indices, made["triangles"]):
+        indices, values = made.face_varying[place]
+        if len(values) == len(made.points) and np.array_equal(indices, made.triangles):
             return Primvar(primvar.name, Interpolation.POINT, values)  # no seams
         return Primvar(primvar.name, kind, values[indices.ravel()])
-    columns = made["vertex_values" if kind is Interpolation.POINT else "varying_values"]
+    columns = made.vertex_values if kind is Interpolation.POINT else made.varying_values
     return Primvar(primvar.name, Interpolation.POINT, np.ascontiguousarray(columns[:, place : place + width]))
 
 

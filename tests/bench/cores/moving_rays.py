@@ -66,7 +66,7 @@ def rates(kind: str, count: int, times: int, rounds: int, folder: Path) -> list[
             rows.append(about | {"shadow": shadow, "rays": rays, "apart": apart, "ours_s": [], "embree_s": []})
     for k in range(rounds):
         for row in rows if k % 2 == 0 else rows[::-1]:
-            ours, theirs = testing.replay_by_turns(recording, bare, row["shadow"], ENTRIES.index(row["entry"]))
+            ours, theirs = testing.replay_interleaved(recording, bare, row["shadow"], ENTRIES.index(row["entry"]))
             row["ours_s"].append(round(ours, 4))
             row["embree_s"].append(round(theirs, 4))
     return [row | _figures(row) for row in rows]

@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 # Where the compiled module is called, and by what names.
 FOLDERS = ("renderer/primray/core", "renderer/primray/tessellation")
-CORE = ("module()", "core", "self._core", "builder", "self.builder", "self._builder")
+CORE = ("compiled", "core", "builder", "self.builder", "self._builder")
 MOST = 4
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray import core
-from primray.core.native import filled
+from primray.core.inputs import filled
 from primray.description import Interpolation, LightType, Wrap
 from primray.render.prepare import FILM_PIXEL_BYTES
 
@@ -17,8 +17,8 @@ def test_no_call_into_the_core_has_more_than_four_positional_arguments() -> None
 
 
 def test_a_long_call_is_found() -> None:
-    assert list(long_calls("module().render_pass(a, b, c, d, e)")) == ["1: module().render_pass"]
-    assert list(long_calls("module().render_pass(a, b, c, d, lanes=e)")) == []
+    assert list(long_calls("compiled.render_pass(a, b, c, d, e)")) == ["1: compiled.render_pass"]
+    assert list(long_calls("compiled.render_pass(a, b, c, d, lanes=e)")) == []
 
 
 def test_a_field_that_a_structure_lacks_is_an_error() -> None:

@@ -60,7 +60,7 @@ def test_they_are_as_large_as_they_say(stage: str, name: str) -> None:
     settings = primray.RenderSettings(resolution=(64, 0), aovs=(name,), aov_errors=True)
     opened = usd.open_stage(stage, Diagnostics(), settings.composition)
     scene = prepare(opened, Diagnostics(), settings, Costs(), Diagnostics()).scene
-    sets = np.array([core.first_hits(scene, [name], [], settings, replicate=k)[name] for k in range(40)], np.float64)
+    sets = np.array([core.first_hits(scene, [name], [], settings, replicate=k).planes[name] for k in range(40)], np.float64)
     truth = sets.mean(axis=0)
     variance = ((sets - truth) ** 2).sum(axis=0) / (len(sets) - 1)
     square = (sets[0] - sets[1]) ** 2 / 2  # of one degree of freedom

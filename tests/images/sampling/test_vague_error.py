@@ -62,7 +62,8 @@ def test_rows_have_the_paths_that_aovs_have(name: str) -> None:
     asked = RenderSettings(resolution=(64, 36), aovs=("prim",))
     opened = open_once(scene, asked)
     prepared = prepare(opened.stage, opened.diagnostics, asked, Costs(), Diagnostics())
-    numbers = core.first_hits(prepared.scene, ["prim"], [], asked)["prim"]
+    numbers = core.first_hits(prepared.scene, ["prim"], [], asked).planes["prim"]
+    assert prepared.scene.uploaded is not None
     record, rows = prepared.scene.record, prepared.scene.uploaded.shape_rows
     assert record is not None
     assert (numbers >= 0).any() or (numbers <= -2).any()

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from tests.described import (
     Described,
-    core_module,
     describe,
     image,
     kernels,
@@ -121,7 +120,7 @@ def test_levels_that_no_ray_can_need_are_not_kept() -> None:
 def test_images_are_let_go_when_the_core_has_them() -> None:
     d = look_at_plate(glowing(texture()), {FILE: image(np.ones((4, 4, 3)))}, (4, 4))
     taken = {file: list(tiles) for file, tiles in d.textures.items()}
-    upload(core_module(), d.description, taken, 1.0, np.zeros(0, np.float32))
+    upload(d.description, taken, 1.0, np.zeros(0, np.float32))
     assert taken == {}
 
 

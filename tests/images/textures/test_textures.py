@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from tests.described import (
     Described,
-    core_module,
     describe,
     image,
     lambert,
@@ -225,7 +224,7 @@ def test_the_primvar_of_a_shape_is_nearer_than_its_instances() -> None:
 def test_instances_that_are_left_out_take_their_primvars_along() -> None:
     matrices = np.stack([translation(0, 0, 0)[:3], np.zeros((3, 4)), translation(2, 0, 0)[:3], translation(4, 0, 0)[:3]])
     described = instanced(matrices, primvar("glow", [[1.0], [7.0], [2.0], [3.0]], Interpolation.INSTANCE))
-    scene, warnings, _ = upload(core_module(), described.description, {}, 1e-3, inverse_cdf(Filter.BOX, 1e-3))
+    scene, warnings, _ = upload(described.description, {}, 1e-3, inverse_cdf(Filter.BOX, 1e-3))
     assert [code for code, _, _ in warnings] == ["singular-transform"]
     assert render(scene, 1).pixels(1.0)[0, :, 0].tolist() == [1, 2, 3]
 

@@ -186,7 +186,6 @@ def test_very_near_lamp() -> None:
 
 
 def test_too_many_instances_are_said_to_be_unsampled() -> None:
-    from tests.described import core_module
 
     from primray.core.scene_upload import upload
 
@@ -198,5 +197,5 @@ def test_too_many_instances_are_said_to_be_unsampled() -> None:
         prototype_shapes=[box([0.1] * 3, 1)],
         placements=[placement(0, rows)],
     )
-    _, warnings, _ = upload(core_module(), d.description, {}, 1.0, np.zeros(0, np.float32))
+    _, warnings, _ = upload(d.description, {}, 1.0, np.zeros(0, np.float32))
     assert [w[0] for w in warnings] == ["emitters-unsampled"]

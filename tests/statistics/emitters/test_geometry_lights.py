@@ -223,11 +223,10 @@ def test_too_many_to_sample_are_as_bright() -> None:
     d = below(
         [], prototypes=[Prototype("/p", (Placed(1, np.eye(4)),))], prototype_shapes=[shape], placements=[placement(0, rows)]
     )
-    from tests.described import core_module
 
     from primray.core.scene_upload import upload
 
-    scene, warnings, _ = upload(core_module(), d.description, {}, 1.0, np.zeros(0, np.float32))
+    scene, warnings, _ = upload(d.description, {}, 1.0, np.zeros(0, np.float32))
     assert [w[0] for w in warnings] == ["emitters-unsampled"]
     pixels = replicate_means(render(scene, 256, max_depth=1))[..., 1] * math.pi
     expected = 0.4 / 9 * irradiances(as_rect(1.0, 3, 3), np.zeros((1, 3)), [0, 1, 0], 400)[0]

@@ -85,8 +85,8 @@ def case(name: str, reference_spp: int, resolution: tuple[int, int] = RESOLUTION
         prepared.scene,
         prepared.settings,
         film.pixels[..., :3].astype(np.float64),
-        sums["relative"] / sums["values"],
-        sums["squared"] / sums["values"],
+        sums.relative / sums.values,
+        sums.squared / sums.values,
     )
 
 

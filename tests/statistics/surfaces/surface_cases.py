@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from tests.described import kernels, lambert
 
-from primray import core
-from primray.core.native import surface_input
+from primray.core.inputs import surface_input
 from primray.description import Surface
 
 Floats = npt.NDArray[np.float32]
@@ -63,7 +62,7 @@ def side(n: int, front: bool = True) -> npt.NDArray[np.int32]:
 def evaluate(s: Surface, wo: Floats, wi: npt.NDArray[np.floating], front: bool = True) -> tuple[Floats, Floats, Floats]:
     """Diffuse and specular f_cos (N, 3) and pdf (N,) for one or N directions wo."""
     wi = np.ascontiguousarray(wi, np.float32)
-    return kernels().bsdf_eval(surface_input(core.module(), s), rows(wo, len(wi)), wi, side(len(wi), front))
+    return kernels().bsdf_eval(surface_input(s), rows(wo, len(wi)), wi, side(len(wi), front))
 
 
 def sample(
@@ -71,9 +70,7 @@ def sample(
 ) -> tuple[Floats, Floats, Floats, Booleans, Booleans]:
     """wi, weight, pdf, is_delta, transmits for one or N directions wo."""
     u = np.ascontiguousarray(u, np.float32)
-    wi, weight, pdf, is_delta, transmits = kernels().bsdf_sample(
-        surface_input(core.module(), s), rows(wo, len(u)), side(len(u), front), u
-    )
+    wi, weight, pdf, is_delta, transmits = kernels().bsdf_sample(surface_input(s), rows(wo, len(u)), side(len(u), front), u)
     return wi, weight, pdf, is_delta.astype(bool), transmits.astype(bool)
 
 

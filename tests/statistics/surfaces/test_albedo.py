@@ -11,8 +11,7 @@ from tests.described import kernels, lambert
 from tests.statistics.surfaces.preview_surface import PreviewSurface, diffuse_directions
 from tests.statistics.surfaces.surface_cases import WHITE, direction, evaluate, lattice, rows, sample, side
 
-from primray import core
-from primray.core.native import surface_input
+from primray.core.inputs import surface_input
 from primray.description import Surface
 
 COSINES = (0.001, 0.003, 0.013, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0)
@@ -25,7 +24,7 @@ TOLERANCE = 1e-3
 def albedo(s: Surface, cos: float, front: bool = True) -> np.ndarray:
     """Mean weight of samples, (3,): of each lobe by itself, times its chance (which test_bsdf.py holds against the draws)."""
     wo = direction(cos)
-    chances = kernels().bsdf_lobes(surface_input(core.module(), s), rows(wo, 1), side(1, front))[0][0, :3].astype(np.float64)
+    chances = kernels().bsdf_lobes(surface_input(s), rows(wo, 1), side(1, front))[0][0, :3].astype(np.float64)
     edges = np.append(np.insert(np.cumsum(chances), 0, 0), 1.0)
     total = np.zeros(3)
     for low, high in pairwise(edges):

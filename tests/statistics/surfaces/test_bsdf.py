@@ -17,8 +17,7 @@ from tests.statistics.surfaces.surface_cases import (
     side,
 )
 
-from primray import core
-from primray.core.native import surface_input
+from primray.core.inputs import surface_input
 
 COSINES = (1.0, 0.7, 0.2)
 CASES = [(name, cos, True) for name in SURFACES for cos in COSINES]
@@ -55,7 +54,7 @@ def test_density_integrates_to_the_chance_of_the_smooth_lobes(name: str) -> None
     s = SURFACES[name]
     for cos in COSINES:
         wo = direction(cos)
-        chances, _ = kernels().bsdf_lobes(surface_input(core.module(), s), rows(wo, 1), side(1))
+        chances, _ = kernels().bsdf_lobes(surface_input(s), rows(wo, 1), side(1))
         diffuse, specular, coat, presence = chances[0].astype(float)
         _, _, pdf, is_delta, _ = sample(s, wo, random_numbers(N, 3, seed=3))
         # A reflection about a visible normal may go below the horizon: those draws are lost, and no density belongs to them.
@@ -102,7 +101,7 @@ def test_lanes_do_not_change_bits(name: str) -> None:
     wo = np.stack([direction(c, 9 * c) for c in np.linspace(0.01, 1, n)])
     u = random_numbers(n, 3, seed=7)
     front = (u[:, 2] < 0.5).astype(np.int32)
-    row = surface_input(core.module(), s)
+    row = surface_input(s)
     for one, all_lanes in zip(
         kernels().bsdf_sample(row, wo, front, u, 1), kernels().bsdf_sample(row, wo, front, u), strict=True
     ):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from tests.described import box, core_module, describe, kernels, lambert, orthographic, placement, translation
 
-from primray.core.native import filled
+from primray.core.inputs import filled
 from primray.core.scene_upload import add_placement, upload
 from primray.description import Doubles, Placed, Placement, Prototype, Shape
 
@@ -34,7 +34,7 @@ def test_one_warning_a_placement_says_how_many() -> None:
     made = describe(
         [], [lambert(0.5)], prototypes=[CUBE], prototype_shapes=[box([1, 1, 1])], placements=[placement(0, matrices)]
     )
-    scene, warnings, _ = upload(core_module(), made.description, {}, 1.0, NO_TABLE)
+    scene, warnings, _ = upload(made.description, {}, 1.0, NO_TABLE)
     assert [(code, path, message[:11]) for code, path, message in warnings] == [("singular-transform", "/cube", "1 instances")]
     o, d = np.array([[0.0, 0, 9], [3.0, 0, 9], [6.0, 0, 9]]), np.array([[0, 0, -1]] * 3, np.float32)
     hits = kernels().intersect(scene, o, d)
@@ -70,7 +70,7 @@ def test_shapes_that_are_handed_over_are_let_go() -> None:
     held = weakref.ref(shape.points)
     description = replace(description, shapes=())
     del shape
-    scene, _, _ = upload(core_module(), description, {}, 1.0, NO_TABLE, shapes)
+    scene, _, _ = upload(description, {}, 1.0, NO_TABLE, shapes)
     assert shapes == []
     assert held() is None
     hits = kernels().intersect(scene, np.array([[0.0, 0, 9]]), np.array([[0, 0, -1]], np.float32))
@@ -88,6 +88,6 @@ def test_bounds_of_a_scene_with_prototypes() -> None:
     """Corners of all that is placed, whatever the box of the last prototype is."""
     made = describe([(box([1, 1, 1]), np.eye(4))], [lambert(0.5)], prototypes=[Prototype("/p", (Placed(1, np.eye(4)),))],
                     prototype_shapes=[box([2, 2, 2])], placements=[placement(0, [translation(5, 0, 0)])])  # fmt: skip
-    _, _, bounds = upload(core_module(), made.description, {}, 1.0, NO_TABLE)
+    _, _, bounds = upload(made.description, {}, 1.0, NO_TABLE)
     assert bounds is not None
     np.testing.assert_allclose(np.array(bounds), np.array([[-0.5, -1, -1], [6, 1, 1]]))

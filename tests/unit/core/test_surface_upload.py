@@ -6,8 +6,9 @@ from dataclasses import fields
 from types import SimpleNamespace
 
 import pytest
+from tests.described import core_in_use
 
-from primray.core.native import surface_input
+from primray.core.inputs import surface_input
 from primray.core.surface_upload import with_constants, with_readable_inputs, without_pattern
 from primray.description import (
     CameraSight,
@@ -31,25 +32,28 @@ LOBES = OpenPbr(coat_weight=0.5)
 
 def core() -> SimpleNamespace:
     """One whose inputs take anything."""
-    sights = SimpleNamespace(**{sight.value: sight for sight in CameraSight})
+    sights = {sight.value: sight for sight in CameraSight}
     return SimpleNamespace(
         SurfaceInput=lambda: SimpleNamespace(open_pbr=None), OpenPbrInput=SimpleNamespace, CameraSight=sights
     )
 
 
 def test_lobes_are_handed_over_by_their_names() -> None:
-    made = surface_input(core(), Surface("/m", opacity=0.5, open_pbr=LOBES))
+    with core_in_use(core()):
+        made = surface_input(Surface("/m", opacity=0.5, open_pbr=LOBES))
     assert vars(made.open_pbr) == {f.name: getattr(LOBES, f.name) for f in fields(OpenPbr)}
     assert (made.opacity, hasattr(made, "inputs"), hasattr(made, "path")) == (0.5, False, False)
 
 
 def test_other_surfaces_have_none() -> None:
-    assert surface_input(core(), Surface("/m")).open_pbr is None
+    with core_in_use(core()):
+        assert surface_input(Surface("/m")).open_pbr is None
 
 
 def test_what_the_camera_sees_is_handed_over() -> None:
-    for sight in CameraSight:
-        assert surface_input(core(), Surface("/m", camera=sight)).camera is sight
+    with core_in_use(core()):
+        for sight in CameraSight:
+            assert surface_input(Surface("/m", camera=sight)).camera is sight
 
 
 def test_constants_take_their_place_among_the_lobes() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.described import core_module, kernels, render, translation
+from tests.described import kernels, render, translation
 from tests.images.motion.motion_scenes import alone, box_average, deforming, instanced, moving, profile, square
 
 from primray.core.building import inverse_cdf
@@ -50,7 +50,7 @@ def test_meshes_may_have_any_number_of_times(count: int, uneven: bool) -> None:
     shape = square()
     steps = [shape.points + np.array([x, 0, 0]) for x in curved(times).tolist()]
     made = alone(deforming(shape, steps, times.tolist()))
-    scene, warnings, _ = upload(core_module(), made.description, {}, 1.0, inverse_cdf(Filter.BOX, 1.0))
+    scene, warnings, _ = upload(made.description, {}, 1.0, inverse_cdf(Filter.BOX, 1.0))
     assert [code for code, _, _ in warnings] == (["motion"] if count > 129 else [])
     found = render(scene, 2048).pixels()[..., 3].mean(axis=0)
     path = np.interp(middles(2000), times, curved(times))

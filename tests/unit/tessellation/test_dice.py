@@ -50,7 +50,7 @@ def instanced(cage: SubdivisionMesh, rows: Any, camera: Any = CAMERA) -> SceneDe
 
 
 def diced(description: SceneDescription, pixels: float = 8.0, **more: Any) -> tuple[list[Mesh], list[str]]:
-    made, warnings = dice(core.module(), description, Dicing(pixels, **more), 2)
+    made, warnings = dice(core.compiled, description, Dicing(pixels, **more), 2)
     meshes = [s for s in made.shapes if isinstance(s, Mesh)]
     assert len(meshes) == len(made.shapes)
     return meshes, [code for code, _, _ in warnings]
@@ -159,7 +159,7 @@ def test_memory_limits_triangles() -> None:
 
 def test_threads_do_not_matter() -> None:
     description = scene(*((cube(), translation(x, 0, 0)) for x in (-1, 0, 1)))
-    for a, b in zip(*(dice(core.module(), description, Dicing(4.0), n)[0].shapes for n in (1, 3)), strict=True):
+    for a, b in zip(*(dice(core.compiled, description, Dicing(4.0), n)[0].shapes for n in (1, 3)), strict=True):
         assert isinstance(a, Mesh)
         assert isinstance(b, Mesh)
         np.testing.assert_array_equal(a.points, b.points)

@@ -326,7 +326,7 @@ def test_world_space_is_where_a_shape_stands_once() -> None:
     (cage,) = description.shapes
     from primray.core.displacement_upload import displacements
 
-    made, told = dice(core.module(), description, uniform(2), 1, displacements(core.module(), description, {}))
+    made, told = dice(core.compiled, description, uniform(2), 1, displacements(description, {}))
     assert [(code, path) for code, path, _ in told] == [("displacement-space", cage.path)]
     (mesh,) = (s for s in made.shapes if isinstance(s, Mesh))
     np.testing.assert_allclose(mesh.points[:, 2], mesh.points[:, 0], atol=1e-5)

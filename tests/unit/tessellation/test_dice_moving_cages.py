@@ -31,7 +31,7 @@ def scene(cage: SubdivisionMesh, where: np.ndarray | None = None) -> SceneDescri
 
 
 def diced(cage: SubdivisionMesh, dicing: Dicing) -> Mesh:
-    mesh = dice(core.module(), scene(cage), dicing, 1)[0].shapes[0]
+    mesh = dice(core.compiled, scene(cage), dicing, 1)[0].shapes[0]
     assert isinstance(mesh, Mesh)
     return mesh
 
@@ -72,7 +72,7 @@ def test_instances_that_come_near() -> None:
         level = MovingInstances(np.linspace(0, 1, len(steps)), matrices, matrices[0])
         made = describe([], [lambert(0.5)], camera=CAMERA, prototypes=[Prototype("/p", (Placed(0, np.eye(4)),))],
                         prototype_shapes=(cube(),), placements=[Placement(0, (level,))])  # fmt: skip
-        mesh = dice(core.module(), replace(made.description, resolution=(256, 256)), Dicing(8.0), 1)[0].shapes[0]
+        mesh = dice(core.compiled, replace(made.description, resolution=(256, 256)), Dicing(8.0), 1)[0].shapes[0]
         assert isinstance(mesh, Mesh)
         return len(mesh.triangles)
 

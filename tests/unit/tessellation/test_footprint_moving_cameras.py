@@ -77,7 +77,7 @@ def before(way: Callable[[float], Camera], count: int, instances: bool = False) 
 
 
 def diced(scene: SceneDescription) -> Mesh:
-    mesh = dice(core.module(), scene, RATE, 1)[0].shapes[0]
+    mesh = dice(core.compiled, scene, RATE, 1)[0].shapes[0]
     assert isinstance(mesh, Mesh)
     return mesh
 

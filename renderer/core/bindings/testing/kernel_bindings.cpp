@@ -258,7 +258,7 @@ nb::object lens_directions(const Scene& scene, InArray<double> film) {
     const std::optional<dvec3> d = scene.distortion->direction(film.data()[2 * i], film.data()[2 * i + 1]);
     if (d) directions[3 * i] = d->x, directions[3 * i + 1] = d->y, directions[3 * i + 2] = d->z;
   }
-  return to_numpy(std::move(directions), {n, size_t(3)});
+  return nb::cast(to_numpy(std::move(directions), {n, size_t(3)}));
 }
 
 nb::dict intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_, int lanes, bool packet, bool embree) {

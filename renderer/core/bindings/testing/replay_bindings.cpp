@@ -43,7 +43,7 @@ nb::dict intersect_stream(const Scene& scene, InArray<double> o_, InFloats d_) {
 
 void bind_hierarchy(nb::module_& m) {
   m.def("has_hierarchy", [](const Scene& scene) { return scene.triangle_bvh.any(); });
-  m.def("entry_clock", [] { return PacketChoice::now(); });
+  m.def("timestamp_counter", [] { return PacketChoice::now(); });
   m.def("intersect_stream", &intersect_stream, nb::arg("scene"), nb::arg("o"), nb::arg("d"));
 }
 
@@ -53,9 +53,9 @@ void bind_replay(nb::module_& m) {
   nb::class_<BareWorld>(m, "BareWorld").def(nb::init<const Scene&>(), nb::arg("scene"), nb::keep_alive<1, 2>());
   // Returns CPU seconds of the scene and of the bare world.
   m.def(
-      "replay_by_turns",
+      "replay_interleaved",
       [](const Recording& r, const BareWorld& world, bool shadow, int entry) {
-        const ReplaySeconds found = replay_by_turns(r.scene, world, r.rays, {shadow, ReplayEntry(entry), r.lanes});
+        const ReplaySeconds found = replay_interleaved(r.scene, world, r.rays, {shadow, ReplayEntry(entry), r.lanes});
         return nb::make_tuple(found.scene, found.bare);
       },
       recording, nb::arg("world"), shadow, entry);

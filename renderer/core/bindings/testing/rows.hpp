@@ -31,8 +31,8 @@ class Column {
     put(first, select(m, Vector<T, W>(T(1)), Vector<T, W>(T(0))));
   }
   nb::object array() {
-    if (width_ == 1) return to_numpy(std::move(data_), {n_});
-    return to_numpy(std::move(data_), {n_, size_t(width_)});
+    if (width_ == 1) return nb::cast(to_numpy(std::move(data_), {n_}));
+    return nb::cast(to_numpy(std::move(data_), {n_, size_t(width_)}));
   }
 
  private:

@@ -63,7 +63,7 @@ PathBounds path_bounds(const Scene& s, size_t instance, const dvec3& center, dou
 const daffine kHere{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
 
 // Records that the next light row moves with an instance; `frame`: of its shape `k` in the group.
-void note_moving(Scene& s, size_t instance, int32_t k, const daffine& frame) {
+void set_moving_instance(Scene& s, size_t instance, int32_t k, const daffine& frame) {
   EmitterTable& table = s.emitters;
   table.moving_instance.resize(size_t(s.lights.count) + 1, -1);
   table.moving_instance.back() = int32_t(instance);
@@ -100,7 +100,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   if (moves) {
     const size_t passing = size_t(s.placement_instance[size_t(placement)] + instance);
     put_path_bounds(s, w, passing, row);
-    note_moving(s, passing, shape, w.light < 0 ? kHere : s.geometry_lights.all[w.light].group_from_object);
+    set_moving_instance(s, passing, shape, w.light < 0 ? kHere : s.geometry_lights.all[w.light].group_from_object);
   }
   (!moves && put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
   const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
@@ -113,7 +113,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
 }
 
 // Sets the end of the last row for light path expressions: a sphere that is merely emissive is an object.
-void note_end(Scene& s, int32_t number) {
+void set_lpe_end(Scene& s, int32_t number) {
   if (number < 0) s.lights.ends.resize(size_t(s.lights.count) - 1, int32_t(kEndObject));
 }
 
@@ -144,7 +144,7 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
   row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
   put_geometry_light(s, number, world_from_group, row);
   if (number >= 0) add_light_rules(s.geometry_lights.all[number].rules, s.scale, s.lights);
-  note_end(s, number);
+  set_lpe_end(s, number);
 }
 
 // Adds the row of shape `k`, a sphere in a moving instance: the bounding sphere of its path, of which the sphere is a part.
@@ -168,11 +168,11 @@ void add_moving_sphere_row(Scene& s, const Group& group, int32_t k, const daffin
   put(row, kRadiance, dvec3(radiance));
   row[kImportance] = float(luminance(dvec3(radiance)) * ball.area / (reach * reach));
   put_geometry_light(s, number, world_from_group, row);
-  note_moving(s, instance, k, sphere);
+  set_moving_instance(s, instance, k, sphere);
   s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
   ++s.lights.count;
   add_light_rules(number < 0 ? LightRules{} : s.geometry_lights.all[number].rules, s.scale, s.lights);
-  note_end(s, number);
+  set_lpe_end(s, number);
 }
 
 // One placement of the group of each geometry light.

@@ -68,7 +68,7 @@ void add_outputs(const Scene& s, const Tape& tape, size_t triangle, size_t k, do
 
 }  // namespace
 
-void note_pattern_means(Scene& s) {
+void set_pattern_means(Scene& s) {
   const std::vector<TexturedTriangles> worn = worn_triangles(s);
   for (size_t i = 0; i < worn.size(); ++i) {
     if (worn[i].tried.empty()) continue;
@@ -119,7 +119,7 @@ vec3 mean_of(const Scene& scene, const InputSource& source) {
 
 }  // namespace
 
-void note_inputs(Scene& scene) {
+void set_input_features(Scene& scene) {
   scene.has_inputs = !scene.surface_inputs.empty();
   const auto check = [&](int texture) {
     if (texture >= 0 && !scene.textures[texture].udim && scene.textures[texture].images.empty())
@@ -127,7 +127,7 @@ void note_inputs(Scene& scene) {
   };
   for (const Tape& tape : scene.tapes)
     for (const PatternImage& image : tape.images) check(image.color), check(image.alpha);
-  if (!scene.tapes.empty()) note_pattern_means(scene);
+  if (!scene.tapes.empty()) set_pattern_means(scene);
   for (const SurfaceInputs& inputs : scene.surface_inputs) {
     for (const InputSource& source : inputs.sources) check(source.texture);
     scene.has_emission |= inputs.find(InputField::kEmissiveColor) != nullptr;

@@ -25,10 +25,10 @@ void find_camera_media(Scene& scene);
 // Mean values of patterns, estimated on the shapes that use them: the choice among emitters, and photons, rely on these.
 
 // Sets `fallback` of inputs that read a tape, for surfaces that some triangles have; others keep theirs.
-void note_pattern_means(Scene& scene);
+void set_pattern_means(Scene& scene);
 
 // Sets has_inputs, has_emission and has_thin for varying inputs. Called after all images are set.
-void note_inputs(Scene& scene);
+void set_input_features(Scene& scene);
 
 // Mean radiance that a surface emits, for choosing among emitters: a texture's mean texel, a primvar's mean over all shapes.
 vec3 average_emission(const Scene& scene, int32_t surface);

@@ -85,7 +85,7 @@ struct PortalInput {
   double width = 1, height = 1;
   // Motion, as in LightInput.
   std::span<const float> times{};
-  std::span<const double> stances{};
+  std::span<const double> pose_matrices{};
 };
 
 // IES profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/shaping/ies.hpp.
@@ -107,7 +107,7 @@ struct LightInput : LightRules, LightSize {
   std::optional<ShapingInput> shaping;
   // Motion: times, and world_from_light at each (12 numbers), rigid.
   std::span<const float> times;
-  std::span<const double> stances;
+  std::span<const double> pose_matrices;
   // Geometry lights only: see GeometryLight.
   bool own = false, shown = false, normalize = false;
 };

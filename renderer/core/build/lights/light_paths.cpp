@@ -38,7 +38,7 @@ void add_light_path(const LightInput& light, const dvec3& origin, double scale, 
   std::vector<daffine> relative(steps);
   DoubleBox places;
   for (size_t k = 0; k < steps; ++k) {
-    const daffine m = affine_from_rows(&light.stances[12 * k]);
+    const daffine m = affine_from_rows(&light.pose_matrices[12 * k]);
     relative[k] = rotation_between(light.world_from_light, m);
     relative[k].o = (m.o - origin) * scale;
     places.add(relative[k].o);

@@ -114,7 +114,7 @@ bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
       LightInput rect;
       rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
       rect.width = p.width, rect.height = p.height, rect.emission = vec3(1.0f);
-      rect.times = p.times, rect.stances = p.stances;
+      rect.times = p.times, rect.pose_matrices = p.pose_matrices;
       const int row = portals.count;
       add_light_rows(rect, origin, scale, portals);
       add_light_path(rect, origin, scale, row, 0, portals);

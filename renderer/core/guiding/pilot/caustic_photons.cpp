@@ -113,9 +113,9 @@ constexpr int kRound = 1 << 14, kRounds = 16, kTask = 256;
 // Limits of the number of photons, and their number by the frame's pixels; for small images photons would cost more than they
 // gain.
 constexpr size_t kFewest = 1 << 13, kMost = 1 << 17, kPixelsEach = 4;
-// A photon's gradients are computed from two photons that start beside it, offset by this share of their target.
+// A photon's gradients are computed from two photons that start near it, offset by this share of their target.
 constexpr int kCorners = 3;
-constexpr float kBeside = 2e-3f;
+constexpr float kSpacing = 2e-3f;
 constexpr float kLeastSpread = 1e-4f;   // squared sine between their landing offsets
 constexpr float kLeastApart2 = 1e-20f;  // squared distances to those: less is rounding, and gradients would overflow
 static_assert(W >= kCorners);
@@ -155,7 +155,7 @@ class Photons {
   const int longest_;
   std::vector<float> cdf_, data_;
 
-  // Photons in triples of adjacent lanes: the photon itself, and two that start beside it and are scattered by the same random
+  // Photons in triples of adjacent lanes: the photon itself, and two that start near it and are scattered by the same random
   // numbers.
   struct Corners {
     vuint<W> number;
@@ -182,9 +182,9 @@ class Photons {
     const Frame<F> frame(s.wi);
     const SinCos<W> phi = sincos_turns(disc.v);
     const F r = radius * sqrt(disc.u);
-    const F beside = radius * kBeside, zero(0.0f);
-    const V at = center + frame.s * (r * phi.cos + select(lanes.corner == I(1), beside, zero)) +
-                 frame.t * (r * phi.sin + select(lanes.corner == I(2), beside, zero));
+    const F spacing = radius * kSpacing, zero(0.0f);
+    const V at = center + frame.s * (r * phi.cos + select(lanes.corner == I(1), spacing, zero)) +
+                 frame.t * (r * phi.sin + select(lanes.corner == I(2), spacing, zero));
     // Start at the light's sampled point, unless it is at infinity.
     const B near = s.t < F(1e18f);
     const V point = center + s.wi * select(near, s.t, F(0.0f));

@@ -29,8 +29,8 @@ PRIMRAY_INLINE vfloat<W> portal_pdf(const LightTable& portals, const vvec3<W>& p
   for (int i = 0; i < portals.count; ++i) {
     vvec3<W> o = p, d = wi;
     if (const int32_t path = portals.motion.any() ? portals.motion.row(i) : -1; path >= 0) {
-      const LightPoses<W> stances = poses_of(portals.motion.paths[size_t(path)], time);
-      o = stances.point_to_row(p), d = stances.vector_to_row(wi);
+      const LightPoses<W> poses = poses_of(portals.motion.paths[size_t(path)], time);
+      o = poses.point_to_row(p), d = poses.vector_to_row(wi);
     }
     const vfloat<W> met = light_hit<W>(portals.row(i), o, d).pdf;
     const vbool<W> m = met > vfloat<W>(0.0f);

@@ -155,10 +155,9 @@ def render(
 
 
 def _memory_watch() -> process_memory.Watch:
-    from ...core import module
+    from ...core import compiled
 
-    watch: process_memory.Watch = module().watch_memory
-    return watch
+    return compiled.watch_memory
 
 
 def _render_turntable(

@@ -29,7 +29,7 @@ STEPS = {"floor", "less", "not_above", "equal", "cell2", "cell3", "flake"}
 
 
 class Operation(NamedTuple):
-    name: str  # one of the core's pattern_operations, or "pack": concatenated operands
+    name: str  # one of the core's pattern_operations(), or "pack": concatenated operands
     width: int
     operands: tuple[Operand, ...]
     data: int | Numbers = 0  # numbers: those of a constant

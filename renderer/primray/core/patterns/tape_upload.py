@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from ...arrays import Ints
 from ...description import PatternInput, Surface, TextureFile, Wrap
 from ...description.shading import UV_TEXTURE
-from ..native import filled
+from .. import compiled
+from ..inputs import filled
 from .compiler import Graph
 from .node import NO_SHIFT, SHIFT_RANGE, Node
 from .program import Operation, Program, Value
@@ -33,7 +34,6 @@ class TooLargeError(Exception):
 class SharedInputs:
     """Numbering of primvars and textures that a tape shares with the other inputs of surfaces."""
 
-    core: Any
     primvar: Callable[[str], int]  # a name's number
     texture: Callable[[TextureFile, str], int | None]  # a texture's number, by channels; None where the file cannot be read
     wrap: Callable[[TextureFile, Wrap, int], str]  # the name of a file's wrap along s (0) or t (1)
@@ -44,8 +44,8 @@ class SharedInputs:
 class TapeContext:
     outside: SharedInputs
     object_space: bool = False
-    images: list[Any] = field(default_factory=list)
-    _numbers: dict[tuple[Any, ...], int] = field(default_factory=dict)
+    images: list[compiled.PatternImage] = field(default_factory=list)
+    _numbers: dict[tuple[object, ...], int] = field(default_factory=dict)
     _forms: AffineForms | None = None
 
     def _affine_coordinates(self, node: Node) -> AffineMap | None:
@@ -75,11 +75,11 @@ class TapeContext:
             alpha = self.outside.texture(file, "a") if width == 4 else -1
             if color is None or alpha is None:
                 return None
-            wrap, wraps = self.outside.core.Wrap, self._wraps(file, node)
-            made = filled(self.outside.core.PatternImage(), color=color, alpha=alpha, closest=closest)
+            made = filled(compiled.PatternImage(), color=color, alpha=alpha, closest=closest)
             if worn is not None:
-                filled(made, primvar=worn.primvar, st_transform=worn.transform)
-            self.images.append(filled(made, wrap_s=wrap[wraps[0]], wrap_t=wrap[wraps[1]]))
+                made.primvar, made.st_transform = worn.primvar, worn.transform
+            made.wrap_s, made.wrap_t = (compiled.Wrap[wrap] for wrap in self._wraps(file, node))
+            self.images.append(made)
             self._numbers[asked] = len(self.images) - 1
         return self._numbers[asked]
 
@@ -90,8 +90,8 @@ def pattern_inputs(surface: Surface) -> list[tuple[str, PatternInput]]:
     return sorted(found, key=lambda item: FIRST.index(item[0]) if item[0] in FIRST else len(FIRST))
 
 
-def tape_of(surface: Surface, outside: SharedInputs) -> tuple[Any, dict[str, int]]:
-    """Return the core's Tape for the surface's pattern, and the output number of each input.
+def tape_of(surface: Surface, outside: SharedInputs) -> tuple[compiled.Tape, dict[str, int]]:
+    """Return the tape for the surface's pattern, and the output number of each input.
 
     Raise UnknownNodeError or TooLargeError.
     """
@@ -100,12 +100,12 @@ def tape_of(surface: Surface, outside: SharedInputs) -> tuple[Any, dict[str, int
     graph = Graph(surface.pattern, around)
     wanted = pattern_inputs(surface)
     outputs = [_three_or_one(graph.value(reads.source)) for _, reads in wanted]
-    numbers = {name: i for i, name in enumerate(outside.core.pattern_operations)}
+    numbers = {name: i for i, name in enumerate(compiled.pattern_operations())}
     code, constants, found, used = assemble(graph.program.operations, outputs, numbers)
-    if used > outside.core.pattern_registers:
-        raise TooLargeError(f"it needs {used} registers, and there are {outside.core.pattern_registers}")
+    if used > compiled.PATTERN_REGISTERS:
+        raise TooLargeError(f"it needs {used} registers, and there are {compiled.PATTERN_REGISTERS}")
     tape = filled(
-        outside.core.Tape(),
+        compiled.Tape(),
         code=_int_rows(code, 9),
         constants=constants,
         images=around.images,
@@ -120,7 +120,7 @@ def _three_or_one(value: Value) -> Value:
     return value.part(0, 3) if value.width >= 3 else value[0]
 
 
-def _int_rows(values: Sequence[Sequence[int]], columns: int) -> Any:
+def _int_rows(values: Sequence[Sequence[int]], columns: int) -> Ints:
     return np.array(values, np.int32).reshape(-1, columns)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from tests.statistics.surfaces.open_pbr.open_pbr_cases import Floats
 
 from primray import core
-from primray.core.native import filled
+from primray.core.inputs import filled
 
 
 def hair_widths(longitudinal: float, azimuthal: float) -> dict[str, float]:

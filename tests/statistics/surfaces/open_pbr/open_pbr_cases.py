@@ -9,7 +9,7 @@ import numpy.typing as npt
 from tests.described import kernels
 
 from primray import core
-from primray.core.native import filled
+from primray.core.inputs import filled
 
 Floats = npt.NDArray[np.float32]
 WHITE = (1.0, 1.0, 1.0)

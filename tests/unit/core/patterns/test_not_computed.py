@@ -20,13 +20,13 @@ NO_FLOATS = np.zeros(0, np.float32)
 
 
 def outside() -> SharedInputs:
-    return SharedInputs(module(), lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0)
+    return SharedInputs(lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0)
 
 
 def uploaded(surface: Surface) -> tuple[Any, list[tuple[str, str, str]]]:
     camera = described.orthographic(described.translation(0, 0, 1), 1)
     made = described.describe([(plane(), np.eye(4))], [surface], camera=camera)
-    scene, warnings, _ = upload(described.core_module(), made.description, {}, 1.0, NO_FLOATS)
+    scene, warnings, _ = upload(made.description, {}, 1.0, NO_FLOATS)
     return scene, warnings
 
 
@@ -93,7 +93,8 @@ def test_what_is_the_same_is_computed_once() -> None:
 
     class Module:
         Tape, Wrap, PatternImage = Kept, core.Wrap, core.PatternImage
-        pattern_operations, pattern_registers = core.pattern_operations, core.pattern_registers
+        pattern_operations, PATTERN_REGISTERS = core.pattern_operations, core.PATTERN_REGISTERS
 
-    tape_of(surface, SharedInputs(Module, lambda name: 0, lambda file, channels: None, lambda file, wrap, axis: wrap.name, 0.0))
-    assert [row[0] for row in rows].count(core.pattern_operations.index("sin")) == 1
+    with described.core_in_use(Module):
+        tape_of(surface, outside())
+    assert [row[0] for row in rows].count(core.pattern_operations().index("sin")) == 1

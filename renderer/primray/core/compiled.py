@@ -1,0 +1,14 @@
+"""The compiled core for this CPU: the names of the module that `native` chooses, which is loaded at the first use of one.
+
+compiled.pyi, which `make stubs` generates from the module, has their types.
+"""
+
+from __future__ import annotations
+
+from .native import module
+
+
+def __getattr__(name: str) -> object:
+    if name.startswith("__"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(module(), name)

@@ -1,0 +1,41 @@
+"""Input structures of the compiled core, filled from settings and descriptions."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TypeVar
+
+from ..description import Surface
+from ..settings import RenderSettings
+from . import compiled
+from .native import max_depth
+
+Made = TypeVar("Made")
+
+
+def filled(made: Made, **values: object) -> Made:
+    """Return `made` with these fields set.
+
+    Raise AttributeError for a field that it does not have.
+    """
+    for name, value in values.items():
+        setattr(made, name, value)
+    return made
+
+
+def surface_input(surface: Surface) -> compiled.SurfaceInput:
+    """Return the constants of a surface."""
+    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair", "camera")]
+    made = filled(compiled.SurfaceInput(), **{name: getattr(surface, name) for name in names})
+    made.camera = compiled.CameraSight[surface.camera.value]
+    lobes = surface.open_pbr
+    if lobes is not None:
+        made.open_pbr = filled(compiled.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})
+    if surface.hair is not None:
+        made.hair = filled(compiled.HairInput(), **{f.name: getattr(surface.hair, f.name) for f in fields(surface.hair)})
+    return made
+
+
+def integrator_settings(settings: RenderSettings, **values: object) -> compiled.IntegratorSettings:
+    """Return settings for one thread at the render's depth, with these fields set."""
+    return filled(compiled.IntegratorSettings(), max_depth=max_depth(settings), **values)
