@@ -8,9 +8,8 @@ counted in integer units, and adds up to the picture's alpha.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +19,7 @@ from ..aovs import CRYPTOMATTES, AovRequest
 from ..arrays import Floats
 from ..sampling.sampling import Sampling
 from ..settings import SAMPLE_BLOCK
-from .aov import Aov
+from .aov import Aov, Values
 from .first_hit import Ids
 
 MOST_RANKS = 32
@@ -131,6 +130,7 @@ def _rotated(word: int, by: int) -> int:
 
 
 Names = list[str]
+Named = tuple[Values, Mapping[int, str]]  # ids, and their names
 NONE = "default"  # name of surfaces without a material
 
 
@@ -184,7 +184,7 @@ class _Names:
         assert scene.record is not None
         self._ids = Ids(scene, scene.record, scene.record.names)
         self._assets = assets
-        self._rows: dict[str, Any] = {"prim": what[:, 0], "material": what[:, 1], "instance": what[:, 2]}
+        self._rows: dict[str, Values] = {"prim": what[:, 0], "material": what[:, 1], "instance": what[:, 2]}
         if (what[:, 3] >= 0).any():
             self._rows["outer"] = what[:, 3]
 
@@ -200,14 +200,14 @@ class _Names:
         prims, instances = self._ids.prim(self._rows), self._ids.instance(self._rows)
         return self._pairs(prims, instances, lambda prim, instance: instance or self._assets.get(prim, prim))
 
-    def _pairs(self, prims: Any, instances: Any, name: Any) -> tuple[npt.NDArray[np.int64], Names]:
+    def _pairs(self, prims: Named, instances: Named, name: Callable[[str, str], str]) -> tuple[npt.NDArray[np.int64], Names]:
         both = np.stack([prims[0].astype(np.int64), instances[0].astype(np.int64)], axis=1)
         different, place = np.unique(both, axis=0, return_inverse=True)
         names = [name(prims[1].get(prim, ""), instances[1].get(instance, "")) for prim, instance in different.tolist()]
         return place.ravel().astype(np.int64), names
 
 
-def _listed(found: tuple[npt.NDArray[Any], Mapping[int, str]]) -> tuple[npt.NDArray[np.int64], Names]:
+def _listed(found: Named) -> tuple[npt.NDArray[np.int64], Names]:
     ids, names = found
     numbers = np.array(sorted(names), np.int64)
     place = np.searchsorted(numbers, ids.astype(np.int64)) if len(numbers) else np.zeros(ids.shape, np.int64)
