@@ -10,25 +10,14 @@ import json
 import re
 from collections.abc import Mapping
 from decimal import Decimal, DecimalException
+from operator import attrgetter
 from typing import Any
 
 from primray.errors import LimitError, PrimrayError, SettingsError
 from primray.images.encoding import Encoding, compression_of
 from primray.render.frames import parse_frames
-from primray.settings import (
-    DEFAULT_SPP,
-    DIFFUSION,
-    AutoCamera,
-    DefaultWrap,
-    Eye,
-    Filter,
-    Ground,
-    Metric,
-    RenderContext,
-    RenderSettings,
-    StopAt,
-    StudioLight,
-)
+from primray.settings import DEFAULT_SPP, RenderSettings, rows
+from primray.settings.setting import file
 
 from . import ids
 from .api.models import ContinuedRules, JobPatch, JobRequest, SceneOfRequest, Settings, StopRules
@@ -38,14 +27,8 @@ from .problems import Problem
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:[x:]\s*({_NUMBER}))?)?\s*", re.ASCII)
-# Fields of RenderSettings that have another name in the API's `settings`; all others have the same name.
-_MEMBERS = {
-    "spp": "stop.max_samples",
-    "target_error": "stop.target_error",
-    "error_metric": "stop.metric",
-    "time_limit_s": "stop.max_seconds",
-    "product": "products",
-}
+# Members of the API's settings, by fields of RenderSettings.
+MEMBERS = {row.name: row.member.name or row.name for row in rows(RenderSettings) if row.member is not None}
 
 BEAUTY = "beauty"  # name of the product that every scene has
 ALL = "*"  # selects all products
@@ -186,7 +169,8 @@ def check_files(settings: Settings) -> None:
         Encoding(None, tuple(settings.half), *compression_of(settings.compression))
     except SettingsError as error:
         raise invalid("settings.compression", error.message) from None
-    for member, name in (("dome", settings.dome), ("background", settings.background)):
+    for member in (row.name for row in rows(RenderSettings) if row.read is file and row.member is not None):
+        name = getattr(settings, member)
         if name is not None and (name.startswith("/") or ".." in name.split("/") or "\\" in name or "\0" in name):
             raise invalid(f"settings.{member}", f"{name!r} is not the name of a file in the package")
 
@@ -219,56 +203,9 @@ def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
 
 def render_settings(settings: Settings) -> RenderSettings:
     """Return the settings of a frame's worker, except its time code and its share of the machine."""
-    stop = settings.stop
-    pixels = {"dicing_rate": settings.dicing_rate, "motion_error": settings.motion_error}
-    chosen: dict[str, Any] = {name: value for name, value in pixels.items() if value is not None}
-    return RenderSettings(
-        camera=settings.camera,
-        auto_camera=AutoCamera(settings.auto_camera),
-        render_settings=settings.render_settings,
-        render_pass=settings.render_pass,
-        product=_product(settings),
-        resolution=settings.resolution,
-        spp=stop.max_samples,
-        target_error=stop.target_error,
-        error_metric=None if stop.metric is None else Metric(stop.metric),
-        time_limit_s=stop.max_seconds,
-        adaptive=settings.adaptive,
-        denoise=settings.denoise,
-        stop_at=StopAt(settings.stop_at),
-        max_depth=settings.max_depth,
-        clamp_indirect=settings.clamp_indirect,
-        caustics=settings.caustics,
-        filter=None if settings.filter is None else Filter(settings.filter),
-        filter_width=settings.filter_width,
-        seed=settings.seed,
-        default_light=settings.default_light,
-        studio_light=StudioLight(settings.studio_light),
-        ground=None if settings.ground is None else Ground(settings.ground),
-        dome=settings.dome,
-        dome_rotation=settings.dome_rotation,
-        dome_visible=settings.dome_visible,
-        background=settings.background,
-        default_wrap=DefaultWrap(settings.default_wrap),
-        render_context=RenderContext(settings.render_context),
-        translated_shaders=settings.translated_shaders,
-        motion_blur=settings.motion_blur,
-        shutter=settings.shutter,
-        lens_flaws=tuple(settings.lens_flaws),
-        region=settings.region,
-        purposes=None if settings.purposes is None else tuple(settings.purposes),
-        aovs=None if settings.aovs is None else tuple(settings.aovs),
-        aov_errors=settings.aov_errors,
-        eye=None if settings.eye is None else Eye(settings.eye),
-        strict=settings.strict,
-        fail_on=tuple(settings.fail_on),
-        allow=tuple(settings.allow),
-        variants=tuple(settings.variants),
-        load=None if settings.load is None else tuple(settings.load),
-        mask=None if settings.mask is None else tuple(settings.mask),
-        **{name: getattr(settings, name) for name in DIFFUSION},
-        **chosen,
-    )
+    values = {name: attrgetter(member)(settings) for name, member in MEMBERS.items() if name != "product"}
+    given: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
+    return RenderSettings(**given, product=_product(settings))
 
 
 def _product(settings: Settings) -> str | None:
@@ -279,7 +216,7 @@ def _product(settings: Settings) -> str | None:
 
 def _member(error: PrimrayError) -> str:
     """Return the member of the request whose value a field of RenderSettings, `error.where`, refuses."""
-    return f"settings.{_MEMBERS.get(error.where, error.where)}" if error.where else "settings"
+    return f"settings.{MEMBERS.get(error.where, error.where)}" if error.where else "settings"
 
 
 def check_labels(labels: Mapping[str, str], limits: Limits) -> None:
@@ -312,38 +249,9 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 # the same key still matches.
 NEW_MEMBERS = ("name", "parallel")
 NEW_OF_SCENE = ("shared",)
-NEW_SETTINGS = (
-    "render_pass",
-    "auto_camera",
-    "studio_light",
-    "ground",
-    "default_wrap",
-    "render_context",
-    "translated_shaders",
-    "motion_blur",
-    "shutter",
-    "motion_error",
-    *DIFFUSION,
-    "eye",
-    "lens_flaws",
-    "denoise",
-    "stop_at",
-    "aov_errors",
-    "region",
-    "fail_on",
-    "allow",
-    "clamp_indirect",
-    "caustics",
-    "dome",
-    "dome_rotation",
-    "dome_visible",
-    "background",
-    "view",
-    "display",
-    "look",
-    "exposure",
-    "half",
-    "compression",
+SETTINGS_OF_0_2 = (
+    *("camera", "render_settings", "products", "aovs", "frames", "resolution", "stop", "seed", "max_depth", "adaptive"),
+    *("filter", "filter_width", "default_light", "purposes", "strict", "dicing_rate", "variants", "load", "mask"),
 )
 
 
@@ -361,7 +269,7 @@ def fingerprint(request: JobRequest) -> str:
     for members, model, names in (
         (said, JobRequest, NEW_MEMBERS),
         (said["scene"], SceneOfRequest, NEW_OF_SCENE),
-        (said["settings"], Settings, NEW_SETTINGS),
+        (said["settings"], Settings, [name for name in said["settings"] if name not in SETTINGS_OF_0_2]),
     ):
         for name in names:
             if members[name] == model.model_fields[name].default:

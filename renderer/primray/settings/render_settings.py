@@ -1005,15 +1005,15 @@ def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
     return replace(settings, **values) if values else settings
 
 
-def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
+def settings_of_json(values: Mapping[str, Any], of: type[RenderSettings] = RenderSettings) -> RenderSettings:
     """Return the settings that settings_as_json wrote; TypeError or ValueError for unknown names or choices."""
     chosen = {
         row.name: row.read.kinds(values[row.name])
-        for row in rows(RenderSettings)
+        for row in rows(of)
         if isinstance(row.read, choice) and values.get(row.name) is not None
     }
     if isinstance(values.get("camera"), Mapping):
         from ..camera import camera_of
 
         chosen["camera"] = camera_of(values["camera"])
-    return RenderSettings(**{**values, **chosen})
+    return of(**{**values, **chosen})

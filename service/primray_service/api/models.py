@@ -1,10 +1,33 @@
-"""Requests of the API as pydantic models, from which the OpenAPI document is made."""
+"""Requests of the API as pydantic models, from which the OpenAPI document is made.
+
+The members of settings are those of the rows of RenderSettings.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+from primray.settings import RenderSettings, rows
+from primray.settings.camera_choice import camera_choice, read_lens_flaws
+from primray.settings.setting import (
+    Member,
+    Reader,
+    Row,
+    as_json,
+    choice,
+    file,
+    four_numbers,
+    number,
+    pair,
+    text,
+    texts,
+    two_numbers,
+    whole,
+    yes_or_no,
+)
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[^\x00-\x1f\x7f]+$")]
@@ -35,16 +58,6 @@ class SceneOfRequest(Sent):
     entry: str | None = Field(None, max_length=1024, description="Root layer to render, if the package has several.")
 
 
-class StopRules(Sent):
-    """Stop rules: a frame ends when the first one is reached. Without any, the stage's render settings decide, else 64 samples
-    per pixel; parallel jobs always use the latter."""
-
-    target_error: float | None = Field(None, gt=0, description="Stop when the estimated error is at most this.")
-    metric: Literal["relmse", "rmse", "display"] | None = Field(None, description="Metric; null: the stage's, else relmse.")
-    max_samples: int | None = Field(None, ge=1, description="Most samples per pixel.")
-    max_seconds: float | None = Field(None, gt=0, description="Most seconds of sampling per frame.")
-
-
 class FileSettings(Sent):
     """Display transform and storage of the job's files."""
 
@@ -65,127 +78,102 @@ class FileSettings(Sent):
     )
 
 
-class Settings(FileSettings):
-    """Render settings, with the meanings of the library's RenderSettings and the flags of `primray render`."""
+# The types of members, by the readers of their settings.
+_FORMS: Mapping[Reader, Any] = {
+    whole: int,
+    number: float,
+    yes_or_no: bool,
+    **dict.fromkeys((text, file, camera_choice), str),
+    **dict.fromkeys((texts, read_lens_flaws), list[str]),
+    pair: tuple[int, int],
+    two_numbers: tuple[float, float],
+    four_numbers: tuple[float, float, float, float],
+}
 
-    camera: str | None = Field(None, max_length=1024, description="A camera's prim path, or its name if unique.")
-    auto_camera: Literal["three-quarter", "usdrecord"] = Field(
-        "three-quarter", description="Camera for stages without one: a three-quarter view from above, or usdrecord's."
+
+def members_of(place: str, of: type = RenderSettings) -> dict[str, tuple[Any, Any]]:
+    """Return the members that settings have at a place, "" or "stop", each with its type and its field, by name."""
+    members = [(row, row.member, (row.member.name or row.name).rpartition(".")) for row in rows(of) if row.member is not None]
+    return {name: _member(row, member) for row, member, (at, _, name) in members if at == place and member.is_derived}
+
+
+def _member(row: Row, member: Member) -> tuple[Any, Any]:
+    at_least, at_most = member.items
+    bounds: dict[str, Any] = {"max_length": at_most or member.chars, "min_length": at_least or None, **member.bounds}
+    form: Any = _FORMS.get(row.read)
+    if isinstance(row.read, choice):
+        form = Literal[tuple(kind.value for kind in row.read.kinds)]
+    elif form == list[str]:
+        form = list[Literal[member.choices] if member.choices else Annotated[str, Field(max_length=member.chars)]]  # type: ignore[misc]
+    is_null = row.default is None or member.is_open
+    default = None if is_null else as_json(row.default)
+    return form | None if is_null else form, Field(default, description=member.help or None, **bounds)
+
+
+def _in_order(members: Mapping[str, tuple[Any, Any]], first: Sequence[str]) -> dict[str, tuple[Any, Any]]:
+    return {name: members[name] for name in (*first, *(name for name in members if name not in first))}
+
+
+# The order in which the API's document lists the members that it has had for long; others follow them.
+_STOP_ORDER = ("target_error", "metric", "max_samples", "max_seconds")
+_ORDER = (
+    *("camera", "auto_camera", "render_settings", "render_pass", "products", "aovs", "aov_errors", "frames", "resolution"),
+    *("stop", "seed", "max_depth", "clamp_indirect", "caustics", "adaptive", "filter", "filter_width", "default_light"),
+    *("studio_light", "ground", "dome", "dome_rotation", "dome_visible", "background", "default_wrap", "denoise", "stop_at"),
+    *("render_context", "translated_shaders", "purposes", "strict", "fail_on", "allow", "dicing_rate", "motion_blur"),
+    *("shutter", "motion_error", "diffusion", "diffusion_glare", "diffusion_bloom_width", "diffusion_starburst"),
+    *("diffusion_starburst_width", "eye", "lens_flaws", "region", "variants", "load", "mask"),
+)
+
+
+if TYPE_CHECKING:
+
+    class _Members(Sent):
+        def __init__(self, **members: Any) -> None: ...
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    class StopRules(_Members): ...
+
+    class Settings(_Members, FileSettings):
+        def __init__(self, **members: Any) -> None: ...
+
+else:
+    StopRules = create_model(
+        "StopRules",
+        __base__=Sent,
+        __module__=__name__,
+        __doc__="Stop rules: a frame ends when the first one is reached. Without any, the stage's render settings decide, "
+        "else 64 samples\nper pixel; parallel jobs always use the latter.",
+        **_in_order(members_of("stop"), _STOP_ORDER),
     )
-    render_settings: str | None = Field(
-        None, max_length=1024, description="Path of a RenderSettings prim; null: the one that the stage names."
+    _OTHERS = {
+        "products": (
+            list[Annotated[str, Field(max_length=256)]],
+            Field(
+                default=["beauty"],
+                min_length=1,
+                max_length=64,
+                description='["beauty"]: the first product of the render settings; ["*"]: all of them, each in a file '
+                "named after it; or paths of RenderProducts, or unique names; several products are written to files named "
+                "after them.",
+            ),
+        ),
+        "frames": (
+            str | None,
+            Field(
+                None, max_length=4096, description='Frames: "1", "1:10", "1-10x2", "1-10:2" or "1,5"; null: the default time.'
+            ),
+        ),
+        "stop": (StopRules, StopRules()),
+    }
+    Settings = create_model(
+        "Settings",
+        __base__=FileSettings,
+        __module__=__name__,
+        __doc__="Render settings, with the meanings of the library's RenderSettings and the flags of `primray render`.",
+        **_in_order(members_of("") | _OTHERS, _ORDER),
     )
-    render_pass: str | None = Field(None, max_length=1024, description="Path of the RenderPass prim to render; null: none.")
-    products: list[Annotated[str, Field(max_length=256)]] = Field(
-        default=["beauty"],
-        min_length=1,
-        max_length=64,
-        description='["beauty"]: the first product of the render settings; ["*"]: all of them, each in a file named after it; '
-        "or paths of RenderProducts, or unique names; several products are written to files named after them.",
-    )
-    aovs: list[Annotated[str, Field(max_length=280)]] | None = Field(
-        None, max_length=64, description="AOVs, as parts of the EXR beside the picture; null: the stage's product's."
-    )
-    aov_errors: bool = Field(False, description="Add the standard errors of AOVs that are means of samples to their parts.")
-    frames: str | None = Field(
-        None, max_length=4096, description='Frames: "1", "1:10", "1-10x2", "1-10:2" or "1,5"; null: the default time.'
-    )
-    resolution: tuple[int, int] | None = Field(
-        None, description="Width and height in pixels; one may be 0: by the camera's aspect."
-    )
-    stop: StopRules = StopRules()
-    seed: int = Field(0, ge=0, lt=2**32)
-    max_depth: int | None = Field(
-        None, ge=1, le=2**20, description="Most scattering events; 1: direct light only; null: the stage's, else no limit."
-    )
-    clamp_indirect: float | None = Field(
-        None,
-        gt=0,
-        le=1e30,
-        description="Largest contribution of a sample after two or more scattering events; biased; null: no clamp.",
-    )
-    caustics: bool = Field(True, description="false: omit caustics (light over specular surfaces to diffuse ones); biased.")
-    adaptive: bool | None = None
-    filter: Literal["box", "gaussian", "blackman-harris"] | None = Field(None, description="null: the stage's, else box.")
-    filter_width: float | None = Field(None, gt=0, le=64)
-    default_light: bool = True
-    studio_light: Literal["auto", "on", "off"] = Field(
-        "auto",
-        description="auto: if the stage has no light at all, and emissive surfaces light less than 35 % of the picture; "
-        "on: in addition to its lights.",
-    )
-    ground: Literal["shadow", "plane"] | None = Field(
-        None, description="Ground below the scene: a shadow catcher, or a grey plane; null: none."
-    )
-    dome: str | None = Field(
-        None, max_length=1024, description="A lat-long image in the package that lights the stage instead of its own domes."
-    )
-    dome_rotation: float = Field(
-        0.0,
-        ge=-36000,
-        le=36000,
-        description="Rotation in degrees about the up axis of the dome, or of the stage's own domes if none is given.",
-    )
-    dome_visible: bool = Field(True, description="Visible to the camera; false hides the stage's domes if no dome is given.")
-    background: str | None = Field(
-        None,
-        max_length=1024,
-        description="Background: #rrggbb, r,g,b as displayed, transparent, or an image in the package.",
-    )
-    default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
-        "black", description="Wrap mode of textures for which neither the stage nor the file names one."
-    )
-    denoise: bool | None = Field(
-        None,
-        description="Add a denoised picture with its error, which previews of finished jobs show; null: the stage's choice.",
-    )
-    stop_at: Literal["picture", "denoised"] = Field(
-        "picture", description="The picture that stop.target_error applies to; a denoised one's metric is relmse or rmse."
-    )
-    render_context: Literal["mtlx", "universal"] = Field(
-        "mtlx", description="The surface output to use for a material that has both."
-    )
-    translated_shaders: bool = Field(
-        True, description="false: materials that have only other renderers' shaders show displayColor."
-    )
-    purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
-    strict: bool = Field(False, description="Refuse a scene with warnings.")
-    fail_on: list[Annotated[str, Field(max_length=64)]] = Field(
-        default=[], max_length=128, description="Refuse a scene with diagnostics of these codes; `missing`: of missing files."
-    )
-    allow: list[Annotated[str, Field(max_length=64)]] = Field(
-        default=[], max_length=128, description="Codes that strict and fail_on accept."
-    )
-    dicing_rate: float | None = Field(None, gt=0, le=1e6)
-    motion_blur: bool = Field(True, description="false: render the frame's instant, whatever the camera's shutter.")
-    shutter: tuple[float, float] | None = Field(
-        None, description="Shutter open and close, in time codes relative to the frame; null: the camera's."
-    )
-    motion_error: float | None = Field(
-        None, gt=0, le=1e6, description="Maximum motion-path error in pixels; null: the stage's, else 0.02."
-    )
-    diffusion: float | None = Field(
-        None, ge=0, le=1, description="Fraction of all light that the lens diffuses, in a part of the EXR; null: the camera's."
-    )
-    diffusion_glare: float | None = Field(None, ge=0, le=1, description="Fraction of the diffused light in the veiling glare.")
-    diffusion_bloom_width: float | None = Field(None, gt=0, le=1, description="Bloom width as a fraction of the height.")
-    diffusion_starburst: float | None = Field(None, ge=0, le=1, description="Fraction of the diffused light in the starburst.")
-    diffusion_starburst_width: float | None = Field(
-        None, gt=0, le=1, description="Starburst width as a fraction of the picture's height."
-    )
-    eye: Literal["left", "right"] | None = Field(None, description="Eye of the camera's stereo pair.")
-    lens_flaws: list[Annotated[str, Field(max_length=256)]] = Field(
-        default=[],
-        max_length=16,
-        description="Imperfections of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, "
-        "lateral-chromatic=R,G,B, longitudinal-chromatic=R,G,B.",
-    )
-    region: tuple[float, float, float, float] | None = Field(
-        None, description="Render only this part of the picture: left, bottom, right, top from 0 to 1; null: the stage's."
-    )
-    variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
-    load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
-    mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
 
 
 class Webhook(Sent):

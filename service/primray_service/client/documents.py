@@ -7,74 +7,12 @@ from datetime import datetime
 from typing import Any, Literal, TypedDict
 
 from .reading import REST
+from .settings import Settings as Settings
+from .settings import StopRules as StopRules
 
 Json = dict[str, Any]
 
 TERMINAL = frozenset({"succeeded", "failed", "canceled", "expired"})
-
-
-class StopRules(TypedDict, total=False):
-    target_error: float | None
-    metric: Literal["relmse", "rmse", "display"] | None
-    max_samples: int | None
-    max_seconds: float | None
-
-
-class Settings(TypedDict, total=False):
-    camera: str | None
-    auto_camera: Literal["three-quarter", "usdrecord"]
-    render_settings: str | None  # prim path of a RenderSettings
-    render_pass: str | None  # prim path of a RenderPass
-    products: list[str]  # ["beauty"], ["*"] for all, or paths or names of RenderProducts
-    aovs: list[str] | None
-    aov_errors: bool
-    frames: str | None
-    resolution: tuple[int, int] | None
-    stop: StopRules
-    seed: int
-    max_depth: int | None
-    clamp_indirect: float | None
-    caustics: bool
-    adaptive: bool | None
-    denoise: bool | None
-    stop_at: Literal["picture", "denoised"]
-    filter: Literal["box", "gaussian", "blackman-harris"] | None
-    filter_width: float | None
-    default_light: bool
-    studio_light: Literal["auto", "on", "off"]
-    ground: Literal["shadow", "plane"] | None
-    dome: str | None  # an image in the package
-    dome_rotation: float
-    dome_visible: bool
-    background: str | None  # a colour, "transparent", or an image in the package
-    default_wrap: Literal["black", "clamp", "repeat", "mirror"]
-    render_context: Literal["mtlx", "universal"]
-    translated_shaders: bool
-    purposes: list[Literal["default", "render", "proxy", "guide"]] | None
-    strict: bool
-    fail_on: list[str]
-    allow: list[str]
-    dicing_rate: float | None
-    motion_blur: bool
-    shutter: tuple[float, float] | None  # time codes relative to the frame
-    motion_error: float | None
-    diffusion: float | None
-    diffusion_glare: float | None
-    diffusion_bloom_width: float | None
-    diffusion_starburst: float | None
-    diffusion_starburst_width: float | None
-    eye: Literal["left", "right"] | None
-    lens_flaws: list[str]
-    region: tuple[float, float, float, float] | None  # left, bottom, right, top of the part of the picture to render
-    variants: list[str]
-    load: list[str] | None
-    mask: list[str] | None
-    view: str | None  # OpenColorIO view
-    display: str | None
-    look: str | None
-    exposure: float | Literal["auto"] | None
-    half: list[str]
-    compression: str | None  # NAME or NAME:LEVEL
 
 
 class QuotaChanges(TypedDict, total=False):

@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
+import inspect
+import math
 import os
 import shutil
 import subprocess
+from dataclasses import dataclass
+from typing import Any
 
 import pytest
+import typer
 from pxr import Usd
+from pydantic import ValidationError, create_model
 from starlette.responses import Response
+from typer.main import get_command
 
 from primray import diagnostic_codes
+from primray.checkpoints.checkpoint import identity
+from primray.cli.commands.doctor import doctor
+from primray.cli.commands.render import render
+from primray.cli.flags import setting_values
+from primray.cli.typer_options import with_options
 from primray.description import Sphere
 from primray.diagnostic_codes import Code, Kind, Severity
 from primray.diagnostics import Diagnostics
-from primray.settings import RenderSettings
+from primray.errors import SettingsError
+from primray.incremental.steps import without_sampling_settings
+from primray.settings import Counts, RenderSettings, settings_as_json, settings_of_json
+from primray.settings.setting import PICTURES, Flag, Member, must, number, setting
 from primray.usd.translate import SHAPES, translate
 from primray_service import app
+from primray_service.api.models import members_of
+from primray_service.cli.submit import members_of as members_of_values
+from primray_service.cli.submit import submit
 from primray_service.executor import by_name
 from primray_service.http.described import answer
 from primray_service.http.openapi import openapi
@@ -42,6 +60,59 @@ def test_a_diagnostic(monkeypatch):
     assert [(one.code, one.severity) for one in found] == [("worked-example", Severity.INFO)]
     with pytest.raises(KeyError):
         found.add("no-such-code", "/cube", "It is in no table.")
+
+
+@dataclass(frozen=True)
+class Worked(RenderSettings):
+    grain: float = setting(
+        0.0,
+        number,
+        check=must(math.isfinite, "the grain must be a number"),
+        counts=Counts.PIXELS,
+        sampling=True,
+        flag=Flag(("--grain",), "Grain of the film.", metavar="G", commands=PICTURES),
+        member=Member("Grain of the film.", bounds={"ge": 0}),
+    )
+
+
+def test_a_setting():
+    refused: list[Any] = ["coarse", math.inf]
+    for value in refused:
+        with pytest.raises(SettingsError) as refusal:
+            Worked(grain=value)
+        assert refusal.value.where == "grain"
+    grainy = Worked(grain=0.5)
+    assert settings_of_json(settings_as_json(grainy), Worked) == grainy
+    assert identity(grainy, {})["grain"] == 0.5
+    assert without_sampling_settings(grainy) == Worked()
+
+
+@pytest.mark.parametrize(("command", "function"), [("render", render), ("submit", submit)])
+def test_the_flag_of_a_setting(command, function):
+    commands = typer.Typer(add_completion=False, rich_markup_mode=None)
+    commands.command(command)(with_options(command, function, Worked))
+    context = get_command(commands).make_context(command, ["shot.usda", "--grain", "0.5"])
+    assert "--grain G" in context.get_help()
+    given = {name: value for name, value in context.params.items() if value != ()}  # as Typer hands them on
+    values = setting_values(given, Worked)
+    assert values["grain"] == 0.5
+    assert members_of_values(values, Worked) == {"grain": 0.5}
+    assert "grain" not in inspect.signature(with_options("doctor", doctor, Worked)).parameters
+
+
+def test_the_member_of_a_setting():
+    members: dict[str, Any] = members_of("", Worked)
+    model: Any = create_model("WorkedSettings", **members)
+    assert model().model_dump()["grain"] == 0.0
+    assert model.model_json_schema()["properties"]["grain"] == {
+        "default": 0.0,
+        "description": "Grain of the film.",
+        "minimum": 0,
+        "title": "Grain",
+        "type": "number",
+    }
+    with pytest.raises(ValidationError):
+        model(grain=-1.0)
 
 
 def test_an_executor(monkeypatch):

@@ -66,7 +66,7 @@ def test_jobs_have_names(client, scene):
 
 
 def test_a_key_of_an_earlier_version_stands_for_the_same_request():
-    """Whoever adds a member: NEW_MEMBERS or NEW_SETTINGS of admission.py."""
+    """Whoever adds a member beside settings: NEW_MEMBERS of admission.py."""
     asked = JobRequest.model_validate({"scene": {"id": "sha256:" + "0" * 64}})
     assert fingerprint(asked) == OLD_FINGERPRINT
     assert fingerprint(asked.model_copy(update={"name": "x"})) != OLD_FINGERPRINT
